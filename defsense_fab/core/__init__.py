@@ -1,0 +1,1 @@
+"""Records, their invariants, and the error tree. NumPy only."""

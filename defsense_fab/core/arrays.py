@@ -1,0 +1,10 @@
+"""Array types used in signatures; shapes and units stand in each docstring."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+Bool = NDArray[np.bool_]

@@ -1,0 +1,282 @@
+"""`device.toml` to a Device, with every key checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .catalogue import read_rows
+from .curve import Hermite, Plane, catmull_rom
+from .device import (
+    BodyKind,
+    BodySpec,
+    CordSpec,
+    Device,
+    FabricationSpec,
+    Handle,
+    MaterialSpec,
+    OutputsSpec,
+    Pose,
+    Sensor,
+    StatesSpec,
+)
+from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
+from .toml_table import Table, load_toml
+
+SCHEMA = 1
+
+
+def load_device(folder: Path, overrides: Mapping[str, Any] | None = None) -> Device:
+    """Read `folder/device.toml`; `overrides` replace parameters of the body's script.
+
+    Raises DeviceError with file, line and key for anything unknown, missing or out of range.
+    """
+    top = load_toml(folder / "device.toml")
+    if top.raw("schema", 1) != SCHEMA:
+        top.fail("schema", f"this version reads schema {SCHEMA}, not {top.data['schema']!r}")
+    regions = _regions(top.table("regions", required=False))
+    poses = _poses(top, list(regions))
+    cord = _cord(top.table("cord"))
+    sensors = _sensors(top)
+    design = top.table("design", required=False)
+    propose = int(design.number("sensors", 0.5, low=0)) if design.data else 0
+    if design.data and design.data.get("sensors") != propose:
+        design.fail("sensors", "must be a whole number of at least 1")
+    design.done()
+    if bool(sensors) == bool(propose):
+        top.fail(
+            "sensors", "give either [[sensors]] with planes and paths, or [design] sensors = 3"
+        )
+    mesh = top.table("mesh")
+    device = Device(
+        name=top.string("name"),
+        source=folder,
+        body=_body(top.table("body"), folder, overrides or {}),
+        material=_material(top.table("material")),
+        edge_length=mesh.number("edge_length", low=0),
+        regions=regions,
+        poses=poses,
+        states=_states(top.table("states", required=False), [p.name for p in poses]),
+        outputs=_outputs(top.table("outputs"), list(regions)),
+        cord=cord,
+        fabrication=_fabrication(top.table("fabrication")),
+        sensors=sensors,
+        propose=propose,
+    )
+    mesh.done()
+    top.done()
+    return device
+
+
+def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
+    kinds: tuple[BodyKind, ...] = ("script", "step", "mesh")
+    given = [k for k in kinds if t.has(k)]
+    if len(given) != 1:
+        t.fail(None, f"needs exactly one of script, step, mesh; it has {len(given)}")
+    kind = given[0]
+    path = folder / t.string(kind)
+    if not path.is_file():
+        t.fail(kind, f"no such file: {path}")
+    parameters = dict(t.table("parameters", required=False).data) if kind == "script" else {}
+    if overrides and kind != "script":
+        t.fail(kind, "--set changes parameters of a script; this body has none")
+    parameters.update(overrides)
+    scale = t.number("scale", 1.0, low=0) if kind == "mesh" else 1.0
+    t.done()
+    return BodySpec(kind, path, parameters, scale)
+
+
+def _material(t: Table) -> MaterialSpec:
+    name = t.string("name", "custom")
+    rows = read_rows("materials.csv")
+    if t.has("young_modulus") or t.has("poisson_ratio"):
+        young, poisson = t.number("young_modulus", low=0), t.number("poisson_ratio")
+    else:
+        t.choice("name", name, list(rows), "material")
+        young, poisson = float(rows[name]["young_modulus"]), float(rows[name]["poisson_ratio"])
+    if not -1 < poisson < 0.5:
+        t.fail("poisson_ratio", f"must lie between -1 and 0.5 (below it), not {poisson:g}")
+    t.done()
+    return MaterialSpec(name, young, poisson)
+
+
+def _regions(t: Table) -> dict[str, Shape]:
+    return {name: _region(t.table(name)) for name in t.data}
+
+
+def _region(t: Table) -> Shape:
+    shapes = ("box", "sphere", "half_space", "cylinder")
+    given = [s for s in shapes if t.has(s)]
+    if len(given) != 1:
+        t.done()
+        t.fail(None, f"needs exactly one of {', '.join(shapes)}")
+    shape: Shape
+    if given[0] == "box":
+        low, high = t.array("box", (2, 3))
+        if (low >= high).any():
+            t.fail("box", "the first corner must be lower than the second in x, y and z")
+        shape = Box(low, high)
+    else:
+        inner = t.table(given[0])
+        if given[0] == "sphere":
+            shape = Sphere(inner.vector("center"), inner.number("radius", low=0))
+        elif given[0] == "half_space":
+            shape = HalfSpace(inner.vector("origin"), inner.vector("normal"))
+        else:
+            start, end = inner.vector("start"), inner.vector("end")
+            if np.allclose(start, end):
+                inner.fail("end", "must differ from start")
+            shape = Cylinder(start, end, inner.number("radius", low=0))
+        inner.done()
+    t.done()
+    return shape
+
+
+def _poses(top: Table, regions: Sequence[str]) -> tuple[Pose, ...]:
+    poses: list[Pose] = []
+    for t in top.tables("poses"):
+        name = t.string("name")
+        if name in [p.name for p in poses] or name == "rest":
+            t.fail("name", f"{name!r} is used already; choose another name")
+        if not name.replace("_", "").replace("-", "").isalnum():
+            t.fail("name", "use letters, digits, - and _ only: it names files")
+        fixed = t.strings("fixed")
+        for region in fixed:
+            t.choice("fixed", region, regions, "region")
+        handles = tuple(_handle(h, regions) for h in t.tables("handles"))
+        if not fixed:
+            t.fail("fixed", "needs at least one region, or the body can move freely")
+        if not handles:
+            t.fail("handles", "needs at least one handle that moves a region")
+        both = set(fixed) & {h.region for h in handles}
+        if both:
+            t.fail("handles", f"region {min(both)!r} is fixed and moved; take it out of one")
+        t.done()
+        poses.append(Pose(name, tuple(fixed), handles))
+    if not poses:
+        top.fail("poses", "add at least one [[poses]] that the device must sense")
+    return tuple(poses)
+
+
+def _handle(t: Table, regions: Sequence[str]) -> Handle:
+    region = t.string("region")
+    t.choice("region", region, regions, "region")
+    rotation = np.zeros(3)
+    if t.has("rotate"):
+        r = t.table("rotate")
+        axis, angle = r.vector("axis"), np.deg2rad(r.number("degrees"))
+        r.done()
+        length = float(np.linalg.norm(axis))
+        if length == 0:
+            r.fail("axis", "must not be zero")
+        rotation = axis / length * angle
+    value = t.raw("translate", [0.0, 0.0, 0.0])
+    translation = None if value == "free" else np.zeros(3)
+    if value != "free" and t.has("translate"):
+        if isinstance(value, str):
+            t.fail("translate", 'must be "free" or [x, y, z] in mm')
+        translation = t.vector("translate")
+    t.done()
+    return Handle(region, rotation, translation)
+
+
+def _weights(t: Table, key: str, poses: Sequence[str]) -> tuple[dict[str, float], ...]:
+    out = []
+    for row in t.tables(key):
+        for name in row.data:
+            row.choice(name, name, poses, "pose")
+        if not row.data:
+            t.fail(key, "an empty mixture; give at least one pose = weight")
+        out.append({name: row.number(name) for name in row.data})
+    return tuple(out)
+
+
+def _states(t: Table, poses: Sequence[str]) -> StatesSpec:
+    ramp = t.array("ramp", (None,)) if t.has("ramp") else np.array([1.0])
+    if len(ramp) == 0 or (ramp <= 0).any() or (ramp > 1).any():
+        t.fail("ramp", "must be fractions above 0 and up to 1, for example [0.5, 1.0]")
+    spec = StatesSpec(
+        tuple(float(r) for r in np.unique(ramp)),
+        _weights(t, "mixtures", poses),
+        _weights(t, "held_out", poses),
+    )
+    t.done()
+    return spec
+
+
+def _outputs(t: Table, regions: Sequence[str]) -> OutputsSpec:
+    value = t.raw("markers", 40)
+    anchor = t.string("anchor") if t.has("anchor") else None
+    if anchor is not None:
+        t.choice("anchor", anchor, regions, "region")
+    t.done()
+    if value == "surface":
+        return OutputsSpec("surface", anchor)
+    if isinstance(value, list):
+        points = t.array("markers", (None, 3))
+        if len(points) == 0:
+            t.fail("markers", "give at least one point")
+        return OutputsSpec(points, anchor)
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        t.fail("markers", 'must be a number of markers, a list of points, or "surface"')
+    return OutputsSpec(value, anchor)
+
+
+def _cord(t: Table) -> CordSpec:
+    name = t.string("name")
+    rows = read_rows("cords.csv")
+    t.choice("name", name, list(rows), "cord")
+    row = {k: float(v) for k, v in rows[name].items() if k not in ("name", "source")}
+    noise = t.number("noise", row.pop("noise"), low=0)
+    t.done()
+    return CordSpec(name=name, noise=noise, **row)
+
+
+def _fabrication(t: Table) -> FabricationSpec:
+    name = t.string("process")
+    rows = read_rows("printers.csv")
+    t.choice("process", name, list(rows), "process")
+    row = rows[name]
+    spec = FabricationSpec(
+        process=name,
+        clearance=t.number("clearance", float(row["clearance"]), low=-1e-9),
+        wall=t.number("wall", float(row["wall"]), low=0),
+        lead=t.number("lead", 20.0, low=-1e-9),
+        bed=(float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"])),
+    )
+    t.done()
+    return spec
+
+
+def _sensors(top: Table) -> tuple[Sensor, ...]:
+    sensors: list[Sensor] = []
+    for t in top.tables("sensors"):
+        name = t.string("name")
+        if name in [s.name for s in sensors]:
+            t.fail("name", f"{name!r} is used already; choose another name")
+        p = t.table("plane")
+        origin, normal, x_axis = p.vector("origin"), p.vector("normal"), p.vector("x_axis")
+        p.done()
+        points = t.array("control_points", (None, 2))
+        if len(points) < 4:
+            t.fail("control_points", "needs at least 4: the first and last two are the ends")
+        if (np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-6).any():
+            t.fail("control_points", "two neighbours coincide; move or remove one")
+        tangents = (
+            t.array("tangents", (len(points), 2)) if t.has("tangents") else catmull_rom(points)
+        )
+        if (np.linalg.norm(tangents, axis=1) < 1e-6).any():
+            t.fail("tangents", "a tangent is zero; give it a direction")
+        free = t.strings("free", [])
+        for word in free:
+            t.choice("free", word, ("path", "plane"), "freedom")
+        t.done()
+        try:
+            plane = Plane.from_normal(origin, normal, x_axis)
+        except ValueError as error:
+            p.fail(None, str(error))
+        sensors.append(Sensor(name, plane, Hermite(points, tangents), frozenset(free)))
+    return tuple(sensors)

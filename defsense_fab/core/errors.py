@@ -1,0 +1,35 @@
+"""The error tree: every message says what is wrong, where, and what to do, in one line."""
+
+from __future__ import annotations
+
+
+class DefsenseError(Exception):
+    """Base of all errors that a user can cause and mend."""
+
+
+class DeviceError(DefsenseError):
+    """`device.toml` or something that it names is wrong."""
+
+
+class BodyError(DefsenseError):
+    """A body cannot be loaded or is not a closed solid."""
+
+
+class MeshingError(DefsenseError):
+    """Tetrahedralisation failed or gave an unusable mesh."""
+
+
+class SolveError(DefsenseError):
+    """A pose did not converge."""
+
+
+class LayoutError(DefsenseError):
+    """A cord breaks a constraint: wall, radius of curvature, or clearance."""
+
+
+class FabricationError(DefsenseError):
+    """The parts cannot be made from this layout."""
+
+
+class StorageError(DefsenseError):
+    """Files cannot be read or written."""

@@ -1,0 +1,43 @@
+"""Writing without half-written files, and hashing what a result was derived from."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from .errors import StorageError
+
+
+@contextmanager
+def storage_errors(path: Path) -> Iterator[None]:
+    """Turn the operating system's refusals into one clear line."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise StorageError(f"{path}: the disk is full; free some space and run again") from None
+        raise StorageError(
+            f"{error.filename or path}: {error.strerror or error}; check the path and permissions"
+        ) from None
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write `data` to a temporary name and move it into place."""
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    os.replace(temporary, path)
+
+
+def digest(*parts: Any) -> str:
+    """Hash of plain values and files' contents (Path), stable between runs."""
+    h = hashlib.sha256()
+    for part in parts:
+        data = part.read_bytes() if isinstance(part, Path) else repr(part).encode()
+        h.update(len(data).to_bytes(8, "little") + data)
+    return h.hexdigest()[:16]

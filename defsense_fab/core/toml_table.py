@@ -1,0 +1,174 @@
+"""Strict reading of TOML tables: every key is checked, and errors name file, line and key."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from .arrays import Float
+from .errors import DeviceError
+
+
+def load_toml(path: Path) -> Table:
+    """Parse `path`. Raises DeviceError where it is missing or not TOML."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        return Table(tomllib.loads(text), path, text, ())
+    except FileNotFoundError:
+        raise DeviceError(
+            f"{path}: no such file; give a folder that holds a device.toml"
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DeviceError(f"{path}: not valid TOML: {error}") from None
+    except OSError as error:
+        raise DeviceError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+class Table:
+    """One TOML table: reads keys by type, and refuses those that nobody asked for."""
+
+    def __init__(self, data: dict[str, Any], file: Path, text: str, path: tuple[Any, ...]) -> None:
+        self.data, self._file, self._text, self._path = data, file, text, path
+        self._known: set[str] = set()
+
+    def fail(self, key: str | None, problem: str) -> NoReturn:
+        """Raise DeviceError for `key` of this table."""
+        parts = (*self._path, *([key] if key else []))
+        dotted = ".".join(str(p + 1) if isinstance(p, int) else p for p in parts)
+        line = _line_of(self._text, parts)
+        where = f"{self._file.name}:{line}" if line else self._file.name
+        raise DeviceError(f"{where}: {dotted or 'file'}: {problem}")
+
+    def _get(self, key: str, default: Any) -> Any:
+        self._known.add(key)
+        if key in self.data:
+            return self.data[key]
+        if default is _REQUIRED:
+            self.fail(key, "is missing; add it")
+        return default
+
+    def has(self, key: str) -> bool:
+        self._known.add(key)
+        return key in self.data
+
+    def string(self, key: str, default: Any = None) -> str:
+        value = self._get(key, _REQUIRED if default is None else default)
+        if not isinstance(value, str) or not value:
+            self.fail(key, f"must be a text in quotes, not {value!r}")
+        return value
+
+    def number(self, key: str, default: Any = None, low: float = -np.inf) -> float:
+        """A finite number above `low`."""
+        value = self._get(key, _REQUIRED if default is None else default)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            self.fail(key, f"must be a number, not {value!r}")
+        if value <= low:
+            self.fail(key, f"must be greater than {low:g}, not {value:g}")
+        return float(value)
+
+    def vector(self, key: str, size: int = 3) -> Float:
+        return self.array(key, (size,))
+
+    def array(self, key: str, shape: tuple[int | None, ...]) -> Float:
+        """Numbers of the given shape; None is any length."""
+        value = self._get(key, _REQUIRED)
+        want = " x ".join("any" if n is None else str(n) for n in shape)
+        try:
+            out = np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            self.fail(key, f"must be {want} numbers, not {value!r}")
+        if out.ndim != len(shape) or any(
+            n is not None and n != m for n, m in zip(shape, out.shape, strict=True)
+        ):
+            self.fail(key, f"must be {want} numbers, not of shape {list(out.shape)}")
+        if not np.isfinite(out).all():
+            self.fail(key, "must be finite numbers")
+        return out
+
+    def strings(self, key: str, default: Sequence[str] | None = None) -> list[str]:
+        value = self._get(key, _REQUIRED if default is None else list(default))
+        if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
+            self.fail(key, f"must be a list of texts, not {value!r}")
+        return value
+
+    def raw(self, key: str, default: Any = None) -> Any:
+        return self._get(key, default)
+
+    def table(self, key: str, required: bool = True) -> Table:
+        value = self._get(key, _REQUIRED if required else {})
+        if not isinstance(value, dict):
+            self.fail(key, f"must be a table, not {value!r}")
+        return Table(value, self._file, self._text, (*self._path, key))
+
+    def tables(self, key: str) -> list[Table]:
+        value = self._get(key, [])
+        if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
+            self.fail(key, "must be a list of tables")
+        return [
+            Table(v, self._file, self._text, (*self._path, key, i)) for i, v in enumerate(value)
+        ]
+
+    def choice(self, key: str, name: str, options: Sequence[str], what: str) -> None:
+        """Fail unless `name` is one of `options`, with the nearest ones."""
+        if name not in options:
+            near = difflib.get_close_matches(name, options, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            listed = ", ".join(options) or "none"
+            self.fail(key, f"unknown {what} {name!r}; {hint}there is: {listed}")
+
+    def done(self) -> None:
+        """Fail on the first key that was never asked for."""
+        for key in self.data:
+            if key not in self._known:
+                near = difflib.get_close_matches(key, sorted(self._known), n=1)
+                hint = f"did you mean {near[0]!r}?" if near else "remove it"
+                self.fail(key, f"unknown key; {hint} (known: {', '.join(sorted(self._known))})")
+
+
+_REQUIRED = object()
+
+
+def _line_of(text: str, path: tuple[Any, ...]) -> int | None:
+    """Line of the last part of `path` that stands in the text: tomllib keeps no positions."""
+    names = [p for p in path if isinstance(p, str)]
+    indices = [p for p in path if isinstance(p, int)]
+    lines = text.splitlines()
+    start, end, found = 0, len(lines), None
+    header = re.compile(r"^\s*\[+\s*([\w.\-\"]+)\s*\]+")
+    for depth in range(len(names), 0, -1):
+        dotted = ".".join(names[:depth])
+        hits = [
+            i
+            for i, line in enumerate(lines)
+            if (m := header.match(line)) and m[1].replace('"', "") == dotted
+        ]
+        if hits:
+            start = hits[min(indices[0] if indices and depth == 1 else 0, len(hits) - 1)]
+            if depth > 1 and indices:  # a list inside a list: count from its parent's header
+                parents = [
+                    i
+                    for i, line in enumerate(lines)
+                    if (m := header.match(line)) and m[1] == names[0]
+                ]
+                if parents:
+                    floor = parents[min(indices[0], len(parents) - 1)]
+                    inside = [h for h in hits if h > floor] or hits
+                    start = inside[min(indices[1] if len(indices) > 1 else 0, len(inside) - 1)]
+            found = start + 1
+            later = [i for i, line in enumerate(lines) if i > start and header.match(line)]
+            end = later[0] if later else len(lines)
+            names = names[depth:]
+            break
+    for name in names:
+        pattern = re.compile(rf"(^|[\s{{,.])\"?{re.escape(name)}\"?\s*[=.]")
+        for i in range(start, end):
+            if pattern.search(lines[i]):
+                found = i + 1
+                break
+    return found

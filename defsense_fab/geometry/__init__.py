@@ -1,0 +1,1 @@
+"""Bodies, tetrahedra, planes and curves, channels, splits, export."""

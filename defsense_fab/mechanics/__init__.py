@@ -1,0 +1,1 @@
+"""Materials, quadratic tets, Newton: poses to displacement fields."""

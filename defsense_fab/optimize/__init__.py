@@ -1,0 +1,1 @@
+"""Candidate curves, selection, refinement and constraints."""

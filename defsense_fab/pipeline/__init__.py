@@ -1,0 +1,1 @@
+"""The steps of a build, what is up to date, and the report."""

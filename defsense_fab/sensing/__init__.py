@@ -1,0 +1,1 @@
+"""Cord signals, decoders, error measures, and the floor."""
