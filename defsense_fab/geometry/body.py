@@ -1,0 +1,82 @@
+"""A body from a script, a STEP file or a triangle mesh: one closed solid in mm."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..core.device import BodySpec
+from ..core.errors import BodyError
+from ..core.mesh import Surface
+
+#: Largest distance of a facet from the true surface of a CAD body, mm.
+TESSELLATION = 0.05
+
+
+@dataclass(frozen=True)
+class Body:
+    """`surface` bounds the body; `solid` is its OpenCascade TopoDS_Solid where it is CAD."""
+
+    surface: Surface
+    volume: float
+    solid: Any = None
+    repairs: tuple[str, ...] = ()
+
+
+def load_body(spec: BodySpec) -> Body:
+    """Load the body that `spec` names. Raises BodyError where it is not one closed solid."""
+    if spec.kind == "mesh":
+        from .mesh_repair import read_mesh
+
+        surface, repairs = read_mesh(spec.path, spec.scale)
+        return Body(surface, surface.volume, None, repairs)
+    from . import occ
+
+    if spec.kind == "step":
+        solids = occ.read_step(spec.path)
+    else:
+        solids = occ.solids_of(_run_script(spec.path, spec.parameters))
+    if len(solids) != 1:
+        raise BodyError(
+            f"{spec.path}: gives {len(solids)} solids, one is needed; fuse them or remove the rest"
+        )
+    surface = occ.tessellate(solids[0], TESSELLATION)
+    volume = occ.volume(solids[0])
+    if volume <= 0:
+        raise BodyError(f"{spec.path}: the solid's volume is {volume:.3g} mm^3; turn its faces")
+    return Body(surface, volume, solids[0])
+
+
+def _run_script(path: Path, parameters: Mapping[str, Any]) -> Any:
+    """Call `body(**parameters)` of the script; what it prints goes to standard error."""
+    space: dict[str, Any] = {"__name__": "__body__", "__file__": str(path)}
+    sys.path.insert(0, str(path.parent))
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), space)
+            if not callable(space.get("body")):
+                raise BodyError(
+                    f"{path}: defines no function body(...); add one that returns a solid"
+                )
+            result = space["body"](**parameters)
+    except BodyError:
+        raise
+    except (Exception, SystemExit) as error:
+        frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
+        line = frames[-1].lineno if frames else getattr(error, "lineno", None)
+        where = f"{path}:{line}" if line else str(path)
+        text = " ".join(str(error).split()) or "no message"
+        raise BodyError(
+            f"{where}: the script raised {type(error).__name__}: {text}; mend the script or its"
+            " parameters"
+        ) from None
+    finally:
+        sys.path.remove(str(path.parent))
+    if result is None:
+        raise BodyError(f"{path}: body() returned None; return the solid")
+    return result

@@ -1,0 +1,78 @@
+"""The triangle kernel (manifold3d): carve and split bodies that are meshes, check CAD ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import manifold3d as m3
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.curve import Plane
+from ..core.errors import FabricationError
+from ..core.mesh import Surface
+
+
+def to_manifold(surface: Surface, what: str) -> Any:
+    """A manifold3d solid. Raises FabricationError where the surface is not closed and outward."""
+    mesh = m3.Mesh64(
+        np.ascontiguousarray(surface.vertices, np.float64),
+        np.ascontiguousarray(surface.faces, np.uint64),
+    )
+    solid = m3.Manifold(mesh)
+    if solid.status() != m3.Error.NoError:
+        raise FabricationError(f"{what}: not a closed manifold ({solid.status().name})")
+    if solid.volume() <= 0:
+        raise FabricationError(f"{what}: encloses no positive volume")
+    return solid
+
+
+def to_surface(solid: Any) -> Surface:
+    mesh = solid.to_mesh64()
+    return Surface(
+        np.asarray(mesh.vert_properties, float)[:, :3], np.asarray(mesh.tri_verts, np.int64)
+    )
+
+
+def tube(points: Float, normal: Float, diameter: float, sides: int = 48) -> Any:
+    """Tube along a planar polyline (n, 3) whose plane has `normal`, of the round tube's area."""
+    tangent = np.gradient(points, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    side = np.cross(normal, tangent)
+    angle = np.arange(sides) * 2 * np.pi / sides
+    radius = diameter / 2 * np.sqrt(2 * np.pi / (sides * np.sin(2 * np.pi / sides)))
+    ring = np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side[:, None, :]
+    vertices = (points[:, None] + radius * ring).reshape(-1, 3)
+    n = len(points)
+    i, j = np.meshgrid(np.arange(n - 1), np.arange(sides), indexing="ij")
+    k = (j + 1) % sides
+    a, b, c, d = i * sides + j, i * sides + k, (i + 1) * sides + k, (i + 1) * sides + j
+    walls = np.concatenate([np.stack(t, -1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
+    fan = np.arange(1, sides - 1)
+    start = np.stack([np.zeros_like(fan), fan + 1, fan], 1)
+    end = np.stack([np.zeros_like(fan), fan, fan + 1], 1) + (n - 1) * sides
+    faces = np.concatenate([walls, start, end])
+    surface = Surface(vertices, faces)
+    if surface.volume < 0:
+        surface = Surface(vertices, faces[:, ::-1])
+    return to_manifold(surface, "channel")
+
+
+def carve_and_split(
+    body: Any, tubes: Sequence[Any], planes: Sequence[Plane]
+) -> tuple[list[Any], float]:
+    """Cut the tubes out of the body and split it at the planes: parts and removed volume."""
+    removed, carved = 0.0, body
+    for t in tubes:
+        removed += float((body ^ t).volume())
+        carved = carved - t
+    parts = [carved]
+    for plane in planes:
+        halves = [
+            half
+            for p in parts
+            for half in p.split_by_plane(plane.normal, float(plane.normal @ plane.origin))
+        ]
+        parts = [piece for half in halves if not half.is_empty() for piece in half.decompose()]
+    return parts, removed

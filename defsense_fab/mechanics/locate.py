@@ -1,0 +1,119 @@
+"""Points in the mesh: which tet, which weights; then displacement and gradient there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from ..core.arrays import Float, Int
+from .tet10 import QuadraticMesh, shape, shape_by_bary
+
+
+@dataclass(frozen=True)
+class Located:
+    """Points (p, 3) with their tet (p,), barycentric coordinates (p, 4), smallest of them (p,).
+
+    A smallest coordinate below zero means that the point lies outside; the nearest tet's
+    polynomial is then continued.
+    """
+
+    cell: Int
+    bary: Float
+
+    @property
+    def depth(self) -> Float:
+        return np.asarray(self.bary.min(axis=1))
+
+
+class PointLocator:
+    """A uniform grid over the tets' bounding boxes."""
+
+    def __init__(self, mesh: QuadraticMesh) -> None:
+        self.mesh = mesh
+        corners = mesh.nodes[mesh.cells[:, :4]]
+        low, high = corners.min(1), corners.max(1)
+        self._low = low.min(0) - 1e-9
+        self._cell = float(np.median((high - low).max(1)))
+        self._count = np.maximum(np.ceil((high.max(0) - self._low) / self._cell), 1).astype(int)
+        a = np.floor((low - self._low) / self._cell).astype(int)
+        b = np.minimum(np.floor((high - self._low) / self._cell).astype(int), self._count - 1)
+        self._start, self._items = _fill(a, b, self._count)
+        self._origin = corners[:, 0]
+
+    def find(self, points: Float) -> Located:
+        """Tet and weights of each point (p, 3) mm; the nearest tet for points outside."""
+        cell, bary = _find(
+            np.ascontiguousarray(points, float),
+            self._low,
+            self._cell,
+            self._count,
+            self._start,
+            self._items,
+            self._origin,
+            self.mesh.bary_gradient,
+        )
+        return Located(cell, bary)
+
+    def displacement(self, at: Located, fields: Float) -> Float:
+        """Displacements (s, p, 3) of the fields (s, n, 3) at the points."""
+        return np.einsum("pn,spna->spa", shape(at.bary), fields[:, self.mesh.cells[at.cell]])
+
+    def gradient(self, at: Located, fields: Float) -> Float:
+        """Displacement gradients (s, p, 3, 3): [a, j] is the derivative of u_a by X_j."""
+        g = np.einsum("pnb,pbj->pnj", shape_by_bary(at.bary), self.mesh.bary_gradient[at.cell])
+        return np.einsum("pnj,spna->spaj", g, fields[:, self.mesh.cells[at.cell]])
+
+
+@numba.njit(cache=True)
+def _fill(a, b, count):  # type: ignore[no-untyped-def]
+    start = np.zeros(count[0] * count[1] * count[2] + 1, np.int64)
+    for turn in range(2):
+        if turn == 1:
+            start = np.cumsum(start)
+            items = np.empty(start[-1], np.int64)
+            fill = start.copy()
+        for e in range(len(a)):
+            for i in range(a[e, 0], b[e, 0] + 1):
+                for j in range(a[e, 1], b[e, 1] + 1):
+                    for k in range(a[e, 2], b[e, 2] + 1):
+                        c = (i * count[1] + j) * count[2] + k
+                        if turn == 0:
+                            start[c + 1] += 1
+                        else:
+                            items[fill[c]] = e
+                            fill[c] += 1
+    return start, items
+
+
+@numba.njit(cache=True)
+def _find(points, low, size, count, start, items, origin, gradient):  # type: ignore[no-untyped-def]
+    cells = np.zeros(len(points), np.int64)
+    bary = np.empty((len(points), 4))
+    w, g = np.empty(4), np.empty(3, np.int64)
+    for p in range(len(points)):
+        for d in range(3):
+            g[d] = min(max(int(np.floor((points[p, d] - low[d]) / size)), 0), count[d] - 1)
+        best = -np.inf
+        for reach in range(max(count)):
+            for i in range(max(g[0] - reach, 0), min(g[0] + reach + 1, count[0])):
+                for j in range(max(g[1] - reach, 0), min(g[1] + reach + 1, count[1])):
+                    for k in range(max(g[2] - reach, 0), min(g[2] + reach + 1, count[2])):
+                        if max(abs(i - g[0]), abs(j - g[1]), abs(k - g[2])) != reach:
+                            continue
+                        c = (i * count[1] + j) * count[2] + k
+                        for n in range(start[c], start[c + 1]):
+                            e = items[n]
+                            for b in range(4):
+                                w[b] = 1.0 if b == 0 else 0.0
+                                for d in range(3):
+                                    w[b] += (points[p, d] - origin[e, d]) * gradient[e, b, d]
+                            m = min(w[0], w[1], w[2], w[3])
+                            if m > best:
+                                best = m
+                                cells[p] = e
+                                bary[p] = w
+            if best >= -1e-12 or (best > -np.inf and reach >= 1):
+                break
+    return cells, bary
