@@ -1,0 +1,164 @@
+"""Wall, radius of curvature and clearance as inequalities g(x) >= 0 with derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import igl
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.device import Sensor
+from ..core.mesh import Surface
+from .freedom import CordFreedom
+from .problem import Limits
+
+#: A channel may enter at up to this slope: depth gained per length of channel.
+INLET_SLOPE = 0.6
+#: Part of the limits that the optimiser keeps in hand for what its samples miss, mm.
+MARGIN = 0.1
+
+
+class DepthField:
+    """Distance below the surface (positive inside), with its gradient."""
+
+    def __init__(self, surface: Surface) -> None:
+        self._v = np.ascontiguousarray(surface.vertices)
+        self._f = np.ascontiguousarray(surface.faces)
+        a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
+        normal = np.cross(b - a, c - a)
+        self._inward = -normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+
+    def __call__(self, points: Float) -> tuple[Float, Float]:
+        """Depth (p,) mm and gradient (p, 3) at points (p, 3)."""
+        signed, face, closest, _ = igl.signed_distance(
+            np.ascontiguousarray(points), self._v, self._f
+        )
+        depth = -np.asarray(signed)
+        away = points - np.asarray(closest)
+        size = np.linalg.norm(away, axis=1, keepdims=True)
+        direction = np.where(
+            size > 1e-9,
+            away / np.maximum(size, 1e-9) * np.sign(depth)[:, None],
+            self._inward[np.asarray(face)],
+        )
+        return depth, direction
+
+
+def extensions(sensor: Sensor, depth: DepthField, longest: float = 50.0) -> tuple[float, float]:
+    """How far (mm) each end runs on straight before it leaves the body; inf if it does not."""
+    world = sensor.plane.to_world(sensor.curve.points)
+    tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
+    out = []
+    for point, direction in ((world[0], -tangents[0]), (world[-1], tangents[-1])):
+        s = np.linspace(0, longest, 1001)
+        d = depth(point + s[:, None] * direction / np.linalg.norm(direction))[0]
+        outside = np.flatnonzero(d <= 0)
+        if len(outside) == 0:
+            out.append(np.inf)
+        elif outside[0] == 0:
+            out.append(0.0)
+        else:
+            i = outside[0]
+            out.append(float(s[i - 1] + (s[i] - s[i - 1]) * d[i - 1] / (d[i - 1] - d[i])))
+    return out[0], out[1]
+
+
+def required_depth(points: Float, ends: tuple[float, float], limits: Limits) -> Float:
+    """Least depth (p,) of a path's samples: the full wall, less in the cone of an inlet."""
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    to_exit = np.minimum(along + ends[0], along[-1] - along + ends[1])
+    return np.minimum(limits.depth, INLET_SLOPE * to_exit)
+
+
+class Constraints:
+    """All inequalities of a layout, in mm, each at least zero where it is met."""
+
+    def __init__(
+        self, surface: Surface, limits: Limits, cords: Sequence[CordFreedom], stride: int = 3
+    ) -> None:
+        self._depth, self._limits, self._cords = DepthField(surface), limits, cords
+        self._stride = stride
+        self._free = [c.size > 0 for c in cords]
+        self._ends = [extensions(c.sensor, self._depth) for c in cords]
+        sizes = np.cumsum([0, *(c.size for c in cords)])
+        self._columns = [slice(a, b) for a, b in zip(sizes[:-1], sizes[1:], strict=True)]
+        self._size = int(sizes[-1])
+
+    def __call__(self, x: Float) -> tuple[Float, Float]:
+        """Values (g,) and derivatives (g, size)."""
+        values: list[Float] = []
+        rows: list[Float] = []
+        paths = [c.path(x[s]) for c, s in zip(self._cords, self._columns, strict=True)]
+        for i, (cord, columns) in enumerate(zip(self._cords, self._columns, strict=True)):
+            if not self._free[i]:
+                continue
+            points, derivative = paths[i]
+            need = required_depth(points, self._ends[i], self._limits)
+            p, d = points[:: self._stride], derivative[:: self._stride]
+            depth, direction = self._depth(p)
+            values.append(depth - need[:: self._stride] - MARGIN)
+            rows.append(self._widen(np.einsum("pj,pjx->px", direction, d), columns))
+            if "path" in cord.sensor.free:
+                kappa, by = cord.curvature(x[columns])
+                r = self._limits.min_radius * 1.02
+                for sign in (1.0, -1.0):
+                    values.append(5 * (1 - sign * r * kappa))
+                    rows.append(self._widen(-5 * sign * r * by, columns))
+        for i in range(len(paths)):
+            for j in range(i, len(paths)):
+                if self._free[i] or self._free[j]:
+                    self._distance(paths, i, j, values, rows)
+        return np.concatenate(values), np.concatenate(rows)
+
+    def _widen(self, row: Float, columns: slice) -> Float:
+        out = np.zeros((len(row), self._size))
+        out[:, columns] = row
+        return out
+
+    def _distance(
+        self,
+        paths: Sequence[tuple[Float, Float]],
+        i: int,
+        j: int,
+        values: list[Float],
+        rows: list[Float],
+    ) -> None:
+        """Each sample of cord i against the nearest point of cord j (or of i's far parts)."""
+        a, da = (p[:: self._stride] for p in paths[i])
+        b, db = (p[:: self._stride] for p in paths[j])
+        step = np.diff(b, axis=0)
+        t = np.einsum("pkj,kj->pk", a[:, None] - b[None, :-1], step) / (step**2).sum(1)
+        t = np.clip(t, 0, 1)
+        gap = a[:, None] - b[None, :-1] - t[..., None] * step
+        distance = np.linalg.norm(gap, axis=2)
+        if i == j:
+            distance = np.where(self._near(a), np.inf, distance)
+        k = distance.argmin(1)
+        p = np.arange(len(a))
+        best = distance[p, k]
+        keep = np.isfinite(best)
+        if not keep.any():
+            return
+        p, k, best = p[keep], k[keep], best[keep]
+        unit = gap[p, k] / np.maximum(best, 1e-9)[:, None]
+        w = t[p, k][:, None, None]
+        row = self._widen(np.einsum("pj,pjx->px", unit, da[p]), self._columns[i])
+        row -= self._widen(
+            np.einsum("pj,pjx->px", unit, (1 - w) * db[k] + w * db[k + 1]), self._columns[j]
+        )
+        values.append(best - self._limits.clearance - MARGIN)
+        rows.append(row)
+
+    def _near(self, points: Float) -> np.ndarray:  # type: ignore[type-arg]
+        """(p, p - 1): segments too close along the cord to count as another strand."""
+        along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        middle = (along[1:] + along[:-1]) / 2
+        return np.asarray(
+            np.abs(along[:, None] - middle) < separation(self._limits) + np.diff(along).max()
+        )
+
+
+def separation(limits: Limits) -> float:
+    """Length along one cord from which on two of its points count as separate strands, mm."""
+    return float(np.pi * max(limits.min_radius, limits.clearance / 2))

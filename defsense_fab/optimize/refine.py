@@ -1,0 +1,162 @@
+"""From the paths as drawn to the best layout found: seeds, then constrained descent (SLSQP)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ..core.arrays import Float
+from ..core.device import Sensor
+from ..core.errors import LayoutError
+from .candidates import Pool, build_pool, propose, vary
+from .constraints import Constraints
+from .freedom import CordFreedom, per_span
+from .objective import Objective
+from .problem import Problem, expected_error
+from .select import select
+from .verify import verify
+
+Report = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Optimised:
+    """The best layout that keeps every limit, its expected RMSE, and those of all starts (mm)."""
+
+    sensors: tuple[Sensor, ...]
+    rmse: float
+    starts: tuple[float, ...]
+
+
+def layout_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
+    """Expected RMSE (mm) of the best affine map for these cords."""
+    columns = [problem.signals(sample_path(s)) for s in sensors]
+    return expected_error(np.stack(columns, axis=1), problem.outputs(), problem.ridge)
+
+
+def sample_path(sensor: Sensor) -> Float:
+    """The path's points (p, 3) in the rest frame, p > 100."""
+    return sensor.plane.to_world(sensor.curve.sample(per_span(sensor)))
+
+
+def optimise(
+    problem: Problem,
+    sensors: Sequence[Sensor],
+    rng: np.random.Generator,
+    report: Report,
+    *,
+    starts: int = 4,
+    candidates: int = 600,
+    iterations: int = 80,
+) -> Optimised:
+    """Improve the cords that are free, from selected variations and the drawing itself.
+
+    Every start ends in an independent check; only layouts that pass compete. The drawing, which
+    must pass itself, is the result where nothing better was found.
+    """
+    drawn = tuple(sensors)
+    best, best_error = drawn, layout_error(problem, drawn)
+    reached: list[float] = []
+    if not any(s.free for s in drawn):
+        return Optimised(best, best_error, ())
+    size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
+    for start in range(starts):
+        report(start / starts, f"start {start + 1} of {starts}, best {best_error:.3g} mm")
+        pools = [build_pool(problem, vary(s, candidates, size / 2, rng)) for s in drawn]
+        picked = _pick(problem, pools)
+        seeds = [picked] if picked else []
+        if start == 0:
+            seeds.append([_jitter(s, rng) for s in drawn])
+        for seed in seeds:
+            def show(value: float, at: int = start) -> None:
+                report(at / starts, f"start {at + 1} of {starts}, {np.sqrt(value):.3g} mm")
+
+            for layout in (_descend(problem, seed, iterations, show), tuple(seed)):
+                if verify(layout, problem.surface, problem.limits).problems:
+                    continue
+                error = layout_error(problem, layout)
+                reached.append(error)
+                if error < best_error:
+                    best, best_error = tuple(layout), error
+                break
+    report(1.0, f"best {best_error:.3g} mm")
+    return Optimised(best, best_error, tuple(reached))
+
+
+def first_layout(
+    problem: Problem, count: int, rng: np.random.Generator, lines: int = 400, variations: int = 5
+) -> tuple[Sensor, ...]:
+    """A proposal of `count` cords where the user has drawn none, all free in path and plane.
+
+    Raises LayoutError where the body has no room for them.
+    """
+    straight = propose(problem.surface, lines, rng)
+    width = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[0])
+    many = [v for s in straight for v in vary(replace(s, free=frozenset({"path"})), variations, width / 3, rng)]
+    pool = build_pool(problem, many, keep_first=False) if many else None
+    picked = _pick(problem, [pool] * count) if pool and pool.sensors else None
+    if picked is None:
+        raise LayoutError(
+            f"[design] sensors = {count}: no room was found for {count} cords; ask for fewer, or"
+            " draw them as [[sensors]]"
+        )
+    return tuple(
+        replace(s, name=f"cord-{i + 1}", free=frozenset({"path", "plane"}))
+        for i, s in enumerate(picked)
+    )
+
+
+def _pick(problem: Problem, pools: Sequence[Pool]) -> list[Sensor] | None:
+    clearance = problem.limits.clearance + 0.1
+    chosen = select(pools, problem.outputs(), problem.ridge, clearance)
+    if chosen is None:
+        return None
+    return [p.sensors[i] for p, i in zip(pools, chosen, strict=True)]
+
+
+def _jitter(sensor: Sensor, rng: np.random.Generator) -> Sensor:
+    """A slight push off the drawing: symmetric drawings are saddle points."""
+    freedom = CordFreedom(sensor)
+    return freedom.apply(rng.normal(0, 0.3, freedom.size))
+
+
+def _descend(
+    problem: Problem,
+    sensors: Sequence[Sensor],
+    iterations: int,
+    show: Callable[[float], None],
+) -> tuple[Sensor, ...]:
+    cords = [CordFreedom(s) for s in sensors]
+    objective = Objective(problem, cords)
+    constraints = Constraints(problem.surface, problem.limits, cords)
+    scale = objective(np.zeros(sum(c.size for c in cords)))[0]
+    last: dict[bytes, tuple[Float, Float]] = {}
+
+    def constrained(x: Float, which: int) -> Float:
+        key = x.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = constraints(x)
+        return last[key][which]
+
+    def scaled(x: Float) -> tuple[float, Float]:
+        value, gradient = objective(x)
+        return value / scale, gradient / scale
+
+    result = minimize(
+        scaled,
+        np.zeros(sum(c.size for c in cords)),
+        jac=True,
+        method="SLSQP",
+        constraints={
+            "type": "ineq",
+            "fun": lambda x: constrained(x, 0),
+            "jac": lambda x: constrained(x, 1),
+        },
+        callback=lambda x: show(objective(x)[0]),
+        options={"maxiter": iterations, "ftol": 1e-5},
+    )
+    return tuple(c.apply(x) for c, x in zip(cords, objective.split(result.x), strict=True))

@@ -1,0 +1,162 @@
+"""An independent check of finished layouts on dense samples; no code shared with the optimiser.
+
+Depth comes from the body's facets by ray parity and closest points, curvature from the circle
+through three neighbouring samples, distances from a k-d tree over dense samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..core.arrays import Float
+from ..core.device import Sensor
+from ..core.mesh import Surface
+from .constraints import INLET_SLOPE
+from .problem import Limits
+
+#: An end further than this from the surface leaves cord that the signal does not count, mm.
+LONGEST_INLET = 12.0
+_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class CordCheck:
+    """Measured numbers of one cord and, in words, what it breaks."""
+
+    length: float
+    min_radius: float
+    min_wall: float
+    inlets: tuple[float, float]
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class LayoutCheck:
+    """All cords' numbers, least centre distance between different cords, and what is broken."""
+
+    cords: tuple[CordCheck, ...]
+    min_clearance: float | None
+    problems: tuple[str, ...]
+
+
+def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> LayoutCheck:
+    """Check every cord and every pair on samples at most 0.25 mm apart."""
+    dense = [_dense(s) for s in sensors]
+    cords = tuple(_cord(s, d, surface, limits) for s, d in zip(sensors, dense, strict=True))
+    problems = [p for c in cords for p in c.problems]
+    closest = None
+    for i in range(len(sensors)):
+        for j in range(i + 1, len(sensors)):
+            gap, at = cKDTree(dense[j]).query(dense[i])
+            k = int(gap.argmin())
+            closest = float(gap[k]) if closest is None else min(closest, float(gap[k]))
+            if gap[k] < limits.clearance - _TOLERANCE:
+                problems.append(
+                    f"cords {sensors[i].name!r} and {sensors[j].name!r} come within"
+                    f" {gap[k]:.2f} mm near {_at(dense[i][k])}; {limits.clearance:.2f} mm is needed"
+                )
+    return LayoutCheck(cords, closest, tuple(problems))
+
+
+def _dense(sensor: Sensor) -> Float:
+    coarse = sensor.curve.sample(16)
+    longest = np.linalg.norm(np.diff(coarse, axis=0), axis=1).max() * 16
+    return sensor.plane.to_world(sensor.curve.sample(int(np.clip(longest / 0.25, 32, 2000))))
+
+
+def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> CordCheck:
+    problems: list[str] = []
+    name = f"cord {sensor.name!r}"
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    along = np.concatenate([[0], np.cumsum(step)])
+    depth = _depth(points, surface)
+    inlets = tuple(_inlet(points[i], points[i] - points[j], surface) for i, j in ((0, 1), (-1, -2)))
+    if depth.min() < 0:
+        k = int(depth.argmin())
+        problems.append(f"{name} leaves the body near {_at(points[k])}, {-depth[k]:.2f} mm outside")
+    else:
+        for inlet, end in zip(inlets, ("start", "end"), strict=True):
+            if inlet > LONGEST_INLET:
+                problems.append(
+                    f"{name}: its {end} lies {inlet:.1f} mm from where it leaves the body; move the"
+                    f" end within {LONGEST_INLET:g} mm of the surface"
+                )
+        to_exit = np.minimum(along + inlets[0], along[-1] - along + inlets[1])
+        slack = depth - np.minimum(limits.depth, INLET_SLOPE * to_exit)
+        k = int(slack.argmin())
+        if slack[k] < -_TOLERANCE:
+            wall = depth[k] - limits.channel_diameter / 2
+            problems.append(
+                f"{name} leaves a wall of {wall:.2f} mm near {_at(points[k])};"
+                f" {limits.wall:.2f} mm is needed"
+            )
+    inside = np.minimum(along, along[-1] - along) >= limits.depth / INLET_SLOPE
+    wall_depth = depth[inside].min() if inside.any() else depth.max()
+    radius = _radius(points)
+    if radius.min() < limits.min_radius - _TOLERANCE:
+        k = int(radius.argmin())
+        problems.append(
+            f"{name} bends to a radius of {radius[k]:.2f} mm near {_at(points[k + 1])};"
+            f" {limits.min_radius:.2f} mm is needed"
+        )
+    far = np.pi * max(limits.min_radius, limits.clearance / 2)
+    few = slice(None, None, 4)
+    a, s = points[few], along[few]
+    gap = np.linalg.norm(a[:, None] - a[None], axis=2)
+    gap[np.abs(s[:, None] - s) < far + 1] = np.inf
+    if gap.min() < limits.clearance - _TOLERANCE:
+        k = int(np.unravel_index(gap.argmin(), gap.shape)[0])
+        problems.append(
+            f"{name} comes within {gap.min():.2f} mm of itself near {_at(a[k])};"
+            f" {limits.clearance:.2f} mm is needed"
+        )
+    return CordCheck(
+        float(along[-1]),
+        float(radius.min()),
+        float(wall_depth - limits.channel_diameter / 2),
+        (inlets[0], inlets[1]),
+        tuple(problems),
+    )
+
+
+def _depth(points: Float, surface: Surface) -> Float:
+    """Distance to the facets, negative outside by the winding number."""
+    v, f = np.ascontiguousarray(surface.vertices), np.ascontiguousarray(surface.faces)
+    distance = np.sqrt(np.asarray(igl.point_mesh_squared_distance(points, v, f)[0]))
+    inside = np.asarray(igl.fast_winding_number(v, f, np.ascontiguousarray(points))) > 0.5
+    return np.where(inside, distance, -distance)
+
+
+def _inlet(end: Float, outward: Float, surface: Surface) -> float:
+    """Distance from `end` to the surface along `outward` (Moeller & Trumbore 1997)."""
+    d = outward / np.linalg.norm(outward)
+    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
+    e1, e2 = b - a, c - a
+    h = np.cross(d, e2)
+    det = np.einsum("ij,ij->i", e1, h)
+    ok = np.abs(det) > 1e-12
+    inv = 1 / np.where(ok, det, 1)
+    s = end - a
+    u = inv * np.einsum("ij,ij->i", s, h)
+    q = np.cross(s, e1)
+    v = inv * (q @ d)
+    t = inv * np.einsum("ij,ij->i", e2, q)
+    hit = ok & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (t > -1e-9)
+    return float(t[hit].min()) if hit.any() else float("inf")
+
+
+def _radius(points: Float) -> Float:
+    """Radius of the circle through each three neighbours, (p - 2,) mm."""
+    a, b, c = points[:-2], points[1:-1], points[2:]
+    sides = [np.linalg.norm(x, axis=1) for x in (b - a, c - b, c - a)]
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return np.asarray(np.prod(sides, axis=0) / np.maximum(4 * area, 1e-12))
+
+
+def _at(p: Float) -> str:
+    return "(" + ", ".join(f"{x:.1f}" for x in p) + ")"
