@@ -157,6 +157,6 @@ def _descend(
             "jac": lambda x: constrained(x, 1),
         },
         callback=lambda x: show(objective(x)[0]),
-        options={"maxiter": iterations, "ftol": 1e-5},
+        options={"maxiter": iterations, "ftol": 1e-6},
     )
     return tuple(c.apply(x) for c, x in zip(cords, objective.split(result.x), strict=True))

@@ -1,0 +1,223 @@
+"""The command `defsense`: reads arguments, calls the pipeline, shows progress and results."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import logging
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from . import __version__
+from .core.errors import DefsenseError, DeviceError
+from .core.progress import Progress, silent
+
+_STAGES = {
+    "build": ("report", "all stages: body, mesh, poses, cords, parts, report"),
+    "mesh": ("mesh", "load the body and make tetrahedra"),
+    "simulate": ("simulate", "solve every pose, after what it needs"),
+    "optimize": ("optimize", "route the cords, after what they need"),
+    "fabricate": ("fabricate", "make the parts, after what they need"),
+    "report": ("report", "write the report, after what it needs"),
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0, or 2 for an error the user can mend."""
+    options = _parser().parse_args(arguments)
+    level = logging.DEBUG if options.verbose else logging.WARNING
+    logging.basicConfig(level=level, format="%(name)s: %(message)s", stream=sys.stderr)
+    for noisy in ("matplotlib", "numba", "trimesh", "build123d", "PIL"):
+        logging.getLogger(noisy).setLevel(logging.WARNING)
+    try:
+        return _build(options)
+    except DefsenseError as error:
+        return _refuse(str(error))
+    except KeyboardInterrupt:
+        return _refuse(
+            "interrupted; the last build is untouched, and the same command goes on from the last"
+            " finished stage"
+        )
+    except MemoryError:
+        return _refuse("out of memory; use a larger [mesh] edge_length in device.toml")
+
+
+def _refuse(message: str) -> int:
+    with contextlib.suppress(BrokenPipeError):
+        sys.stderr.write("error: " + " ".join(message.split()) + "\n")
+    return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="defsense",
+        description="Soft objects that sense their own deformation: from a device folder to"
+        " printable parts with a predicted accuracy.",
+        epilog="example:  defsense build fixtures/devices/bar",
+    )
+    parser.add_argument("--version", action="version", version=f"defsense-fab {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, (until, text) in _STAGES.items():
+        sub = commands.add_parser(
+            name,
+            help=text,
+            description=f"{text.capitalize()}. What is up to date is reused.",
+            epilog=f"example:  defsense {name} fixtures/devices/bar --set length=180",
+        )
+        sub.add_argument("folder", type=Path, metavar="DIR", help="the folder of device.toml")
+        sub.add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="NAME=VALUE",
+            help="a parameter of the body's script, in place of device.toml's; may be repeated",
+        )
+        sub.add_argument("--json", action="store_true", help="print the result as JSON")
+        sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+        sub.set_defaults(until=until)
+    return parser
+
+
+def _build(options: argparse.Namespace) -> int:
+    from .core.device_file import load_device
+
+    device = load_device(options.folder, _overrides(options.set))
+    from .pipeline.build import build, summary
+
+    with _silent_stdout(), _bars(options) as progress:
+        result = build(device, options.until, progress)
+    data = {**summary(result.folder), "made": result.made, "reused": result.reused}
+    if options.json:
+        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+    else:
+        _show(data, options)
+    return 0
+
+
+def _overrides(pairs: Sequence[str]) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
+        if not equals or not name.isidentifier():
+            raise DeviceError(f"--set {pair}: write it as NAME=VALUE, for example length=180")
+        try:
+            out[name] = json.loads(text)
+        except ValueError:
+            out[name] = text
+    return out
+
+
+@contextlib.contextmanager
+def _silent_stdout() -> Iterator[None]:
+    """Native libraries print to descriptor 1: send that to standard error meanwhile."""
+    sys.stdout.flush()
+    saved = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(saved, 1)
+        os.close(saved)
+
+
+@contextlib.contextmanager
+def _bars(options: argparse.Namespace) -> Iterator[Progress]:
+    """A bar for each stage on standard error; plain lines where that is no terminal."""
+    if options.json and not options.verbose:
+        yield silent
+        return
+    if not sys.stderr.isatty():
+        yield _Lines(options.verbose)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
+
+    with Bars(
+        TextColumn("{task.fields[stage]:<10}"),
+        BarColumn(bar_width=30),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+        console=Console(stderr=True),
+    ) as bars:
+        tasks: dict[str, Any] = {}
+
+        def show(stage: str, fraction: float, message: str) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(message, total=1.0, stage=stage)
+            bars.update(tasks[stage], completed=fraction, description=message)
+
+        yield show
+
+
+class _Lines:
+    """Progress as lines: the beginning and end of each stage, or everything with -v."""
+
+    def __init__(self, everything: bool) -> None:
+        self._everything = everything
+
+    def __call__(self, stage: str, fraction: float, message: str) -> None:
+        if self._everything or fraction in (0.0, 1.0):
+            sys.stderr.write(f"{stage:<10} {100 * fraction:3.0f} %  {message}\n")
+
+
+def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    if not data["made"]:
+        console.print("Everything is up to date.")
+    folder = data["build"]
+    if "layout" in data:
+        layout = data["layout"]
+        first, best = layout["initial"], layout["prediction"]
+        table = Table(title="predicted RMSE, mm")
+        for column in ("", "as proposed" if layout["proposed"] else "as drawn", "optimised", "floor"):
+            table.add_column(column, justify="right" if column else "left")
+        table.add_row("with noise", f"{first['rmse']:.3f}", f"{best['rmse']:.3f}", "")
+        table.add_row(
+            "without",
+            f"{first['rmse_noise_free']:.3f}",
+            f"{best['rmse_noise_free']:.3f}",
+            f"{best['floor']:.3f}",
+        )
+        console.print(table)
+    if "manifest" in data:
+        manifest = data["manifest"]
+        table = Table(title="parts")
+        for column in ("part", "volume, cm3", "size, mm"):
+            table.add_column(column, justify="left" if column == "part" else "right")
+        for p in manifest["parts"]:
+            low, high = p["bbox"]
+            size = " x ".join(f"{b - a:.1f}" for a, b in zip(low, high, strict=True))
+            table.add_row(p["name"], f"{p['volume'] / 1000:.2f}", size)
+        console.print(table)
+        table = Table(title="cut list")
+        for column in ("cord", "cut to, mm", "expected, ohm"):
+            table.add_column(column, justify="left" if column == "cord" else "right")
+        for c in manifest["cords"]:
+            table.add_row(c["sensor"], f"{c['cut_length']:.0f}", f"{c['resistance']:.0f}")
+        console.print(table)
+        for warning in manifest["warnings"]:
+            console.print(f"note: {warning}", highlight=False)
+    where = f"{folder}/report.html" if options.until == "report" else folder
+    following = {
+        "build": f"slice {folder}/parts/*.stl, or change device.toml and build again",
+        "mesh": f"defsense simulate {options.folder}",
+        "simulate": f"defsense optimize {options.folder}",
+        "optimize": f"defsense fabricate {options.folder}",
+        "fabricate": f"defsense report {options.folder}",
+        "report": f"slice {folder}/parts/*.stl",
+    }[options.command]
+    console.print(f"Look at: {where}\nNext:    {following}", highlight=False, soft_wrap=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,141 @@
+"""Off-screen pictures of a build: routing, strain sections, error maps, exploded parts."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from ..core.arrays import Float
+from ..core.mesh import Surface
+
+COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057", "#e07a5f", "#3d405b")
+_SIZE = (1100, 620)
+
+
+def _plotter() -> Any:
+    plotter = pv.Plotter(off_screen=True, window_size=list(_SIZE), lighting="light kit")
+    plotter.set_background("white")
+    return plotter
+
+
+def _poly(surface: Surface) -> Any:
+    faces = np.concatenate([np.full((len(surface.faces), 1), 3), surface.faces], axis=1)
+    return pv.PolyData(surface.vertices, faces.ravel())
+
+
+def _finish(plotter: Any, view: Float) -> str:
+    """PNG as a data URI; `view` is the direction from the object to the camera."""
+    plotter.view_vector(tuple(view), viewup=(0, 0, 1))
+    plotter.enable_parallel_projection()
+    plotter.reset_camera()
+    plotter.camera.zoom(1.25)
+    plotter.add_axes()
+    image = plotter.screenshot(return_img=True)
+    plotter.close()
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, format="PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _bar(title: str) -> dict[str, Any]:
+    return {
+        "title": title,
+        "color": "black",
+        "title_font_size": 20,
+        "label_font_size": 18,
+        "fmt": "%.3g",
+        "position_x": 0.25,
+        "width": 0.5,
+        "height": 0.08,
+        "position_y": 0.03,
+    }
+
+
+def routing(
+    surface: Surface, cords: Sequence[Float], drawn: Sequence[Float], radius: float, view: Float
+) -> str:
+    """The body with its cords; the paths as drawn are thin and grey."""
+    plotter = _plotter()
+    body = _poly(surface)
+    plotter.add_mesh(body, color="#c9d6df", opacity=0.25, smooth_shading=False)
+    edges = body.extract_feature_edges(30, boundary_edges=False, non_manifold_edges=False)
+    if edges.n_points:
+        plotter.add_mesh(edges, color="#52616b", line_width=1.5)
+    for path in drawn:
+        plotter.add_mesh(pv.lines_from_points(path), color="#777777", line_width=2)
+    for i, path in enumerate(cords):
+        plotter.add_mesh(
+            pv.lines_from_points(path).tube(radius=radius), color=COLORS[i % len(COLORS)]
+        )
+    return _finish(plotter, view)
+
+
+def strain_section(
+    field: Path, name: str, origin: Float, normal: Float, view: Float, top: float
+) -> str:
+    """A deformed section coloured by the largest principal strain, in per cent."""
+    grid = pv.read(field)
+    grid.point_data["strain %"] = 100 * grid.point_data["strain"]
+    cut = grid.slice(normal=normal, origin=origin)
+    plotter = _plotter()
+    outline = grid.extract_surface(algorithm="dataset_surface").warp_by_vector("displacement")
+    plotter.add_mesh(outline, color="#c9d6df", opacity=0.15)
+    plotter.add_mesh(
+        cut.warp_by_vector("displacement"),
+        scalars="strain %",
+        cmap="viridis",
+        clim=[0, top],
+        scalar_bar_args=_bar("largest principal strain (%)"),
+    )
+    plotter.add_text(name, color="black", font_size=11, position="upper_left")
+    return _finish(plotter, view)
+
+
+def error_map(surface: Surface, error: Float, name: str, view: Float, top: float) -> str:
+    """The deformed surface coloured by the reconstruction error (mm) at its vertices (n,)."""
+    plotter = _plotter()
+    body = _poly(surface)
+    body.point_data["error"] = error
+    plotter.add_mesh(
+        body,
+        scalars="error",
+        cmap="magma",
+        clim=[0, top],
+        scalar_bar_args=_bar("reconstruction error (mm)"),
+        smooth_shading=False,
+    )
+    plotter.add_text(name, color="black", font_size=11, position="upper_left")
+    return _finish(plotter, view)
+
+
+def exploded(parts: dict[str, Surface], view: Float) -> str:
+    """The parts moved apart from their common middle, with their names."""
+    plotter = _plotter()
+    middles = {n: s.bounds.mean(0) for n, s in parts.items()}
+    center = np.mean(list(middles.values()), axis=0)
+    size = float(np.linalg.norm(np.ptp([s.bounds for s in parts.values()], axis=(0, 1))))
+    for i, (name, surface) in enumerate(parts.items()):
+        away = middles[name] - center
+        length = float(np.linalg.norm(away))
+        shift = away / length * (0.06 * size + 0.6 * length) if length > 1e-6 else away
+        moved = Surface(surface.vertices + shift, surface.faces)
+        plotter.add_mesh(_poly(moved), color=COLORS[i % len(COLORS)], split_sharp_edges=True)
+        plotter.add_point_labels(
+            [middles[name] + shift],
+            [name],
+            text_color="black",
+            font_size=18,
+            shape_color="white",
+            shape_opacity=0.7,
+            always_visible=True,
+            show_points=False,
+        )
+    return _finish(plotter, view)

@@ -1,0 +1,45 @@
+"""Stage 1: the body's surface, and its exact solid where it is CAD."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..core.device import Device
+from ..core.files import write_json
+from ..core.mesh import Surface
+from ..geometry.body import load_body
+from .stages import Report, read_json
+
+
+def run(device: Device, folder: Path, report: Report) -> None:
+    body = load_body(device.body)
+    out = folder / "body"
+    out.mkdir()
+    np.savez(out / "surface.npz", vertices=body.surface.vertices, faces=body.surface.faces)
+    if body.solid is not None:
+        from ..geometry import occ
+
+        report(0.8, "saving the solid")
+        occ.write_step(body.solid, out / "body.step", device.name)
+    write_json(
+        out / "body.json",
+        {
+            "volume": body.volume,
+            "cad": body.solid is not None,
+            "repairs": list(body.repairs),
+            "bounds": body.surface.bounds.tolist(),
+        },
+    )
+    for line in body.repairs:
+        report(0.9, f"repaired: {line}")
+
+
+def load_surface(folder: Path) -> Surface:
+    with np.load(folder / "body" / "surface.npz") as data:
+        return Surface(data["vertices"], data["faces"])
+
+
+def is_cad(folder: Path) -> bool:
+    return bool(read_json(folder / "body" / "body.json")["cad"])

@@ -1,0 +1,212 @@
+"""Stage 4: the cords' paths, and what they are predicted to sense."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.arrays import Bool, Float
+from ..core.curve import Hermite, Plane
+from ..core.device import Device, Sensor
+from ..core.errors import DeviceError, LayoutError
+from ..core.files import write_json
+from ..core.mesh import Surface
+from ..core.prediction import Prediction
+from ..mechanics.locate import PointLocator
+from ..mechanics.tet10 import QuadraticMesh
+from ..optimize.problem import Limits, Problem
+from ..optimize.refine import first_layout, optimise, sample_path
+from ..optimize.verify import LayoutCheck, verify
+from ..sensing.decoder import fit_affine, measure
+from ..sensing.signal import peak_strain
+from .stage_body import load_surface
+from .stage_mesh import load_mesh
+from .stage_simulate import load_fields
+from .stages import Report, read_json
+
+SEED = 1
+
+
+def limits(device: Device) -> Limits:
+    channel, wall = device.channel_diameter, device.fabrication.wall
+    return Limits(wall, device.cord.min_bend_radius, channel + wall, channel)
+
+
+def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Float, Float]:
+    """Marker positions (k, 3) mm in the rest frame and weights (k,) that sum to one."""
+    spec = device.outputs.markers
+    if isinstance(spec, np.ndarray):
+        depth = locator.find(spec).depth
+        if depth.min() < -0.5:
+            k = int(depth.argmin())
+            raise DeviceError(
+                f"device.toml: outputs.markers: point {k + 1} at {spec[k].tolist()} lies off the"
+                " body; move it onto the surface"
+            )
+        return spec, np.full(len(spec), 1 / len(spec))
+    corners = surface.vertices[surface.faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    rng = np.random.default_rng(SEED)
+    dense = 4000
+    face = rng.choice(len(area), dense, p=area / area.sum())
+    a, b = np.sqrt(rng.random(dense)), rng.random(dense)
+    weights = np.stack([1 - a, a * (1 - b), a * b], axis=1)
+    points = np.einsum("ni,nij->nj", weights, corners[face])
+    if spec == "surface":
+        return points, np.full(dense, 1 / dense)
+    return _spread(points, spec), np.full(spec, 1 / spec)
+
+
+def _spread(points: Float, count: int) -> Float:
+    """Farthest-point sampling: `count` of the points, evenly spread."""
+    chosen = [int(np.linalg.norm(points - points.mean(0), axis=1).argmax())]
+    distance = np.full(len(points), np.inf)
+    while len(chosen) < count:
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
+    return points[chosen]
+
+
+def run(device: Device, folder: Path, report: Report) -> None:
+    surface = load_surface(folder)
+    mesh = load_mesh(folder)
+    locator = PointLocator(QuadraticMesh.from_linear(mesh))
+    names, held, fields = load_fields(folder)
+    points, weights = markers(device, surface, locator)
+    moved = locator.displacement(locator.find(points), fields)
+    moved = np.concatenate([np.zeros((1, *points.shape)), moved])
+    seen = np.flatnonzero(~np.array([False, *held]))
+    problem = Problem(
+        surface,
+        locator,
+        fields[seen[1:] - 1],
+        moved[seen],
+        weights,
+        device.cord.gauge_factor,
+        device.cord.noise,
+        limits(device),
+    )
+    rng = np.random.default_rng(SEED)
+    drawn: tuple[Sensor, ...] = device.sensors
+    if drawn:
+        check = verify(drawn, surface, problem.limits)
+        if check.problems:
+            raise LayoutError(
+                f"device.toml: sensors: {check.problems[0]}; move its control_points or plane"
+            )
+    else:
+        report(0.0, "proposing planes and paths")
+        drawn = first_layout(problem, device.propose, rng)
+    found = optimise(problem, drawn, rng, report)
+    everything = replace(problem, fields=fields, markers=moved)
+    all_names = ["rest", *names]
+    hold = np.array([False, *held])
+    initial, _ = predict(everything, drawn, all_names, hold)
+    final, extra = predict(everything, found.sensors, all_names, hold)
+    check = verify(found.sensors, surface, problem.limits)
+    if check.problems:
+        raise LayoutError(f"the optimised layout fails its check: {check.problems[0]}")
+    write_json(
+        folder / "layout.json",
+        {
+            "schema": 1,
+            "device": device.name,
+            "mesh": read_json(folder / "mesh.json")["hash"],
+            "limits": {
+                "wall": problem.limits.wall,
+                "min_radius": problem.limits.min_radius,
+                "clearance": problem.limits.clearance,
+            },
+            "sensors": _sensors(device, found.sensors, check, everything),
+            "min_clearance": check.min_clearance,
+            "prediction": final.to_json(),
+            "initial": initial.to_json(),
+            "drawn": [sample_path(s).tolist() for s in drawn],
+            "proposed": not device.sensors,
+            "starts": list(found.starts),
+            "seed": SEED,
+        },
+    )
+    write_json(folder / "prediction.json", {"markers": points.tolist(), **extra})
+
+
+def predict(
+    problem: Problem, sensors: Sequence[Sensor], names: Sequence[str], held: Bool
+) -> tuple[Prediction, dict[str, Any]]:
+    """Fit on the states not held out and score all; also the decoder and marker errors."""
+    signals = np.stack([problem.signals(sample_path(s)) for s in sensors], axis=1)
+    n, k = problem.markers.shape[:2]
+    flat = problem.markers.reshape(n, -1)
+    train = ~held
+    weight = train.sum() * max(problem.noise, 1e-9) ** 2
+    decoder = fit_affine(signals[train], flat[train], weight)
+    guess = decoder(signals).reshape(n, k, 3)
+    noisy = (decoder.weights.reshape(-1, k, 3) ** 2).sum((0, 2)) * problem.noise**2
+    variance = float(noisy @ problem.marker_weights)
+    seen = measure(guess[train], problem.markers[train], problem.marker_weights)
+    every = measure(guess, problem.markers, problem.marker_weights)
+    rmse = {m: float(np.sqrt(e**2 + variance)) for m, e in zip(names, every.per_state, strict=True)}
+    only = replace(problem, markers=problem.markers[train])
+    prediction = Prediction(
+        decoder="affine",
+        noise=problem.noise,
+        rmse=float(np.sqrt(seen.rmse**2 + variance)),
+        rmse_noise_free=seen.rmse,
+        peak=seen.peak,
+        average_peak=seen.average_peak,
+        floor=only.floor(len(sensors)),
+        per_state={m: rmse[m] for m, h in zip(names, held, strict=True) if not h},
+        held_out={m: rmse[m] for m, h in zip(names, held, strict=True) if h},
+    )
+    extra = {
+        "weights": decoder.weights.tolist(),
+        "constant": decoder.constant.tolist(),
+        "states": list(names),
+        "signals": signals.tolist(),
+        "errors": np.linalg.norm(guess - problem.markers, axis=2).tolist(),
+    }
+    return prediction, extra
+
+
+def _sensors(
+    device: Device, sensors: Sequence[Sensor], check: LayoutCheck, problem: Problem
+) -> list[dict[str, Any]]:
+    out = []
+    for channel, (s, c) in enumerate(zip(sensors, check.cords, strict=True)):
+        path = sample_path(s)
+        out.append(
+            {
+                "name": s.name,
+                "channel": channel,
+                "plane": {
+                    "origin": s.plane.origin.tolist(),
+                    "normal": s.plane.normal.tolist(),
+                    "x_axis": s.plane.axes[:, 0].tolist(),
+                },
+                "control_points": s.curve.points.tolist(),
+                "tangents": s.curve.tangents.tolist(),
+                "points": path.tolist(),
+                "length": c.length,
+                "min_radius": min(c.min_radius, 1e6),
+                "min_wall": c.min_wall,
+                "inlets": list(c.inlets),
+                "cord_diameter": device.cord.diameter,
+                "peak_strain": peak_strain(path, problem.deform(path)),
+            }
+        )
+    return out
+
+
+def load_sensors(folder: Path) -> list[Sensor]:
+    """The optimised cords of `layout.json`."""
+    out = []
+    for s in read_json(folder / "layout.json")["sensors"]:
+        p = s["plane"]
+        plane = Plane.from_normal(*(np.array(p[k]) for k in ("origin", "normal", "x_axis")))
+        curve = Hermite(np.array(s["control_points"]), np.array(s["tangents"]))
+        out.append(Sensor(s["name"], plane, curve))
+    return out

@@ -1,0 +1,127 @@
+"""Stage 6: one self-contained page with pictures, predicted errors and the cut list."""
+
+from __future__ import annotations
+
+import os
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+import trimesh
+
+from ..core.arrays import Float
+from ..core.device import Device
+from ..core.mesh import Surface
+from ..sensing.decoder import fit_affine, ridge_weight
+from . import pictures
+from .stage_body import load_surface
+from .stage_mesh import load_mesh
+from .stage_simulate import load_fields
+from .stages import Report, read_json
+
+
+def run(device: Device, folder: Path, report: Report) -> None:
+    layout = read_json(folder / "layout.json")
+    manifest = read_json(folder / "parts" / "manifest.json")
+    surface = load_surface(folder)
+    view, section_normal, section_view = _views(surface)
+    paths = [np.array(s["points"]) for s in layout["sensors"]]
+    report(0.05, "routing")
+    images: dict[str, Any] = {
+        "routing": pictures.routing(
+            surface,
+            paths,
+            [np.array(p) for p in layout["drawn"]],
+            device.cord.diameter / 2,
+            view,
+        )
+    }
+    report(0.2, "parts")
+    parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
+    images["parts"] = pictures.exploded(parts, view)
+    images["poses"] = _poses(device, folder, section_normal, view, section_view, report)
+    text = (files("defsense_fab") / "pipeline" / "report.html").read_text(encoding="utf-8")
+    page = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(text)
+    temporary = folder / ".report.html.part"
+    temporary.write_text(
+        page.render(
+            device=device,
+            layout=layout,
+            manifest=manifest,
+            mesh=read_json(folder / "mesh.json"),
+            body=read_json(folder / "body" / "body.json"),
+            images=images,
+            colors=pictures.COLORS,
+            max=max,
+        ),
+        encoding="utf-8",
+    )
+    os.replace(temporary, folder / "report.html")
+
+
+def _stl(path: Path) -> Surface:
+    mesh = trimesh.load(path, force="mesh")
+    return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
+
+
+def _views(surface: Surface) -> tuple[Float, Float, Float]:
+    """Camera direction for the whole, section normal, and camera direction for sections.
+
+    The section holds the two longest sides of the bounding box, or the longest and the
+    vertical where the cross-section is about square.
+    """
+    size = np.ptp(surface.bounds, axis=0)
+    long = int(size.argmax())
+    rest = [i for i in range(3) if i != long]
+    thin = rest[0] if size[rest[0]] < 1.2 * size[rest[1]] else rest[1]
+    view = np.array([0.35, -1.0, 0.55]) if long != 1 else np.array([1.0, 0.35, 0.55])
+    normal = np.eye(3)[thin]
+    toward = normal * (-1 if thin == 1 else 1) + 0.25 * np.eye(3)[long]
+    if thin != 2:
+        toward = toward + np.array([0, 0, 0.2])
+    return view, normal, toward
+
+
+def _poses(
+    device: Device, folder: Path, normal: Float, view: Float, side: Float, report: Report
+) -> list[dict[str, Any]]:
+    """Strain section and error map of each pose at full amplitude, and of each mixture."""
+    names, held, fields = load_fields(folder)
+    top = f"@{device.states.ramp[-1]:g}"
+    shown = [i for i, n in enumerate(names) if "@" not in n or n.endswith(top)]
+    boundary = load_mesh(folder).boundary()
+    used = np.unique(boundary.faces)
+    index = np.zeros(len(boundary.vertices), int)
+    index[used] = np.arange(len(used))
+    rest, faces = boundary.vertices[used], index[boundary.faces]
+    signals = np.array(read_json(folder / "prediction.json")["signals"])
+    moved = np.concatenate([np.zeros((1, *rest.shape)), fields[:, used]])
+    train = ~np.array([False, *held])
+    flat = moved.reshape(len(moved), -1)
+    decoder = fit_affine(
+        signals[train], flat[train], ridge_weight(int(train.sum()), device.cord.noise)
+    )
+    error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
+    highest = float(np.percentile(error[shown], 99.5))
+    out = []
+    center = np.asarray(rest.min(0) + rest.max(0)) / 2
+    for k, i in enumerate(shown):
+        name = names[i]
+        report(0.3 + 0.7 * k / len(shown), name)
+        path = folder / "fields" / f"{name}.vtu"
+        import meshio
+
+        strain = 100 * float(np.percentile(meshio.read(path).point_data["strain"], 99.5))
+        out.append(
+            {
+                "name": name,
+                "strain": pictures.strain_section(path, name, center, normal, side, strain),
+                "error": pictures.error_map(
+                    Surface(rest + fields[i][used], faces), error[i], name, view, highest
+                ),
+                "mean_error": float(np.sqrt((error[i] ** 2).mean())),
+            }
+        )
+    return out

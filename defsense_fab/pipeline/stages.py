@@ -1,0 +1,142 @@
+"""The stages of a build: each reads the folder it is given and leaves its files there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..core.device import Device
+from ..core.files import digest
+
+#: Raised when a stage's results change for the same input, so that old ones are not reused.
+CODE_VERSION = 1
+
+Report = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """`run(device, folder, report)` writes `outputs` (names in the folder); `inputs` are hashed."""
+
+    name: str
+    title: str
+    outputs: tuple[str, ...]
+    inputs: Callable[[Device], Any]
+    run: Callable[[Device, Path, Report], None]
+
+
+def _body_inputs(d: Device) -> Any:
+    files = sorted(
+        p
+        for p in d.source.rglob("*")
+        if p.is_file()
+        and p.name != "device.toml"
+        and not {"build", ".build-next", "__pycache__"} & set(p.relative_to(d.source).parts)
+        and p.stat().st_size < 50e6
+    )
+    if d.body.path not in files:
+        files.append(d.body.path)
+    return (
+        d.body.kind,
+        sorted(d.body.parameters.items()),
+        d.body.scale,
+        [(p.name, digest(p)) for p in files],
+    )
+
+
+def _regions(d: Device) -> Any:
+    return sorted((k, type(s).__name__, _plain(vars(s))) for k, s in d.regions.items())
+
+
+def _plain(value: Any) -> Any:
+    """Arrays as lists, so that hashes see numbers."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, dict):
+        return sorted((k, _plain(v)) for k, v in value.items())
+    if isinstance(value, tuple | list):
+        return [_plain(v) for v in value]
+    if isinstance(value, frozenset):
+        return sorted(value)
+    return _plain(vars(value)) if hasattr(value, "__dataclass_fields__") else value
+
+
+def _run_body(d: Device, folder: Path, report: Report) -> None:
+    from .stage_body import run
+
+    run(d, folder, report)
+
+
+def _run_mesh(d: Device, folder: Path, report: Report) -> None:
+    from .stage_mesh import run
+
+    run(d, folder, report)
+
+
+def _run_simulate(d: Device, folder: Path, report: Report) -> None:
+    from .stage_simulate import run
+
+    run(d, folder, report)
+
+
+def _run_optimize(d: Device, folder: Path, report: Report) -> None:
+    from .stage_optimize import run
+
+    run(d, folder, report)
+
+
+def _run_fabricate(d: Device, folder: Path, report: Report) -> None:
+    from .stage_fabricate import run
+
+    run(d, folder, report)
+
+
+def _run_report(d: Device, folder: Path, report: Report) -> None:
+    from .stage_report import run
+
+    run(d, folder, report)
+
+
+STAGES = (
+    Stage("body", "load the body", ("body",), _body_inputs, _run_body),
+    Stage(
+        "mesh",
+        "make tetrahedra",
+        ("mesh.vtu", "mesh.json"),
+        lambda d: (d.edge_length, _regions(d)),
+        _run_mesh,
+    ),
+    Stage(
+        "simulate",
+        "simulate the poses",
+        ("fields",),
+        lambda d: _plain((d.material, d.poses, d.states)),
+        _run_simulate,
+    ),
+    Stage(
+        "optimize",
+        "optimise the cords",
+        ("layout.json", "prediction.json"),
+        lambda d: _plain((d.cord, d.fabrication, d.outputs, d.sensors, d.propose)),
+        _run_optimize,
+    ),
+    Stage("fabricate", "make the parts", ("parts",), lambda d: d.name, _run_fabricate),
+    Stage("report", "write the report", ("report.html",), lambda d: d.name, _run_report),
+)
+
+
+def keys(device: Device) -> dict[str, str]:
+    """The hash of all that each stage's result depends on, upstream stages included."""
+    out: dict[str, str] = {}
+    key = digest(CODE_VERSION)
+    for stage in STAGES:
+        key = digest(key, stage.name, stage.inputs(device))
+        out[stage.name] = key
+    return out
+
+
+def read_json(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
