@@ -160,10 +160,11 @@ class _Lines:
     """Progress as lines: the beginning and end of each stage, or everything with -v."""
 
     def __init__(self, everything: bool) -> None:
-        self._everything = everything
+        self._everything, self._stage = everything, ""
 
     def __call__(self, stage: str, fraction: float, message: str) -> None:
-        if self._everything or fraction in (0.0, 1.0):
+        if self._everything or stage != self._stage or message == "done":
+            self._stage = stage
             sys.stderr.write(f"{stage:<10} {100 * fraction:3.0f} %  {message}\n")
 
 
@@ -179,7 +180,12 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
         layout = data["layout"]
         first, best = layout["initial"], layout["prediction"]
         table = Table(title="predicted RMSE, mm")
-        for column in ("", "as proposed" if layout["proposed"] else "as drawn", "optimised", "floor"):
+        for column in (
+            "",
+            "as proposed" if layout["proposed"] else "as drawn",
+            "optimised",
+            "floor",
+        ):
             table.add_column(column, justify="right" if column else "left")
         table.add_row("with noise", f"{first['rmse']:.3f}", f"{best['rmse']:.3f}", "")
         table.add_row(

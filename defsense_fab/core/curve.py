@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -111,9 +112,7 @@ def hermite_basis(count: int, per_span: int) -> tuple[Float, Float, Float]:
 
     t = np.linspace(0, 1, per_span + 1)
     spans = range(count - 1)
-    position = np.concatenate(
-        [rows(i, t[:-1], 0) for i in spans] + [rows(count - 2, t[-1:], 0)]
-    )
+    position = np.concatenate([rows(i, t[:-1], 0) for i in spans] + [rows(count - 2, t[-1:], 0)])
     first, second = (np.concatenate([rows(i, t, k) for i in spans]) for k in (1, 2))
     for m in (position, first, second):
         m.flags.writeable = False
@@ -127,3 +126,16 @@ def curvature(curve: Hermite, per_span: int) -> Float:
     d, dd = first @ stack, second @ stack
     speed = np.maximum(np.linalg.norm(d, axis=1), 1e-12)
     return np.asarray((d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / speed**3)
+
+
+def distinct(planes: Sequence[Plane]) -> list[Plane]:
+    """One of each set of coincident planes: a body is cut there once."""
+    out: list[Plane] = []
+    for p in planes:
+        for q in out:
+            parallel = np.linalg.norm(np.cross(p.normal, q.normal)) < 1e-6
+            if parallel and abs((p.origin - q.origin) @ q.normal) < 1e-4:
+                break
+        else:
+            out.append(p)
+    return out

@@ -21,9 +21,7 @@ def load_toml(path: Path) -> Table:
         text = path.read_text(encoding="utf-8")
         return Table(tomllib.loads(text), path, text, ())
     except FileNotFoundError:
-        raise DeviceError(
-            f"{path}: no such file; give a folder that holds a device.toml"
-        ) from None
+        raise DeviceError(f"{path}: no such file; give a folder that holds a device.toml") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DeviceError(f"{path}: not valid TOML: {error}") from None
     except OSError as error:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,23 +37,15 @@ def write_3mf(parts: Mapping[str, Surface], path: Path, title: str) -> None:
     for name, surface in parts.items():
         mesh = model.AddMeshObject()
         mesh.SetName(name)
-        vertices = [_position(lib3mf, v) for v in surface.vertices.tolist()]
-        triangles = [_triangle(lib3mf, f) for f in surface.faces.tolist()]
+        vertices = [_filled(lib3mf.Position(), "Coordinates", v) for v in surface.vertices.tolist()]
+        triangles = [_filled(lib3mf.Triangle(), "Indices", f) for f in surface.faces.tolist()]
         mesh.SetGeometry(vertices, triangles)
         assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
     model.AddBuildItem(assembly, wrapper.GetIdentityTransform())
     model.QueryWriter("3mf").WriteToFile(str(path))
 
 
-def _position(lib3mf, point):  # type: ignore[no-untyped-def]
-    out = lib3mf.Position()
-    for i in range(3):
-        out.Coordinates[i] = point[i]
-    return out
-
-
-def _triangle(lib3mf, corners):  # type: ignore[no-untyped-def]
-    out = lib3mf.Triangle()
-    for i in range(3):
-        out.Indices[i] = corners[i]
-    return out
+def _filled(record: Any, field: str, values: Sequence[float]) -> Any:
+    for i, value in enumerate(values):
+        getattr(record, field)[i] = value
+    return record

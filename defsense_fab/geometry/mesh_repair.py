@@ -74,7 +74,9 @@ def repair(vertices: Float, faces: Int, where: str) -> tuple[Float, Int, list[st
     if len(first) < len(vertices):
         done.append(f"merged {len(vertices) - len(first)} coincident vertices")
     vertices, faces = vertices[first], inverse.reshape(-1)[faces]
-    keep = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    keep = (
+        (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    )
     _, unique = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     mask = np.zeros(len(faces), bool)
     mask[unique] = True
@@ -102,9 +104,7 @@ def repair(vertices: Float, faces: Int, where: str) -> tuple[Float, Int, list[st
     vertices, faces = vertices[used], index[faces]
     pieces = len(np.unique(np.asarray(igl.facet_components(faces)[1])))
     if pieces > 1:
-        raise BodyError(
-            f"{where}: is made of {pieces} separate pieces; unite them or keep one"
-        )
+        raise BodyError(f"{where}: is made of {pieces} separate pieces; unite them or keep one")
     volume = Surface(vertices, faces).volume
     if abs(volume) < 1e-9 * size**3:
         raise BodyError(f"{where}: encloses no volume; a closed solid is needed")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Int
 from ..core.errors import MeshingError
 from ..core.mesh import Surface, TetMesh
 
@@ -62,7 +62,7 @@ def tetrahedralise(
     return mesh, quality(mesh, surface)
 
 
-def _tidy(nodes: Float, tets: np.ndarray) -> TetMesh:  # type: ignore[type-arg]
+def _tidy(nodes: Float, tets: Int) -> TetMesh:
     if len(tets) == 0:
         raise MeshingError("the mesher returned no tets; is the surface closed?")
     x = nodes[tets]

@@ -58,12 +58,13 @@ class PointLocator:
 
     def displacement(self, at: Located, fields: Float) -> Float:
         """Displacements (s, p, 3) of the fields (s, n, 3) at the points."""
-        return np.einsum("pn,spna->spa", shape(at.bary), fields[:, self.mesh.cells[at.cell]])
+        nodal = fields[:, self.mesh.cells[at.cell]]
+        return np.asarray(np.einsum("pn,spna->spa", shape(at.bary), nodal))
 
     def gradient(self, at: Located, fields: Float) -> Float:
         """Displacement gradients (s, p, 3, 3): [a, j] is the derivative of u_a by X_j."""
         g = np.einsum("pnb,pbj->pnj", shape_by_bary(at.bary), self.mesh.bary_gradient[at.cell])
-        return np.einsum("pnj,spna->spaj", g, fields[:, self.mesh.cells[at.cell]])
+        return np.asarray(np.einsum("pnj,spna->spaj", g, fields[:, self.mesh.cells[at.cell]]))
 
 
 @numba.njit(cache=True)

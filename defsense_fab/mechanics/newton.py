@@ -135,7 +135,7 @@ class _System:
 
     def _reduce(self, force: Float) -> Float:
         keep = self.index >= 0
-        return np.bincount(self.index[keep], force[keep], minlength=self.size)
+        return np.asarray(np.bincount(self.index[keep], force[keep], minlength=self.size), float)
 
     def _expand(self, q: Float) -> Float:
         return np.asarray(np.where(self.index >= 0, q[self.index], 0.0))

@@ -125,9 +125,7 @@ def _energy(x, cells, gradient, weight, mu, kappa):  # type: ignore[no-untyped-d
             if J <= 0:
                 return np.inf
             i1 = (F * F).sum()
-            total += weight[e] * (
-                0.5 * mu * (J ** (-2 / 3) * i1 - 3) + 0.5 * kappa * (J - 1) ** 2
-            )
+            total += weight[e] * (0.5 * mu * (J ** (-2 / 3) * i1 - 3) + 0.5 * kappa * (J - 1) ** 2)
     return total
 
 
@@ -160,9 +158,12 @@ def _hessian(F, mu, kappa, project, H):  # type: ignore[no-untyped-def]
     """Fill H (9, 9), the Hessian of the energy by F, from the principal stretches."""
     U, s, Vt = np.linalg.svd(F)
     J = s[0] * s[1] * s[2]
-    if U[0, 0] * (U[1, 1] * U[2, 2] - U[1, 2] * U[2, 1]) - U[0, 1] * (
-        U[1, 0] * U[2, 2] - U[1, 2] * U[2, 0]
-    ) + U[0, 2] * (U[1, 0] * U[2, 1] - U[1, 1] * U[2, 0]) < 0:
+    if (
+        U[0, 0] * (U[1, 1] * U[2, 2] - U[1, 2] * U[2, 1])
+        - U[0, 1] * (U[1, 0] * U[2, 2] - U[1, 2] * U[2, 0])
+        + U[0, 2] * (U[1, 0] * U[2, 1] - U[1, 1] * U[2, 0])
+        < 0
+    ):
         U = -U
         Vt = -Vt
     a = mu * J ** (-2 / 3)
@@ -172,7 +173,13 @@ def _hessian(F, mu, kappa, project, H):  # type: ignore[no-untyped-def]
         for j in range(3):
             if i == j:
                 A[i, i] = (
-                    a * (-2 / (3 * s[i]) * (s[i] - i1 / (3 * s[i])) + 1 + i1 / (3 * s[i] ** 2) - 2 / 3)
+                    a
+                    * (
+                        -2 / (3 * s[i]) * (s[i] - i1 / (3 * s[i]))
+                        + 1
+                        + i1 / (3 * s[i] ** 2)
+                        - 2 / 3
+                    )
                     + kappa * J * J / s[i] ** 2
                 )
             else:

@@ -78,12 +78,18 @@ def propose(surface: Surface, count: int, rng: np.random.Generator) -> list[Sens
         start, end = s[gaps[gaps < 200].max()] + 2, s[gaps[gaps > 200].min()] - 2
         if end - start < 30:
             continue
-        x = np.array([0, 8, *np.linspace(8, end - start - 8, 6)[1:-1], end - start - 8, end - start])
+        x = np.array(
+            [0, 8, *np.linspace(8, end - start - 8, 6)[1:-1], end - start - 8, end - start]
+        )
         points = np.stack([x, np.zeros_like(x)], axis=1)
         plane = Plane.from_normal(center + side + start * direction, normal, direction)
         out.append(
-            Sensor("proposed", plane, Hermite(points, catmull_rom(points)),
-                   frozenset({"path", "plane"}))
+            Sensor(
+                "proposed",
+                plane,
+                Hermite(points, catmull_rom(points)),
+                frozenset({"path", "plane"}),
+            )
         )
     return out
 
@@ -95,22 +101,20 @@ def build_pool(problem: Problem, sensors: Sequence[Sensor], keep_first: bool = T
     if keep_first:
         good[0] = True
     kept = np.flatnonzero(good)
-    return Pool(
-        tuple(sensors[i] for i in kept), paths[kept], problem.signals(paths[kept])
-    )
+    return Pool(tuple(sensors[i] for i in kept.tolist()), paths[kept], problem.signals(paths[kept]))
 
 
 def _resample(curve: Hermite) -> Float:
     """_COARSE points, evenly spread over the parameter."""
     dense = curve.sample(24)
-    return dense[np.round(np.linspace(0, len(dense) - 1, _COARSE)).astype(int)]
+    return np.asarray(dense[np.round(np.linspace(0, len(dense) - 1, _COARSE)).astype(int)])
 
 
 def _feasible(paths: Float, sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> Bool:
     depth = DepthField(surface)
     d = depth(paths.reshape(-1, 3))[0].reshape(paths.shape[:2])
     good = d.min(1) > 0
-    for i in np.flatnonzero(good):
+    for i in np.flatnonzero(good).tolist():
         s = sensors[i]
         if np.abs(curvature(s.curve, 6)).max() * limits.min_radius > 0.98:
             good[i] = False
@@ -127,5 +131,3 @@ def _crosses(path: Float, limits: Limits) -> bool:
     along = np.concatenate([[0], np.cumsum(step)])
     gap[np.abs(along[:, None] - along) < np.pi * limits.min_radius + step.max()] = np.inf
     return bool(gap.min() < limits.clearance + step.max() / 2)
-
-

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import igl
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Bool, Float
 from ..core.device import Sensor
 from ..core.mesh import Surface
 from .freedom import CordFreedom
@@ -68,7 +69,7 @@ def required_depth(points: Float, ends: tuple[float, float], limits: Limits) -> 
     """Least depth (p,) of a path's samples: the full wall, less in the cone of an inlet."""
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     to_exit = np.minimum(along + ends[0], along[-1] - along + ends[1])
-    return np.minimum(limits.depth, INLET_SLOPE * to_exit)
+    return np.asarray(np.minimum(limits.depth, INLET_SLOPE * to_exit))
 
 
 class Constraints:
@@ -82,7 +83,7 @@ class Constraints:
         self._free = [c.size > 0 for c in cords]
         self._ends = [extensions(c.sensor, self._depth) for c in cords]
         sizes = np.cumsum([0, *(c.size for c in cords)])
-        self._columns = [slice(a, b) for a, b in zip(sizes[:-1], sizes[1:], strict=True)]
+        self._columns = [slice(a, b) for a, b in itertools.pairwise(sizes)]
         self._size = int(sizes[-1])
 
     def __call__(self, x: Float) -> tuple[Float, Float]:
@@ -150,7 +151,7 @@ class Constraints:
         values.append(best - self._limits.clearance - MARGIN)
         rows.append(row)
 
-    def _near(self, points: Float) -> np.ndarray:  # type: ignore[type-arg]
+    def _near(self, points: Float) -> Bool:
         """(p, p - 1): segments too close along the cord to count as another strand."""
         along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         middle = (along[1:] + along[:-1]) / 2

@@ -6,6 +6,7 @@ is 2 (S beta - O) beta^T.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,7 +38,7 @@ class Objective:
         deformed = rest + p.locator.displacement(at, p.fields)
         gradient = np.eye(3) + p.locator.gradient(at, p.fields)
         columns, by_rest = [], []
-        for a, b in zip(sizes[:-1], sizes[1:], strict=True):
+        for a, b in itertools.pairwise(sizes):
             s, g = signal_gradient(rest[a:b], deformed[:, a:b], gradient[:, a:b], p.gauge_factor)
             columns.append(np.concatenate([[0.0], s]))
             by_rest.append(g)

@@ -21,6 +21,8 @@ class Limits:
     min_radius: float
     clearance: float
     channel_diameter: float
+    #: Smallest part as a fraction of the body: cord planes that nearly meet leave slivers.
+    smallest_part: float = 0.01
 
     @property
     def depth(self) -> float:

@@ -9,8 +9,10 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ..core.arrays import Float
+from ..core.curve import distinct
 from ..core.device import Sensor
 from ..core.errors import LayoutError
+from ..geometry import facets
 from .candidates import Pool, build_pool, propose, vary
 from .constraints import Constraints
 from .freedom import CordFreedom, per_span
@@ -48,18 +50,21 @@ def optimise(
     rng: np.random.Generator,
     report: Report,
     *,
-    starts: int = 4,
-    candidates: int = 600,
+    starts: int = 6,
+    candidates: int = 800,
     iterations: int = 80,
 ) -> Optimised:
     """Improve the cords that are free, from selected variations and the drawing itself.
 
-    Every start ends in an independent check; only layouts that pass compete. The drawing, which
-    must pass itself, is the result where nothing better was found.
+    Every start ends in an independent check; only layouts that pass compete, and one whose
+    planes leave slivers of parts loses to any that leave none. The drawing, which must pass
+    itself, is the result where nothing better was found.
     """
     drawn = tuple(sensors)
     best, best_error = drawn, layout_error(problem, drawn)
     reached: list[float] = []
+    slivers = Slivers(problem)
+    rank = (slivers(drawn), best_error)
     if not any(s.free for s in drawn):
         return Optimised(best, best_error, ())
     size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
@@ -71,6 +76,7 @@ def optimise(
         if start == 0:
             seeds.append([_jitter(s, rng) for s in drawn])
         for seed in seeds:
+
             def show(value: float, at: int = start) -> None:
                 report(at / starts, f"start {at + 1} of {starts}, {np.sqrt(value):.3g} mm")
 
@@ -79,11 +85,27 @@ def optimise(
                     continue
                 error = layout_error(problem, layout)
                 reached.append(error)
-                if error < best_error:
-                    best, best_error = tuple(layout), error
-                break
+                if error >= best_error and not rank[0]:
+                    break
+                new = (slivers(layout), error)
+                if new < rank:
+                    best, best_error, rank = tuple(layout), error, new
+                if not new[0]:
+                    break
     report(1.0, f"best {best_error:.3g} mm")
     return Optimised(best, best_error, tuple(reached))
+
+
+class Slivers:
+    """Whether the planes of a layout cut off parts too small to print."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._body = facets.to_manifold(problem.surface, "the body")
+        self._least = problem.limits.smallest_part * self._body.volume()
+
+    def __call__(self, sensors: Sequence[Sensor]) -> bool:
+        parts, _ = facets.carve_and_split(self._body, [], distinct([s.plane for s in sensors]))
+        return any(p.volume() < self._least for p in parts)
 
 
 def first_layout(
@@ -95,7 +117,11 @@ def first_layout(
     """
     straight = propose(problem.surface, lines, rng)
     width = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[0])
-    many = [v for s in straight for v in vary(replace(s, free=frozenset({"path"})), variations, width / 3, rng)]
+    many = [
+        v
+        for s in straight
+        for v in vary(replace(s, free=frozenset({"path"})), variations, width / 3, rng)
+    ]
     pool = build_pool(problem, many, keep_first=False) if many else None
     picked = _pick(problem, [pool] * count) if pool and pool.sensors else None
     if picked is None:

@@ -41,9 +41,9 @@ def select(
 
 
 def _gain(S: Float | None, pool: Float, outputs: Float, ridge: float) -> Float:
-    A = np.eye(len(outputs))
+    A: Float = np.eye(len(outputs))
     if S is not None:
-        A = np.linalg.inv(A + S @ S.T / ridge)
+        A = np.asarray(np.linalg.inv(A + S @ S.T / ridge), float)
     As = A @ pool
     return np.asarray(((outputs.T @ As) ** 2).sum(0) / (ridge + (pool * As).sum(0)))
 

@@ -52,7 +52,7 @@ def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> Layou
     closest = None
     for i in range(len(sensors)):
         for j in range(i + 1, len(sensors)):
-            gap, at = cKDTree(dense[j]).query(dense[i])
+            gap, _ = cKDTree(dense[j]).query(dense[i])
             k = int(gap.argmin())
             closest = float(gap[k]) if closest is None else min(closest, float(gap[k]))
             if gap[k] < limits.clearance - _TOLERANCE:
@@ -129,7 +129,7 @@ def _depth(points: Float, surface: Surface) -> Float:
     v, f = np.ascontiguousarray(surface.vertices), np.ascontiguousarray(surface.faces)
     distance = np.sqrt(np.asarray(igl.point_mesh_squared_distance(points, v, f)[0]))
     inside = np.asarray(igl.fast_winding_number(v, f, np.ascontiguousarray(points))) > 0.5
-    return np.where(inside, distance, -distance)
+    return np.asarray(np.where(inside, distance, -distance))
 
 
 def _inlet(end: Float, outward: Float, surface: Surface) -> float:

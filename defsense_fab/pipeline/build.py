@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ def build(device: Device, until: str = "report", progress: Progress = silent) ->
                 reused.append(stage.name)
             elif stage in stages:
                 progress(stage.name, 0.0, stage.title)
-                stage.run(device, working, lambda f, m, s=stage.name: progress(s, f, m))
+                stage.run(device, working, partial(progress, stage.name))
                 progress(stage.name, 1.0, "done")
                 made.append(stage.name)
             else:

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import base64
 import io
+import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+    # Without a screen VTK tries X first and complains; EGL needs none.
+    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 import numpy as np
 import pyvista as pv
@@ -49,12 +55,12 @@ def _bar(title: str) -> dict[str, Any]:
     return {
         "title": title,
         "color": "black",
-        "title_font_size": 20,
-        "label_font_size": 18,
+        "title_font_size": 24,
+        "label_font_size": 20,
         "fmt": "%.3g",
         "position_x": 0.25,
         "width": 0.5,
-        "height": 0.08,
+        "height": 0.1,
         "position_y": 0.03,
     }
 
@@ -95,7 +101,7 @@ def strain_section(
         clim=[0, top],
         scalar_bar_args=_bar("largest principal strain (%)"),
     )
-    plotter.add_text(name, color="black", font_size=11, position="upper_left")
+    plotter.add_text(name, color="black", font_size=16, position="upper_left")
     return _finish(plotter, view)
 
 
@@ -112,7 +118,7 @@ def error_map(surface: Surface, error: Float, name: str, view: Float, top: float
         scalar_bar_args=_bar("reconstruction error (mm)"),
         smooth_shading=False,
     )
-    plotter.add_text(name, color="black", font_size=11, position="upper_left")
+    plotter.add_text(name, color="black", font_size=16, position="upper_left")
     return _finish(plotter, view)
 
 
@@ -125,11 +131,11 @@ def exploded(parts: dict[str, Surface], view: Float) -> str:
     for i, (name, surface) in enumerate(parts.items()):
         away = middles[name] - center
         length = float(np.linalg.norm(away))
-        shift = away / length * (0.06 * size + 0.6 * length) if length > 1e-6 else away
+        shift = away / length * (0.12 * size + 1.5 * length) if length > 1e-6 else away
         moved = Surface(surface.vertices + shift, surface.faces)
         plotter.add_mesh(_poly(moved), color=COLORS[i % len(COLORS)], split_sharp_edges=True)
         plotter.add_point_labels(
-            [middles[name] + shift],
+            [middles[name] + 1.2 * shift],
             [name],
             text_color="black",
             font_size=18,

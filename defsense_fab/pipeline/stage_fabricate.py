@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.curve import Plane
+from ..core.curve import Plane, distinct
 from ..core.device import Device, Sensor
 from ..core.errors import FabricationError
 from ..core.files import write_json
 from ..core.mesh import Surface
 from ..geometry import facets
 from ..geometry.export import write_3mf, write_stl
+from ..optimize.problem import Limits
 from .stage_body import is_cad, load_surface
 from .stage_optimize import load_sensors
 from .stages import Report, read_json
@@ -41,7 +42,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     inlets = [s["inlets"] for s in read_json(folder / "layout.json")["sensors"]]
     overrun = 2 * device.channel_diameter
     ends = [(a + overrun, b + overrun) for a, b in inlets]
-    planes = distinct_planes([s.plane for s in sensors])
+    planes = distinct([s.plane for s in sensors])
     surface = load_surface(folder)
     report(0.1, "cutting facets")
     parts, removed, body_volume = _by_facets(surface, sensors, ends, planes, device)
@@ -75,27 +76,12 @@ def run(device: Device, folder: Path, report: Report) -> None:
     write_json(out / "manifest.json", _manifest(device, folder, names, parts, removed, body_volume))
 
 
-def distinct_planes(planes: Sequence[Plane]) -> list[Plane]:
-    """One of each set of coincident planes: a body is cut there once."""
-    out: list[Plane] = []
-    for p in planes:
-        for q in out:
-            parallel = np.linalg.norm(np.cross(p.normal, q.normal)) < 1e-6
-            if parallel and abs((p.origin - q.origin) @ q.normal) < 1e-4:
-                break
-        else:
-            out.append(p)
-    return out
-
-
 def channel_line(sensor: Sensor, ends: tuple[float, float]) -> Float:
     """The channel's centre line (p, 3) mm with its straight runs out of the body."""
     points = sensor.plane.to_world(sensor.curve.sample(24))
     tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
     first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
-    return np.concatenate(
-        [points[:1] - ends[0] * first, points, points[-1:] + ends[1] * last]
-    )
+    return np.concatenate([points[:1] - ends[0] * first, points, points[-1:] + ends[1] * last])
 
 
 def _by_facets(
@@ -164,10 +150,11 @@ def _manifest(
     warnings = []
     for name, part in zip(names, parts, strict=True):
         size = np.ptp(part.surface.bounds, axis=0)
-        if part.volume < 0.01 * body_volume:
+        if part.volume < Limits.smallest_part * body_volume:
             warnings.append(f"{name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
         if not any(
-            (np.array(turn) <= device.fabrication.bed).all() for turn in itertools.permutations(size)
+            (np.array(turn) <= device.fabrication.bed).all()
+            for turn in itertools.permutations(size)
         ):
             warnings.append(f"{name} does not fit the bed of {device.fabrication.process}")
     cords = []

@@ -49,7 +49,9 @@ def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Fl
             )
         return spec, np.full(len(spec), 1 / len(spec))
     corners = surface.vertices[surface.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     rng = np.random.default_rng(SEED)
     dense = 4000
     face = rng.choice(len(area), dense, p=area / area.sum())

@@ -1,0 +1,40 @@
+"""Shared bodies and meshes, made once."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.device import Sensor
+from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.tetrahedra import tetrahedralise
+
+
+def box_surface(low, high):
+    """A closed box of 12 triangles."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    low, high = np.array(low, float), np.array(high, float)
+    return Surface(low + corners * (high - low), faces)
+
+
+@pytest.fixture(scope="session")
+def bar():
+    return box_surface([0, -15, -15], [150, 15, 15])
+
+
+@pytest.fixture(scope="session")
+def bar_mesh(bar):
+    return tetrahedralise(bar, 10.0)[0]
+
+
+@pytest.fixture
+def straight():
+    """A straight cord along the bar at a height, free in path and plane."""
+
+    def make(name="cord", y=0.0, z=0.0, free=("path", "plane")):
+        points = np.array([[x, 0.0] for x in (2, 10, 36, 62, 88, 114, 140, 148)])
+        plane = Plane.from_normal(np.array([0, y, z]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+        return Sensor(name, plane, Hermite(points, catmull_rom(points)), frozenset(free))
+
+    return make

@@ -1,0 +1,34 @@
+"""Hermite curves and planes against closed forms."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom, curvature, distinct
+
+
+def test_straight_points_give_a_straight_curve():
+    points = np.array([[0, 0], [1, 0], [5, 0], [20, 0.0]])
+    curve = Hermite(points, catmull_rom(points))
+    assert np.abs(curve.sample(20)[:, 1]).max() == 0
+    assert (np.diff(curve.sample(20)[:, 0]) > 0).all()
+    assert np.abs(curvature(curve, 8)).max() == 0
+
+
+def test_curvature_of_a_fine_circle():
+    a = np.linspace(0, np.pi, 41)
+    points = 10 * np.stack([np.cos(a), np.sin(a)], axis=1)
+    tangents = 10 * (a[1] - a[0]) * np.stack([-np.sin(a), np.cos(a)], axis=1)
+    assert curvature(Hermite(points, tangents), 8) == pytest.approx(0.1, rel=1e-3)
+
+
+def test_plane_frames_are_right_handed():
+    plane = Plane.from_normal(np.ones(3), np.array([1.0, 2, 3]), np.array([1.0, 0, 0]))
+    assert np.linalg.det(plane.axes) == pytest.approx(1)
+    assert (plane.to_world(np.array([[3.0, 4.0]])) - 1) @ plane.normal == pytest.approx(0)
+
+
+def test_coincident_planes_count_once():
+    a = Plane.from_normal(np.zeros(3), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+    b = Plane.from_normal(np.array([5, 3, 0.0]), np.array([0, 0, -1.0]), np.array([0, 1.0, 0]))
+    c = Plane.from_normal(np.array([0, 0, 1.0]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+    assert distinct([a, b, c]) == [a, c]

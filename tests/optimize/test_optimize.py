@@ -1,0 +1,133 @@
+"""Gradients, constraints, the independent check, and the saddle point of symmetric drawings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.curve import Hermite, catmull_rom
+from defsense_fab.mechanics.locate import PointLocator
+from defsense_fab.mechanics.tet10 import QuadraticMesh
+from defsense_fab.optimize.constraints import Constraints
+from defsense_fab.optimize.freedom import CordFreedom
+from defsense_fab.optimize.objective import Objective
+from defsense_fab.optimize.problem import Limits, Problem, expected_error
+from defsense_fab.optimize.refine import first_layout, layout_error, optimise
+from defsense_fab.optimize.select import select
+from defsense_fab.optimize.verify import verify
+
+LIMITS = Limits(wall=1.2, min_radius=5.0, clearance=3.4, channel_diameter=2.2)
+
+
+@pytest.fixture(scope="module")
+def problem(bar, bar_mesh):
+    """Exact twists of -45 to 45 degrees imposed on the nodes."""
+    mesh = QuadraticMesh.from_linear(bar_mesh)
+
+    def twisted(p, angle):
+        a = angle * p[:, 0] / 150
+        y = p[:, 1] * np.cos(a) - p[:, 2] * np.sin(a)
+        z = p[:, 1] * np.sin(a) + p[:, 2] * np.cos(a)
+        return np.stack([np.zeros(len(p)), y - p[:, 1], z - p[:, 2]], axis=1)
+
+    angles = np.deg2rad([-45, -22.5, 22.5, 45])
+    fields = np.stack([twisted(mesh.nodes, a) for a in angles])
+    points = np.random.default_rng(0).uniform([0, -15, 15], [150, 15, 15], (30, 3))
+    markers = np.stack([twisted(points, a) for a in (0.0, *angles)])
+    return Problem(
+        bar, PointLocator(mesh), fields, markers, np.full(30, 1 / 30), 2.0, 0.0005, LIMITS
+    )
+
+
+def test_objective_gradient_by_finite_differences(problem, straight):
+    cords = [CordFreedom(straight("a", y=5)), CordFreedom(straight("b", y=-5, free=["path"]))]
+    objective = Objective(problem, cords)
+    x = np.random.default_rng(3).normal(0, 0.7, sum(c.size for c in cords))
+    value, gradient = objective(x)
+    layout = [c.apply(p) for c, p in zip(cords, objective.split(x), strict=True)]
+    assert value == pytest.approx(layout_error(problem, layout) ** 2, rel=1e-6)
+    for i in range(len(x)):
+        e = 1e-5 * np.eye(len(x))[i]
+        slope = (objective(x + e)[0] - objective(x - e)[0]) / 2e-5
+        assert gradient[i] == pytest.approx(slope, rel=1e-3, abs=1e-6 * value)
+
+
+def test_constraint_derivatives_by_finite_differences(problem, straight):
+    cords = [CordFreedom(straight("a", y=5)), CordFreedom(straight("b", y=-5))]
+    constraints = Constraints(problem.surface, LIMITS, cords)
+    x = np.random.default_rng(4).normal(0, 1.0, sum(c.size for c in cords))
+    _, jacobian = constraints(x)
+    wrong = 0
+    for i in range(len(x)):
+        e = 1e-6 * np.eye(len(x))[i]
+        slope = (constraints(x + e)[0] - constraints(x - e)[0]) / 2e-6
+        wrong += (np.abs(slope - jacobian[:, i]) > 1e-4).sum()
+    assert wrong <= 0.001 * jacobian.size  # closest points change face or segment somewhere
+
+
+def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, straight):
+    drawn = straight()
+    objective = Objective(problem, [CordFreedom(drawn)])
+    start = layout_error(problem, [drawn])
+    assert np.abs(objective(np.zeros(CordFreedom(drawn).size))[1]).max() < 1e-2 * start**2
+    found = optimise(
+        problem, [drawn], np.random.default_rng(0), lambda f, m: None, starts=2, candidates=300
+    )
+    assert found.rmse < start / 4
+    assert found.rmse == pytest.approx(layout_error(problem, found.sensors))
+    assert not verify(found.sensors, problem.surface, LIMITS).problems
+
+
+def test_locked_cords_stay(problem, straight):
+    drawn = [straight("a", y=6, free=[]), straight("b", y=-6, free=["path"])]
+    found = optimise(
+        problem, drawn, np.random.default_rng(0), lambda f, m: None, starts=1, candidates=100
+    )
+    assert found.sensors[0].curve.points == pytest.approx(drawn[0].curve.points)
+    assert found.sensors[0].plane.origin == pytest.approx(drawn[0].plane.origin)
+    assert found.sensors[1].plane.axes == pytest.approx(drawn[1].plane.axes)
+    assert found.rmse <= layout_error(problem, drawn)
+
+
+def test_a_proposal_keeps_the_limits(problem):
+    layout = first_layout(problem, 2, np.random.default_rng(0), lines=150)
+    assert len(layout) == 2
+    assert not verify(layout, problem.surface, LIMITS).problems
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda p: [*p, 0, 20], "leaves the body"),
+        (lambda p: [*p, 0, 13.5], "leaves a wall of"),
+        (lambda p: [*p[:3].tolist(), [62, 0], [63, 2], [64, 0], *p[4:].tolist()], "radius of"),
+    ],
+)
+def test_broken_limits_are_found(bar, straight, change, message):
+    sensor = straight()
+    points = np.array(change(sensor.curve.points))
+    sensor = replace(sensor, curve=Hermite(points, catmull_rom(points)))
+    problems = verify([sensor], bar, LIMITS).problems
+    assert any(message in p for p in problems), problems
+
+
+def test_cords_that_cross_are_found(bar, straight):
+    problems = verify([straight("a"), straight("b", y=1.0)], bar, LIMITS).problems
+    assert any("'a' and 'b' come within 1.00 mm" in p for p in problems)
+    assert not verify([straight("a"), straight("b", y=4.0)], bar, LIMITS).problems
+
+
+def test_selection_equals_brute_force():
+    from defsense_fab.optimize.candidates import Pool
+
+    rng = np.random.default_rng(5)
+    O = rng.normal(size=(8, 5))  # noqa: E741
+    O = O - O.mean(0)  # noqa: E741
+    paths = np.stack([np.array([[i * 100.0, 0, 0], [i * 100.0 + 1, 0, 0]]) for i in range(12)])
+    pool = Pool(tuple(range(12)), paths, rng.normal(size=(8, 12)))
+    chosen = select([pool, pool], O, 0.1, 3.0, rounds=10)
+    errors = {
+        (i, j): expected_error(pool.signals[:, [i, j]], O, 0.1) for i in range(12) for j in range(i)
+    }
+    got = expected_error(pool.signals[:, chosen], O, 0.1)
+    assert got <= sorted(errors.values())[2]  # swaps end in a local minimum, here among the best

@@ -1,0 +1,179 @@
+"""The main job on a small device through the command line, and what errors leave behind."""
+
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from defsense_fab import cli
+from defsense_fab.core.errors import StorageError
+from defsense_fab.core.files import storage_errors
+from defsense_fab.geometry import facets
+from defsense_fab.pipeline import stage_report
+from defsense_fab.pipeline.stage_report import _stl
+
+BAR = Path(__file__).parents[2] / "fixtures" / "devices" / "bar"
+
+
+def snapshot(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+@pytest.fixture(scope="module")
+def device(tmp_path_factory):
+    """A coarse, short bar with one cord, built once."""
+    folder = tmp_path_factory.mktemp("device") / "bar"
+    folder.mkdir()
+    shutil.copy(BAR / "bar.py", folder)
+    text = (BAR / "device.toml").read_text()
+    text = text.replace("edge_length = 6.0", "edge_length = 12.0")
+    text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
+    text += "\n"
+    (folder / "device.toml").write_text(text)
+    assert cli.main(["build", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture
+def copy(device, tmp_path):
+    shutil.copytree(device, tmp_path / "bar")
+    return tmp_path / "bar"
+
+
+def change(folder, old, new):
+    path = folder / "device.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.slow
+def test_layout_and_manifest_hold_what_was_agreed(device):
+    layout = json.loads((device / "build" / "layout.json").read_text())
+    assert layout["prediction"]["rmse"] < layout["initial"]["rmse"] / 5
+    assert layout["prediction"]["rmse_noise_free"] >= layout["prediction"]["floor"]
+    assert layout["mesh"] == json.loads((device / "build" / "mesh.json").read_text())["hash"]
+    for s in layout["sensors"]:
+        assert len(s["points"]) >= 100
+        assert s["min_radius"] >= layout["limits"]["min_radius"]
+        assert s["min_wall"] >= layout["limits"]["wall"]
+    assert layout["min_clearance"] >= layout["limits"]["clearance"]
+    manifest = json.loads((device / "build" / "parts" / "manifest.json").read_text())
+    total = 0.0
+    for p in manifest["parts"]:
+        surface = _stl(device / "build" / "parts" / p["stl"])
+        total += facets.to_manifold(surface, p["name"]).volume()
+        assert (device / "build" / "parts" / p["step"]).exists()
+    assert total + manifest["removed_volume"] == pytest.approx(manifest["body_volume"], rel=1e-3)
+    for c in manifest["cords"]:
+        assert c["resistance"] == pytest.approx(14.5 * c["cut_length"])
+    page = (device / "build" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 2 + 2 * 3
+    assert "http" not in page
+
+
+@pytest.mark.slow
+def test_a_second_build_does_nothing(copy, capsys):
+    before = snapshot(copy / "build")
+    begin = time.perf_counter()
+    assert cli.main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == []
+    assert snapshot(copy / "build") == before
+    assert time.perf_counter() - begin < 30
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[mesh]\n", "[mesh]\nsize = 3\n", "mesh.size: unknown key"),
+        ('region = "tip"', 'region = "top"', "unknown region 'top'"),
+        (
+            "tip = { box = [[140, -16, -16], [151, 16, 16]] }",
+            "tip = { box = [[240, -16, -16], [251, 16, 16]] }",
+            "regions.tip: holds no nodes",
+        ),
+        ("[140, -16, -16]", "[5, -16, -16]", "overlap"),
+        ("[36, 0]", "[36, 17]", "leaves the body"),
+        ("[36, 0]", "[36, 0], [37, 2], [38, 0]", "bends to a radius of"),
+        ("origin = [0, 8, 0]", "origin = [0, 1, 0]", "come within 1.00 mm"),
+        ("degrees = 45", "degrees = 1500", "did not converge beyond"),
+        ('script = "bar.py"', 'script = "broken.py"', "broken.py:2: the script raised"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_the_build(copy, capsys, old, new, message):
+    (copy / "broken.py").write_text("def body(length, width, height):\n    return 1 / 0\n")
+    before = snapshot(copy / "build")
+    change(copy, old, new)
+    assert cli.main(["build", str(copy)]) == 2
+    lines = [x for x in capsys.readouterr().err.splitlines() if x.startswith("error: ")]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert snapshot(copy / "build") == before
+
+
+@pytest.mark.slow
+def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monkeypatch):
+    before = snapshot(copy / "build")
+    change(copy, "noise = 0.002", "noise = 0.003")
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as m:
+        m.setattr(stage_report, "run", interrupt)
+        assert cli.main(["build", str(copy)]) == 2
+    assert "interrupted" in capsys.readouterr().err
+    assert snapshot(copy / "build") == before
+    assert cli.main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == ["report"]
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
+    before = snapshot(copy / "build")
+    change(copy, "noise = 0.002", "noise = 0.003")
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(stage_report, "run", full)
+    assert cli.main(["build", str(copy)]) == 2
+    assert "the disk is full" in capsys.readouterr().err
+    assert snapshot(copy / "build") == before
+
+
+def test_storage_errors_name_the_path(tmp_path):
+    with pytest.raises(StorageError, match="nothing"), storage_errors(tmp_path):
+        (tmp_path / "nothing").read_bytes()
+
+
+def test_help_and_version_need_no_heavy_import():
+    code = (
+        "import sys; from defsense_fab import cli\n"
+        "try: cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'numpy','scipy','build123d','vtk','numba'} & set(sys.modules)))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.splitlines()[-1] == "[]"
+
+
+def test_set_wants_a_name_and_a_value(capsys):
+    assert cli.main(["build", str(BAR), "--set", "length"]) == 2
+    assert "--set length: write it as NAME=VALUE" in capsys.readouterr().err
+
+
+def test_parameters_from_the_command_line():
+    from defsense_fab.core.device_file import load_device
+
+    device = load_device(BAR, {"length": 180})
+    assert device.body.parameters["length"] == 180
+    assert np.isclose(device.edge_length, 6)
