@@ -48,6 +48,9 @@ class Table:
         if key in self.data:
             return self.data[key]
         if default is _REQUIRED:
+            near = difflib.get_close_matches(key, [k for k in self.data if k not in self._known], 1)
+            if near:
+                self.fail(near[0], f"unknown key; did you mean {key!r}?")
             self.fail(key, "is missing; add it")
         return default
 

@@ -51,7 +51,7 @@ def optimise(
     report: Report,
     *,
     starts: int = 6,
-    candidates: int = 800,
+    candidates: int = 4000,
     iterations: int = 80,
 ) -> Optimised:
     """Improve the cords that are free, from selected variations and the drawing itself.
@@ -68,9 +68,10 @@ def optimise(
     if not any(s.free for s in drawn):
         return Optimised(best, best_error, ())
     size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
+    each = max(candidates // sum(bool(s.free) for s in drawn), 1)
     for start in range(starts):
         report(start / starts, f"start {start + 1} of {starts}, best {best_error:.3g} mm")
-        pools = [build_pool(problem, vary(s, candidates, size / 2, rng)) for s in drawn]
+        pools = [build_pool(problem, vary(s, each, size / 2, rng)) for s in drawn]
         picked = _pick(problem, pools)
         seeds = [picked] if picked else []
         if start == 0:
@@ -80,7 +81,7 @@ def optimise(
             def show(value: float, at: int = start) -> None:
                 report(at / starts, f"start {at + 1} of {starts}, {np.sqrt(value):.3g} mm")
 
-            for layout in (_descend(problem, seed, iterations, show), tuple(seed)):
+            for layout in (_polish(problem, seed, iterations, show), tuple(seed)):
                 if verify(layout, problem.surface, problem.limits).problems:
                     continue
                 error = layout_error(problem, layout)
@@ -115,23 +116,23 @@ def first_layout(
 
     Raises LayoutError where the body has no room for them.
     """
-    straight = propose(problem.surface, lines, rng)
     width = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[0])
-    many = [
-        v
-        for s in straight
-        for v in vary(replace(s, free=frozenset({"path"})), variations, width / 3, rng)
-    ]
-    pool = build_pool(problem, many, keep_first=False) if many else None
-    picked = _pick(problem, [pool] * count) if pool and pool.sensors else None
-    if picked is None:
-        raise LayoutError(
-            f"[design] sensors = {count}: no room was found for {count} cords; ask for fewer, or"
-            " draw them as [[sensors]]"
-        )
-    return tuple(
-        replace(s, name=f"cord-{i + 1}", free=frozenset({"path", "plane"}))
-        for i, s in enumerate(picked)
+    for _ in range(5):  # candidates are checked coarsely: a pick can still fail the fine check
+        many = [
+            v
+            for s in propose(problem.surface, lines, rng)
+            for v in vary(replace(s, free=frozenset({"path"})), variations, width / 3, rng)
+        ]
+        pool = build_pool(problem, many, keep_first=False) if many else None
+        picked = _pick(problem, [pool] * count) if pool and pool.sensors else None
+        if picked and not verify(picked, problem.surface, problem.limits).problems:
+            return tuple(
+                replace(s, name=f"cord-{i + 1}", free=frozenset({"path", "plane"}))
+                for i, s in enumerate(picked)
+            )
+    raise LayoutError(
+        f"[design] sensors = {count}: no room was found for {count} cords; ask for fewer, or draw"
+        " them as [[sensors]]"
     )
 
 
@@ -146,7 +147,25 @@ def _pick(problem: Problem, pools: Sequence[Pool]) -> list[Sensor] | None:
 def _jitter(sensor: Sensor, rng: np.random.Generator) -> Sensor:
     """A slight push off the drawing: symmetric drawings are saddle points."""
     freedom = CordFreedom(sensor)
-    return freedom.apply(rng.normal(0, 0.3, freedom.size))
+    return freedom.apply(rng.normal(0, 1.5, freedom.size))
+
+
+def _polish(
+    problem: Problem,
+    sensors: Sequence[Sensor],
+    iterations: int,
+    show: Callable[[float], None],
+    rounds: int = 3,
+) -> tuple[Sensor, ...]:
+    """Descents in a row: inlets shift as planes tilt, and only a new start measures them anew."""
+    layout, error = tuple(sensors), np.inf
+    for _ in range(rounds):
+        layout = _descend(problem, layout, iterations, show)
+        before, error = error, layout_error(problem, layout)
+        good = not verify(layout, problem.surface, problem.limits).problems
+        if good and error > 0.99 * before:
+            break
+    return layout
 
 
 def _descend(

@@ -35,7 +35,12 @@ def test_the_fixture_is_read(edit):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("edge_length = 6.0", "edge_lenght = 6.0", r"device.toml:12: mesh.edge_length: is missing"),
+        (
+            "edge_length = 6.0",
+            "edge_lenght = 6.0",
+            r"device.toml:12: mesh.edge_lenght: unknown key; did you mean 'edge_length'",
+        ),
+        ("edge_length = 6.0", "", r"device.toml:11: mesh.edge_length: is missing; add it"),
         ("[states]\nramp", "[states]\nrampp", r"states.rampp: unknown key; did you mean 'ramp'"),
         ('fixed = ["base"]', 'fixed = ["bse"]', r"device.toml:20: poses.1.fixed: unknown region"),
         ('region = "tip"', 'region = "base"', r"poses.1.handles: region 'base' is fixed and moved"),

@@ -116,7 +116,7 @@ def test_build123d_cadquery_and_step_agree(tmp_path):
 
 
 def test_edge_length_that_does_not_fit_is_refused(bar):
-    with pytest.raises(MeshingError, match="use .* mm or more"):
+    with pytest.raises(MeshingError, match=r"use .* mm or more"):
         tetrahedralise(bar, 0.05)
     with pytest.raises(MeshingError, match="more than the body's size"):
         tetrahedralise(bar, 500)

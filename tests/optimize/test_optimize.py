@@ -98,8 +98,8 @@ def test_a_proposal_keeps_the_limits(problem):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda p: [*p, 0, 20], "leaves the body"),
-        (lambda p: [*p, 0, 13.5], "leaves a wall of"),
+        (lambda p: p + np.array([0, 20]), "leaves the body"),
+        (lambda p: p + np.array([0, 13.5]), "leaves a wall of"),
         (lambda p: [*p[:3].tolist(), [62, 0], [63, 2], [64, 0], *p[4:].tolist()], "radius of"),
     ],
 )
