@@ -101,6 +101,8 @@ def build_pool(problem: Problem, sensors: Sequence[Sensor], keep_first: bool = T
     if keep_first:
         good[0] = True
     kept = np.flatnonzero(good)
+    if not len(kept):
+        return Pool((), paths[:0], np.zeros((len(problem.markers), 0)))
     return Pool(tuple(sensors[i] for i in kept.tolist()), paths[kept], problem.signals(paths[kept]))
 
 
