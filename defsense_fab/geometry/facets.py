@@ -28,11 +28,20 @@ def to_manifold(surface: Surface, what: str) -> Any:
     return solid
 
 
-def to_surface(solid: Any) -> Surface:
-    mesh = solid.to_mesh64()
-    return Surface(
-        np.asarray(mesh.vert_properties, float)[:, :3], np.asarray(mesh.tri_verts, np.int64)
-    )
+def printable(solid: Any, what: str) -> Surface:
+    """A solid's facets as an STL file can hold them: single precision, still closed.
+
+    Edges shorter than 0.002 mm are collapsed first, so that rounding joins no separate vertices.
+    Raises FabricationError where the rounded surface is not closed.
+    """
+    mesh = solid.simplify(2e-3).to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, float)[:, :3].astype(np.float32)
+    unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
+    faces = inverse.reshape(-1)[np.asarray(mesh.tri_verts, np.int64)]
+    a, b, c = faces.T
+    surface = Surface(unique.astype(float), faces[(a != b) & (b != c) & (c != a)])
+    to_manifold(surface, what)
+    return surface
 
 
 def tube(points: Float, normal: Float, diameter: float, sides: int = 48) -> Any:

@@ -17,6 +17,9 @@ from ..core.curve import Hermite, Plane
 from ..core.errors import BodyError, FabricationError
 from ..core.mesh import Surface
 
+#: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
+ANGLE = 0.06
+
 
 def solids_of(result: Any) -> list[Any]:
     """TopoDS_Solids in what a script returned: a build123d or CadQuery object."""
@@ -62,7 +65,7 @@ def volume(solid: Any) -> float:
 
 def tessellate(solid: Any, tolerance: float) -> Surface:
     """Closed triangle surface of a solid, no facet further than `tolerance` mm from it."""
-    points, triangles = bd.Solid(solid).tessellate(tolerance, 0.2)
+    points, triangles = bd.Solid(solid).tessellate(tolerance, ANGLE)
     v = np.array([[p.X, p.Y, p.Z] for p in points], float)
     f = np.array(triangles, np.int64)
     _, first, inverse = np.unique(np.round(v, 6), axis=0, return_index=True, return_inverse=True)

@@ -62,7 +62,8 @@ def propose(surface: Surface, count: int, rng: np.random.Generator) -> list[Sens
     center = surface.vertices[surface.faces].mean((0, 1))
     _, _, axes = np.linalg.svd(surface.vertices - center, full_matrices=False)
     size = high - low
-    out: list[Sensor] = []
+    s = np.linspace(-1, 1, 401) * float(np.linalg.norm(size)) / 2
+    lines = []
     for _ in range(count):
         direction = axes[0] + rng.normal(0, 0.06, 3)
         direction /= np.linalg.norm(direction)
@@ -70,8 +71,11 @@ def propose(surface: Surface, count: int, rng: np.random.Generator) -> list[Sens
         normal -= (normal @ direction) * direction
         normal /= np.linalg.norm(normal)
         side = rng.uniform(-0.4, 0.4, 2) @ axes[1:] * float(np.sort(size)[1])
-        s = np.linspace(-1, 1, 401) * float(np.linalg.norm(size)) / 2
-        inside = depth(center + side + s[:, None] * direction)[0] > 0
+        lines.append((center + side, direction, normal))
+    points = np.stack([at + s[:, None] * direction for at, direction, _ in lines])
+    within = depth(points.reshape(-1, 3))[0].reshape(count, -1) > 0
+    out: list[Sensor] = []
+    for (middle, direction, normal), inside in zip(lines, within, strict=True):
         if not inside[200]:
             continue
         gaps = np.flatnonzero(~inside)
@@ -82,7 +86,7 @@ def propose(surface: Surface, count: int, rng: np.random.Generator) -> list[Sens
             [0, 8, *np.linspace(8, end - start - 8, 6)[1:-1], end - start - 8, end - start]
         )
         points = np.stack([x, np.zeros_like(x)], axis=1)
-        plane = Plane.from_normal(center + side + start * direction, normal, direction)
+        plane = Plane.from_normal(middle + start * direction, normal, direction)
         out.append(
             Sensor(
                 "proposed",
@@ -117,13 +121,14 @@ def _feasible(paths: Float, sensors: Sequence[Sensor], surface: Surface, limits:
     d = depth(paths.reshape(-1, 3))[0].reshape(paths.shape[:2])
     good = d.min(1) > 0
     for i in np.flatnonzero(good).tolist():
-        s = sensors[i]
-        if np.abs(curvature(s.curve, 6)).max() * limits.min_radius > 0.98:
-            good[i] = False
-            continue
-        ends = extensions(s, depth, 20.0)
-        need = required_depth(paths[i], ends, limits) + MARGIN
-        good[i] = max(ends) < 11 and (d[i] >= need).all() and not _crosses(paths[i], limits)
+        bend = np.abs(curvature(sensors[i].curve, 6)).max()
+        good[i] = bend * limits.min_radius < 0.98 and not _crosses(paths[i], limits)
+    left = np.flatnonzero(good).tolist()
+    if left:
+        ends = extensions([sensors[i] for i in left], depth, 11.0, 0.25)
+        for i, e in zip(left, ends, strict=True):
+            need = required_depth(paths[i], e, limits) + MARGIN
+            good[i] = np.isfinite(e).all() and (d[i] >= need).all()
     return np.asarray(good)
 
 

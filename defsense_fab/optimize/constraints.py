@@ -46,26 +46,29 @@ class DepthField:
         return depth, direction
 
 
-def extensions(sensor: Sensor, depth: DepthField, longest: float = 50.0) -> tuple[float, float]:
-    """How far (mm) each end runs on straight before it leaves the body; inf if it does not."""
-    world = sensor.plane.to_world(sensor.curve.points)
-    tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
-    out = []
-    for point, direction in ((world[0], -tangents[0]), (world[-1], tangents[-1])):
-        s = np.linspace(0, longest, 1001)
-        d = depth(point + s[:, None] * direction / np.linalg.norm(direction))[0]
-        outside = np.flatnonzero(d <= 0)
-        if len(outside) == 0:
-            out.append(np.inf)
-        elif outside[0] == 0:
-            out.append(0.0)
-        else:
-            i = outside[0]
-            out.append(float(s[i - 1] + (s[i] - s[i - 1]) * d[i - 1] / (d[i - 1] - d[i])))
-    return out[0], out[1]
+def extensions(
+    sensors: Sequence[Sensor], depth: DepthField, longest: float = 50.0, step: float = 0.05
+) -> Float:
+    """How far (mm) each cord's two ends run on straight before they leave the body, (c, 2).
+
+    inf where an end does not leave within `longest` mm. One batch: every query of the depth
+    field builds its search tree anew.
+    """
+    ends = np.stack([s.plane.to_world(s.curve.points[[0, -1]]) for s in sensors])
+    out = np.stack([s.curve.tangents[[0, -1]] @ s.plane.axes[:, :2].T for s in sensors])
+    out = out / np.linalg.norm(out, axis=2, keepdims=True) * np.array([[-1.0], [1.0]])
+    s = np.arange(0, longest + step, step)
+    points = ends[:, :, None] + s[:, None] * out[:, :, None]
+    d = depth(points.reshape(-1, 3))[0].reshape(len(sensors), 2, len(s))
+    outside = d <= 0
+    i = outside.argmax(axis=2)
+    before = np.maximum(i - 1, 0)
+    a, b = (np.take_along_axis(d, k[..., None], 2)[..., 0] for k in (before, i))
+    exit_at = s[before] + np.where(i > 0, step * a / np.where(a - b > 0, a - b, 1), 0.0)
+    return np.asarray(np.where(outside.any(axis=2), exit_at, np.inf))
 
 
-def required_depth(points: Float, ends: tuple[float, float], limits: Limits) -> Float:
+def required_depth(points: Float, ends: Float, limits: Limits) -> Float:
     """Least depth (p,) of a path's samples: the full wall, less in the cone of an inlet."""
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     to_exit = np.minimum(along + ends[0], along[-1] - along + ends[1])
@@ -81,7 +84,7 @@ class Constraints:
         self._depth, self._limits, self._cords = DepthField(surface), limits, cords
         self._stride = stride
         self._free = [c.size > 0 for c in cords]
-        self._ends = [extensions(c.sensor, self._depth) for c in cords]
+        self._ends = extensions([c.sensor for c in cords], self._depth)
         sizes = np.cumsum([0, *(c.size for c in cords)])
         self._columns = [slice(a, b) for a, b in itertools.pairwise(sizes)]
         self._size = int(sizes[-1])

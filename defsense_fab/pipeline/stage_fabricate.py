@@ -48,9 +48,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     parts, removed, body_volume = _by_facets(surface, sensors, ends, planes, device)
     if is_cad(folder):
         report(0.3, "cutting the solid")
-        coarse = parts
-        parts, removed, body_volume = _by_occ(folder, sensors, ends, planes, device)
-        _compare(coarse, parts)
+        solids, removed, body_volume = _by_occ(folder, sensors, ends, planes, device)
+        parts = _matched(parts, solids)
     total = sum(p.volume for p in parts) + removed
     if abs(total / body_volume - 1) > CONSERVATION:
         raise FabricationError(
@@ -99,9 +98,16 @@ def _by_facets(
     pieces, removed = facets.carve_and_split(body, tubes, planes)
     parts = []
     for piece in pieces:
-        s = facets.to_surface(piece)
-        parts.append(Part(s, float(piece.volume()), s.bounds.mean(0)))
+        s = facets.printable(piece, "a part")
+        parts.append(Part(s, float(piece.volume()), _centroid(s)))
     return parts, removed, float(body.volume())
+
+
+def _centroid(surface: Surface) -> Float:
+    """Centre of mass (3,) mm: each facet and the origin span a tetrahedron."""
+    corners = surface.vertices[surface.faces]
+    volume = np.linalg.det(corners)
+    return np.asarray(volume @ corners.sum(1) / (4 * volume.sum()))
 
 
 def _by_occ(
@@ -110,7 +116,7 @@ def _by_occ(
     ends: Sequence[tuple[float, float]],
     planes: Sequence[Plane],
     device: Device,
-) -> tuple[list[Part], float, float]:
+) -> tuple[list[Any], float, float]:
     from ..geometry import occ
 
     solid = occ.read_step(folder / "body" / "body.step")[0]
@@ -119,23 +125,32 @@ def _by_occ(
         for s, e in zip(sensors, ends, strict=True)
     ]
     pieces, removed = occ.carve_and_split(solid, tubes, planes)
-    parts = []
-    for piece in pieces:
-        surface = occ.tessellate(piece, 0.02)
-        facets.to_manifold(surface, "a part's facets")
-        parts.append(Part(surface, occ.volume(piece), surface.bounds.mean(0), piece))
-    return parts, removed, occ.volume(solid)
+    return pieces, removed, occ.volume(solid)
 
 
-def _compare(coarse: Sequence[Part], exact: Sequence[Part]) -> None:
-    """The two kernels must tell the same story."""
-    a, b = (sorted(p.volume for p in parts) for parts in (coarse, exact))
-    total = sum(b)
-    if len(a) != len(b) or any(abs(x - y) > 5e-3 * total for x, y in zip(a, b, strict=True)):
+def _matched(parts: Sequence[Part], solids: Sequence[Any]) -> list[Part]:
+    """Each part of the facet kernel with its solid: the two kernels must tell the same story."""
+    from ..geometry import occ
+
+    left = [(s, occ.volume(s), occ.centroid(s)) for s in solids]
+    total = sum(v for _, v, _ in left)
+    out = []
+    for part in sorted(parts, key=lambda p: -p.volume):
+        near = [
+            (float(np.linalg.norm(c - part.center)) + abs(v - part.volume) / total, i)
+            for i, (_, v, c) in enumerate(left)
+        ]
+        i = min(near)[1] if near else -1
+        if i < 0 or abs(left[i][1] - part.volume) > 2e-3 * part.volume + 1e-4 * total:
+            break
+        solid, volume, center = left.pop(i)
+        out.append(Part(part.surface, volume, center, solid))
+    if left or len(out) != len(parts):
         raise FabricationError(
-            f"the two geometry kernels disagree ({len(a)} and {len(b)} parts); move a cord plane"
-            " slightly"
+            f"the two geometry kernels disagree ({len(parts)} and {len(solids)} parts); move a"
+            " cord plane slightly"
         )
+    return out
 
 
 def _manifest(

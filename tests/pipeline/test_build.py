@@ -122,7 +122,7 @@ def test_bad_input_is_one_line_and_leaves_the_build(copy, capsys, old, new, mess
 @pytest.mark.slow
 def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monkeypatch):
     before = snapshot(copy / "build")
-    change(copy, "noise = 0.002", "noise = 0.003")
+    change(copy, 'name = "bar"', 'name = "other"')
 
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -139,7 +139,7 @@ def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monk
 @pytest.mark.slow
 def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
     before = snapshot(copy / "build")
-    change(copy, "noise = 0.002", "noise = 0.003")
+    change(copy, 'name = "bar"', 'name = "other"')
 
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
