@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -47,13 +49,15 @@ def tetrahedralise(
         on_step("tetrahedralising")
     epsilon = min(1e-3, 0.02 * edge_length / size)
     try:
-        nodes, tets = pytetwild.tetrahedralize(
-            np.ascontiguousarray(surface.vertices),
-            np.ascontiguousarray(surface.faces, np.int32),
-            edge_length_abs=edge_length,
-            epsilon=epsilon,
-            num_threads=1,
-        )
+        # fTetWild leaves a file of its own in the working folder.
+        with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+            nodes, tets = pytetwild.tetrahedralize(
+                np.ascontiguousarray(surface.vertices),
+                np.ascontiguousarray(surface.faces, np.int32),
+                edge_length_abs=edge_length,
+                epsilon=epsilon,
+                num_threads=1,
+            )
     except RuntimeError as error:
         raise MeshingError(f"the mesher failed: {error}; repair the body's surface") from None
     mesh = _tidy(np.asarray(nodes, float), np.asarray(tets, np.int64))

@@ -106,7 +106,7 @@ class Constraints:
             rows.append(self._widen(np.einsum("pj,pjx->px", direction, d), columns))
             if "path" in cord.sensor.free:
                 kappa, by = cord.curvature(x[columns])
-                r = self._limits.min_radius * 1.02
+                r = self._limits.min_radius * 1.05
                 for sign in (1.0, -1.0):
                     values.append(5 * (1 - sign * r * kappa))
                     rows.append(self._widen(-5 * sign * r * by, columns))

@@ -38,7 +38,7 @@ class CordFreedom:
         self._reach = float(np.linalg.norm(np.ptp(sensor.curve.points, axis=0))) / 2
         self._per_span = per_span(sensor)
         self._basis = hermite_basis(k, self._per_span)[0]
-        _, self._first, self._second = hermite_basis(k, 8)
+        _, self._first, self._second = hermite_basis(k, 5)
 
     def _stacked(self, x: Float) -> Float:
         stack = self._stack.copy()

@@ -50,9 +50,9 @@ def optimise(
     rng: np.random.Generator,
     report: Report,
     *,
-    starts: int = 6,
+    starts: int = 4,
     candidates: int = 4000,
-    iterations: int = 80,
+    iterations: int = 60,
 ) -> Optimised:
     """Improve the cords that are free, from selected variations and the drawing itself.
 
@@ -163,7 +163,7 @@ def _polish(
         layout = _descend(problem, layout, iterations, show)
         before, error = error, layout_error(problem, layout)
         good = not verify(layout, problem.surface, problem.limits).problems
-        if good and error > 0.99 * before:
+        if good and error > 0.97 * before:
             break
     return layout
 
