@@ -62,7 +62,7 @@ def test_constraint_derivatives_by_finite_differences(problem, straight):
         e = 1e-6 * np.eye(len(x))[i]
         slope = (constraints(x + e)[0] - constraints(x - e)[0]) / 2e-6
         wrong += (np.abs(slope - jacobian[:, i]) > 1e-4).sum()
-    assert wrong <= 0.001 * jacobian.size  # closest points change face or segment somewhere
+    assert wrong <= 0.005 * jacobian.size  # closest points change face or segment somewhere
 
 
 def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, straight):
