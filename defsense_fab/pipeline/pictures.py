@@ -37,7 +37,7 @@ def _poly(surface: Surface) -> Any:
 
 def _finish(plotter: Any, view: Float) -> str:
     """PNG as a data URI; `view` is the direction from the object to the camera."""
-    plotter.view_vector(tuple(view), viewup=(0, 0, 1))
+    plotter.view_vector(tuple(view), viewup=(0, 0, 1) if abs(view[2]) < 0.9 else (0, 1, 0))
     plotter.enable_parallel_projection()
     plotter.reset_camera()
     plotter.camera.zoom(1.25)
@@ -53,7 +53,7 @@ def _finish(plotter: Any, view: Float) -> str:
 
 def _bar(title: str) -> dict[str, Any]:
     return {
-        "title": title,
+        "title": title + "\n",  # the bar draws its title onto its labels
         "color": "black",
         "title_font_size": 24,
         "label_font_size": 20,
@@ -84,9 +84,7 @@ def routing(
     return _finish(plotter, view)
 
 
-def strain_section(
-    field: Path, name: str, origin: Float, normal: Float, view: Float, top: float
-) -> str:
+def strain_section(field: Path, name: str, origin: Float, normal: Float, top: float) -> str:
     """A deformed section coloured by the largest principal strain, in per cent."""
     grid = pv.read(field)
     grid.point_data["strain %"] = 100 * grid.point_data["strain"]
@@ -102,7 +100,7 @@ def strain_section(
         scalar_bar_args=_bar("largest principal strain (%)"),
     )
     plotter.add_text(name, color="black", font_size=16, position="upper_left")
-    return _finish(plotter, view)
+    return _finish(plotter, normal * np.array([1, -1, 1]))
 
 
 def error_map(surface: Surface, error: Float, name: str, view: Float, top: float) -> str:

@@ -26,7 +26,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     layout = read_json(folder / "layout.json")
     manifest = read_json(folder / "parts" / "manifest.json")
     surface = load_surface(folder)
-    view, section_normal, section_view = _views(surface)
+    view = _view(surface)
     paths = [np.array(s["points"]) for s in layout["sensors"]]
     report(0.05, "routing")
     images: dict[str, Any] = {
@@ -41,7 +41,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     report(0.2, "parts")
     parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
     images["parts"] = pictures.exploded(parts, view)
-    images["poses"] = _poses(device, folder, section_normal, view, section_view, report)
+    images["poses"] = _poses(device, folder, view, report)
     text = (files("defsense_fab") / "pipeline" / "report.html").read_text(encoding="utf-8")
     page = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(text)
     temporary = folder / ".report.html.part"
@@ -66,27 +66,19 @@ def _stl(path: Path) -> Surface:
     return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
 
 
-def _views(surface: Surface) -> tuple[Float, Float, Float]:
-    """Camera direction for the whole, section normal, and camera direction for sections.
-
-    The section holds the two longest sides of the bounding box, or the longest and the
-    vertical where the cross-section is about square.
-    """
-    size = np.ptp(surface.bounds, axis=0)
-    long = int(size.argmax())
-    rest = [i for i in range(3) if i != long]
-    thin = rest[0] if size[rest[0]] < 1.2 * size[rest[1]] else rest[1]
-    view = np.array([0.35, -1.0, 0.55]) if long != 1 else np.array([1.0, 0.35, 0.55])
-    normal = np.eye(3)[thin]
-    toward = normal * (-1 if thin == 1 else 1) + 0.25 * np.eye(3)[long]
-    if thin != 2:
-        toward = toward + np.array([0, 0, 0.2])
-    return view, normal, toward
+def _view(surface: Surface) -> Float:
+    """Camera direction that shows a long body from the side and above."""
+    long = int(np.ptp(surface.bounds, axis=0).argmax())
+    return np.array([1.0, 0.35, 0.55]) if long == 1 else np.array([0.35, -1.0, 0.55])
 
 
-def _poses(
-    device: Device, folder: Path, normal: Float, view: Float, side: Float, report: Report
-) -> list[dict[str, Any]]:
+def _section(rest: Float, u: Float) -> Float:
+    """Normal of the section: of the two short axes the one along which the body moves least."""
+    axes = np.argsort(np.ptp(rest, axis=0))[:2]
+    return np.asarray(np.eye(3)[axes[(u[:, axes] ** 2).sum(0).argmin()]])
+
+
+def _poses(device: Device, folder: Path, view: Float, report: Report) -> list[dict[str, Any]]:
     """Strain section and error map of each pose at full amplitude, and of each mixture."""
     names, held, fields = load_fields(folder)
     top = f"@{device.states.ramp[-1]:g}"
@@ -117,7 +109,9 @@ def _poses(
         out.append(
             {
                 "name": name,
-                "strain": pictures.strain_section(path, name, center, normal, side, strain),
+                "strain": pictures.strain_section(
+                    path, name, center, _section(rest, fields[i][used]), strain
+                ),
                 "error": pictures.error_map(
                     Surface(rest + fields[i][used], faces), error[i], name, view, highest
                 ),
