@@ -21,7 +21,7 @@ from ..mechanics.tet10 import QuadraticMesh
 from ..optimize.problem import Limits, Problem
 from ..optimize.refine import first_layout, optimise, sample_path
 from ..optimize.verify import LayoutCheck, verify
-from ..sensing.decoder import fit_affine, measure
+from ..sensing.decoder import fit_affine, measure, ridge_weight
 from ..sensing.signal import peak_strain
 from .stage_body import load_surface
 from .stage_mesh import load_mesh
@@ -144,7 +144,7 @@ def predict(
     n, k = problem.markers.shape[:2]
     flat = problem.markers.reshape(n, -1)
     train = ~held
-    weight = train.sum() * max(problem.noise, 1e-9) ** 2
+    weight = ridge_weight(int(train.sum()), problem.noise)
     decoder = fit_affine(signals[train], flat[train], weight)
     guess = decoder(signals).reshape(n, k, 3)
     noisy = (decoder.weights.reshape(-1, k, 3) ** 2).sum((0, 2)) * problem.noise**2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -64,67 +65,41 @@ def _plain(value: Any) -> Any:
     return _plain(vars(value)) if hasattr(value, "__dataclass_fields__") else value
 
 
-def _run_body(d: Device, folder: Path, report: Report) -> None:
-    from .stage_body import run
+def _runner(name: str) -> Callable[[Device, Path, Report], None]:
+    """`run` of the module `stage_<name>`, imported when it is called: CAD and VTK are heavy."""
 
-    run(d, folder, report)
+    def run(device: Device, folder: Path, report: Report) -> None:
+        module = import_module(f"{__package__}.stage_{name}")
+        module.run(device, folder, report)
 
-
-def _run_mesh(d: Device, folder: Path, report: Report) -> None:
-    from .stage_mesh import run
-
-    run(d, folder, report)
-
-
-def _run_simulate(d: Device, folder: Path, report: Report) -> None:
-    from .stage_simulate import run
-
-    run(d, folder, report)
-
-
-def _run_optimize(d: Device, folder: Path, report: Report) -> None:
-    from .stage_optimize import run
-
-    run(d, folder, report)
-
-
-def _run_fabricate(d: Device, folder: Path, report: Report) -> None:
-    from .stage_fabricate import run
-
-    run(d, folder, report)
-
-
-def _run_report(d: Device, folder: Path, report: Report) -> None:
-    from .stage_report import run
-
-    run(d, folder, report)
+    return run
 
 
 STAGES = (
-    Stage("body", "load the body", ("body",), _body_inputs, _run_body),
+    Stage("body", "load the body", ("body",), _body_inputs, _runner("body")),
     Stage(
         "mesh",
         "make tetrahedra",
         ("mesh.vtu", "mesh.json"),
         lambda d: (d.edge_length, _regions(d)),
-        _run_mesh,
+        _runner("mesh"),
     ),
     Stage(
         "simulate",
         "simulate the poses",
         ("fields",),
         lambda d: _plain((d.material, d.poses, d.states)),
-        _run_simulate,
+        _runner("simulate"),
     ),
     Stage(
         "optimize",
         "optimise the cords",
         ("layout.json", "prediction.json"),
         lambda d: _plain((d.cord, d.fabrication, d.outputs, d.sensors, d.propose)),
-        _run_optimize,
+        _runner("optimize"),
     ),
-    Stage("fabricate", "make the parts", ("parts",), lambda d: d.name, _run_fabricate),
-    Stage("report", "write the report", ("report.html",), lambda d: d.name, _run_report),
+    Stage("fabricate", "make the parts", ("parts",), lambda d: d.name, _runner("fabricate")),
+    Stage("report", "write the report", ("report.html",), lambda d: d.name, _runner("report")),
 )
 
 
