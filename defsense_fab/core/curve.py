@@ -72,20 +72,19 @@ class Hermite:
 
 
 def catmull_rom(points: Float) -> Float:
-    """Tangents (k, 2) through `points` (k, 2): central differences, one-sided at the ends.
+    """Central differences through `points` (..., k, 2), one-sided at the ends: (..., k, 2).
 
     Where neighbouring spans differ in length the tangent is weighted so that the curve keeps
     the shorter span free of overshoot (non-uniform Catmull-Rom, chordal, scaled to the
     shorter span).
     """
-    step = np.diff(points, axis=0)
-    length = np.maximum(np.linalg.norm(step, axis=1), 1e-12)
+    step = np.diff(points, axis=-2)
+    length = np.maximum(np.linalg.norm(step, axis=-1, keepdims=True), 1e-12)
     out = np.empty_like(points)
-    out[0], out[-1] = step[0], step[-1]
-    if len(points) > 2:
-        a, b = length[:-1, None], length[1:, None]
-        slope = (step[:-1] / a * b + step[1:] / b * a) / (a + b)
-        out[1:-1] = slope * np.minimum(a, b)
+    out[..., 0, :], out[..., -1, :] = step[..., 0, :], step[..., -1, :]
+    a, b = length[..., :-1, :], length[..., 1:, :]
+    slope = (step[..., :-1, :] / a * b + step[..., 1:, :] / b * a) / (a + b)
+    out[..., 1:-1, :] = slope * np.minimum(a, b)
     return out
 
 
@@ -119,13 +118,14 @@ def hermite_basis(count: int, per_span: int) -> tuple[Float, Float, Float]:
     return position, first, second
 
 
-def curvature(curve: Hermite, per_span: int) -> Float:
-    """Signed curvature at both ends and inside of every span, 1/mm."""
-    _, first, second = hermite_basis(len(curve.points), per_span)
-    stack = np.concatenate([curve.points, curve.tangents])
+def curvature(points: Float, tangents: Float, per_span: int) -> Float:
+    """Signed curvature (..., q) in 1/mm of Hermite curves given by `points` and `tangents`
+    (..., k, 2), at both ends and inside of every span."""
+    _, first, second = hermite_basis(points.shape[-2], per_span)
+    stack = np.concatenate([points, tangents], axis=-2)
     d, dd = first @ stack, second @ stack
-    speed = np.maximum(np.linalg.norm(d, axis=1), 1e-12)
-    return np.asarray((d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / speed**3)
+    speed = np.maximum(np.linalg.norm(d, axis=-1), 1e-12)
+    return np.asarray((d[..., 0] * dd[..., 1] - d[..., 1] * dd[..., 0]) / speed**3)
 
 
 def distinct(planes: Sequence[Plane]) -> list[Plane]:

@@ -58,13 +58,36 @@ class PointLocator:
 
     def displacement(self, at: Located, fields: Float) -> Float:
         """Displacements (s, p, 3) of the fields (s, n, 3) at the points."""
-        nodal = fields[:, self.mesh.cells[at.cell]]
-        return np.asarray(np.einsum("pn,spna->spa", shape(at.bary), nodal))
+        return np.asarray(_displacement(self.mesh.cells[at.cell], shape(at.bary), fields))
 
     def gradient(self, at: Located, fields: Float) -> Float:
         """Displacement gradients (s, p, 3, 3): [a, j] is the derivative of u_a by X_j."""
-        g = np.einsum("pnb,pbj->pnj", shape_by_bary(at.bary), self.mesh.bary_gradient[at.cell])
-        return np.asarray(np.einsum("pnj,spna->spaj", g, fields[:, self.mesh.cells[at.cell]]))
+        g = shape_by_bary(at.bary) @ self.mesh.bary_gradient[at.cell]
+        return np.asarray(_gradient(self.mesh.cells[at.cell], g, fields))
+
+
+@numba.njit(cache=True)
+def _displacement(nodes, weights, fields):  # type: ignore[no-untyped-def]
+    out = np.zeros((len(fields), len(nodes), 3))
+    for s in range(len(fields)):
+        for p in range(len(nodes)):
+            for n in range(10):
+                for a in range(3):
+                    out[s, p, a] += weights[p, n] * fields[s, nodes[p, n], a]
+    return out
+
+
+@numba.njit(cache=True)
+def _gradient(nodes, weights, fields):  # type: ignore[no-untyped-def]
+    out = np.zeros((len(fields), len(nodes), 3, 3))
+    for s in range(len(fields)):
+        for p in range(len(nodes)):
+            for n in range(10):
+                for a in range(3):
+                    u = fields[s, nodes[p, n], a]
+                    for j in range(3):
+                        out[s, p, a, j] += u * weights[p, n, j]
+    return out
 
 
 @numba.njit(cache=True)

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from ..core.arrays import Bool, Float
-from ..core.curve import Hermite, Plane, catmull_rom, curvature
+from ..core.arrays import Bool, Float, Int
+from ..core.curve import Hermite, Plane, catmull_rom, curvature, hermite_basis
 from ..core.device import Sensor
 from ..core.mesh import Surface
-from .constraints import MARGIN, DepthField, extensions, required_depth
+from .constraints import INLET_SLOPE, MARGIN, DepthField, extensions, separation
 from .freedom import CordFreedom
+from .nearest import nearest_strand
 from .problem import Limits, Problem
 
 _COARSE = 40  # points of a candidate's path
@@ -26,33 +28,87 @@ class Pool:
     paths: Float
     signals: Float
 
+    def some(self, share: float, rng: np.random.Generator) -> Pool:
+        """The first candidate and a random share of the others."""
+        keep = rng.random(len(self.sensors)) < share
+        keep[:1] = True
+        which = np.flatnonzero(keep)
+        return Pool(
+            tuple(self.sensors[i] for i in which.tolist()),
+            self.paths[which],
+            self.signals[:, which],
+        )
 
-def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) -> list[Sensor]:
-    """The sensor itself and `count` variations; `spread` mm is the size of the largest ones."""
-    freedom = CordFreedom(sensor)
-    out = [sensor]
+
+@dataclass(frozen=True)
+class Batch:
+    """Variations of cords as arrays: plane `origins` (c, 3) and `axes` (c, 3, 3), control
+    `points` and `tangents` (c, k, 2), and the cord that each varies."""
+
+    templates: tuple[Sensor, ...]
+    origins: Float
+    axes: Float
+    points: Float
+    tangents: Float
+
+    def paths(self, count: int) -> Float:
+        """`count` points of each path, evenly spread over the parameter, (c, count, 3) mm."""
+        basis = hermite_basis(self.points.shape[1], 24)[0]
+        few = basis[np.round(np.linspace(0, len(basis) - 1, count)).astype(int)]
+        local = few @ np.concatenate([self.points, self.tangents], axis=1)
+        return np.asarray(self.origins[:, None] + local @ self.axes[:, :, :2].swapaxes(1, 2))
+
+    def take(self, which: Int) -> Batch:
+        templates = tuple(self.templates[i] for i in which.tolist())
+        return Batch(
+            templates,
+            *(a[which] for a in (self.origins, self.axes, self.points, self.tangents)),
+        )
+
+    def sensor(self, i: int) -> Sensor:
+        return replace(
+            self.templates[i],
+            plane=Plane(self.origins[i], self.axes[i]),
+            curve=Hermite(self.points[i], self.tangents[i]),
+        )
+
+
+def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) -> Batch:
+    """The sensor itself and `count` variations; `spread` mm is the size of the largest ones.
+
+    Planes are moved, rolled about the path's chord by up to 90 degrees either way, and tilted;
+    paths take a sum of four sine waves over their chord. First and last control points and the
+    end tangents stay in the plane.
+    """
     k = len(sensor.curve.points)
-    t = np.linspace(0, 1, k)
-    for _ in range(count if sensor.free else 0):
-        moved = sensor
-        if "plane" in sensor.free:
-            x = np.zeros(freedom.size)
-            roll = rng.uniform(-np.pi / 2, np.pi / 2) * freedom._reach
-            x[-3:] = rng.uniform(-spread, spread), roll, rng.normal(0, spread / 2)
-            moved = freedom.apply(x)
-        if "path" in sensor.free and k > 4:
-            points = moved.curve.points.copy()
-            modes = rng.normal(0, spread / 2, 4) / np.arange(1, 5) ** 0.5
-            wave = sum(a * np.sin((i + 1) * np.pi * t) for i, a in enumerate(modes))
-            chord = points[-1] - points[0]
-            length = np.linalg.norm(chord)
-            side = np.array([-chord[1], chord[0]]) / length if length > 1e-6 else np.array([0, 1.0])
-            points[2:-2] += np.asarray(wave)[2:-2, None] * side
-            tangents = catmull_rom(points)
-            tangents[0], tangents[-1] = moved.curve.tangents[0], moved.curve.tangents[-1]
-            moved = replace(moved, curve=Hermite(points, tangents))
-        out.append(moved)
-    return out
+    count = count if sensor.free else 0
+    n = count + 1
+    size = rng.uniform(0, 1, n) * spread  # small variations are the ones that a tight body takes
+    size[0] = 0
+    points = np.repeat(sensor.curve.points[None], n, axis=0)
+    tangents = np.repeat(sensor.curve.tangents[None], n, axis=0)
+    origins = np.repeat(sensor.plane.origin[None], n, axis=0)
+    axes = np.repeat(sensor.plane.axes[None], n, axis=0)
+    if "plane" in sensor.free:
+        freedom = CordFreedom(sensor)
+        angles = np.stack([rng.uniform(-np.pi / 2, np.pi / 2, n), rng.normal(0, 0.5, n)], axis=1)
+        angles[0] = 0
+        angles[:, 1] *= size / freedom.reach
+        axes = sensor.plane.axes @ Rotation.from_euler("XY", angles).as_matrix()
+        offset = rng.uniform(-1, 1, n) * size
+        pivot = sensor.plane.to_world(freedom.center) + offset[:, None] * sensor.plane.normal
+        origins = pivot - axes[:, :, :2] @ freedom.center
+    if "path" in sensor.free and k > 4:
+        t = np.linspace(0, 1, k)
+        waves = np.sin(np.arange(1, 5)[:, None] * np.pi * t) / np.arange(1, 5)[:, None] ** 0.5
+        wave = rng.normal(0, 0.5, (n, 4)) @ waves * size[:, None]
+        chord = points[0, -1] - points[0, 0]
+        length = np.linalg.norm(chord)
+        side = np.array([-chord[1], chord[0]]) / length if length > 1e-6 else np.array([0, 1.0])
+        points[:, 2:-2] += wave[:, 2:-2, None] * side
+        new = catmull_rom(points[1:])
+        tangents[1:, 1:-1] = new[:, 1:-1]
+    return Batch((sensor,) * n, origins, axes, points, tangents)
 
 
 def propose(surface: Surface, count: int, rng: np.random.Generator) -> list[Sensor]:
@@ -98,43 +154,53 @@ def propose(surface: Surface, count: int, rng: np.random.Generator) -> list[Sens
     return out
 
 
-def build_pool(problem: Problem, sensors: Sequence[Sensor], keep_first: bool = True) -> Pool:
+def build_pool(problem: Problem, batch: Batch, keep_first: bool = True) -> Pool:
     """Drop candidates that break a limit and compute the signals of the rest."""
-    paths = np.stack([s.plane.to_world(_resample(s.curve)) for s in sensors])
-    good = _feasible(paths, sensors, problem.surface, problem.limits)
+    kept = _feasible(batch, problem.surface, problem.limits)
     if keep_first:
-        good[0] = True
-    kept = np.flatnonzero(good)
-    if not len(kept):
-        return Pool((), paths[:0], np.zeros((len(problem.markers), 0)))
-    return Pool(tuple(sensors[i] for i in kept.tolist()), paths[kept], problem.signals(paths[kept]))
+        kept = np.union1d([0], kept)
+    batch = batch.take(kept)
+    paths = batch.paths(_COARSE)
+    return Pool(tuple(batch.sensor(i) for i in range(len(kept))), paths, problem.signals(paths))
 
 
-def _resample(curve: Hermite) -> Float:
-    """_COARSE points, evenly spread over the parameter."""
-    dense = curve.sample(24)
-    return np.asarray(dense[np.round(np.linspace(0, len(dense) - 1, _COARSE)).astype(int)])
-
-
-def _feasible(paths: Float, sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> Bool:
+def _feasible(batch: Batch, surface: Surface, limits: Limits) -> Int:
+    """Indices of the candidates that keep wall, radius and distance from themselves."""
     depth = DepthField(surface)
+    kept = np.arange(len(batch.points))
+
+    def narrow(good: Bool) -> None:
+        nonlocal batch, kept
+        batch, kept = batch.take(np.flatnonzero(good)), kept[good]
+
+    bend = np.abs(curvature(batch.points, batch.tangents, 6)).max(axis=1)
+    narrow(np.asarray(bend * limits.min_radius < 0.98))
+    for count in (8, _COARSE):  # most fail at a few points already
+        paths = batch.paths(count)
+        d = depth(paths.reshape(-1, 3))[0].reshape(paths.shape[:2])
+        narrow(np.asarray(d.min(axis=1) > 0))
+    if not len(kept):
+        return kept
+    paths = batch.paths(_COARSE)
+    ends = extensions([batch.sensor(i) for i in range(len(kept))], depth, 11.0, 0.25)
     d = depth(paths.reshape(-1, 3))[0].reshape(paths.shape[:2])
-    good = d.min(1) > 0
+    step = np.linalg.norm(np.diff(paths, axis=1), axis=2)
+    along = np.concatenate([np.zeros((len(step), 1)), np.cumsum(step, axis=1)], axis=1)
+    to_exit = np.minimum(along + ends[:, :1], along[:, -1:] - along + ends[:, 1:])
+    need = np.minimum(limits.depth, INLET_SLOPE * to_exit) + MARGIN
+    good: Bool = np.isfinite(ends).all(axis=1) & (d >= need).all(axis=1)
     for i in np.flatnonzero(good).tolist():
-        bend = np.abs(curvature(sensors[i].curve, 6)).max()
-        good[i] = bend * limits.min_radius < 0.98 and not _crosses(paths[i], limits)
-    left = np.flatnonzero(good).tolist()
-    if left:
-        ends = extensions([sensors[i] for i in left], depth, 11.0, 0.25)
-        for i, e in zip(left, ends, strict=True):
-            need = required_depth(paths[i], e, limits) + MARGIN
-            good[i] = np.isfinite(e).all() and (d[i] >= need).all()
-    return np.asarray(good)
+        strand = nearest_strand(paths[i], separation(limits))[0].min()
+        good[i] = strand >= limits.clearance + step[i].max() / 4
+    return kept[good]
 
 
-def _crosses(path: Float, limits: Limits) -> bool:
-    gap = np.linalg.norm(path[:, None] - path[None], axis=2)
-    step = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    along = np.concatenate([[0], np.cumsum(step)])
-    gap[np.abs(along[:, None] - along) < np.pi * limits.min_radius + step.max()] = np.inf
-    return bool(gap.min() < limits.clearance + step.max() / 2)
+def join(batches: Sequence[Batch]) -> Batch:
+    """One batch of many; all need the same number of control points."""
+    return Batch(
+        tuple(t for b in batches for t in b.templates),
+        *(
+            np.concatenate([getattr(b, name) for b in batches])
+            for name in ("origins", "axes", "points", "tangents")
+        ),
+    )

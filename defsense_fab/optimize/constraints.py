@@ -8,16 +8,18 @@ from collections.abc import Sequence
 import igl
 import numpy as np
 
-from ..core.arrays import Bool, Float, Int
+from ..core.arrays import Float, Int
 from ..core.device import Sensor
 from ..core.mesh import Surface
 from .freedom import CordFreedom
+from .nearest import nearest, nearest_strand
 from .problem import Limits
 
 #: A channel may enter at up to this slope: depth gained per length of channel.
 INLET_SLOPE = 0.6
 #: Part of the limits that the optimiser keeps in hand for what its samples miss, mm.
 MARGIN = 0.1
+_FAR = 1e3
 
 
 class DepthField:
@@ -26,16 +28,20 @@ class DepthField:
     def __init__(self, surface: Surface) -> None:
         self._v = np.ascontiguousarray(surface.vertices)
         self._f = np.ascontiguousarray(surface.faces)
+        # Kept between queries: building these trees costs far more than one query.
+        self._tree, self._winding = igl.AABB(), igl.FastWindingNumberBVH()
+        self._tree.init(self._v, self._f)
+        self._winding.init(self._v, self._f)
         a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
         normal = np.cross(b - a, c - a)
         self._inward = -normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
 
     def __call__(self, points: Float) -> tuple[Float, Float]:
         """Depth (p,) mm and gradient (p, 3) at points (p, 3)."""
-        signed, face, closest, _ = igl.signed_distance(
-            np.ascontiguousarray(points), self._v, self._f
-        )
-        depth = -np.asarray(signed)
+        points = np.ascontiguousarray(points)
+        square, face, closest = self._tree.squared_distance(self._v, self._f, points)
+        inside = np.asarray(self._winding.winding_number(points)) > 0.5
+        depth = np.sqrt(np.asarray(square)) * np.where(inside, 1.0, -1.0)
         away = points - np.asarray(closest)
         size = np.linalg.norm(away, axis=1, keepdims=True)
         direction = np.where(
@@ -51,8 +57,7 @@ def extensions(
 ) -> Float:
     """How far (mm) each cord's two ends run on straight before they leave the body, (c, 2).
 
-    inf where an end does not leave within `longest` mm. One batch: every query of the depth
-    field builds its search tree anew.
+    inf where an end does not leave within `longest` mm.
     """
     ends = np.stack([s.plane.to_world(s.curve.points[[0, -1]]) for s in sensors])
     out = np.stack([s.curve.tangents[[0, -1]] @ s.plane.axes[:, :2].T for s in sensors])
@@ -68,11 +73,22 @@ def extensions(
     return np.asarray(np.where(outside.any(axis=2), exit_at, np.inf))
 
 
-def required_depth(points: Float, ends: Float, limits: Limits) -> Float:
-    """Least depth (p,) of a path's samples: the full wall, less in the cone of an inlet."""
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    to_exit = np.minimum(along + ends[0], along[-1] - along + ends[1])
-    return np.asarray(np.minimum(limits.depth, INLET_SLOPE * to_exit))
+def required_depth(
+    points: Float, derivative: Float, ends: Float, limits: Limits
+) -> tuple[Float, Float]:
+    """Least depth (p,) of samples (p, 3): the full wall, less in the cone of an inlet.
+
+    Also its derivative (p, size), from that of the samples (p, 3, size).
+    """
+    step = np.diff(points, axis=0)
+    length = np.linalg.norm(step, axis=1)
+    by = np.einsum("pj,pjx->px", step / length[:, None], np.diff(derivative, axis=0))
+    along = np.concatenate([[0], np.cumsum(length)])
+    by_along = np.concatenate([np.zeros((1, by.shape[1])), np.cumsum(by, axis=0)])
+    start, end = along + ends[0], along[-1] - along + ends[1]
+    slope = np.where((start < end)[:, None], by_along, by_along[-1] - by_along)
+    need = np.minimum(limits.depth, INLET_SLOPE * np.minimum(start, end))
+    return need, INLET_SLOPE * slope * (need < limits.depth)[:, None]
 
 
 class Constraints:
@@ -98,12 +114,13 @@ class Constraints:
             if not self._free[i]:
                 continue
             points, derivative = paths[i]
-            need = required_depth(points, self._ends[i], self._limits)
+            need, by_need = required_depth(points, derivative, self._ends[i], self._limits)
             few = self._samples(len(points))
             p, d = points[few], derivative[few]
             depth, direction = self._depth(p)
             values.append(depth - need[few] - MARGIN)
-            rows.append(self._widen(np.einsum("pj,pjx->px", direction, d), columns))
+            by_depth = np.einsum("pj,pjx->px", direction, d)
+            rows.append(self._widen(by_depth - by_need[few], columns))
             if "path" in cord.sensor.free:
                 kappa, by = cord.curvature(x[columns])
                 r = self._limits.min_radius * 1.05
@@ -135,39 +152,25 @@ class Constraints:
         values: list[Float],
         rows: list[Float],
     ) -> None:
-        """Each sample of cord i against the nearest point of cord j (or of i's far parts)."""
-        a, da = (p[:: self._stride] for p in paths[i])
-        b, db = (p[:: self._stride] for p in paths[j])
-        step = np.diff(b, axis=0)
-        t = np.einsum("pkj,kj->pk", a[:, None] - b[None, :-1], step) / (step**2).sum(1)
-        t = np.clip(t, 0, 1)
-        gap = a[:, None] - b[None, :-1] - t[..., None] * step
-        distance = np.linalg.norm(gap, axis=2)
+        """Every few neighbouring samples of cord i: the one nearest to cord j (or to i's far
+        parts). All samples are looked at; a coarser polyline would cut the bends short."""
+        (a, da), (b, db) = paths[i], paths[j]
         if i == j:
-            distance = np.where(self._near(a), np.inf, distance)
-        k = distance.argmin(1)
-        p = np.arange(len(a))
-        best = distance[p, k]
-        keep = np.isfinite(best)
-        if not keep.any():
-            return
-        p, k, best = p[keep], k[keep], best[keep]
-        unit = gap[p, k] / np.maximum(best, 1e-9)[:, None]
-        w = t[p, k][:, None, None]
+            distance, segment, where = nearest_strand(a, separation(self._limits))
+        else:
+            distance, segment, where = nearest(a, b)
+        blocks = range(0, len(a), self._stride)
+        p = np.array([m + distance[m : m + self._stride].argmin() for m in blocks])
+        k, best, w = segment[p], distance[p], where[p][:, None]
+        some = np.isfinite(best)  # SLSQP wants the same rows every time
+        unit = (a[p] - (1 - w) * b[k] - w * b[k + 1]) / np.maximum(best, 1e-9)[:, None]
         row = self._widen(np.einsum("pj,pjx->px", unit, da[p]), self._columns[i])
+        w = w[..., None]
         row -= self._widen(
             np.einsum("pj,pjx->px", unit, (1 - w) * db[k] + w * db[k + 1]), self._columns[j]
         )
-        values.append(best - self._limits.clearance - MARGIN)
-        rows.append(row)
-
-    def _near(self, points: Float) -> Bool:
-        """(p, p - 1): segments too close along the cord to count as another strand."""
-        along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-        middle = (along[1:] + along[:-1]) / 2
-        return np.asarray(
-            np.abs(along[:, None] - middle) < separation(self._limits) + np.diff(along).max()
-        )
+        values.append(np.where(some, best, _FAR) - self._limits.clearance - MARGIN)
+        rows.append(np.where(some[:, None], row, 0.0))
 
 
 def separation(limits: Limits) -> float:

@@ -34,11 +34,11 @@ class CordFreedom:
         self._rows = np.array(rows, int)
         self._plane = "plane" in sensor.free
         self.size = 2 * len(rows) + 3 * self._plane
-        self._center = (sensor.curve.points.min(0) + sensor.curve.points.max(0)) / 2
-        self._reach = float(np.linalg.norm(np.ptp(sensor.curve.points, axis=0))) / 2
+        self.center = (sensor.curve.points.min(0) + sensor.curve.points.max(0)) / 2
+        self.reach = float(np.linalg.norm(np.ptp(sensor.curve.points, axis=0))) / 2
         self._per_span = per_span(sensor)
         self._basis = hermite_basis(k, self._per_span)[0]
-        _, self._first, self._second = hermite_basis(k, 5)
+        _, self._first, self._second = hermite_basis(k, 8)
 
     def _stacked(self, x: Float) -> Float:
         stack = self._stack.copy()
@@ -49,10 +49,10 @@ class CordFreedom:
     def _frame(self, x: Float) -> tuple[Float, Float, list[Float]]:
         """Pivot (3,), axes (3, 3), and the axes' derivatives by the two tilts."""
         plane = self.sensor.plane
-        pivot = plane.to_world(self._center)
+        pivot = plane.to_world(self.center)
         if not self._plane:
             return pivot, plane.axes, []
-        offset, a, b = x[-3], x[-2] / self._reach, x[-1] / self._reach
+        offset, a, b = x[-3], x[-2] / self.reach, x[-1] / self.reach
         ca, sa, cb, sb = np.cos(a), np.sin(a), np.cos(b), np.sin(b)
         rx, drx = (
             np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]]),
@@ -62,21 +62,21 @@ class CordFreedom:
             np.array([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]]),
             np.array([[-sb, 0, cb], [0, 0, 0], [-cb, 0, -sb]]),
         )
-        derivatives = [plane.axes @ drx @ ry / self._reach, plane.axes @ rx @ dry / self._reach]
+        derivatives = [plane.axes @ drx @ ry / self.reach, plane.axes @ rx @ dry / self.reach]
         return pivot + offset * plane.normal, plane.axes @ rx @ ry, derivatives
 
     def apply(self, x: Float) -> Sensor:
         """The sensor at parameters x (size,)."""
         stack, k = self._stacked(x), len(self.sensor.curve.points)
         pivot, axes, _ = self._frame(x)
-        plane = Plane(pivot - axes[:, :2] @ self._center, axes)
+        plane = Plane(pivot - axes[:, :2] @ self.center, axes)
         return replace(self.sensor, plane=plane, curve=Hermite(stack[:k], stack[k:]))
 
     def path(self, x: Float) -> tuple[Float, Float]:
         """Sampled path (p, 3) in the rest frame and its derivative (p, 3, size)."""
         stack = self._stacked(x)
         pivot, axes, tilts = self._frame(x)
-        local = self._basis @ stack - self._center
+        local = self._basis @ stack - self.center
         derivative = np.zeros((len(local), 3, self.size))
         for i, row in enumerate(self._rows):
             for d in range(2):

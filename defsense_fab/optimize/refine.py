@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize
@@ -13,7 +14,7 @@ from ..core.curve import distinct
 from ..core.device import Sensor
 from ..core.errors import LayoutError
 from ..geometry import facets
-from .candidates import Pool, build_pool, propose, vary
+from .candidates import Pool, build_pool, join, propose, vary
 from .constraints import Constraints
 from .freedom import CordFreedom, per_span
 from .objective import Objective
@@ -22,6 +23,7 @@ from .select import select
 from .verify import verify
 
 Report = Callable[[float, str], None]
+Layout = tuple[Sensor, ...]
 
 
 @dataclass(frozen=True)
@@ -50,51 +52,62 @@ def optimise(
     rng: np.random.Generator,
     report: Report,
     *,
-    starts: int = 4,
-    candidates: int = 4000,
+    starts: int | None = None,
+    finalists: int = 4,
+    candidates: int = 12000,
     iterations: int = 60,
 ) -> Optimised:
     """Improve the cords that are free, from selected variations and the drawing itself.
 
-    Every start ends in an independent check; only layouts that pass compete, and one whose
-    planes leave slivers of parts loses to any that leave none. The drawing, which must pass
-    itself, is the result where nothing better was found.
+    Every start takes a short descent; the best `finalists` go on until they converge. Only
+    layouts that pass an independent check compete, and one whose planes leave slivers of parts
+    loses to any that leave none. The drawing, which must pass itself, is the result where
+    nothing better was found. `starts` is 48 over the number of free cords unless given.
     """
     drawn = tuple(sensors)
-    best, best_error = drawn, layout_error(problem, drawn)
-    reached: list[float] = []
     slivers = Slivers(problem)
-    rank = (slivers(drawn), best_error)
+
+    def rank(layout: Layout) -> tuple[bool, float]:
+        return slivers(layout), layout_error(problem, layout)
+
     if not any(s.free for s in drawn):
-        return Optimised(best, best_error, ())
+        return Optimised(drawn, layout_error(problem, drawn), ())
     size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
-    each = max(candidates // sum(bool(s.free) for s in drawn), 1)
-    for start in range(starts):
-        report(start / starts, f"start {start + 1} of {starts}, best {best_error:.3g} mm")
-        pools = [build_pool(problem, vary(s, each, size / 2, rng)) for s in drawn]
-        picked = _pick(problem, pools)
-        seeds = [picked] if picked else []
-        if start == 0:
-            seeds.append([_jitter(s, rng) for s in drawn])
-        for seed in seeds:
+    free = sum(bool(s.free) for s in drawn)
+    each, starts = max(candidates // free, 1), starts or max(48 // free, 8)
+    pools = []
+    for i, s in enumerate(drawn):
+        report(0.25 * i / len(drawn), f"candidates for cord {s.name!r}")
+        pools.append(build_pool(problem, vary(s, each, size / 2, rng)))
+    seeds: list[Layout] = [tuple(_jitter(s, rng) for s in drawn)]
+    for _ in range(starts):
+        picked = _pick(problem, [p.some(0.1, rng) for p in pools])  # small shares differ
+        seeds += [picked] if picked else []
+    short: list[Layout] = []
+    for i, seed in enumerate(seeds):
+        at = 0.25 + 0.35 * i / len(seeds)
+        show = partial(_show, report, at, f"descent {i + 1} of {len(seeds)}")
+        short.append(_descend(problem, seed, iterations, show))
+    reached = [layout_error(problem, layout) for layout in short]
+    order = sorted(range(len(short)), key=lambda i: rank(short[i]))
+    long: list[Layout] = []
+    for n, i in enumerate(order[:finalists]):
+        at = 0.6 + 0.4 * n / finalists
+        show = partial(_show, report, at, f"finishing {n + 1} of {finalists}")
+        long.append(_finish(problem, short[i], show))
+        reached[i] = layout_error(problem, long[-1])
+    valid = [
+        layout
+        for layout in [*long, *short, *seeds[1:]]
+        if not verify(layout, problem.surface, problem.limits).problems
+    ]
+    best = min([drawn, *valid], key=rank)
+    report(1.0, f"best {layout_error(problem, best):.3g} mm")
+    return Optimised(best, layout_error(problem, best), tuple(reached))
 
-            def show(value: float, at: int = start) -> None:
-                report(at / starts, f"start {at + 1} of {starts}, {np.sqrt(value):.3g} mm")
 
-            for layout in (_polish(problem, seed, iterations, show), tuple(seed)):
-                if verify(layout, problem.surface, problem.limits).problems:
-                    continue
-                error = layout_error(problem, layout)
-                reached.append(error)
-                if error >= best_error and not rank[0]:
-                    break
-                new = (slivers(layout), error)
-                if new < rank:
-                    best, best_error, rank = tuple(layout), error, new
-                if not new[0]:
-                    break
-    report(1.0, f"best {best_error:.3g} mm")
-    return Optimised(best, best_error, tuple(reached))
+def _show(report: Report, at: float, what: str, error: float) -> None:
+    report(at, f"{what}, {error:.3g} mm")
 
 
 class Slivers:
@@ -119,11 +132,10 @@ def first_layout(
     width = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[0])
     for _ in range(5):  # candidates are checked coarsely: a pick can still fail the fine check
         many = [
-            v
+            vary(replace(s, free=frozenset({"path"})), variations, width / 2, rng)
             for s in propose(problem.surface, lines, rng)
-            for v in vary(replace(s, free=frozenset({"path"})), variations, width / 3, rng)
         ]
-        pool = build_pool(problem, many, keep_first=False) if many else None
+        pool = build_pool(problem, join(many), keep_first=False) if many else None
         picked = _pick(problem, [pool] * count) if pool and pool.sensors else None
         if picked and not verify(picked, problem.surface, problem.limits).problems:
             return tuple(
@@ -136,12 +148,12 @@ def first_layout(
     )
 
 
-def _pick(problem: Problem, pools: Sequence[Pool]) -> list[Sensor] | None:
+def _pick(problem: Problem, pools: Sequence[Pool]) -> Layout | None:
     clearance = problem.limits.clearance + 0.1
     chosen = select(pools, problem.outputs(), problem.ridge, clearance)
     if chosen is None:
         return None
-    return [p.sensors[i] for p, i in zip(pools, chosen, strict=True)]
+    return tuple(p.sensors[i] for p, i in zip(pools, chosen, strict=True))
 
 
 def _jitter(sensor: Sensor, rng: np.random.Generator) -> Sensor:
@@ -150,35 +162,32 @@ def _jitter(sensor: Sensor, rng: np.random.Generator) -> Sensor:
     return freedom.apply(rng.normal(0, 1.5, freedom.size))
 
 
-def _polish(
-    problem: Problem,
-    sensors: Sequence[Sensor],
-    iterations: int,
-    show: Callable[[float], None],
-    rounds: int = 3,
-) -> tuple[Sensor, ...]:
-    """Descents in a row: inlets shift as planes tilt, and only a new start measures them anew."""
-    layout, error = tuple(sensors), np.inf
+def _finish(
+    problem: Problem, layout: Layout, show: Callable[[float], None], rounds: int = 6
+) -> Layout:
+    """Descents in a row until the error stands still and the check passes.
+
+    Inlets shift as planes tilt, and only a new start measures them anew.
+    """
+    error = layout_error(problem, layout)
     for _ in range(rounds):
-        layout = _descend(problem, layout, iterations, show)
+        layout = _descend(problem, layout, 150, show)
         before, error = error, layout_error(problem, layout)
         good = not verify(layout, problem.surface, problem.limits).problems
-        if good and error > 0.97 * before:
+        if good and abs(before - error) < 2e-3 * error:
             break
     return layout
 
 
 def _descend(
-    problem: Problem,
-    sensors: Sequence[Sensor],
-    iterations: int,
-    show: Callable[[float], None],
-) -> tuple[Sensor, ...]:
+    problem: Problem, sensors: Layout, iterations: int, show: Callable[[float], None]
+) -> Layout:
     cords = [CordFreedom(s) for s in sensors]
     objective = Objective(problem, cords)
     constraints = Constraints(problem.surface, problem.limits, cords)
     scale = objective(np.zeros(sum(c.size for c in cords)))[0]
     last: dict[bytes, tuple[Float, Float]] = {}
+    value = np.inf
 
     def constrained(x: Float, which: int) -> Float:
         key = x.tobytes()
@@ -188,6 +197,7 @@ def _descend(
         return last[key][which]
 
     def scaled(x: Float) -> tuple[float, Float]:
+        nonlocal value
         value, gradient = objective(x)
         return value / scale, gradient / scale
 
@@ -201,7 +211,7 @@ def _descend(
             "fun": lambda x: constrained(x, 0),
             "jac": lambda x: constrained(x, 1),
         },
-        callback=lambda x: show(objective(x)[0]),
+        callback=lambda _: show(float(np.sqrt(value))),
         options={"maxiter": iterations, "ftol": 1e-6},
     )
     return tuple(c.apply(x) for c, x in zip(cords, objective.split(result.x), strict=True))

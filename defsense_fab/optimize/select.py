@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core.arrays import Bool, Float, Int
 from .candidates import Pool
+from .nearest import gaps
 
 
 def select(
@@ -54,7 +55,5 @@ def _clear(paths: Float, other: Float, clearance: float) -> Bool:
     low, high = other.min(0) - clearance - slack, other.max(0) + clearance + slack
     out = np.ones(len(paths), bool)
     near = ((paths.max(1) >= low) & (paths.min(1) <= high)).all(1)
-    for i in np.flatnonzero(near):
-        gap = np.linalg.norm(paths[i][:, None] - other[None], axis=2)
-        out[i] = gap.min() >= clearance + slack
+    out[near] = gaps(paths[near], other) >= clearance + slack
     return out

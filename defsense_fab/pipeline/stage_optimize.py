@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -73,25 +73,46 @@ def _spread(points: Float, count: int) -> Float:
     return points[chosen]
 
 
-def run(device: Device, folder: Path, report: Report) -> None:
+@dataclass(frozen=True)
+class Task:
+    """Every state of the device, `names` (n,) with rest first, and which are `held` out (n,)."""
+
+    everything: Problem
+    names: list[str]
+    held: Bool
+    points: Float
+
+    @property
+    def design(self) -> Problem:
+        """The problem on the states that the optimiser may see."""
+        seen = np.flatnonzero(~self.held)
+        p = self.everything
+        return replace(p, fields=p.fields[seen[1:] - 1], markers=p.markers[seen])
+
+
+def load_task(device: Device, folder: Path) -> Task:
+    """What there is to optimise, from the files of the earlier stages."""
     surface = load_surface(folder)
-    mesh = load_mesh(folder)
-    locator = PointLocator(QuadraticMesh.from_linear(mesh))
+    locator = PointLocator(QuadraticMesh.from_linear(load_mesh(folder)))
     names, held, fields = load_fields(folder)
     points, weights = markers(device, surface, locator)
     moved = locator.displacement(locator.find(points), fields)
-    moved = np.concatenate([np.zeros((1, *points.shape)), moved])
-    seen = np.flatnonzero(~np.array([False, *held]))
-    problem = Problem(
+    everything = Problem(
         surface,
         locator,
-        fields[seen[1:] - 1],
-        moved[seen],
+        fields,
+        np.concatenate([np.zeros((1, *points.shape)), moved]),
         weights,
         device.cord.gauge_factor,
         device.cord.noise,
         limits(device),
     )
+    return Task(everything, ["rest", *names], np.array([False, *held]), points)
+
+
+def run(device: Device, folder: Path, report: Report) -> None:
+    task = load_task(device, folder)
+    problem, surface = task.design, task.everything.surface
     rng = np.random.default_rng(SEED)
     drawn: tuple[Sensor, ...] = device.sensors
     if drawn:
@@ -104,11 +125,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
         report(0.0, "proposing planes and paths")
         drawn = first_layout(problem, device.propose, rng)
     found = optimise(problem, drawn, rng, report)
-    everything = replace(problem, fields=fields, markers=moved)
-    all_names = ["rest", *names]
-    hold = np.array([False, *held])
-    initial, _ = predict(everything, drawn, all_names, hold)
-    final, extra = predict(everything, found.sensors, all_names, hold)
+    initial, _ = predict(task.everything, drawn, task.names, task.held)
+    final, extra = predict(task.everything, found.sensors, task.names, task.held)
     check = verify(found.sensors, surface, problem.limits)
     if check.problems:
         raise LayoutError(f"the optimised layout fails its check: {check.problems[0]}")
@@ -123,7 +141,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
                 "min_radius": problem.limits.min_radius,
                 "clearance": problem.limits.clearance,
             },
-            "sensors": _sensors(device, found.sensors, check, everything),
+            "sensors": _sensors(device, found.sensors, check, task.everything),
             "min_clearance": check.min_clearance,
             "prediction": final.to_json(),
             "initial": initial.to_json(),
@@ -133,7 +151,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             "seed": SEED,
         },
     )
-    write_json(folder / "prediction.json", {"markers": points.tolist(), **extra})
+    write_json(folder / "prediction.json", {"markers": task.points.tolist(), **extra})
 
 
 def predict(

@@ -57,12 +57,10 @@ def test_constraint_derivatives_by_finite_differences(problem, straight):
     constraints = Constraints(problem.surface, LIMITS, cords)
     x = np.random.default_rng(4).normal(0, 1.0, sum(c.size for c in cords))
     _, jacobian = constraints(x)
-    wrong = 0
     for i in range(len(x)):
         e = 1e-6 * np.eye(len(x))[i]
         slope = (constraints(x + e)[0] - constraints(x - e)[0]) / 2e-6
-        wrong += (np.abs(slope - jacobian[:, i]) > 1e-4).sum()
-    assert wrong <= 0.005 * jacobian.size  # closest points change face or segment somewhere
+        assert jacobian[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-5)
 
 
 def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, straight):
