@@ -18,6 +18,14 @@ def box_surface(low, high):
     return Surface(low + corners * (high - low), faces)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory):
+    """Tests neither see nor fill the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DEFSENSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 @pytest.fixture(scope="session")
 def bar():
     return box_surface([0, -15, -15], [150, 15, 15])
@@ -25,7 +33,7 @@ def bar():
 
 @pytest.fixture(scope="session")
 def bar_mesh(bar):
-    return tetrahedralise(bar, 10.0)[0]
+    return tetrahedralise(bar, 10.0)
 
 
 @pytest.fixture

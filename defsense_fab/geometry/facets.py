@@ -9,7 +9,6 @@ import manifold3d as m3
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.curve import Plane
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
 
@@ -68,20 +67,18 @@ def tube(points: Float, normal: Float, diameter: float, sides: int = 48) -> Any:
     return to_manifold(surface, "channel")
 
 
-def carve_and_split(
-    body: Any, tubes: Sequence[Any], planes: Sequence[Plane]
-) -> tuple[list[Any], float]:
-    """Cut the tubes out of the body and split it at the planes: parts and removed volume."""
-    removed, carved = 0.0, body
-    for t in tubes:
-        removed += float((body ^ t).volume())
-        carved = carved - t
-    parts = [carved]
-    for plane in planes:
-        halves = [
-            half
-            for p in parts
-            for half in p.split_by_plane(plane.normal, float(plane.normal @ plane.origin))
-        ]
-        parts = [piece for half in halves if not half.is_empty() for piece in half.decompose()]
-    return parts, removed
+def union(solids: Sequence[Any]) -> Any:
+    return m3.Manifold.batch_boolean(list(solids), m3.OpType.Add)
+
+
+def to_surface(solid: Any) -> Surface:
+    mesh = solid.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, float)[:, :3]
+    return Surface(vertices, np.asarray(mesh.tri_verts, np.int64))
+
+
+def centroid(surface: Surface) -> Float:
+    """Centre of mass (3,) mm: each facet and the origin span a tetrahedron."""
+    corners = surface.vertices[surface.faces]
+    volume = np.linalg.det(corners)
+    return np.asarray(volume @ corners.sum(1) / (4 * volume.sum()))

@@ -8,17 +8,21 @@ from typing import Any
 
 import build123d as bd
 import numpy as np
+from OCP.BRepOffsetAPI import BRepOffsetAPI_MakePipe
 from OCP.TopAbs import TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
 from ..core.arrays import Float
+from ..core.biarc import arcs
 from ..core.curve import Hermite, Plane
 from ..core.errors import BodyError, FabricationError
 from ..core.mesh import Surface
 
 #: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
 ANGLE = 0.06
+#: Largest distance of a channel's arcs from the path, mm.
+PATH_TOLERANCE = 0.01
 
 
 def solids_of(result: Any) -> list[Any]:
@@ -77,28 +81,32 @@ def tessellate(solid: Any, tolerance: float) -> Surface:
 def tube(plane: Plane, curve: Hermite, before: float, after: float, diameter: float) -> Any:
     """Round tube along a planar Hermite path, lengthened by straight ends, as a TopoDS_Solid.
 
-    Each span becomes the cubic Bezier curve that equals it, so the tube is exact.
+    The path becomes arcs, so that all faces are tori and cylinders, whose cuts with the cord
+    plane are exact. Along Bezier curves they are splines, which OCC cut wrongly or never ended.
     """
-    world = plane.to_world(curve.points)
-    axes = plane.axes[:, :2]
-    tangent = curve.tangents @ axes.T
-    first, last = (t / np.linalg.norm(t) for t in (tangent[0], tangent[-1]))
-    start, end = world[0] - before * first, world[-1] + after * last
-    edges = [bd.Line(tuple(start), tuple(world[0]))] if before > 1e-6 else []
-    for i in range(len(world) - 1):
-        a, b = world[i], world[i + 1]
-        poles = [a, a + tangent[i] / 3, b - tangent[i + 1] / 3, b]
-        edges.append(bd.Bezier(*[tuple(p) for p in poles]))
+    world = plane.to_world(arcs(curve, PATH_TOLERANCE))
+    ends = curve.tangents[[0, -1]] @ plane.axes[:, :2].T
+    first, last = ends / np.linalg.norm(ends, axis=1, keepdims=True)
+    start, end = world[0, 0] - before * first, world[-1, 2] + after * last
+    edges = [bd.Line(tuple(start), tuple(world[0, 0]))] if before > 1e-6 else []
+    for a, middle, b in world:
+        bow = float(np.linalg.norm(middle - (a + b) / 2))
+        straight = bow < 1e-6 * float(np.linalg.norm(b - a))
+        points = [tuple(p) for p in ((a, b) if straight else (a, middle, b))]
+        edges.append(bd.Line(*points) if straight else bd.ThreePointArc(*points))
     if after > 1e-6:
-        edges.append(bd.Line(tuple(world[-1]), tuple(end)))
-    section = bd.Plane(origin=tuple(start), z_dir=tuple(first)) * bd.Circle(diameter / 2)
+        edges.append(bd.Line(tuple(world[-1, 2]), tuple(end)))
+    # The circle's seam points along the normal: near the cord plane it would meet the cuts.
+    frame = bd.Plane(origin=tuple(start), x_dir=tuple(plane.normal), z_dir=tuple(first))
+    section = (frame * bd.Circle(diameter / 2)).face()
     try:
-        swept = bd.sweep(sections=section.face(), path=bd.Wire(edges))
-        solid = swept.solids()[0]
+        pipe = BRepOffsetAPI_MakePipe(bd.Wire(edges).wrapped, section.wrapped)
+        solid = bd.Solid(pipe.Shape())
+        good = solid.is_valid and solid.volume > 0
     except Exception as error:  # OCP's own exceptions carry no common base
         text = " ".join(str(error).split()) or type(error).__name__
         raise FabricationError(f"the channel cannot be swept: {text}; smooth the path") from None
-    if solid.volume <= 0 or not solid.is_valid:
+    if not good:
         raise FabricationError(
             "the channel's solid is not valid; the path bends tighter than the channel's radius"
         )
@@ -106,27 +114,43 @@ def tube(plane: Plane, curve: Hermite, before: float, after: float, diameter: fl
 
 
 def carve_and_split(
-    solid: Any, tubes: Sequence[Any], planes: Sequence[Plane]
+    solid: Any, tubes: Sequence[Any], cuts: Sequence[tuple[Plane, Float]], count: int
 ) -> tuple[list[Any], float]:
-    """Cut the tubes out of the body and split it at the planes: parts and removed volume."""
-    carved = bd.Solid(solid)
-    removed = 0.0
-    for t in tubes:
-        cutter = bd.Solid(t)
-        removed += sum(float(s.volume) for s in (bd.Solid(solid) & cutter).solids())
-        pieces = (carved - cutter).solids()
-        if len(pieces) != 1:
-            raise FabricationError(
-                f"a channel cuts the body into {len(pieces)} pieces; move the cord inwards"
-            )
-        carved = pieces[0]
-    parts = [carved]
-    for plane in planes:
+    """Cut the tubes out of the body and divide it into `count` parts: parts and removed mm^3.
+
+    Each of `cuts` divides the one piece whose centre of mass lies nearest to its point (3,).
+    Raises FabricationError where OpenCascade loses a part or some volume on the way.
+    """
+    body, cutters = bd.Solid(solid), [bd.Solid(t) for t in tubes]
+    removed = sum(float(s.volume) for t in cutters for s in (body & t).solids())
+    expected = float(body.volume) - removed
+
+    def carved(pieces: list[Any]) -> list[Any]:
+        for t in cutters:
+            pieces = [s for p in pieces for s in (p - t).solids()]
+        return pieces
+
+    for tubes_first in (True, False):  # now and then one order fails where the other works
+        made = _divided(carved([body]), cuts) if tubes_first else carved(_divided([body], cuts))
+        if len(made) == count and abs(sum(p.volume for p in made) / expected - 1) < 1e-4:
+            return [p.wrapped for p in made], removed
+    raise FabricationError("OpenCascade could not divide the solid; move a cord plane slightly")
+
+
+def _divided(parts: list[Any], cuts: Sequence[tuple[Plane, Float]]) -> list[Any]:
+    """The solids after planar cuts; a cut that fails leaves its piece whole."""
+    for plane, at in cuts:
+        nearest = min(parts, key=lambda p: float(np.linalg.norm(centroid(p.wrapped) - at)))
         knife = bd.Plane(
             origin=tuple(plane.origin), x_dir=tuple(plane.axes[:, 0]), z_dir=tuple(plane.normal)
         )
-        parts = [s for p in parts for s in bd.split(p, bisect_by=knife, keep=bd.Keep.BOTH).solids()]
-    return [p.wrapped for p in parts], removed
+        try:
+            halves = list(bd.split(nearest, bisect_by=knife, keep=bd.Keep.BOTH).solids())
+        except ValueError:  # the splitter's result was null
+            continue
+        if halves:
+            parts = [p for p in parts if p is not nearest] + halves
+    return parts
 
 
 def centroid(solid: Any) -> Float:

@@ -27,7 +27,7 @@ class MeshQuality:
 
 def tetrahedralise(
     surface: Surface, edge_length: float, on_step: Callable[[str], None] | None = None
-) -> tuple[TetMesh, MeshQuality]:
+) -> TetMesh:
     """Tets of about `edge_length` mm inside `surface`. Not repeatable: store the result.
 
     Raises MeshingError where the edge length does not fit the body or the mesher fails.
@@ -60,10 +60,7 @@ def tetrahedralise(
             )
     except RuntimeError as error:
         raise MeshingError(f"the mesher failed: {error}; repair the body's surface") from None
-    mesh = _tidy(np.asarray(nodes, float), np.asarray(tets, np.int64))
-    if on_step:
-        on_step("measuring quality")
-    return mesh, quality(mesh, surface)
+    return _tidy(np.asarray(nodes, float), np.asarray(tets, np.int64))
 
 
 def _tidy(nodes: Float, tets: Int) -> TetMesh:

@@ -10,17 +10,17 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ..core.arrays import Float
-from ..core.curve import distinct
 from ..core.device import Sensor
 from ..core.errors import LayoutError
 from ..geometry import facets
+from ..geometry.division import plan
 from .candidates import Pool, build_pool, join, propose, vary
 from .constraints import Constraints
 from .freedom import CordFreedom, per_span
 from .objective import Objective
 from .problem import Problem, expected_error
 from .select import select
-from .verify import verify
+from .verify import LONGEST_INLET, verify
 
 Report = Callable[[float, str], None]
 Layout = tuple[Sensor, ...]
@@ -118,8 +118,16 @@ class Slivers:
         self._least = problem.limits.smallest_part * self._body.volume()
 
     def __call__(self, sensors: Sequence[Sensor]) -> bool:
-        parts, _ = facets.carve_and_split(self._body, [], distinct([s.plane for s in sensors]))
-        return any(p.volume() < self._least for p in parts)
+        cords = [(s.plane, _lengthened(sample_path(s))) for s in sensors]
+        return bool(plan(self._body, cords).smallest < self._least)
+
+
+def _lengthened(path: Float) -> Float:
+    """The path (p, 3) mm with straight ends that surely leave the body."""
+    first, last = (v / np.linalg.norm(v) for v in (path[0] - path[1], path[-1] - path[-2]))
+    return np.concatenate(
+        [path[:1] + LONGEST_INLET * first, path, path[-1:] + LONGEST_INLET * last]
+    )
 
 
 def first_layout(

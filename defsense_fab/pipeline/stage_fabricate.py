@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.curve import Plane, distinct
 from ..core.device import Device, Sensor
 from ..core.errors import FabricationError
 from ..core.files import write_json
 from ..core.mesh import Surface
 from ..geometry import facets
+from ..geometry.division import Division, divide
 from ..geometry.export import write_3mf, write_stl
 from ..optimize.problem import Limits
 from .stage_body import is_cad, load_surface
@@ -42,37 +42,52 @@ def run(device: Device, folder: Path, report: Report) -> None:
     inlets = [s["inlets"] for s in read_json(folder / "layout.json")["sensors"]]
     overrun = 2 * device.channel_diameter
     ends = [(a + overrun, b + overrun) for a, b in inlets]
-    planes = distinct([s.plane for s in sensors])
-    surface = load_surface(folder)
     report(0.1, "cutting facets")
-    parts, removed, body_volume = _by_facets(surface, sensors, ends, planes, device)
+    body = facets.to_manifold(load_surface(folder), "the body")
+    cords = [(s.plane, channel_line(s, e)) for s, e in zip(sensors, ends, strict=True)]
+    division = divide(body, cords, device.channel_diameter)
+    parts, warnings = [], []
+    for piece in division.parts:
+        s = facets.printable(piece, "a part")
+        parts.append(Part(s, float(piece.volume()), facets.centroid(s)))
+    removed, body_volume = division.removed, float(body.volume())
     if is_cad(folder):
         report(0.3, "cutting the solid")
-        solids, removed, body_volume = _by_occ(folder, sensors, ends, planes, device)
-        parts = _matched(parts, solids)
+        try:
+            solids, *volumes = _by_occ(folder, sensors, ends, division, device)
+            parts = _matched(parts, solids)
+            removed, body_volume = volumes
+        except FabricationError as error:  # the STL do not need it
+            warnings.append(f"no STEP parts: {error}")
     total = sum(p.volume for p in parts) + removed
     if abs(total / body_volume - 1) > CONSERVATION:
         raise FabricationError(
             f"parts and grooves add up to {total:.1f} mm^3 but the body has {body_volume:.1f};"
             " the cut failed: move a cord plane slightly"
         )
-    parts = sorted(parts, key=lambda p: tuple(np.round(p.center[[2, 1, 0]], 3)))
+    order = sorted(range(len(parts)), key=lambda i: tuple(np.round(parts[i].center[[2, 1, 0]], 3)))
+    names = [f"part-{order.index(i) + 1}" for i in range(len(parts))]
+    steps = [
+        {
+            "join": [[names[i] for i in side] for side in cut.sides],
+            "cords": [sensors[i].name for i in cut.cords],
+        }
+        for cut in reversed(division.cuts)
+    ]
+    named = {names[i]: parts[i] for i in order}
     out = folder / "parts"
     out.mkdir()
     report(0.7, "writing parts")
-    names = [f"part-{i + 1}" for i in range(len(parts))]
-    for name, part in zip(names, parts, strict=True):
+    for name, part in named.items():
         write_stl(part.surface, out / f"{name}.stl")
         if part.solid is not None:
             from ..geometry import occ
 
             occ.write_step(part.solid, out / f"{name}.step", name)
-    write_3mf(
-        dict(zip(names, (p.surface for p in parts), strict=True)),
-        out / "assembly.3mf",
-        device.name,
-    )
-    write_json(out / "manifest.json", _manifest(device, folder, names, parts, removed, body_volume))
+    surfaces = {name: part.surface for name, part in named.items()}
+    write_3mf(surfaces, out / "assembly.3mf", device.name)
+    manifest = _manifest(device, folder, named, removed, body_volume, warnings)
+    write_json(out / "manifest.json", manifest | {"assembly": steps})
 
 
 def channel_line(sensor: Sensor, ends: tuple[float, float]) -> Float:
@@ -83,38 +98,11 @@ def channel_line(sensor: Sensor, ends: tuple[float, float]) -> Float:
     return np.concatenate([points[:1] - ends[0] * first, points, points[-1:] + ends[1] * last])
 
 
-def _by_facets(
-    surface: Surface,
-    sensors: Sequence[Sensor],
-    ends: Sequence[tuple[float, float]],
-    planes: Sequence[Plane],
-    device: Device,
-) -> tuple[list[Part], float, float]:
-    body = facets.to_manifold(surface, "the body")
-    tubes = [
-        facets.tube(channel_line(s, e), s.plane.normal, device.channel_diameter)
-        for s, e in zip(sensors, ends, strict=True)
-    ]
-    pieces, removed = facets.carve_and_split(body, tubes, planes)
-    parts = []
-    for piece in pieces:
-        s = facets.printable(piece, "a part")
-        parts.append(Part(s, float(piece.volume()), _centroid(s)))
-    return parts, removed, float(body.volume())
-
-
-def _centroid(surface: Surface) -> Float:
-    """Centre of mass (3,) mm: each facet and the origin span a tetrahedron."""
-    corners = surface.vertices[surface.faces]
-    volume = np.linalg.det(corners)
-    return np.asarray(volume @ corners.sum(1) / (4 * volume.sum()))
-
-
 def _by_occ(
     folder: Path,
     sensors: Sequence[Sensor],
     ends: Sequence[tuple[float, float]],
-    planes: Sequence[Plane],
+    division: Division,
     device: Device,
 ) -> tuple[list[Any], float, float]:
     from ..geometry import occ
@@ -124,7 +112,9 @@ def _by_occ(
         occ.tube(s.plane, s.curve, *e, device.channel_diameter)
         for s, e in zip(sensors, ends, strict=True)
     ]
-    pieces, removed = occ.carve_and_split(solid, tubes, planes)
+    pieces, removed = occ.carve_and_split(
+        solid, tubes, [(c.plane, c.center) for c in division.cuts], len(division.parts)
+    )
     return pieces, removed, occ.volume(solid)
 
 
@@ -134,8 +124,10 @@ def _matched(parts: Sequence[Part], solids: Sequence[Any]) -> list[Part]:
 
     left = [(s, occ.volume(s), occ.centroid(s)) for s in solids]
     total = sum(v for _, v, _ in left)
-    out = []
-    for part in sorted(parts, key=lambda p: -p.volume):
+    out = list(parts)
+    found = 0
+    for k in sorted(range(len(parts)), key=lambda k: -parts[k].volume):
+        part = parts[k]
         near = [
             (float(np.linalg.norm(c - part.center)) + abs(v - part.volume) / total, i)
             for i, (_, v, c) in enumerate(left)
@@ -144,8 +136,9 @@ def _matched(parts: Sequence[Part], solids: Sequence[Any]) -> list[Part]:
         if i < 0 or abs(left[i][1] - part.volume) > 2e-3 * part.volume + 1e-4 * total:
             break
         solid, volume, center = left.pop(i)
-        out.append(Part(part.surface, volume, center, solid))
-    if left or len(out) != len(parts):
+        out[k] = Part(part.surface, volume, center, solid)
+        found += 1
+    if left or found != len(parts):
         raise FabricationError(
             f"the two geometry kernels disagree ({len(parts)} and {len(solids)} parts); move a"
             " cord plane slightly"
@@ -156,22 +149,22 @@ def _matched(parts: Sequence[Part], solids: Sequence[Any]) -> list[Part]:
 def _manifest(
     device: Device,
     folder: Path,
-    names: Sequence[str],
-    parts: Sequence[Part],
+    parts: Mapping[str, Part],
     removed: float,
     body_volume: float,
+    warnings: Sequence[str],
 ) -> dict[str, Any]:
     layout = read_json(folder / "layout.json")["sensors"]
-    warnings = []
-    for name, part in zip(names, parts, strict=True):
+    warned = list(warnings)
+    for name, part in parts.items():
         size = np.ptp(part.surface.bounds, axis=0)
         if part.volume < Limits.smallest_part * body_volume:
-            warnings.append(f"{name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
+            warned.append(f"{name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
         if not any(
             (np.array(turn) <= device.fabrication.bed).all()
             for turn in itertools.permutations(size)
         ):
-            warnings.append(f"{name} does not fit the bed of {device.fabrication.process}")
+            warned.append(f"{name} does not fit the bed of {device.fabrication.process}")
     cords = []
     for s in layout:
         cut = s["length"] + sum(s["inlets"]) + 2 * device.fabrication.lead
@@ -185,7 +178,7 @@ def _manifest(
             }
         )
         if s["peak_strain"] > device.cord.max_strain:
-            warnings.append(
+            warned.append(
                 f"cord {s['name']} is stretched by {s['peak_strain']:.0%}, more than its"
                 f" {device.cord.max_strain:.0%}"
             )
@@ -201,10 +194,10 @@ def _manifest(
                 "volume": part.volume,
                 "bbox": part.surface.bounds.tolist(),
             }
-            for name, part in zip(names, parts, strict=True)
+            for name, part in parts.items()
         ],
         "cords": cords,
         "removed_volume": removed,
         "body_volume": body_volume,
-        "warnings": warnings,
+        "warnings": warned,
     }

@@ -12,15 +12,19 @@ from ..core.device import Device
 from ..core.errors import DeviceError
 from ..core.files import write_json
 from ..core.mesh import TetMesh
-from ..geometry.tetrahedra import tetrahedralise
+from ..geometry.tetrahedra import quality, tetrahedralise
+from . import mesh_store
 from .stage_body import load_surface
 from .stages import Report
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
-    mesh, quality = tetrahedralise(
-        load_surface(folder), device.edge_length, lambda m: report(0.3, m)
-    )
+    surface = load_surface(folder)
+    mesh = mesh_store.recall(surface, device.edge_length)
+    if mesh is None:
+        mesh = tetrahedralise(surface, device.edge_length, lambda m: report(0.3, m))
+        mesh_store.remember(surface, device.edge_length, mesh)
+    report(0.8, "measuring quality")
     tags = {name: shape.contains(mesh.nodes) for name, shape in device.regions.items()}
     for name, inside in tags.items():
         if not inside.any():
@@ -36,7 +40,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             point_data={f"region:{n}": t.astype(np.int8) for n, t in tags.items()},
         ),
     )
-    write_json(folder / "mesh.json", {"hash": mesh.digest, **asdict(quality)})
+    write_json(folder / "mesh.json", {"hash": mesh.digest, **asdict(quality(mesh, surface))})
 
 
 def load_mesh(folder: Path) -> TetMesh:

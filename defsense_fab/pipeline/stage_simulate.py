@@ -81,7 +81,13 @@ def run(device: Device, folder: Path, report: Report) -> None:
     write_json(out / "index.json", {"material_model": MODEL, "states": index})
 
 
+#: Fields are stored to this many decimals of a mm: what threads change in the last digits of a
+#: solution must not reach the layout.
+_DECIMALS = 5
+
+
 def _write(path: Path, mesh: QuadraticMesh, u: Float, stats: Mapping[str, float]) -> None:
+    u = np.round(u, _DECIMALS)
     meshio.write(
         path,
         meshio.Mesh(

@@ -55,6 +55,22 @@ def change(folder, old, new):
 
 
 @pytest.mark.slow
+def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
+    folder = tmp_path / "other"
+    folder.mkdir()
+    shutil.copy(device / "device.toml", folder)
+    shutil.copy(BAR.parent / "bar-cadquery" / "bar.py", folder)
+    assert cli.main(["fabricate", str(folder)]) == 0
+    one, other = (
+        json.loads((f / "build" / "parts" / "manifest.json").read_text()) for f in (device, folder)
+    )
+    assert one["assembly"] == other["assembly"]
+    for a, b in zip(one["parts"], other["parts"], strict=True):
+        assert a["volume"] == pytest.approx(b["volume"], rel=1e-4)
+        assert np.array(a["bbox"]) == pytest.approx(np.array(b["bbox"]), abs=0.01)
+
+
+@pytest.mark.slow
 def test_layout_and_manifest_hold_what_was_agreed(device):
     layout = json.loads((device / "build" / "layout.json").read_text())
     assert layout["prediction"]["rmse"] < layout["initial"]["rmse"] / 5

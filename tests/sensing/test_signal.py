@@ -38,7 +38,7 @@ def test_imposed_fields_converge_at_third_order_or_better(bar, field):
     sizes, errors = [12.0, 6.0], []
     path = wavy(4000)  # fine, so that only the mesh's error is seen
     for h in sizes:
-        mesh = QuadraticMesh.from_linear(tetrahedralise(bar, h)[0])
+        mesh = QuadraticMesh.from_linear(tetrahedralise(bar, h))
         locator = PointLocator(mesh)
         at = locator.find(path)
         u = field(mesh.nodes) - mesh.nodes
