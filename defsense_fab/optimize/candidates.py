@@ -51,10 +51,14 @@ class Batch:
     points: Float
     tangents: Float
 
+    def at(self, count: int) -> Int:
+        """Which of a path's samples, 24 a span, `paths` takes."""
+        last = 24 * (self.points.shape[1] - 1)
+        return np.asarray(np.round(np.linspace(0, last, count)).astype(int))
+
     def paths(self, count: int) -> Float:
         """`count` points of each path, evenly spread over the parameter, (c, count, 3) mm."""
-        basis = hermite_basis(self.points.shape[1], 24)[0]
-        few = basis[np.round(np.linspace(0, len(basis) - 1, count)).astype(int)]
+        few = hermite_basis(self.points.shape[1], 24)[0][self.at(count)]
         local = few @ np.concatenate([self.points, self.tangents], axis=1)
         return np.asarray(self.origins[:, None] + local @ self.axes[:, :, :2].swapaxes(1, 2))
 

@@ -39,7 +39,7 @@ def recall(surface: Surface, edge_length: float) -> TetMesh | None:
     """The mesh of this surface and edge length (mm), where one was made on this machine."""
     path = _path(surface, edge_length)
     try:
-        with np.load(path) as data:
+        with path.open("rb") as file, np.load(file) as data:
             mesh = TetMesh(data["nodes"], data["tets"])
         os.utime(path)
     except (OSError, ValueError, KeyError, BadZipFile):  # none, or not readable: make it anew

@@ -1,5 +1,6 @@
 """Gradients, constraints, the independent check, and the saddle point of symmetric drawings."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 from defsense_fab.core.curve import Hermite, catmull_rom
 from defsense_fab.mechanics.locate import PointLocator
 from defsense_fab.mechanics.tet10 import QuadraticMesh
+from defsense_fab.optimize.candidates import vary
 from defsense_fab.optimize.constraints import Constraints
 from defsense_fab.optimize.freedom import CordFreedom
+from defsense_fab.optimize.nearest import nearest, nearest_strand
 from defsense_fab.optimize.objective import Objective
 from defsense_fab.optimize.problem import Limits, Problem, expected_error
 from defsense_fab.optimize.refine import first_layout, layout_error, optimise
@@ -113,6 +116,40 @@ def test_cords_that_cross_are_found(bar, straight):
     problems = verify([straight("a"), straight("b", y=1.0)], bar, LIMITS).problems
     assert any("'a' and 'b' come within 1.00 mm" in p for p in problems)
     assert not verify([straight("a"), straight("b", y=4.0)], bar, LIMITS).problems
+
+
+def test_variations_keep_the_ends_and_the_planes_orthonormal(straight):
+    drawn = straight(y=4)
+    batch = vary(drawn, 50, 15.0, np.random.default_rng(0))
+    paths = batch.paths(40)
+    for i in range(51):
+        sensor = batch.sensor(i)  # a Plane refuses axes that are not orthonormal
+        assert sensor.curve.points[[0, 1, -2, -1]] == pytest.approx(
+            drawn.curve.points[[0, 1, -2, -1]]
+        )
+        assert paths[i] == pytest.approx(
+            sensor.plane.to_world(sensor.curve.sample(24))[batch.at(40)]
+        )
+        middle = sensor.plane.to_world(np.array([75.0, 0.0]))
+        assert abs(middle[0] - 75) < 1e-9  # planes turn about the middle of the path's chord
+        assert np.abs(middle - [75, 4, 0]).max() <= 15
+    assert paths[0] == pytest.approx(np.stack([paths[0][:, 0], *np.full((2, 40), [[4], [0]])], 1))
+    assert np.ptp(paths[1:, 20, 1:], axis=0).min() > 10
+
+
+def test_nearest_points_by_brute_force():
+    rng = np.random.default_rng(2)
+    points, line = rng.normal(size=(20, 3)), rng.normal(size=(9, 3))
+    t = np.linspace(0, 1, 2001)[:, None]
+    dense = [a + t * (b - a) for a, b in itertools.pairwise(line)]
+    distance, segment, where = nearest(points, line)
+    for p, d, k, w in zip(points, distance, segment, where, strict=True):
+        assert d == pytest.approx(min(np.linalg.norm(s - p, axis=1).min() for s in dense), abs=1e-3)
+        assert np.linalg.norm(line[k] + w * (line[k + 1] - line[k]) - p) == pytest.approx(d)
+    a = np.linspace(0, 2 * np.pi, 200)[:-1]
+    loop = 10 * np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)  # nearly closed
+    assert nearest_strand(loop, 20.0)[0].min() == pytest.approx(10 * (a[1] - a[0]), rel=0.01)
+    assert np.isinf(nearest_strand(loop, 70.0)[0]).all()
 
 
 def test_selection_equals_brute_force():
