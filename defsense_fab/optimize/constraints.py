@@ -123,10 +123,11 @@ class Constraints:
             rows.append(self._widen(by_depth - by_need[few], columns))
             if "path" in cord.sensor.free:
                 kappa, by = cord.curvature(x[columns])
-                r = self._limits.min_radius * 1.05
-                for sign in (1.0, -1.0):
-                    values.append(5 * (1 - sign * r * kappa))
-                    rows.append(self._widen(-5 * sign * r * by, columns))
+                few = _worst_of_each(-np.abs(kappa), self._stride)
+                tight = 1.05 * self._limits.min_radius * kappa[few]
+                values.append(5 * (1 - tight**2))
+                by_tight = 1.05 * self._limits.min_radius * by[few]
+                rows.append(self._widen(-10 * tight[:, None] * by_tight, columns))
         for i in range(len(paths)):
             for j in range(i, len(paths)):
                 if self._free[i] or self._free[j]:
@@ -159,8 +160,7 @@ class Constraints:
             distance, segment, where = nearest_strand(a, separation(self._limits))
         else:
             distance, segment, where = nearest(a, b)
-        blocks = range(0, len(a), self._stride)
-        p = np.array([m + distance[m : m + self._stride].argmin() for m in blocks])
+        p = _worst_of_each(distance, self._stride)
         k, best, w = segment[p], distance[p], where[p][:, None]
         some = np.isfinite(best)  # SLSQP wants the same rows every time
         unit = (a[p] - (1 - w) * b[k] - w * b[k + 1]) / np.maximum(best, 1e-9)[:, None]
@@ -171,6 +171,13 @@ class Constraints:
         )
         values.append(np.where(some, best, _FAR) - self._limits.clearance - MARGIN)
         rows.append(np.where(some[:, None], row, 0.0))
+
+
+def _worst_of_each(values: Float, count: int) -> Int:
+    """Index of the smallest of every `count` neighbours; looking at all of them misses nothing
+    and keeps the rows few."""
+    padded = np.append(values, np.full(-len(values) % count, np.inf)).reshape(-1, count)
+    return np.asarray(padded.argmin(axis=1) + count * np.arange(len(padded)))
 
 
 def separation(limits: Limits) -> float:

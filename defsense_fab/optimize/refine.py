@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -28,7 +29,7 @@ Layout = tuple[Sensor, ...]
 
 @dataclass(frozen=True)
 class Optimised:
-    """The best layout that keeps every limit, its expected RMSE, and those of all starts (mm)."""
+    """The best layout that keeps every limit, its expected RMSE, and those of all descents (mm)."""
 
     sensors: tuple[Sensor, ...]
     rmse: float
@@ -67,8 +68,15 @@ def optimise(
     drawn = tuple(sensors)
     slivers = Slivers(problem)
 
-    def rank(layout: Layout) -> tuple[bool, float]:
-        return slivers(layout), layout_error(problem, layout)
+    def ranked(layouts: Sequence[Layout]) -> Iterator[Layout]:
+        """By error, those that leave slivers last; lazy, since slivers take time to find."""
+        late = []
+        for layout in sorted(layouts, key=lambda x: layout_error(problem, x)):
+            if slivers(layout):
+                late.append(layout)
+            else:
+                yield layout
+        yield from late
 
     if not any(s.free for s in drawn):
         return Optimised(drawn, layout_error(problem, drawn), ())
@@ -88,20 +96,17 @@ def optimise(
         at = 0.25 + 0.35 * i / len(seeds)
         show = partial(_show, report, at, f"descent {i + 1} of {len(seeds)}")
         short.append(_descend(problem, seed, iterations, show))
-    reached = [layout_error(problem, layout) for layout in short]
-    order = sorted(range(len(short)), key=lambda i: rank(short[i]))
     long: list[Layout] = []
-    for n, i in enumerate(order[:finalists]):
+    for n, layout in enumerate(itertools.islice(ranked(short), finalists)):
         at = 0.6 + 0.4 * n / finalists
         show = partial(_show, report, at, f"finishing {n + 1} of {finalists}")
-        long.append(_finish(problem, short[i], show))
-        reached[i] = layout_error(problem, long[-1])
-    valid = [
+        long.append(_finish(problem, layout, show))
+    best = next(
         layout
-        for layout in [*long, *short, *seeds[1:]]
-        if not verify(layout, problem.surface, problem.limits).problems
-    ]
-    best = min([drawn, *valid], key=rank)
+        for layout in ranked([drawn, *seeds[1:], *short, *long])
+        if layout is drawn or not verify(layout, problem.surface, problem.limits).problems
+    )
+    reached = [layout_error(problem, layout) for layout in (*short, *long)]
     report(1.0, f"best {layout_error(problem, best):.3g} mm")
     return Optimised(best, layout_error(problem, best), tuple(reached))
 

@@ -129,7 +129,7 @@ def exploded(parts: dict[str, Surface], view: Float) -> str:
     for i, (name, surface) in enumerate(parts.items()):
         away = middles[name] - center
         length = float(np.linalg.norm(away))
-        shift = away / length * (0.12 * size + 1.5 * length) if length > 1e-6 else away
+        shift = away / length * (0.18 * size + 2 * length) if length > 1e-6 else away
         moved = Surface(surface.vertices + shift, surface.faces)
         plotter.add_mesh(_poly(moved), color=COLORS[i % len(COLORS)], split_sharp_edges=True)
         plotter.add_point_labels(
