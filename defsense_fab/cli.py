@@ -7,13 +7,15 @@ import contextlib
 import json
 import logging
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from . import __version__
-from .core.errors import DefsenseError, DeviceError
+from .core.errors import DefsenseError, DeviceError, StorageError
 from .core.progress import Progress, silent
 
 _STAGES = {
@@ -26,6 +28,12 @@ _STAGES = {
 }
 
 
+_INTERRUPTED = (
+    "interrupted; the last build is untouched, and the same command goes on from the last finished"
+    " stage"
+)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0, or 2 for an error the user can mend."""
     options = _parser().parse_args(arguments)
@@ -33,17 +41,54 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=level, format="%(name)s: %(message)s", stream=sys.stderr)
     for noisy in ("matplotlib", "numba", "trimesh", "build123d", "PIL"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
+    with _interrupts() as interrupted:
+        try:
+            return _build(options)
+        except DefsenseError as error:
+            return _refuse(str(error))
+        except MemoryError:
+            return _refuse("out of memory; use a larger [mesh] edge_length in device.toml")
+        except KeyboardInterrupt:
+            return _refuse(_INTERRUPTED)
+        except Exception:
+            if not interrupted:
+                raise
+            return _refuse(_INTERRUPTED)
+
+
+@contextlib.contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Ctrl-C as KeyboardInterrupt, remembered: native modules turn it into other errors."""
+    seen: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        seen.append(number)
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():
+        yield seen
+        return
+    before = signal.signal(signal.SIGINT, interrupt)
     try:
-        return _build(options)
-    except DefsenseError as error:
-        return _refuse(str(error))
-    except KeyboardInterrupt:
-        return _refuse(
-            "interrupted; the last build is untouched, and the same command goes on from the last"
-            " finished stage"
-        )
-    except MemoryError:
-        return _refuse("out of memory; use a larger [mesh] edge_length in device.toml")
+        yield seen
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def _output() -> Iterator[None]:
+    """Results go to standard output: a reader that left is no error, a full disk is one."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise StorageError(
+            f"standard output: {error.strerror}; the build is finished, its results are in its"
+            " folder"
+        ) from None
 
 
 def _refuse(message: str) -> int:
@@ -66,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
             name,
             help=text,
             description=f"{text.capitalize()}. What is up to date is reused.",
-            epilog=f"example:  defsense {name} fixtures/devices/bar --set length=180",
+            epilog=f"example:  defsense {name} fixtures/devices/bar --set width=32",
         )
         sub.add_argument("folder", type=Path, metavar="DIR", help="the folder of device.toml")
         sub.add_argument(
@@ -91,10 +136,11 @@ def _build(options: argparse.Namespace) -> int:
     with _silent_stdout(), _bars(options) as progress:
         result = build(device, options.until, progress)
     data = {**summary(result.folder), "made": result.made, "reused": result.reused}
-    if options.json:
-        sys.stdout.write(json.dumps(data, indent=1) + "\n")
-    else:
-        _show(data, options)
+    with _output():
+        if options.json:
+            sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        else:
+            _show(data, options)
     return 0
 
 
@@ -168,11 +214,17 @@ class _Lines:
             sys.stderr.write(f"{stage:<10} {100 * fraction:3.0f} %  {message}\n")
 
 
+def _leave() -> None:
+    """In place of rich's own exit with code 1."""
+    raise BrokenPipeError
+
+
 def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     from rich.console import Console
     from rich.table import Table
 
     console = Console()
+    console.on_broken_pipe = _leave  # type: ignore[method-assign]
     if not data["made"]:
         console.print("Everything is up to date.")
     folder = data["build"]

@@ -24,7 +24,7 @@ from .device import (
     StatesSpec,
 )
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
-from .toml_table import Table, load_toml
+from .toml_table import Table, is_number, load_toml
 
 SCHEMA = 1
 
@@ -35,7 +35,7 @@ def load_device(folder: Path, overrides: Mapping[str, Any] | None = None) -> Dev
     Raises DeviceError with file, line and key for anything unknown, missing or out of range.
     """
     top = load_toml(folder / "device.toml")
-    if top.raw("schema", 1) != SCHEMA:
+    if top.raw("schema", 1) is not SCHEMA:
         top.fail("schema", f"this version reads schema {SCHEMA}, not {top.data['schema']!r}")
     regions = _regions(top.table("regions", required=False))
     poses = _poses(top, list(regions))
@@ -84,6 +84,9 @@ def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
     if overrides and kind != "script":
         t.fail(kind, "--set changes parameters of a script; this body has none")
     parameters.update(overrides)
+    for name, value in parameters.items():
+        if isinstance(value, int | float) and not isinstance(value, bool) and not is_number(value):
+            t.fail("parameters", f"{name} must be a finite number, not {value!r}")
     scale = t.number("scale", 1.0, low=0) if kind == "mesh" else 1.0
     t.done()
     return BodySpec(kind, path, parameters, scale)
@@ -125,6 +128,8 @@ def _region(t: Table) -> Shape:
             shape = Sphere(inner.vector("center"), inner.number("radius", low=0))
         elif given[0] == "half_space":
             shape = HalfSpace(inner.vector("origin"), inner.vector("normal"))
+            if not shape.normal.any():
+                inner.fail("normal", "must not be zero")
         else:
             start, end = inner.vector("start"), inner.vector("end")
             if np.allclose(start, end):
@@ -151,7 +156,14 @@ def _poses(top: Table, regions: Sequence[str]) -> tuple[Pose, ...]:
             t.fail("fixed", "needs at least one region, or the body can move freely")
         if not handles:
             t.fail("handles", "needs at least one handle that moves a region")
-        both = set(fixed) & {h.region for h in handles}
+        moved = [h.region for h in handles]
+        if len(set(moved)) < len(moved):
+            t.fail("handles", "two handles move the same region; make them one")
+        if not any(
+            h.rotation.any() or (h.translation is not None and h.translation.any()) for h in handles
+        ):
+            t.fail("handles", "nothing moves; give a handle a rotation or a translation")
+        both = set(fixed) & set(moved)
         if both:
             t.fail("handles", f"region {min(both)!r} is fixed and moved; take it out of one")
         t.done()
@@ -191,6 +203,8 @@ def _weights(t: Table, key: str, poses: Sequence[str]) -> tuple[dict[str, float]
         if not row.data:
             t.fail(key, "an empty mixture; give at least one pose = weight")
         out.append({name: row.number(name) for name in row.data})
+        if not any(out[-1].values()):
+            t.fail(key, "all weights are zero; this is the rest state")
     return tuple(out)
 
 

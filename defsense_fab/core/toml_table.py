@@ -67,8 +67,8 @@ class Table:
     def number(self, key: str, default: Any = None, low: float = -np.inf) -> float:
         """A finite number above `low`."""
         value = self._get(key, _REQUIRED if default is None else default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            self.fail(key, f"must be a number, not {value!r}")
+        if not is_number(value):
+            self.fail(key, f"must be a number, not {_short(value)}")
         if value <= low:
             self.fail(key, f"must be greater than {low:g}, not {value:g}")
         return float(value)
@@ -81,15 +81,15 @@ class Table:
         value = self._get(key, _REQUIRED)
         want = " x ".join("any" if n is None else str(n) for n in shape)
         try:
+            if not _numeric(value):
+                raise ValueError
             out = np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            self.fail(key, f"must be {want} numbers, not {value!r}")
+        except ValueError:  # also raised for rows of different lengths
+            self.fail(key, f"must be {want} finite numbers, not {_short(value)}")
         if out.ndim != len(shape) or any(
             n is not None and n != m for n, m in zip(shape, out.shape, strict=True)
         ):
             self.fail(key, f"must be {want} numbers, not of shape {list(out.shape)}")
-        if not np.isfinite(out).all():
-            self.fail(key, "must be finite numbers")
         return out
 
     def strings(self, key: str, default: Sequence[str] | None = None) -> list[str]:
@@ -133,6 +133,22 @@ class Table:
 
 
 _REQUIRED = object()
+
+
+def is_number(value: Any) -> bool:
+    """A finite number that a float can hold; neither true nor a text."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) < 1e300  # false for NaN too
+
+
+def _numeric(value: Any) -> bool:
+    return all(_numeric(v) for v in value) if isinstance(value, list) else is_number(value)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) < 100 else f"{text[:97]}..."
 
 
 def _line_of(text: str, path: tuple[Any, ...]) -> int | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import traceback
 from collections.abc import Mapping
@@ -16,6 +17,8 @@ from ..core.mesh import Surface
 
 #: Largest distance of a facet from the true surface of a CAD body, mm.
 TESSELLATION = 0.05
+#: Bodies smaller or larger than this are taken for ones in other units, mm.
+SIZES = (1.0, 1e4)
 
 
 @dataclass(frozen=True)
@@ -33,17 +36,26 @@ def load_body(spec: BodySpec) -> Body:
     if spec.kind == "mesh":
         from .mesh_repair import read_mesh
 
-        surface, repairs = read_mesh(spec.path, spec.scale)
+        surface, repairs = read_mesh(spec.path, spec.scale, SIZES)
         return Body(surface, surface.volume, None, repairs)
     from . import occ
 
     if spec.kind == "step":
         solids = occ.read_step(spec.path)
     else:
-        solids = occ.solids_of(_run_script(spec.path, spec.parameters))
+        result = _run_script(spec.path, spec.parameters)
+        try:
+            solids = occ.solids_of(result)
+        except BodyError as error:
+            raise BodyError(f"{spec.path}: {error}") from None
     if len(solids) != 1:
         raise BodyError(
             f"{spec.path}: gives {len(solids)} solids, one is needed; fuse them or remove the rest"
+        )
+    size = occ.size(solids[0])
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise BodyError(
+            f"{spec.path}: the body is {size:.3g} mm across; lengths are in mm: check its units"
         )
     surface = occ.tessellate(solids[0], TESSELLATION)
     volume = occ.volume(solids[0])
@@ -55,6 +67,7 @@ def load_body(spec: BodySpec) -> Body:
 def _run_script(path: Path, parameters: Mapping[str, Any]) -> Any:
     """Call `body(**parameters)` of the script; what it prints goes to standard error."""
     space: dict[str, Any] = {"__name__": "__body__", "__file__": str(path)}
+    here = os.getcwd()
     sys.path.insert(0, str(path.parent))
     try:
         with contextlib.redirect_stdout(sys.stderr):
@@ -64,9 +77,9 @@ def _run_script(path: Path, parameters: Mapping[str, Any]) -> Any:
                     f"{path}: defines no function body(...); add one that returns a solid"
                 )
             result = space["body"](**parameters)
-    except BodyError:
+    except (BodyError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:  # scripts may raise anything, or call exit()
         frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
         line = frames[-1].lineno if frames else getattr(error, "lineno", None)
         where = f"{path}:{line}" if line else str(path)
@@ -76,7 +89,9 @@ def _run_script(path: Path, parameters: Mapping[str, Any]) -> Any:
             " parameters"
         ) from None
     finally:
-        sys.path.remove(str(path.parent))
+        os.chdir(here)
+        with contextlib.suppress(ValueError):  # the script may have removed it
+            sys.path.remove(str(path.parent))
     if result is None:
         raise BodyError(f"{path}: body() returned None; return the solid")
     return result

@@ -77,6 +77,11 @@ def to_surface(solid: Any) -> Surface:
     return Surface(vertices, np.asarray(mesh.tri_verts, np.int64))
 
 
+def thickness(solid: Any) -> float:
+    """Mean thickness of a slab of this volume and surface, mm."""
+    return float(2 * solid.volume() / solid.surface_area())
+
+
 def centroid(surface: Surface) -> Float:
     """Centre of mass (3,) mm: each facet and the origin span a tetrahedron."""
     corners = surface.vertices[surface.faces]

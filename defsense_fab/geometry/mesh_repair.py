@@ -12,15 +12,32 @@ from ..core.mesh import Surface
 
 #: Holes wider than this part of the bounding box's diagonal are not guessed at.
 LARGEST_HOLE = 0.1
+_3MF_UNITS = {
+    "MicroMeter": 1e-3,
+    "MilliMeter": 1.0,
+    "CentiMeter": 10.0,
+    "Inch": 25.4,
+    "Foot": 304.8,
+    "Meter": 1e3,
+}
 
 
-def read_mesh(path: Path, scale: float) -> tuple[Surface, tuple[str, ...]]:
+def read_mesh(
+    path: Path, scale: float, sizes: tuple[float, float]
+) -> tuple[Surface, tuple[str, ...]]:
     """The closed surface in `path` times `scale`, and what was repaired.
 
-    Raises BodyError for an unreadable file, holes too wide to close, edges with more than two
-    faces, several separate pieces, or no enclosed volume.
+    Raises BodyError for an unreadable file, a size outside `sizes` mm, holes too wide to close,
+    edges with more than two faces, several separate pieces, or no enclosed volume.
     """
     vertices, faces = _read(path)
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = float(np.linalg.norm(np.ptp(vertices * scale, axis=0)))
+    if not sizes[0] <= size <= sizes[1]:
+        raise BodyError(
+            f"{path}: the body is {size:.3g} mm across; set [body] scale in device.toml (1000 where"
+            " the file is in metres, 25.4 for inches)"
+        )
     vertices, faces, repairs = repair(vertices * scale, faces, str(path))
     return Surface(vertices, faces), tuple(repairs)
 
@@ -30,11 +47,12 @@ def _read(path: Path) -> tuple[Float, Int]:
         raise BodyError(f"{path}: unknown kind of mesh; give .stl, .obj or .3mf")
     try:
         if path.suffix.lower() == ".3mf":
-            return _read_3mf(path)
-        import trimesh
+            vertices, faces = _read_3mf(path)
+        else:
+            import trimesh
 
-        mesh = trimesh.load(path, force="mesh", process=False)
-        vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
+            mesh = trimesh.load(path, force="mesh", process=False)
+            vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
     except Exception as error:  # readers raise whatever their parsers do
         text = " ".join(str(error).split())
         raise BodyError(f"{path}: cannot be read as a mesh: {text}") from None
@@ -50,8 +68,10 @@ def _read_3mf(path: Path) -> tuple[Float, Int]:
 
     model = lib3mf.get_wrapper().CreateModel()
     model.QueryReader("3mf").ReadFromFile(str(path))
-    objects = model.GetMeshObjects()
-    vertices, faces, offset = [], [], 0
+    unit = _3MF_UNITS[model.GetUnit().name]
+    merged = model.MergeToModel()  # build items with their components and transforms
+    objects = merged.GetMeshObjects()
+    vertices, faces, offset = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     while objects.MoveNext():
         mesh = objects.GetCurrentMeshObject()
         v = np.array([list(p.Coordinates) for p in mesh.GetVertices()], float)
@@ -59,7 +79,7 @@ def _read_3mf(path: Path) -> tuple[Float, Int]:
         vertices.append(v)
         faces.append(f + offset)
         offset += len(v)
-    return np.concatenate(vertices), np.concatenate(faces)
+    return unit * np.concatenate(vertices), np.concatenate(faces)
 
 
 def repair(vertices: Float, faces: Int, where: str) -> tuple[Float, Int, list[str]]:

@@ -9,6 +9,7 @@ from typing import Any
 import build123d as bd
 import numpy as np
 from OCP.BRepOffsetAPI import BRepOffsetAPI_MakePipe
+from OCP.Message import Message
 from OCP.TopAbs import TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
@@ -27,6 +28,8 @@ PATH_TOLERANCE = 0.01
 
 def solids_of(result: Any) -> list[Any]:
     """TopoDS_Solids in what a script returned: a build123d or CadQuery object."""
+    if isinstance(result, type):
+        raise BodyError(f"body() returned the class {result.__name__}; call it to make a solid")
     if hasattr(result, "vals") and callable(result.vals):  # a CadQuery Workplane
         shapes = [v.wrapped for v in result.vals() if hasattr(v, "wrapped")]
     elif hasattr(result, "part") and hasattr(result.part, "wrapped"):  # a BuildPart
@@ -48,12 +51,13 @@ def solids_of(result: Any) -> list[Any]:
 
 def read_step(path: Path) -> list[Any]:
     """TopoDS_Solids of a STEP file. Raises BodyError where it cannot be read."""
+    Message.DefaultMessenger_s().ChangePrinters().Clear()  # what it says, the error says too
     try:
         return solids_of(bd.import_step(str(path)))
     except BodyError:
         raise
     except Exception as error:  # the reader raises bare exceptions of OCP
-        text = " ".join(str(error).split())
+        text = " ".join(str(error).split()) or "no valid STEP file"
         raise BodyError(f"{path}: cannot be read as STEP: {text}") from None
 
 
@@ -65,6 +69,14 @@ def write_step(solid: Any, path: Path, label: str) -> None:
 
 def volume(solid: Any) -> float:
     return float(bd.Solid(solid).volume)
+
+
+def size(solid: Any) -> float:
+    """Diagonal of the bounding box, mm; NaN where there is none."""
+    try:
+        return float(bd.Solid(solid).bounding_box().diagonal)
+    except Exception:  # OpenCascade's void box; its exceptions carry no common base
+        return float("nan")
 
 
 def tessellate(solid: Any, tolerance: float) -> Surface:

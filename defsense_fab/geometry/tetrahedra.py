@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import tempfile
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -33,20 +35,21 @@ def tetrahedralise(
     Raises MeshingError where the edge length does not fit the body or the mesher fails.
     """
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
-    estimate = 8.5 * surface.volume / edge_length**3
-    if estimate > 2e6:
+    if edge_length < 1e-4 * size or 8.5 * surface.volume / edge_length**3 > 2e6:
         raise MeshingError(
-            f"[mesh] edge_length = {edge_length:g} gives about {estimate:.1e} tets; use"
+            f"device.toml: mesh.edge_length: {edge_length:g} mm gives more than 2e6 tets; use"
             f" {(8.5 * surface.volume / 1e5) ** (1 / 3):.2g} mm or more"
         )
     if edge_length > size:
         raise MeshingError(
-            f"[mesh] edge_length = {edge_length:g} is more than the body's size of {size:.3g} mm"
+            f"device.toml: mesh.edge_length: {edge_length:g} mm is more than the body's size of"
+            f" {size:.3g} mm; use a fifth of the thickness"
         )
     import pytetwild
 
     if on_step:
         on_step("tetrahedralising")
+    interrupt = signal.getsignal(signal.SIGINT)
     epsilon = min(1e-3, 0.02 * edge_length / size)
     try:
         # fTetWild leaves a file of its own in the working folder.
@@ -60,6 +63,9 @@ def tetrahedralise(
             )
     except RuntimeError as error:
         raise MeshingError(f"the mesher failed: {error}; repair the body's surface") from None
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, interrupt)  # the mesher leaves Ctrl-C without a handler
     return _tidy(np.asarray(nodes, float), np.asarray(tets, np.int64))
 
 

@@ -52,6 +52,7 @@ def mix(
     A region rotates about the middle of its nodes' bounding box. Raises DeviceError for a
     region without nodes and for regions that overlap with different motions.
     """
+    label = " + ".join(f"{w:g} {n}" for n, w in weights.items())
     fixed: set[str] = set()
     rotation: dict[str, Float] = {}
     translation: dict[str, Float | None] = {}
@@ -62,13 +63,23 @@ def mix(
         fixed |= set(pose.fixed)
         for h in pose.handles:
             rotation[h.region] = rotation.get(h.region, np.zeros(3)) + weight * h.rotation
-            if h.translation is None:
-                translation[h.region] = None
-            elif h.region not in translation:
-                translation[h.region] = weight * h.translation
-            elif (already := translation[h.region]) is not None:
-                translation[h.region] = already + weight * h.translation
-    label = " + ".join(f"{w:g} {n}" for n, w in weights.items())
+            moved = None if h.translation is None else weight * h.translation
+            if h.region not in translation:
+                translation[h.region] = moved
+                continue
+            already = translation[h.region]
+            if already is not None and moved is not None:
+                translation[h.region] = already + moved
+            elif already is not moved:
+                raise DeviceError(
+                    f"device.toml: states: the mixture {label!r} moves region {h.region!r} both"
+                    " freely and by a translation; mix poses that agree"
+                )
+    for name in sorted(fixed & set(rotation)):
+        raise DeviceError(
+            f"device.toml: states: the mixture {label!r} both fixes and moves region {name!r}; mix"
+            " poses that agree"
+        )
     owner = np.full(len(nodes), "", dtype=object)
     for name in sorted(fixed | set(rotation)):
         inside = regions[name].contains(nodes)
@@ -76,6 +87,11 @@ def mix(
             raise DeviceError(
                 f"device.toml: regions.{name}: holds {inside.sum()} nodes of the mesh; move or"
                 " enlarge it, or use a smaller [mesh] edge_length"
+            )
+        if name in fixed and np.linalg.matrix_rank(nodes[inside] - nodes[inside].mean(0), 1e-6) < 2:
+            raise DeviceError(
+                f"device.toml: regions.{name}: its nodes lie on a line, about which the body can"
+                " turn; enlarge it"
             )
         clash = sorted(set(owner[inside]) - {""})
         for other in clash:

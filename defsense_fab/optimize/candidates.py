@@ -12,7 +12,15 @@ from ..core.arrays import Bool, Float, Int
 from ..core.curve import Hermite, Plane, catmull_rom, curvature, hermite_basis
 from ..core.device import Sensor
 from ..core.mesh import Surface
-from .constraints import INLET_SLOPE, MARGIN, DepthField, extensions, separation
+from .constraints import (
+    INLET_SLOPE,
+    MARGIN,
+    DepthField,
+    extensions,
+    run_lengths,
+    separation,
+    with_runs,
+)
 from .freedom import CordFreedom
 from .nearest import nearest_strand
 from .problem import Limits, Problem
@@ -98,7 +106,10 @@ def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) ->
         angles = np.stack([rng.uniform(-np.pi / 2, np.pi / 2, n), rng.normal(0, 0.5, n)], axis=1)
         angles[0] = 0
         angles[:, 1] *= size / freedom.reach
-        axes = sensor.plane.axes @ Rotation.from_euler("XY", angles).as_matrix()
+        chord = sensor.curve.points[-1] - sensor.curve.points[0]
+        turn = Rotation.from_euler("Z", np.arctan2(chord[1], chord[0]))
+        roll = (turn * Rotation.from_euler("XY", angles) * turn.inv()).as_matrix()
+        axes = sensor.plane.axes @ roll
         offset = rng.uniform(-1, 1, n) * size
         pivot = sensor.plane.to_world(freedom.center) + offset[:, None] * sensor.plane.normal
         origins = pivot - axes[:, :, :2] @ freedom.center
@@ -140,11 +151,11 @@ def propose(surface: Surface, count: int, rng: np.random.Generator) -> list[Sens
             continue
         gaps = np.flatnonzero(~inside)
         start, end = s[gaps[gaps < 200].max()] + 2, s[gaps[gaps > 200].min()] - 2
-        if end - start < 30:
+        length = end - start
+        if length < 10:
             continue
-        x = np.array(
-            [0, 8, *np.linspace(8, end - start - 8, 6)[1:-1], end - start - 8, end - start]
-        )
+        lead = min(8.0, length / 6)
+        x = np.array([0, *np.linspace(lead, length - lead, 6), length])
         points = np.stack([x, np.zeros_like(x)], axis=1)
         plane = Plane.from_normal(middle + start * direction, normal, direction)
         out.append(
@@ -187,12 +198,24 @@ def _feasible(batch: Batch, surface: Surface, limits: Limits) -> Int:
         return kept
     paths = batch.paths(_COARSE)
     ends = extensions([batch.sensor(i) for i in range(len(kept))], depth, 11.0, 0.25)
+    leaves = np.asarray(np.isfinite(ends).all(axis=1))
+    narrow(leaves)
+    if not len(kept):
+        return kept
+    none = np.zeros((_COARSE, 3, 0))
+    ends = ends[leaves]
+    runs = np.maximum(run_lengths(ends), 1e-3)  # the same number of samples for all
+    paths = np.stack(
+        [with_runs(p, none, e)[0] for p, e in zip(batch.paths(_COARSE), runs, strict=True)]
+    )
     d = depth(paths.reshape(-1, 3))[0].reshape(paths.shape[:2])
     step = np.linalg.norm(np.diff(paths, axis=1), axis=2)
     along = np.concatenate([np.zeros((len(step), 1)), np.cumsum(step, axis=1)], axis=1)
-    to_exit = np.minimum(along + ends[:, :1], along[:, -1:] - along + ends[:, 1:])
-    need = np.minimum(limits.depth, INLET_SLOPE * to_exit) + MARGIN
-    good: Bool = np.isfinite(ends).all(axis=1) & (d >= need).all(axis=1)
+    rest = ends - runs
+    to_exit = np.minimum(along + rest[:, :1], along[:, -1:] - along + rest[:, 1:])
+    slope = INLET_SLOPE * (1 + MARGIN / limits.depth)
+    need = np.minimum(limits.depth + MARGIN, slope * to_exit)
+    good: Bool = (d >= need).all(axis=1)
     for i in np.flatnonzero(good).tolist():
         strand = nearest_strand(paths[i], separation(limits))[0].min()
         good[i] = strand >= limits.clearance + step[i].max() / 4

@@ -20,6 +20,7 @@ INLET_SLOPE = 0.6
 #: Part of the limits that the optimiser keeps in hand for what its samples miss, mm.
 MARGIN = 0.1
 _FAR = 1e3
+_RUN = 4  # samples of a straight run to the surface
 
 
 class DepthField:
@@ -73,12 +74,37 @@ def extensions(
     return np.asarray(np.where(outside.any(axis=2), exit_at, np.inf))
 
 
+def run_lengths(ends: Float) -> Float:
+    """How much of the straight runs of `ends` mm to the surface is sampled: not the last 2 mm,
+    whose length changes as a plane tilts."""
+    return np.asarray(np.where(np.isfinite(ends), np.maximum(ends - 2, 0), 0))
+
+
+def with_runs(points: Float, derivative: Float, runs: Float) -> tuple[Float, Float]:
+    """A path (p, 3) and its derivative (p, 3, size) with straight runs of `runs` (2,) mm."""
+    out, by = [points], [derivative]
+    for end, before, length in ((0, 1, runs[0]), (-1, -2, runs[1])):
+        if not length:
+            continue
+        step, by_step = points[end] - points[before], derivative[end] - derivative[before]
+        size = np.linalg.norm(step)
+        unit = step / size
+        by_unit = (by_step - np.outer(unit, unit @ by_step)) / size
+        s = length * (np.arange(_RUN) + 1)[:, None] / _RUN
+        run = points[end] + s * unit
+        by_run = derivative[end] + s[..., None] * by_unit
+        out = [run[::-1], *out] if end == 0 else [*out, run]
+        by = [by_run[::-1], *by] if end == 0 else [*by, by_run]
+    return np.concatenate(out), np.concatenate(by)
+
+
 def required_depth(
     points: Float, derivative: Float, ends: Float, limits: Limits
 ) -> tuple[Float, Float]:
-    """Least depth (p,) of samples (p, 3): the full wall, less in the cone of an inlet.
+    """Least depth (p,) of samples (p, 3) that end `ends` (2,) mm before the exits, with a margin.
 
-    Also its derivative (p, size), from that of the samples (p, 3, size).
+    The full wall, less in the cone of an inlet. Also its derivative (p, size), from that of the
+    samples (p, 3, size).
     """
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)
@@ -86,9 +112,10 @@ def required_depth(
     along = np.concatenate([[0], np.cumsum(length)])
     by_along = np.concatenate([np.zeros((1, by.shape[1])), np.cumsum(by, axis=0)])
     start, end = along + ends[0], along[-1] - along + ends[1]
-    slope = np.where((start < end)[:, None], by_along, by_along[-1] - by_along)
-    need = np.minimum(limits.depth, INLET_SLOPE * np.minimum(start, end))
-    return need, INLET_SLOPE * slope * (need < limits.depth)[:, None]
+    by_exit = np.where((start < end)[:, None], by_along, by_along[-1] - by_along)
+    full, slope = limits.depth + MARGIN, INLET_SLOPE * (1 + MARGIN / limits.depth)
+    need = np.minimum(full, slope * np.minimum(start, end))
+    return need, slope * by_exit * (need < full)[:, None]
 
 
 class Constraints:
@@ -101,6 +128,7 @@ class Constraints:
         self._stride = stride
         self._free = [c.size > 0 for c in cords]
         self._ends = extensions([c.sensor for c in cords], self._depth)
+        self._runs = run_lengths(self._ends)
         sizes = np.cumsum([0, *(c.size for c in cords)])
         self._columns = [slice(a, b) for a, b in itertools.pairwise(sizes)]
         self._size = int(sizes[-1])
@@ -109,16 +137,21 @@ class Constraints:
         """Values (g,) and derivatives (g, size)."""
         values: list[Float] = []
         rows: list[Float] = []
-        paths = [c.path(x[s]) for c, s in zip(self._cords, self._columns, strict=True)]
+        paths = [
+            with_runs(*c.path(x[s]), runs)
+            for c, s, runs in zip(self._cords, self._columns, self._runs, strict=True)
+        ]
         for i, (cord, columns) in enumerate(zip(self._cords, self._columns, strict=True)):
             if not self._free[i]:
                 continue
             points, derivative = paths[i]
-            need, by_need = required_depth(points, derivative, self._ends[i], self._limits)
+            need, by_need = required_depth(
+                points, derivative, self._ends[i] - self._runs[i], self._limits
+            )
             few = self._samples(len(points))
             p, d = points[few], derivative[few]
             depth, direction = self._depth(p)
-            values.append(depth - need[few] - MARGIN)
+            values.append(depth - need[few])
             by_depth = np.einsum("pj,pjx->px", direction, d)
             rows.append(self._widen(by_depth - by_need[few], columns))
             if "path" in cord.sensor.free:
@@ -137,7 +170,7 @@ class Constraints:
     def _samples(self, count: int) -> Int:
         """Every few samples, and all near the ends, where the inlets' limits change quickly."""
         i = np.arange(count)
-        near = np.minimum(i, count - 1 - i) < 12
+        near = np.minimum(i, count - 1 - i) < 12 + _RUN
         return np.flatnonzero(near | (i % self._stride == 0))
 
     def _widen(self, row: Float, columns: slice) -> Float:

@@ -14,7 +14,7 @@ from ..core.arrays import Float
 from ..core.device import Sensor
 from ..core.errors import LayoutError
 from ..geometry import facets
-from ..geometry.division import plan
+from ..geometry.division import divide
 from .candidates import Pool, build_pool, join, propose, vary
 from .constraints import Constraints
 from .freedom import CordFreedom, per_span
@@ -116,15 +116,19 @@ def _show(report: Report, at: float, what: str, error: float) -> None:
 
 
 class Slivers:
-    """Whether the planes of a layout cut off parts too small to print."""
+    """Whether a layout cuts off parts that are too small or too thin to print."""
 
     def __init__(self, problem: Problem) -> None:
         self._body = facets.to_manifold(problem.surface, "the body")
-        self._least = problem.limits.smallest_part * self._body.volume()
+        self._limits = problem.limits
 
     def __call__(self, sensors: Sequence[Sensor]) -> bool:
         cords = [(s.plane, _lengthened(sample_path(s))) for s in sensors]
-        return bool(plan(self._body, cords).smallest < self._least)
+        division = divide(self._body, cords, self._limits.channel_diameter)
+        least = self._limits.smallest_part * self._body.volume()
+        return any(
+            p.volume() < least or facets.thickness(p) < self._limits.wall for p in division.parts
+        )
 
 
 def _lengthened(path: Float) -> Float:

@@ -1,7 +1,8 @@
-"""An independent check of finished layouts on dense samples; no code shared with the optimiser.
+"""An independent check of finished layouts on dense samples, apart from the optimiser's code.
 
-Depth comes from the body's facets by ray parity and closest points, curvature from the circle
-through three neighbouring samples, distances from a k-d tree over dense samples.
+Depth comes from the body's facets by winding number and closest points, inlets by rays, curvature
+from the circle through three neighbouring samples, distances from a k-d tree over dense samples.
+The straight runs from a path's ends to the surface are channels too, and are checked with it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from scipy.spatial import cKDTree
 from ..core.arrays import Float
 from ..core.device import Sensor
 from ..core.mesh import Surface
+from ..geometry import ray
 from .constraints import INLET_SLOPE
 from .problem import Limits
 
@@ -46,8 +48,9 @@ class LayoutCheck:
 
 def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> LayoutCheck:
     """Check every cord and every pair on samples at most 0.25 mm apart."""
-    dense = [_dense(s) for s in sensors]
-    cords = tuple(_cord(s, d, surface, limits) for s, d in zip(sensors, dense, strict=True))
+    paths = [_dense(s) for s in sensors]
+    cords = tuple(_cord(s, p, surface, limits) for s, p in zip(sensors, paths, strict=True))
+    dense = [_with_runs(p, c.inlets) for p, c in zip(paths, cords, strict=True)]
     problems = [p for c in cords for p in c.problems]
     closest = None
     for i in range(len(sensors)):
@@ -72,27 +75,33 @@ def _dense(sensor: Sensor) -> Float:
 def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> CordCheck:
     problems: list[str] = []
     name = f"cord {sensor.name!r}"
+    start, end = _inlet(points[0], points[1], surface), _inlet(points[-1], points[-2], surface)
+    inlets = (start, end)
+    path_depth = _depth(points, surface)
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    along = np.concatenate([[0], np.cumsum(step)])
-    depth = _depth(points, surface)
-    inlets = tuple(_inlet(points[i], points[i] - points[j], surface) for i, j in ((0, 1), (-1, -2)))
-    if depth.min() < 0:
-        k = int(depth.argmin())
-        problems.append(f"{name} leaves the body near {_at(points[k])}, {-depth[k]:.2f} mm outside")
-    else:
-        for inlet, end in zip(inlets, ("start", "end"), strict=True):
-            if inlet > LONGEST_INLET:
-                problems.append(
-                    f"{name}: its {end} lies {inlet:.1f} mm from where it leaves the body; move the"
-                    f" end within {LONGEST_INLET:g} mm of the surface"
-                )
-        to_exit = np.minimum(along + inlets[0], along[-1] - along + inlets[1])
+    length = float(step.sum())
+    if path_depth.min() < 0:
+        k = int(path_depth.argmin())
+        problems.append(
+            f"{name} leaves the body near {_at(points[k])}, {-path_depth[k]:.2f} mm outside"
+        )
+    for inlet, which in zip(inlets, ("start", "end"), strict=True):
+        if inlet > LONGEST_INLET and not problems:
+            problems.append(
+                f"{name}: its {which} lies {inlet:.1f} mm from where it leaves the body; move the"
+                f" end within {LONGEST_INLET:g} mm of the surface"
+            )
+    whole = points if problems else _with_runs(points, inlets)
+    depth = _depth(whole, surface)
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(whole, axis=0), axis=1))])
+    if not problems:
+        to_exit = np.minimum(along, along[-1] - along)
         slack = depth - np.minimum(limits.depth, INLET_SLOPE * to_exit)
         k = int(slack.argmin())
         if slack[k] < -_TOLERANCE:
             wall = depth[k] - limits.channel_diameter / 2
             problems.append(
-                f"{name} leaves a wall of {wall:.2f} mm near {_at(points[k])};"
+                f"{name} leaves a wall of {wall:.2f} mm near {_at(whole[k])};"
                 f" {limits.wall:.2f} mm is needed"
             )
     inside = np.minimum(along, along[-1] - along) >= limits.depth / INLET_SLOPE
@@ -106,7 +115,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
         )
     far = np.pi * max(limits.min_radius, limits.clearance / 2)
     few = slice(None, None, 4)
-    a, s = points[few], along[few]
+    a, s = whole[few], along[few]
     gap = np.linalg.norm(a[:, None] - a[None], axis=2)
     gap[np.abs(s[:, None] - s) < far + 1] = np.inf
     if gap.min() < limits.clearance - _TOLERANCE:
@@ -116,12 +125,31 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
             f" {limits.clearance:.2f} mm is needed"
         )
     return CordCheck(
-        float(along[-1]),
+        length,
         float(radius.min()),
         float(wall_depth - limits.channel_diameter / 2),
-        (inlets[0], inlets[1]),
+        inlets,
         tuple(problems),
     )
+
+
+def _inlet(end: Float, before: Float, surface: Surface) -> float:
+    """How far a channel runs on straight from its path's end to the surface, mm."""
+    found = ray.hits(end, end - before, surface)
+    return float(found[0]) if len(found) else float("inf")
+
+
+def _with_runs(path: Float, inlets: tuple[float, float]) -> Float:
+    """The path (p, 3) with samples of its straight runs to the surface."""
+
+    def run(end: Float, before: Float, inlet: float) -> Float:
+        if not 0.01 < inlet <= LONGEST_INLET:
+            return path[:0]
+        out = (end - before) / np.linalg.norm(end - before)
+        return end + np.linspace(0, inlet, int(np.ceil(inlet / 0.25)) + 1)[1:, None] * out
+
+    start, end = run(path[0], path[1], inlets[0]), run(path[-1], path[-2], inlets[1])
+    return np.concatenate([start[::-1], path, end])
 
 
 def _depth(points: Float, surface: Surface) -> Float:
@@ -132,30 +160,14 @@ def _depth(points: Float, surface: Surface) -> Float:
     return np.asarray(np.where(inside, distance, -distance))
 
 
-def _inlet(end: Float, outward: Float, surface: Surface) -> float:
-    """Distance from `end` to the surface along `outward` (Moeller & Trumbore 1997)."""
-    d = outward / np.linalg.norm(outward)
-    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
-    e1, e2 = b - a, c - a
-    h = np.cross(d, e2)
-    det = np.einsum("ij,ij->i", e1, h)
-    ok = np.abs(det) > 1e-12
-    inv = 1 / np.where(ok, det, 1)
-    s = end - a
-    u = inv * np.einsum("ij,ij->i", s, h)
-    q = np.cross(s, e1)
-    v = inv * (q @ d)
-    t = inv * np.einsum("ij,ij->i", e2, q)
-    hit = ok & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (t > -1e-9)
-    return float(t[hit].min()) if hit.any() else float("inf")
-
-
 def _radius(points: Float) -> Float:
     """Radius of the circle through each three neighbours, (p - 2,) mm."""
     a, b, c = points[:-2], points[1:-1], points[2:]
     sides = [np.linalg.norm(x, axis=1) for x in (b - a, c - b, c - a)]
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return np.asarray(np.prod(sides, axis=0) / np.maximum(4 * area, 1e-12))
+    radius = np.prod(sides, axis=0) / np.maximum(4 * area, 1e-12)
+    turned_back = np.einsum("ij,ij->i", b - a, c - b) <= 0
+    return np.asarray(np.where(turned_back, 0.0, radius))
 
 
 def _at(p: Float) -> str:

@@ -39,6 +39,12 @@ def build(device: Device, until: str = "report", progress: Progress = silent) ->
     """
     final, working, old = (device.source / n for n in ("build", ".build-next", ".build-old"))
     with storage_errors(device.source), _Lock(device.source / ".build-lock"):
+        for path in (final, working, old):
+            if path.is_symlink():
+                raise StorageError(
+                    f"{path}: is a symbolic link, which a build replaces; remove it, or link the"
+                    " whole device folder instead"
+                )
         if old.exists():  # a build was interrupted while trading places
             if final.exists():
                 shutil.rmtree(old)
@@ -69,7 +75,7 @@ def build(device: Device, until: str = "report", progress: Progress = silent) ->
                 made.append(stage.name)
             else:
                 continue
-            state[stage.name] = key
+            state[stage.name] = {"key": key, "files": _sizes(working, stage)}
             write_json(working / STATE, state)
         if final.exists():
             os.replace(final, old)
@@ -110,7 +116,14 @@ def _state(folder: Path) -> dict[str, Any]:
 
 
 def _has(folder: Path, stage: Stage, state: dict[str, Any], key: str) -> bool:
-    return state.get(stage.name) == key and all((folder / n).exists() for n in stage.outputs)
+    """Whether the stage's files are those that it left: none gone, none cut short."""
+    return state.get(stage.name) == {"key": key, "files": _sizes(folder, stage)}
+
+
+def _sizes(folder: Path, stage: Stage) -> dict[str, int]:
+    paths = [folder / name for name in stage.outputs]
+    files = [f for p in paths for f in (sorted(p.rglob("*")) if p.is_dir() else [p])]
+    return {str(f.relative_to(folder)): f.stat().st_size for f in files if f.is_file()}
 
 
 def _done(folder: Path, stages: tuple[Stage, ...], wanted: dict[str, str]) -> bool:

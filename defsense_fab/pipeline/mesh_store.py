@@ -18,6 +18,7 @@ from platformdirs import user_cache_path
 
 from ..core.files import digest
 from ..core.mesh import Surface, TetMesh
+from .stages import CODE_VERSION
 
 #: Oldest meshes go when there are more.
 KEPT = 100
@@ -31,7 +32,9 @@ def folder() -> Path:
 
 def _path(surface: Surface, edge_length: float) -> Path:
     rounded = np.round(surface.vertices, 6) + 0.0  # no negative zeros
-    key = digest(version("pytetwild"), edge_length, rounded.tobytes(), surface.faces.tobytes())
+    key = digest(
+        CODE_VERSION, version("pytetwild"), edge_length, rounded.tobytes(), surface.faces.tobytes()
+    )
     return folder() / f"{key}.npz"
 
 
@@ -42,7 +45,13 @@ def recall(surface: Surface, edge_length: float) -> TetMesh | None:
         with path.open("rb") as file, np.load(file) as data:
             mesh = TetMesh(data["nodes"], data["tets"])
         os.utime(path)
-    except (OSError, ValueError, KeyError, BadZipFile):  # none, or not readable: make it anew
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        KeyError,
+        BadZipFile,
+    ):  # none, or not readable: make it anew
         return None
     return mesh
 

@@ -15,7 +15,7 @@ from ..core.device import Device, Sensor
 from ..core.errors import FabricationError
 from ..core.files import write_json
 from ..core.mesh import Surface
-from ..geometry import facets
+from ..geometry import facets, ray
 from ..geometry.division import Division, divide
 from ..geometry.export import write_3mf, write_stl
 from ..optimize.problem import Limits
@@ -40,10 +40,13 @@ class Part:
 def run(device: Device, folder: Path, report: Report) -> None:
     sensors = load_sensors(folder)
     inlets = [s["inlets"] for s in read_json(folder / "layout.json")["sensors"]]
-    overrun = 2 * device.channel_diameter
-    ends = [(a + overrun, b + overrun) for a, b in inlets]
+    surface = load_surface(folder)
+    ends = [
+        _overrun(s, (a, b), surface, 2 * device.channel_diameter)
+        for s, (a, b) in zip(sensors, inlets, strict=True)
+    ]
     report(0.1, "cutting facets")
-    body = facets.to_manifold(load_surface(folder), "the body")
+    body = facets.to_manifold(surface, "the body")
     cords = [(s.plane, channel_line(s, e)) for s, e in zip(sensors, ends, strict=True)]
     division = divide(body, cords, device.channel_diameter)
     parts, warnings = [], []
@@ -88,6 +91,21 @@ def run(device: Device, folder: Path, report: Report) -> None:
     write_3mf(surfaces, out / "assembly.3mf", device.name)
     manifest = _manifest(device, folder, named, removed, body_volume, warnings)
     write_json(out / "manifest.json", manifest | {"assembly": steps})
+
+
+def _overrun(
+    sensor: Sensor, inlets: tuple[float, float], surface: Surface, most: float
+) -> tuple[float, float]:
+    """How far the channel's tool runs on from the path's ends: past the surface by up to `most`
+    mm, but only half way to where the body begins again."""
+    line = channel_line(sensor, (1.0, 1.0))
+    out = []
+    for end, before, inlet in ((line[0], line[1], inlets[0]), (line[-1], line[-2], inlets[1])):
+        exit_at = end + (inlet - 1.0) * (end - before)
+        again = ray.hits(exit_at, end - before, surface)
+        gap = again[again > 0.1]
+        out.append(inlet + min(most, gap[0] / 2 if len(gap) else most))
+    return out[0], out[1]
 
 
 def channel_line(sensor: Sensor, ends: tuple[float, float]) -> Float:

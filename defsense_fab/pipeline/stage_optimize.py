@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import igl
 import numpy as np
 
 from ..core.arrays import Bool, Float
@@ -29,6 +30,8 @@ from .stage_simulate import load_fields
 from .stages import Report, read_json
 
 SEED = 1
+#: Markers may lie this far outside, mm: tags have a thickness, meshes a deviation.
+_OFF_BODY = 1.0
 
 
 def limits(device: Device) -> Limits:
@@ -40,12 +43,13 @@ def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Fl
     """Marker positions (k, 3) mm in the rest frame and weights (k,) that sum to one."""
     spec = device.outputs.markers
     if isinstance(spec, np.ndarray):
-        depth = locator.find(spec).depth
-        if depth.min() < -0.5:
-            k = int(depth.argmin())
+        square = igl.point_mesh_squared_distance(spec, surface.vertices, surface.faces)[0]
+        outside = np.where(locator.find(spec).depth < 0, np.sqrt(np.asarray(square)), 0.0)
+        if outside.max() > _OFF_BODY:
+            k = int(outside.argmax())
             raise DeviceError(
-                f"device.toml: outputs.markers: point {k + 1} at {spec[k].tolist()} lies off the"
-                " body; move it onto the surface"
+                f"device.toml: outputs.markers: point {k + 1} at {spec[k].tolist()} lies"
+                f" {outside[k]:.2g} mm off the body; move it onto the surface"
             )
         return spec, np.full(len(spec), 1 / len(spec))
     corners = surface.vertices[surface.faces]
@@ -53,7 +57,7 @@ def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Fl
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
     rng = np.random.default_rng(SEED)
-    dense = 4000
+    dense = 4000 if spec == "surface" else max(4000, 4 * spec)
     face = rng.choice(len(area), dense, p=area / area.sum())
     a, b = np.sqrt(rng.random(dense)), rng.random(dense)
     weights = np.stack([1 - a, a * (1 - b), a * b], axis=1)

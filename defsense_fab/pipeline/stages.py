@@ -13,7 +13,7 @@ from ..core.device import Device
 from ..core.files import digest
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 2
+CODE_VERSION = 3
 
 Report = Callable[[float, str], None]
 
@@ -29,17 +29,22 @@ class Stage:
     run: Callable[[Device, Path, Report], None]
 
 
+#: Files beside a script that it may read or import; notes and results beside it do not count.
+_SOURCES = {".py", ".step", ".stp", ".brep", ".stl", ".obj", ".3mf", ".csv", ".dxf", ".svg"}
+
+
 def _body_inputs(d: Device) -> Any:
-    files = sorted(
-        p
-        for p in d.source.rglob("*")
-        if p.is_file()
-        and p.name != "device.toml"
-        and not {"build", ".build-next", "__pycache__"} & set(p.relative_to(d.source).parts)
-        and p.stat().st_size < 50e6
-    )
-    if d.body.path not in files:
-        files.append(d.body.path)
+    files = [d.body.path]
+    if d.body.kind == "script":
+        files += sorted(
+            p
+            for p in d.source.rglob("*")
+            if p.is_file()
+            and p.suffix.lower() in _SOURCES
+            and not any(
+                n in ("build", "__pycache__") or n[0] == "." for n in p.relative_to(d.source).parts
+            )
+        )
     return (
         d.body.kind,
         sorted(d.body.parameters.items()),

@@ -69,14 +69,37 @@ def test_mesh_files_round_trip(bar, tmp_path, kind):
         lines = ["v {} {} {}".format(*v) for v in bar.vertices]
         lines += ["f {} {} {}".format(*(f + 1)) for f in bar.faces]
         path.write_text("\n".join(lines))
-    surface, _ = read_mesh(path, 2.0)
+    surface, _ = read_mesh(path, 2.0, (1, 1e4))
     assert surface.volume == pytest.approx(8 * 135000, rel=1e-6)
+
+
+def test_3mf_units_and_transforms_count(bar, tmp_path):
+    import lib3mf
+
+    wrapper = lib3mf.get_wrapper()
+    write_3mf({"bar": bar}, tmp_path / "a.3mf", "bar")
+    model = wrapper.CreateModel()
+    model.QueryReader("3mf").ReadFromFile(str(tmp_path / "a.3mf"))
+    model.SetUnit(lib3mf.ModelUnit.Inch)
+    items = model.GetBuildItems()
+    items.MoveNext()
+    items.GetCurrent().SetObjectTransform(wrapper.GetUniformScaleTransform(2.0))
+    model.QueryWriter("3mf").WriteToFile(str(tmp_path / "b.3mf"))
+    surface, _ = read_mesh(tmp_path / "b.3mf", 1.0, (1, 1e5))
+    assert surface.bounds == pytest.approx(50.8 * bar.bounds)
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1e3, 1e300])
+def test_a_body_in_other_units_is_refused(bar, tmp_path, scale):
+    write_stl(bar, tmp_path / "bar.stl")
+    with pytest.raises(BodyError, match=r"mm across; set \[body\] scale"):
+        read_mesh(tmp_path / "bar.stl", scale, (1, 1e4))
 
 
 def test_a_broken_file_is_one_line(tmp_path):
     (tmp_path / "bad.stl").write_bytes(b"not a mesh")
     with pytest.raises(BodyError, match=r"bad\.stl") as caught:
-        read_mesh(tmp_path / "bad.stl", 1.0)
+        read_mesh(tmp_path / "bad.stl", 1.0, (1, 1e4))
     assert "\n" not in str(caught.value)
 
 
@@ -90,7 +113,9 @@ def test_a_broken_file_is_one_line(tmp_path):
         ("x = ", r"body\.py:1: the script raised SyntaxError"),
         ("import sys\nsys.exit(3)", r"body\.py:2: .*SystemExit"),
         ("def body(): return None", "returned None"),
-        ("def body(): return 3", "returned int"),
+        ("def body(): return 3", r"body\.py: body\(\) returned int"),
+        ("import build123d as bd\ndef body(): return bd.Box", "returned the class Box"),
+        ("class E(BaseException): pass\ndef body(): raise E('x')", r"body\.py:2: .* E: x"),
         ("y = 1", "defines no function body"),
     ],
 )

@@ -155,3 +155,22 @@ def calculix(mesh, conditions, ours, folder):
     last = table[-len(mesh.nodes) :]
     u[last[:, 0].astype(int) - 1] = last[:, 1:]
     return u
+
+
+def test_mixtures_that_contradict_themselves_are_refused():
+
+    x = np.random.default_rng(0).uniform(0, 10, (400, 3))
+    regions = {
+        "a": Box(np.array([-1, -1, -1.0]), np.array([3, 11, 11.0])),
+        "b": Box(np.array([7, -1, -1.0]), np.array([11, 11, 11.0])),
+    }
+    turn = np.array([0.1, 0, 0])
+    free = Pose("free", ("a",), (Handle("b", turn, None),))
+    pull = Pose("pull", ("a",), (Handle("b", 0 * turn, np.array([1.0, 0, 0])),))
+    swap = Pose("swap", ("b",), (Handle("a", turn, None),))
+    with pytest.raises(DeviceError, match="both fixes and moves region 'a'"):
+        mix([free, swap], {"free": 0.5, "swap": 0.5}, regions, x)
+    with pytest.raises(DeviceError, match="both freely and by a translation"):
+        mix([free, pull], {"free": 0.5, "pull": 0.5}, regions, x)
+    motion = mix([pull], {"pull": 0.5}, regions, x).motions[0]
+    assert motion.translation == pytest.approx([0.5, 0, 0])

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import Hermite, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.device import Sensor
 from defsense_fab.mechanics.locate import PointLocator
 from defsense_fab.mechanics.tet10 import QuadraticMesh
 from defsense_fab.optimize.candidates import vary
@@ -15,7 +16,7 @@ from defsense_fab.optimize.freedom import CordFreedom
 from defsense_fab.optimize.nearest import nearest, nearest_strand
 from defsense_fab.optimize.objective import Objective
 from defsense_fab.optimize.problem import Limits, Problem, expected_error
-from defsense_fab.optimize.refine import first_layout, layout_error, optimise
+from defsense_fab.optimize.refine import Slivers, first_layout, layout_error, optimise
 from defsense_fab.optimize.select import select
 from defsense_fab.optimize.verify import verify
 
@@ -110,6 +111,38 @@ def test_broken_limits_are_found(bar, straight, change, message):
     sensor = replace(sensor, curve=Hermite(points, catmull_rom(points)))
     problems = verify([sensor], bar, LIMITS).problems
     assert any(message in p for p in problems), problems
+
+
+def _locked(points, tangents=None):
+    points = np.array(points, float)
+    plane = Plane.from_normal(np.zeros(3), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+    tangents = catmull_rom(points) if tangents is None else np.array(tangents, float)
+    return Sensor("locked", plane, Hermite(points, tangents))
+
+
+def test_the_straight_runs_to_the_surface_are_checked_too(bar):
+    left = [[10.5, 2.2], [16, 4], [26, 6], [45, 7], [60, 7], [90, 7], [120, 7], [140, 7], [148, 7]]
+    right = [[x, -y] for x, y in left]
+    problems = verify([_locked(left), _locked(right)], bar, LIMITS).problems
+    assert any("come within 0.0" in p for p in problems), problems
+    skimming = [[11, 12.6], [20, 11], [40, 8], [60, 8], [90, 8], [120, 8], [140, 8], [148, 8]]
+    problems = verify([_locked(skimming)], bar, LIMITS).problems
+    assert any("leaves a wall of" in p for p in problems), problems
+
+
+def test_a_path_that_turns_back_on_itself_is_found(bar, straight):
+    points = straight().curve.points
+    tangents = [[8, 0], [8, 0], [26, 0], [26, 0], [-26, 0], [26, 0], [8, 0], [8, 0]]
+    problems = verify([_locked(points, tangents)], bar, LIMITS).problems
+    assert any("bends to a radius of 0.00 mm" in p for p in problems), problems
+
+
+def test_thin_slices_between_planes_are_slivers(problem, straight):
+    apart = [straight("a", y=6, z=-4), straight("b", y=-6, z=4)]
+    close = [straight("a", y=6, z=0), straight("b", y=-6, z=0.35)]
+    slivers = Slivers(problem)
+    assert not slivers(apart)
+    assert slivers(close)
 
 
 def test_cords_that_cross_are_found(bar, straight):

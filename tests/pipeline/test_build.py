@@ -166,6 +166,67 @@ def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
     assert snapshot(copy / "build") == before
 
 
+@pytest.mark.slow
+def test_a_part_that_is_gone_is_made_again_and_notes_are_no_change(copy, capsys):
+    (copy / "notes.txt").write_text("glue on Monday")
+    assert cli.main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == []
+    (copy / "build" / "parts" / "part-1.stl").unlink()
+    assert cli.main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == ["fabricate"]
+    assert (copy / "build" / "parts" / "part-1.stl").exists()
+
+
+@pytest.mark.slow
+def test_ctrl_c_still_works_after_meshing(bar):
+    import signal
+
+    from defsense_fab.geometry.tetrahedra import tetrahedralise
+
+    tetrahedralise(bar, 12.0)
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_a_build_folder_that_is_a_link_is_refused(tmp_path, capsys):
+    for name in ("device.toml", "bar.py"):
+        shutil.copy(BAR / name, tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "build").symlink_to(tmp_path / "elsewhere")
+    assert cli.main(["mesh", str(tmp_path)]) == 2
+    assert "build: is a symbolic link" in capsys.readouterr().err
+
+
+def test_an_error_after_ctrl_c_counts_as_the_interrupt(capsys, monkeypatch):
+    """Native modules turn a KeyboardInterrupt during their import into an ImportError."""
+    import signal
+
+    def clumsy(_):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None
+
+    monkeypatch.setattr(cli, "_build", clumsy)
+    assert cli.main(["build", str(BAR)]) == 2
+    assert "error: interrupted" in capsys.readouterr().err
+
+
+def test_output_that_nobody_reads_is_no_traceback(tmp_path):
+    code = "import sys; from defsense_fab import cli\nwith cli._output(): print('x' * 99999)"
+    with open("/dev/full", "w") as full:
+        out = subprocess.run(
+            [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert "standard output: No space left on device" in out.stderr
+    piped = subprocess.run(
+        ["bash", "-c", f'"{sys.executable}" -c "{code}" | true; exit ${{PIPESTATUS[0]}}'],
+        capture_output=True,
+        text=True,
+    )
+    assert (piped.returncode, piped.stderr) == (0, "")
+
+
 def test_storage_errors_name_the_path(tmp_path):
     with pytest.raises(StorageError, match="nothing"), storage_errors(tmp_path):
         (tmp_path / "nothing").read_bytes()
