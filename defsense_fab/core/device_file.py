@@ -261,6 +261,8 @@ def _fabrication(t: Table) -> FabricationSpec:
         lead=t.number("lead", 20.0, low=-1e-9),
         bed=(float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"])),
     )
+    if max(spec.lead, spec.clearance, spec.wall) > 1000:
+        t.fail(None, "clearance, wall and lead are in mm; one is more than 1000")
     t.done()
     return spec
 

@@ -51,6 +51,11 @@ def test_the_fixture_is_read(edit):
         ("ramp = [0.25", "ramp = [true", r"states.ramp: must be any finite numbers"),
         ("normal = [0, 0, 1]", 'normal = ["0", 0, 1]', r"normal: must be 3 finite numbers"),
         ("degrees = 30", "degrees = 0", r"poses.2.handles: nothing moves"),
+        (
+            'process = "fdm-tpu"',
+            'process = "fdm-tpu"\nlead = 1e9',
+            r"fabrication: .* more than 1000",
+        ),
         ("schema = 1", "schema = true", r"reads schema 1, not True"),
         ("edge_length = 6.0", 'edge_length = "six"', r"must be a number, not 'six'"),
         ('translate = "free"', 'translate = "fre"', r'must be "free" or'),
