@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
+import os
+import subprocess
+import sys
 import tempfile
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -45,28 +46,39 @@ def tetrahedralise(
             f"device.toml: mesh.edge_length: {edge_length:g} mm is more than the body's size of"
             f" {size:.3g} mm; use a fifth of the thickness"
         )
-    import pytetwild
-
     if on_step:
         on_step("tetrahedralising")
-    interrupt = signal.getsignal(signal.SIGINT)
     epsilon = min(1e-3, 0.02 * edge_length / size)
-    try:
-        # fTetWild leaves a file of its own in the working folder.
-        with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
-            nodes, tets = pytetwild.tetrahedralize(
-                np.ascontiguousarray(surface.vertices),
-                np.ascontiguousarray(surface.faces, np.int32),
-                edge_length_abs=edge_length,
-                epsilon=epsilon,
-                num_threads=1,
-            )
-    except RuntimeError as error:
-        raise MeshingError(f"the mesher failed: {error}; repair the body's surface") from None
-    finally:
-        if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, interrupt)  # the mesher leaves Ctrl-C without a handler
+    nodes, tets = _mesh(surface, edge_length, epsilon)
     return _tidy(np.asarray(nodes, float), np.asarray(tets, np.int64))
+
+
+def _mesh(surface: Surface, edge_length: float, epsilon: float) -> tuple[Float, Int]:
+    with tempfile.TemporaryDirectory() as scratch:  # where fTetWild leaves a file of its own, too
+        source, target = Path(scratch) / "surface.npz", Path(scratch) / "mesh.npz"
+        np.savez(
+            source,
+            vertices=surface.vertices,
+            faces=np.asarray(surface.faces, np.int32),
+            edge_length=edge_length,
+            epsilon=epsilon,
+        )
+        ended = subprocess.run(
+            [sys.executable, "-m", "defsense_fab.geometry.ftetwild", str(source), str(target)],
+            cwd=scratch,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        if not target.exists():
+            why = f"signal {-ended.returncode}" if ended.returncode < 0 else ended.stderr[-200:]
+            raise MeshingError(f"the mesher ended early ({why}); repair the body's surface")
+        with np.load(target) as made:
+            if "error" in made:
+                raise MeshingError(f"the mesher failed: {made['error']}; repair the body's surface")
+            return made["nodes"], made["tets"]
 
 
 def _tidy(nodes: Float, tets: Int) -> TetMesh:
