@@ -155,6 +155,9 @@ class _System:
         """Move the handles from one amplitude to the next: tangent predictor, then Newton."""
         mesh, material = self.mesh, self.material
         delta = self._prescribed(u, start, goal)
+        if self.size == 0:  # every node is prescribed: nothing to solve, but it may be impossible
+            possible = np.isfinite(tet10.energy(mesh, material, u + delta))
+            return _Attempt(u + delta if possible else None, 1, 0.0)
         elements = tet10.stiffness(mesh, material, u, True)
         local = delta[mesh.cells].reshape(len(mesh.cells), 30)
         push = np.einsum("eij,ej->ei", elements, local).reshape(-1, 10, 3)

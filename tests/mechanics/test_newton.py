@@ -59,11 +59,27 @@ def test_free_translation_leaves_no_force(mesh):
 
 
 def test_impossible_pose_is_a_status_without_a_field(mesh):
-    conditions = mix([pose([0, 0, 0], np.array([-149.0, 0, 0]))], {"p": 1.0}, REGIONS, mesh.nodes)
+    """The regions leave no node free between them: elements there turn inside out for certain."""
+    far = np.array([1e3, 1e3, 1e3])
+    regions = {
+        "base": Box(-far, np.array([70.0, 1e3, 1e3])),
+        "tip": Box(np.array([70.0 + 1e-6, -1e3, -1e3]), far),
+    }
+    squeeze = pose([0, 0, 0], np.array([-60.0, 0, 0]))
+    conditions = mix([squeeze], {"p": 1.0}, regions, mesh.nodes)
     result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
     assert not result.converged
     assert result.u is None
     assert 0 <= result.amplitude < 1
+
+
+def test_a_wholly_prescribed_body_needs_no_solver(mesh):
+    every = np.arange(len(mesh.nodes))
+    moved = RigidMotion(every, np.array([75.0, 0, 0]), np.array([0, 0, 0.4]), np.array([3.0, 0, 0]))
+    conditions = BoundaryConditions(np.array([], int), (moved,))
+    result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
+    assert result.energy == pytest.approx(0, abs=1e-6)
+    assert result.u.mean(0)[0] != 0
 
 
 def test_mixture_adds_rotation_vectors(mesh):
