@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..core.curve import Plane, distinct
+from ..core.device import Sensor
 from . import facets
 
 #: All orders of the cuts are tried for up to this many planes.
@@ -50,6 +51,14 @@ class Plan:
     def smallest(self) -> float:
         """Volume of the smallest piece, mm^3."""
         return min(float(p.volume()) for p in self.leaves)
+
+
+def channel_line(sensor: Sensor, ends: tuple[float, float]) -> Float:
+    """The channel's centre line (p, 3) mm with its straight runs out of the body."""
+    points = sensor.plane.to_world(sensor.curve.sample(24))
+    tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
+    first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
+    return np.concatenate([points[:1] - ends[0] * first, points, points[-1:] + ends[1] * last])
 
 
 def plan(body: Any, cords: Sequence[tuple[Plane, Float]]) -> Plan:

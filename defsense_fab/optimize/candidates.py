@@ -13,9 +13,8 @@ from ..core.curve import Hermite, Plane, catmull_rom, curvature, hermite_basis
 from ..core.device import Sensor
 from ..core.mesh import Surface
 from .constraints import (
-    INLET_SLOPE,
-    MARGIN,
     DepthField,
+    depth_before_exit,
     extensions,
     run_lengths,
     separation,
@@ -213,9 +212,7 @@ def _feasible(batch: Batch, surface: Surface, limits: Limits) -> Int:
     along = np.concatenate([np.zeros((len(step), 1)), np.cumsum(step, axis=1)], axis=1)
     rest = ends - runs
     to_exit = np.minimum(along + rest[:, :1], along[:, -1:] - along + rest[:, 1:])
-    slope = INLET_SLOPE * (1 + MARGIN / limits.depth)
-    need = np.minimum(limits.depth + MARGIN, slope * to_exit)
-    good: Bool = (d >= need).all(axis=1)
+    good = np.asarray((d >= depth_before_exit(to_exit, limits)[0]).all(axis=1))
     for i in np.flatnonzero(good).tolist():
         strand = nearest_strand(paths[i], separation(limits))[0].min()
         good[i] = strand >= limits.clearance + step[i].max() / 4

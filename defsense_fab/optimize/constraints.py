@@ -98,13 +98,22 @@ def with_runs(points: Float, derivative: Float, runs: Float) -> tuple[Float, Flo
     return np.concatenate(out), np.concatenate(by)
 
 
+def depth_before_exit(to_exit: Float, limits: Limits) -> tuple[Float, Float]:
+    """Least depth `to_exit` mm of channel before the surface, with a margin, and its derivative.
+
+    The full wall, less in the cone of an inlet.
+    """
+    full, slope = limits.depth + MARGIN, INLET_SLOPE * (1 + MARGIN / limits.depth)
+    need = np.minimum(full, slope * to_exit)
+    return need, np.where(need < full, slope, 0.0)
+
+
 def required_depth(
     points: Float, derivative: Float, ends: Float, limits: Limits
 ) -> tuple[Float, Float]:
     """Least depth (p,) of samples (p, 3) that end `ends` (2,) mm before the exits, with a margin.
 
-    The full wall, less in the cone of an inlet. Also its derivative (p, size), from that of the
-    samples (p, 3, size).
+    Also its derivative (p, size), from that of the samples (p, 3, size).
     """
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1)
@@ -113,9 +122,8 @@ def required_depth(
     by_along = np.concatenate([np.zeros((1, by.shape[1])), np.cumsum(by, axis=0)])
     start, end = along + ends[0], along[-1] - along + ends[1]
     by_exit = np.where((start < end)[:, None], by_along, by_along[-1] - by_along)
-    full, slope = limits.depth + MARGIN, INLET_SLOPE * (1 + MARGIN / limits.depth)
-    need = np.minimum(full, slope * np.minimum(start, end))
-    return need, slope * by_exit * (need < full)[:, None]
+    need, slope = depth_before_exit(np.minimum(start, end), limits)
+    return need, slope[:, None] * by_exit
 
 
 class Constraints:

@@ -14,7 +14,7 @@ from ..core.arrays import Float
 from ..core.device import Sensor
 from ..core.errors import LayoutError
 from ..geometry import facets
-from ..geometry.division import divide
+from ..geometry.division import channel_line, divide
 from .candidates import Pool, build_pool, join, propose, vary
 from .constraints import Constraints
 from .freedom import CordFreedom, per_span
@@ -123,20 +123,13 @@ class Slivers:
         self._limits = problem.limits
 
     def __call__(self, sensors: Sequence[Sensor]) -> bool:
-        cords = [(s.plane, _lengthened(sample_path(s))) for s in sensors]
+        ends = (LONGEST_INLET, LONGEST_INLET)  # surely out of the body
+        cords = [(s.plane, channel_line(s, ends)) for s in sensors]
         division = divide(self._body, cords, self._limits.channel_diameter)
         least = self._limits.smallest_part * self._body.volume()
         return any(
             p.volume() < least or facets.thickness(p) < self._limits.wall for p in division.parts
         )
-
-
-def _lengthened(path: Float) -> Float:
-    """The path (p, 3) mm with straight ends that surely leave the body."""
-    first, last = (v / np.linalg.norm(v) for v in (path[0] - path[1], path[-1] - path[-2]))
-    return np.concatenate(
-        [path[:1] + LONGEST_INLET * first, path, path[-1:] + LONGEST_INLET * last]
-    )
 
 
 def first_layout(

@@ -45,14 +45,8 @@ def recall(surface: Surface, edge_length: float) -> TetMesh | None:
         with path.open("rb") as file, np.load(file) as data:
             mesh = TetMesh(data["nodes"], data["tets"])
         os.utime(path)
-    except (
-        OSError,
-        EOFError,
-        ValueError,
-        KeyError,
-        BadZipFile,
-    ):  # none, or not readable: make it anew
-        return None
+    except (OSError, EOFError, ValueError, KeyError, BadZipFile):
+        return None  # none, or not readable: it is made anew
     return mesh
 
 

@@ -16,7 +16,7 @@ from ..core.errors import FabricationError
 from ..core.files import write_json
 from ..core.mesh import Surface
 from ..geometry import facets, ray
-from ..geometry.division import Division, divide
+from ..geometry.division import Division, channel_line, divide
 from ..geometry.export import write_3mf, write_stl
 from ..optimize.problem import Limits
 from .stage_body import is_cad, load_surface
@@ -106,14 +106,6 @@ def _overrun(
         gap = again[again > 0.1]
         out.append(inlet + min(most, gap[0] / 2 if len(gap) else most))
     return out[0], out[1]
-
-
-def channel_line(sensor: Sensor, ends: tuple[float, float]) -> Float:
-    """The channel's centre line (p, 3) mm with its straight runs out of the body."""
-    points = sensor.plane.to_world(sensor.curve.sample(24))
-    tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
-    first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
-    return np.concatenate([points[:1] - ends[0] * first, points, points[-1:] + ends[1] * last])
 
 
 def _by_occ(

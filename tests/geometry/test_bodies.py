@@ -11,11 +11,10 @@ from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry import facets, occ
 from defsense_fab.geometry.body import load_body
-from defsense_fab.geometry.division import divide
+from defsense_fab.geometry.division import channel_line, divide
 from defsense_fab.geometry.export import write_3mf, write_stl
 from defsense_fab.geometry.mesh_repair import read_mesh, repair
 from defsense_fab.geometry.tetrahedra import tetrahedralise
-from defsense_fab.pipeline.stage_fabricate import channel_line
 
 
 def fine(surface, times=3):
