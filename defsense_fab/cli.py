@@ -228,6 +228,16 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     if not data["made"]:
         console.print("Everything is up to date.")
     folder = data["build"]
+    chosen = data.get("mesh", {}).get("accuracy")
+    if chosen:
+        console.print(
+            f"mesh: an edge length of {data['mesh']['edge_length']:.3g} mm"
+            f" ({data['mesh']['tets']} tets) keeps signals within {chosen['reached']:.2%};"
+            f" {chosen['asked']:.2%} was asked",
+            highlight=False,
+        )
+    for warning in data.get("simulation", {}).get("warnings", []):
+        console.print(f"note: {warning}", highlight=False)
     if "layout" in data:
         layout = data["layout"]
         first, best = layout["initial"], layout["prediction"]

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from .arrays import Float
 from .curve import Hermite, Plane
 from .regions import Shape
@@ -26,32 +28,78 @@ class BodySpec:
 
 @dataclass(frozen=True)
 class MaterialSpec:
-    """Isotropic soft material: Young's modulus in MPa, Poisson's ratio below 0.5."""
+    """Isotropic soft material: Young's modulus in MPa at small strain, Poisson's ratio below 0.5,
+    density in g/cm^3; `constants` (MPa) of the hyperelastic `model` where E does not give them."""
 
     name: str
     young_modulus: float
     poisson_ratio: float
+    model: str = "neo-hookean"
+    density: float = 1.1
+    constants: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MeshSpec:
+    """Edge length of the tets in mm, or the relative `accuracy` of signals that chooses it."""
+
+    edge_length: float | None = None
+    accuracy: float | None = None
 
 
 @dataclass(frozen=True)
 class Handle:
     """A region moved rigidly: rotation vector (3,) rad about the region's centre.
 
-    `translation` is (3,) mm, or None where the solver finds it (zero resultant force).
+    `translation` (3,) mm has NaN where the solver finds it (zero resultant force). `free_axes`
+    (f, 3) are the axes about which the solver turns it: none, one (a hinge) or all three.
     """
 
     region: str
     rotation: Float
-    translation: Float | None
+    translation: Float
+    free_axes: Float = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+@dataclass(frozen=True)
+class SymmetryPlane:
+    """A region whose nodes stay in their plane, with unit `normal` (3,)."""
+
+    region: str
+    normal: Float
+
+
+@dataclass(frozen=True)
+class PointDrag:
+    """A spring of `stiffness` (N/mm) that pulls the point `at` (3,) mm by `by` (3,) mm."""
+
+    at: Float
+    by: Float
+    stiffness: float
+
+
+@dataclass(frozen=True)
+class RegionPressure:
+    """Pressure in MPa on the body's surface inside a region; positive pushes inwards."""
+
+    region: str
+    value: float
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Fixed regions and handles that together define one deformation."""
+    """Fixed regions, handles and loads that together define one deformation.
+
+    `gravity` (3,) in multiples of standard gravity.
+    """
 
     name: str
     fixed: tuple[str, ...]
     handles: tuple[Handle, ...]
+    symmetry: tuple[SymmetryPlane, ...] = ()
+    drags: tuple[PointDrag, ...] = ()
+    pressures: tuple[RegionPressure, ...] = ()
+    gravity: Float = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -113,7 +161,7 @@ class Device:
     source: Path
     body: BodySpec
     material: MaterialSpec
-    edge_length: float
+    mesh: MeshSpec
     regions: Mapping[str, Shape]
     poses: tuple[Pose, ...]
     states: StatesSpec

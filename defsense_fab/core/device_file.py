@@ -16,14 +16,14 @@ from .device import (
     CordSpec,
     Device,
     FabricationSpec,
-    Handle,
     MaterialSpec,
+    MeshSpec,
     OutputsSpec,
-    Pose,
     Sensor,
-    StatesSpec,
 )
+from .pose_file import read_poses, read_states
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
+from .shore import from_shore
 from .toml_table import Table, is_number, load_toml
 
 SCHEMA = 1
@@ -38,7 +38,7 @@ def load_device(folder: Path, overrides: Mapping[str, Any] | None = None) -> Dev
     if top.raw("schema", 1) is not SCHEMA:
         top.fail("schema", f"this version reads schema {SCHEMA}, not {top.data['schema']!r}")
     regions = _regions(top.table("regions", required=False))
-    poses = _poses(top, list(regions))
+    poses = read_poses(top, list(regions))
     cord = _cord(top.table("cord"))
     sensors = _sensors(top)
     design = top.table("design", required=False)
@@ -50,23 +50,21 @@ def load_device(folder: Path, overrides: Mapping[str, Any] | None = None) -> Dev
         top.fail(
             "sensors", "give either [[sensors]] with planes and paths, or [design] sensors = 3"
         )
-    mesh = top.table("mesh")
     device = Device(
         name=top.string("name"),
         source=folder,
         body=_body(top.table("body"), folder, overrides or {}),
         material=_material(top.table("material")),
-        edge_length=mesh.number("edge_length", low=0),
+        mesh=_mesh(top.table("mesh")),
         regions=regions,
         poses=poses,
-        states=_states(top.table("states", required=False), [p.name for p in poses]),
+        states=read_states(top.table("states", required=False), [p.name for p in poses]),
         outputs=_outputs(top.table("outputs"), list(regions)),
         cord=cord,
         fabrication=_fabrication(top.table("fabrication")),
         sensors=sensors,
         propose=propose,
     )
-    mesh.done()
     top.done()
     return device
 
@@ -92,18 +90,65 @@ def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
     return BodySpec(kind, path, parameters, scale)
 
 
+def _mesh(t: Table) -> MeshSpec:
+    edge = t.number("edge_length", low=0) if t.has("edge_length") else None
+    accuracy = t.number("accuracy", low=0) if t.has("accuracy") else None
+    if (edge is None) == (accuracy is None):
+        t.fail("edge_length", "give either edge_length = 6.0 (mm) or accuracy = 0.01 (of signals)")
+    if accuracy is not None and not 1e-4 <= accuracy <= 0.2:
+        t.fail("accuracy", f"must lie between 0.0001 and 0.2, not {accuracy:g}")
+    t.done()
+    return MeshSpec(edge, accuracy)
+
+
+#: The constants (MPa) that a model may be given by, in place of young_modulus.
+_CONSTANTS: dict[str, tuple[str, ...]] = {
+    "neo-hookean": (),
+    "stable-neo-hookean": (),
+    "mooney-rivlin": ("c10", "c01"),
+    "yeoh": ("c10", "c20", "c30"),
+}
+
+
 def _material(t: Table) -> MaterialSpec:
     name = t.string("name", "custom")
     rows = read_rows("materials.csv")
-    if t.has("young_modulus") or t.has("poisson_ratio"):
-        young, poisson = t.number("young_modulus", low=0), t.number("poisson_ratio")
-    else:
+    row = rows.get(name, {})
+    model = t.string("model", "neo-hookean")
+    t.choice("model", model, list(_CONSTANTS), "material model")
+    wanted = _CONSTANTS[model]
+    own = any(t.has(k) for k in ("young_modulus", "shore", *wanted))
+    if not own and not (t.has("poisson_ratio") and row):
         t.choice("name", name, list(rows), "material")
-        young, poisson = float(rows[name]["young_modulus"]), float(rows[name]["poisson_ratio"])
+    poisson = t.number("poisson_ratio", row.get("poisson_ratio") and float(row["poisson_ratio"]))
     if not -1 < poisson < 0.5:
         t.fail("poisson_ratio", f"must lie between -1 and 0.5 (below it), not {poisson:g}")
+    density = t.number("density", float(row.get("density", 1.1)), low=0)
+    if wanted:
+        constants = {k: t.number(k) for k in wanted}
+        young = 4 * (constants["c10"] + constants.get("c01", 0.0)) * (1 + poisson)
+        if young <= 0:
+            t.fail("c10", "the shear modulus 2 (c10 + c01) must be positive")
+        if t.has("young_modulus"):
+            t.fail("young_modulus", f"follows from the constants of {model}; remove it")
+    else:
+        constants = {}
+        young = _young_modulus(t, row)
     t.done()
-    return MaterialSpec(name, young, poisson)
+    return MaterialSpec(name, young, poisson, model, density, constants)
+
+
+def _young_modulus(t: Table, row: Mapping[str, str]) -> float:
+    if t.has("shore") and t.has("young_modulus"):
+        t.fail("shore", "give either shore or young_modulus")
+    if not t.has("shore"):
+        return t.number(
+            "young_modulus", row.get("young_modulus") and float(row["young_modulus"]), low=0
+        )
+    try:
+        return from_shore(t.string("shore")).value
+    except ValueError as error:
+        t.fail("shore", str(error))
 
 
 def _regions(t: Table) -> dict[str, Shape]:
@@ -138,87 +183,6 @@ def _region(t: Table) -> Shape:
         inner.done()
     t.done()
     return shape
-
-
-def _poses(top: Table, regions: Sequence[str]) -> tuple[Pose, ...]:
-    poses: list[Pose] = []
-    for t in top.tables("poses"):
-        name = t.string("name")
-        if name in [p.name for p in poses] or name == "rest":
-            t.fail("name", f"{name!r} is used already; choose another name")
-        if not name.replace("_", "").replace("-", "").isalnum():
-            t.fail("name", "use letters, digits, - and _ only: it names files")
-        fixed = t.strings("fixed")
-        for region in fixed:
-            t.choice("fixed", region, regions, "region")
-        handles = tuple(_handle(h, regions) for h in t.tables("handles"))
-        if not fixed:
-            t.fail("fixed", "needs at least one region, or the body can move freely")
-        if not handles:
-            t.fail("handles", "needs at least one handle that moves a region")
-        moved = [h.region for h in handles]
-        if len(set(moved)) < len(moved):
-            t.fail("handles", "two handles move the same region; make them one")
-        if not any(
-            h.rotation.any() or (h.translation is not None and h.translation.any()) for h in handles
-        ):
-            t.fail("handles", "nothing moves; give a handle a rotation or a translation")
-        both = set(fixed) & set(moved)
-        if both:
-            t.fail("handles", f"region {min(both)!r} is fixed and moved; take it out of one")
-        t.done()
-        poses.append(Pose(name, tuple(fixed), handles))
-    if not poses:
-        top.fail("poses", "add at least one [[poses]] that the device must sense")
-    return tuple(poses)
-
-
-def _handle(t: Table, regions: Sequence[str]) -> Handle:
-    region = t.string("region")
-    t.choice("region", region, regions, "region")
-    rotation = np.zeros(3)
-    if t.has("rotate"):
-        r = t.table("rotate")
-        axis, angle = r.vector("axis"), np.deg2rad(r.number("degrees"))
-        r.done()
-        length = float(np.linalg.norm(axis))
-        if length == 0:
-            r.fail("axis", "must not be zero")
-        rotation = axis / length * angle
-    value = t.raw("translate", [0.0, 0.0, 0.0])
-    translation = None if value == "free" else np.zeros(3)
-    if value != "free" and t.has("translate"):
-        if isinstance(value, str):
-            t.fail("translate", 'must be "free" or [x, y, z] in mm')
-        translation = t.vector("translate")
-    t.done()
-    return Handle(region, rotation, translation)
-
-
-def _weights(t: Table, key: str, poses: Sequence[str]) -> tuple[dict[str, float], ...]:
-    out = []
-    for row in t.tables(key):
-        for name in row.data:
-            row.choice(name, name, poses, "pose")
-        if not row.data:
-            t.fail(key, "an empty mixture; give at least one pose = weight")
-        out.append({name: row.number(name) for name in row.data})
-        if not any(out[-1].values()):
-            t.fail(key, "all weights are zero; this is the rest state")
-    return tuple(out)
-
-
-def _states(t: Table, poses: Sequence[str]) -> StatesSpec:
-    ramp = t.array("ramp", (None,)) if t.has("ramp") else np.array([1.0])
-    if len(ramp) == 0 or (ramp <= 0).any() or (ramp > 1).any():
-        t.fail("ramp", "must be fractions above 0 and up to 1, for example [0.5, 1.0]")
-    spec = StatesSpec(
-        tuple(float(r) for r in np.unique(ramp)),
-        _weights(t, "mixtures", poses),
-        _weights(t, "held_out", poses),
-    )
-    t.done()
-    return spec
 
 
 def _outputs(t: Table, regions: Sequence[str]) -> OutputsSpec:

@@ -9,6 +9,9 @@ import numpy as np
 
 from ..core.arrays import Float, Int
 from .tet10 import QuadraticMesh, shape, shape_by_bary
+from .threads import cores, over_chunks
+
+CHUNK = 2000  # points; fewer are not worth a thread
 
 
 @dataclass(frozen=True)
@@ -44,50 +47,65 @@ class PointLocator:
 
     def find(self, points: Float) -> Located:
         """Tet and weights of each point (p, 3) mm; the nearest tet for points outside."""
-        cell, bary = _find(
-            np.ascontiguousarray(points, float),
-            self._low,
-            self._cell,
-            self._count,
-            self._start,
-            self._items,
-            self._origin,
-            self.mesh.bary_gradient,
-        )
+        points = np.ascontiguousarray(points, float)
+        cell, bary = np.zeros(len(points), np.int64), np.empty((len(points), 4))
+
+        def find(a: int, b: int) -> None:
+            _find(
+                points[a:b],
+                self._low,
+                self._cell,
+                self._count,
+                self._start,
+                self._items,
+                self._origin,
+                self.mesh.bary_gradient,
+                cell[a:b],
+                bary[a:b],
+            )
+
+        over_chunks(find, len(points), cores(), CHUNK)
         return Located(cell, bary)
 
     def displacement(self, at: Located, fields: Float) -> Float:
         """Displacements (s, p, 3) of the fields (s, n, 3) at the points."""
-        return np.asarray(_displacement(self.mesh.cells[at.cell], shape(at.bary), fields))
+        nodes, weights = self.mesh.cells[at.cell], shape(at.bary)
+        out = np.zeros((len(fields), len(nodes), 3))
+        over_chunks(
+            lambda a, b: _displacement(nodes, weights, fields, a, b, out),
+            len(nodes),
+            cores(),
+            CHUNK,
+        )
+        return out
 
     def gradient(self, at: Located, fields: Float) -> Float:
         """Displacement gradients (s, p, 3, 3): [a, j] is the derivative of u_a by X_j."""
         g = shape_by_bary(at.bary) @ self.mesh.bary_gradient[at.cell]
-        return np.asarray(_gradient(self.mesh.cells[at.cell], g, fields))
+        nodes = self.mesh.cells[at.cell]
+        out = np.zeros((len(fields), len(nodes), 3, 3))
+        over_chunks(lambda a, b: _gradient(nodes, g, fields, a, b, out), len(nodes), cores(), CHUNK)
+        return out
 
 
-@numba.njit(cache=True)
-def _displacement(nodes, weights, fields):  # type: ignore[no-untyped-def]
-    out = np.zeros((len(fields), len(nodes), 3))
+@numba.njit(cache=True, nogil=True)
+def _displacement(nodes, weights, fields, start, stop, out):  # type: ignore[no-untyped-def]
     for s in range(len(fields)):
-        for p in range(len(nodes)):
+        for p in range(start, stop):
             for n in range(10):
                 for a in range(3):
                     out[s, p, a] += weights[p, n] * fields[s, nodes[p, n], a]
-    return out
 
 
-@numba.njit(cache=True)
-def _gradient(nodes, weights, fields):  # type: ignore[no-untyped-def]
-    out = np.zeros((len(fields), len(nodes), 3, 3))
+@numba.njit(cache=True, nogil=True)
+def _gradient(nodes, weights, fields, start, stop, out):  # type: ignore[no-untyped-def]
     for s in range(len(fields)):
-        for p in range(len(nodes)):
+        for p in range(start, stop):
             for n in range(10):
                 for a in range(3):
                     u = fields[s, nodes[p, n], a]
                     for j in range(3):
                         out[s, p, a, j] += u * weights[p, n, j]
-    return out
 
 
 @numba.njit(cache=True)
@@ -111,10 +129,10 @@ def _fill(a, b, count):  # type: ignore[no-untyped-def]
     return start, items
 
 
-@numba.njit(cache=True)
-def _find(points, low, size, count, start, items, origin, gradient):  # type: ignore[no-untyped-def]
-    cells = np.zeros(len(points), np.int64)
-    bary = np.empty((len(points), 4))
+@numba.njit(cache=True, nogil=True)
+def _find(  # type: ignore[no-untyped-def]
+    points, low, size, count, start, items, origin, gradient, cells, bary
+):
     w, g = np.empty(4), np.empty(3, np.int64)
     for p in range(len(points)):
         for d in range(3):
@@ -140,4 +158,3 @@ def _find(points, low, size, count, start, items, origin, gradient):  # type: ig
                                 bary[p] = w
             if best >= -1e-12 or (best > -np.inf and reach >= 1):
                 break
-    return cells, bary

@@ -3,108 +3,175 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from ..core.arrays import Float, Int
-from ..core.device import Pose
+from ..core.device import Handle, Pose
 from ..core.errors import DeviceError
 from ..core.regions import Shape
+from .conditions import BoundaryConditions, Drag, Pressure, RigidHandle, Slide
+from .tet10 import QuadraticMesh, boundary_faces
 
-
-@dataclass(frozen=True)
-class RigidMotion:
-    """Nodes (k,) that move rigidly: rotation vector (3,) rad about `center` (3,) mm.
-
-    `translation` (3,) mm, or None where the solver finds it.
-    """
-
-    nodes: Int
-    center: Float
-    rotation: Float
-    translation: Float | None
-
-
-@dataclass(frozen=True)
-class BoundaryConditions:
-    """Nodes held in place, and the rigid motions at full amplitude."""
-
-    fixed: Int
-    motions: tuple[RigidMotion, ...]
-
-
-def rotation_matrix(vector: Float) -> Float:
-    """Rodrigues' formula: rotation vector (3,) rad to a matrix (3, 3); angles do not wrap."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0:
-        return np.eye(3)
-    x, y, z = vector / angle
-    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k)
+#: Standard gravity in mm/s^2, and g/cm^3 in t/mm^3: forces come out in N.
+_GRAVITY, _DENSITY = 9806.65, 1e-9
 
 
 def mix(
-    poses: Sequence[Pose], weights: Mapping[str, float], regions: Mapping[str, Shape], nodes: Float
+    poses: Sequence[Pose],
+    weights: Mapping[str, float],
+    regions: Mapping[str, Shape],
+    mesh: QuadraticMesh,
+    density: float = 0.0,
 ) -> BoundaryConditions:
-    """The weighted mixture: rotation vectors and translations of shared regions add up.
+    """The weighted mixture: rotation vectors, translations and loads add up.
 
-    A region rotates about the middle of its nodes' bounding box. Raises DeviceError for a
-    region without nodes and for regions that overlap with different motions.
+    A region rotates about the middle of its nodes' bounding box; `density` in g/cm^3. Raises
+    DeviceError for a region without nodes and for regions that overlap with different motions.
     """
     label = " + ".join(f"{w:g} {n}" for n, w in weights.items())
+    nodes = mesh.nodes
     fixed: set[str] = set()
-    rotation: dict[str, Float] = {}
-    translation: dict[str, Float | None] = {}
+    handles: dict[str, Handle] = {}
+    slides: dict[str, list[Float]] = {}
+    drags: list[Drag] = []
+    pressures: dict[str, float] = {}
+    gravity = np.zeros(3)
     for pose in poses:
         weight = weights.get(pose.name, 0.0)
         if weight == 0:
             continue
         fixed |= set(pose.fixed)
         for h in pose.handles:
-            rotation[h.region] = rotation.get(h.region, np.zeros(3)) + weight * h.rotation
-            moved = None if h.translation is None else weight * h.translation
-            if h.region not in translation:
-                translation[h.region] = moved
-                continue
-            already = translation[h.region]
-            if already is not None and moved is not None:
-                translation[h.region] = already + moved
-            elif already is not moved:
-                raise DeviceError(
-                    f"device.toml: states: the mixture {label!r} moves region {h.region!r} both"
-                    " freely and by a translation; mix poses that agree"
-                )
-    for name in sorted(fixed & set(rotation)):
+            scaled = replace(h, rotation=weight * h.rotation, translation=weight * h.translation)
+            known = handles.get(h.region)
+            handles[h.region] = scaled if known is None else _add(known, scaled, label)
+        for s in pose.symmetry:
+            slides.setdefault(s.region, []).append(s.normal)
+        drags += [Drag(d.at, weight * d.by, d.stiffness) for d in pose.drags]
+        for p in pose.pressures:
+            pressures[p.region] = pressures.get(p.region, 0.0) + weight * p.value
+        gravity += weight * pose.gravity
+    for name in sorted(fixed & set(handles)):
         raise DeviceError(
             f"device.toml: states: the mixture {label!r} both fixes and moves region {name!r}; mix"
             " poses that agree"
         )
+    owner = _owners(fixed, handles, regions, nodes, label)
+    held = np.flatnonzero(np.isin(owner.astype(str), sorted(fixed)))
+    rigid = tuple(
+        _rigid(name, np.flatnonzero(owner == name), handles[name], nodes)
+        for name in sorted(handles)
+    )
+    planes = []
+    for name, normals in sorted(slides.items()):
+        own = np.flatnonzero(regions[name].contains(nodes))
+        if len(own) < 3:
+            raise DeviceError(_too_few(name, len(own)))
+        for normal in {n.tobytes(): n for n in normals}.values():
+            planes.append(_slide(name, own, normal, nodes))
+    conditions = BoundaryConditions(
+        held,
+        rigid,
+        tuple(planes),
+        tuple(drags),
+        tuple(_pressure(name, v, regions[name], mesh) for name, v in sorted(pressures.items())),
+        gravity * (_GRAVITY * _DENSITY * density),
+    )
+    _agree_with_symmetry(conditions, label)
+    return conditions
+
+
+def _add(a: Handle, b: Handle, label: str) -> Handle:
+    if (np.isnan(a.translation) != np.isnan(b.translation)).any():
+        raise DeviceError(
+            f"device.toml: states: the mixture {label!r} moves region {a.region!r} both"
+            " freely and by a translation; mix poses that agree"
+        )
+    if a.free_axes.tobytes() != b.free_axes.tobytes():
+        raise DeviceError(
+            f"device.toml: states: the mixture {label!r} turns region {a.region!r} both"
+            " freely and by a rotation; mix poses that agree"
+        )
+    return replace(a, rotation=a.rotation + b.rotation, translation=a.translation + b.translation)
+
+
+def _too_few(name: str, count: int) -> str:
+    return (
+        f"device.toml: regions.{name}: holds {count} nodes of the mesh; move or"
+        " enlarge it, or use a smaller [mesh] edge_length"
+    )
+
+
+def _owners(
+    fixed: set[str],
+    handles: Mapping[str, Handle],
+    regions: Mapping[str, Shape],
+    nodes: Float,
+    label: str,
+) -> np.ndarray:
+    """Name of the region that holds each node (n,), empty for none."""
     owner = np.full(len(nodes), "", dtype=object)
-    for name in sorted(fixed | set(rotation)):
+    for name in sorted(fixed | set(handles)):
         inside = regions[name].contains(nodes)
         if inside.sum() < 3:
-            raise DeviceError(
-                f"device.toml: regions.{name}: holds {inside.sum()} nodes of the mesh; move or"
-                " enlarge it, or use a smaller [mesh] edge_length"
-            )
-        if name in fixed and np.linalg.matrix_rank(nodes[inside] - nodes[inside].mean(0), 1e-6) < 2:
+            raise DeviceError(_too_few(name, int(inside.sum())))
+        if np.linalg.matrix_rank(nodes[inside] - nodes[inside].mean(0), 1e-6) < 2:
             raise DeviceError(
                 f"device.toml: regions.{name}: its nodes lie on a line, about which the body can"
                 " turn; enlarge it"
             )
         clash = sorted(set(owner[inside]) - {""})
         for other in clash:
-            if not (name in fixed and other in fixed and not {name, other} & set(rotation)):
+            if not (name in fixed and other in fixed):
                 raise DeviceError(
                     f"device.toml: poses: in {label!r} the regions {other!r} and {name!r} overlap"
                     " but move differently; make them disjoint"
                 )
         owner[inside] = name
-    held = np.isin(owner.astype(str), sorted(fixed))
-    motions = []
-    for name in sorted(rotation):
-        own = np.flatnonzero(owner == name)
-        center = (nodes[own].min(0) + nodes[own].max(0)) / 2
-        motions.append(RigidMotion(own, center, rotation[name], translation[name]))
-    return BoundaryConditions(np.flatnonzero(held), tuple(motions))
+    return owner
+
+
+def _rigid(name: str, own: Int, handle: Handle, nodes: Float) -> RigidHandle:
+    center = (nodes[own].min(0) + nodes[own].max(0)) / 2
+    return RigidHandle(own, center, handle.rotation, handle.translation, handle.free_axes, name)
+
+
+def _slide(name: str, own: Int, normal: Float, nodes: Float) -> Slide:
+    height = nodes[own] @ normal
+    if np.ptp(height) > 1e-3 * float(np.linalg.norm(np.ptp(nodes, axis=0))):
+        raise DeviceError(
+            f"device.toml: regions.{name}: its nodes do not lie in one plane across the symmetry's"
+            f" normal (they span {np.ptp(height):.3g} mm); use a thin box about the plane"
+        )
+    return Slide(own, normal)
+
+
+def _pressure(name: str, value: float, shape: Shape, mesh: QuadraticMesh) -> Pressure:
+    faces = boundary_faces(mesh)
+    faces = faces[shape.contains(mesh.nodes[faces[:, :3]]).all(axis=1)]
+    if len(faces) == 0:
+        raise DeviceError(
+            f"device.toml: regions.{name}: holds no face of the body's surface to press on; move or"
+            " enlarge it, or use a smaller [mesh] edge_length"
+        )
+    return Pressure(faces, value)
+
+
+def _agree_with_symmetry(conditions: BoundaryConditions, label: str) -> None:
+    """A handle that touches a plane of symmetry must stay in it."""
+    for slide in conditions.slides:
+        n = slide.normal
+        for h in conditions.handles:
+            if not len(np.intersect1d(slide.nodes, h.nodes)):
+                continue
+            turned = [*h.free_axes, h.rotation]
+            leaves = any(np.linalg.norm(np.cross(axis, n)) > 1e-9 for axis in turned)
+            free = np.isnan(h.translation)
+            if leaves or (np.abs(n[free]) > 1e-9).any() or abs(n[~free] @ h.translation[~free]) > 0:
+                raise DeviceError(
+                    f"device.toml: poses: in {label!r} the region {h.name!r} touches a plane of"
+                    " symmetry but may leave it; turn it about the plane's normal only and"
+                    " prescribe 0 for its translation along the normal"
+                )

@@ -1,7 +1,8 @@
 """Quadratic tets with straight sides: shape functions, energy, forces, tangent stiffness.
 
 Edge nodes follow VTK's order (0,1) (1,2) (0,2) (0,3) (1,3) (2,3). Four-point quadrature
-(degree 2) over each tet.
+(degree 2) over each tet. The deformation gradients are an argument of their own, so that forces
+and tangents can also be taken at a field of F that no displacement has (`predictor.py`).
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ import numpy as np
 
 from ..core.arrays import Float, Int
 from ..core.mesh import TetMesh
-from .material import NeoHookean
+from .density import energy_density, stress, tangent
+from .material import Material
+from .threads import over_chunks
 
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 _A, _B = 0.585410196624968454, 0.138196601125010515
@@ -65,181 +68,203 @@ class QuadraticMesh:
         gradient = np.einsum("qnb,mbj->mqnj", shape_by_bary(QUADRATURE), bary)
         return cls(nodes, cells, bary, np.ascontiguousarray(gradient), mesh.volumes / 4)
 
+    @property
+    def volume(self) -> float:
+        """Rest volume, mm^3."""
+        return float(4 * self.weight.sum())
 
-def energy(mesh: QuadraticMesh, material: NeoHookean, u: Float) -> float:
-    """Stored energy (N mm) of displacement `u` (n, 3); inf where an element inverts."""
-    return float(
-        _energy(mesh.nodes + u, mesh.cells, mesh.gradient, mesh.weight, material.mu, material.kappa)
+    @property
+    def edge_length(self) -> float:
+        """Mean length of the tets' edges, mm."""
+        corners = self.nodes[self.cells[:, EDGES]]
+        return float(np.linalg.norm(corners[:, :, 0] - corners[:, :, 1], axis=-1).mean())
+
+    def subset(self, keep: Float) -> QuadraticMesh:
+        """The same nodes with some of the cells; `keep` (m,) bool."""
+        return QuadraticMesh(
+            self.nodes,
+            self.cells[keep],
+            self.bary_gradient[keep],
+            self.gradient[keep],
+            self.weight[keep],
+        )
+
+
+#: Nodes of the four faces of a tet, outward: corners, then the edges between them.
+_FACES = np.array([[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6]])
+
+
+def boundary_faces(mesh: QuadraticMesh) -> Int:
+    """Faces (t, 6) that belong to one tet only, outward: corners, then edges (0,1) (1,2) (2,0)."""
+    faces = mesh.cells[:, _FACES].reshape(-1, 6)
+    _, first, count = np.unique(
+        np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True
     )
+    return np.asarray(faces[np.sort(first[count == 1])])
 
 
-def forces(mesh: QuadraticMesh, material: NeoHookean, u: Float) -> Float:
-    """Internal forces (n, 3) N: the gradient of the energy."""
+def deformation_gradient(mesh: QuadraticMesh, u: Float, threads: int = 1) -> Float:
+    """F (m, 4, 3, 3) at the quadrature points for displacements u (n, 3)."""
+    out = np.empty((len(mesh.cells), 4, 3, 3))
     x = mesh.nodes + u
-    out: Float = _forces(x, mesh.cells, mesh.gradient, mesh.weight, material.mu, material.kappa)
+    over_chunks(lambda a, b: _gradients(x, mesh.cells, mesh.gradient, a, b, out), len(out), threads)
     return out
 
 
-def stiffness(mesh: QuadraticMesh, material: NeoHookean, u: Float, project: bool) -> Float:
-    """Element tangents (m, 30, 30), N/mm, row 3 * node + axis.
+def energy(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) -> float:
+    """Stored energy (N mm) of F (m, 4, 3, 3); inf where the material is not defined."""
+    sums = np.zeros(len(mesh.cells))
+    kind, p = material.kind, material.parameters
+    over_chunks(lambda a, b: _energy(F, mesh.weight, kind, p, a, b, sums), len(sums), threads)
+    return float(sums.sum())
 
-    With `project`, negative eigenvalues of the energy's Hessian by F are set to zero at each
-    quadrature point, in the closed form of the eigensystem of isotropic energies (Smith,
-    De Goes & Kim 2019, "Analytic Eigensystems for Isotropic Distortion Energies").
+
+def forces(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) -> Float:
+    """Internal nodal forces (n, 3) N: the gradient of the energy, where F comes from u."""
+    local = np.empty((len(mesh.cells), 10, 3))
+    kind, p = material.kind, material.parameters
+    over_chunks(
+        lambda a, b: _forces(F, mesh.gradient, mesh.weight, kind, p, a, b, local),
+        len(local),
+        threads,
+    )
+    return scatter_nodes(mesh, local)
+
+
+def scatter_nodes(mesh: QuadraticMesh, local: Float) -> Float:
+    """Sum (n, 3) of what the elements' nodes carry, (m, 10, 3)."""
+    out = np.zeros_like(mesh.nodes)
+    _gather(mesh.cells, local, out)
+    return out
+
+
+def stiffness(
+    mesh: QuadraticMesh, material: Material, F: Float, project: bool, threads: int = 1
+) -> Float:
+    """Element tangents (m, 30, 30), N/mm, row 3 * node + axis, at F (m, 4, 3, 3).
+
+    With `project`, the negative part of the energy's Hessian by F is removed at each point.
     """
-    x = mesh.nodes + u
-    out: Float = _stiffness(
-        x, mesh.cells, mesh.gradient, mesh.weight, material.mu, material.kappa, project
+    out = np.empty((len(mesh.cells), 30, 30))
+    kind, p = material.kind, material.parameters
+    over_chunks(
+        lambda a, b: _stiffness(F, mesh.gradient, mesh.weight, kind, p, project, a, b, out),
+        len(out),
+        threads,
     )
     return out
 
 
-@numba.njit(cache=True, inline="always")
-def _deformation_gradient(x, cells, gradient, e, q, F):  # type: ignore[no-untyped-def]
-    for a in range(3):
-        for j in range(3):
-            s = 0.0
-            for n in range(10):
-                s += x[cells[e, n], a] * gradient[e, q, n, j]
-            F[a, j] = s
-
-
-@numba.njit(cache=True, inline="always")
-def _cofactor(F, C):  # type: ignore[no-untyped-def]
-    for i in range(3):
-        i1, i2 = (i + 1) % 3, (i + 2) % 3
-        for j in range(3):
-            j1, j2 = (j + 1) % 3, (j + 2) % 3
-            C[i, j] = F[i1, j1] * F[i2, j2] - F[i1, j2] * F[i2, j1]
-    return F[0, 0] * C[0, 0] + F[0, 1] * C[0, 1] + F[0, 2] * C[0, 2]
-
-
-@numba.njit(cache=True)
-def _energy(x, cells, gradient, weight, mu, kappa):  # type: ignore[no-untyped-def]
-    F, C = np.empty((3, 3)), np.empty((3, 3))
-    total = 0.0
-    for e in range(len(cells)):
+@numba.njit(cache=True, nogil=True)
+def _gradients(x, cells, gradient, start, stop, out):  # type: ignore[no-untyped-def]
+    local = np.empty((10, 3))
+    for e in range(start, stop):
+        for n in range(10):
+            for a in range(3):
+                local[n, a] = x[cells[e, n], a]
         for q in range(4):
-            _deformation_gradient(x, cells, gradient, e, q, F)
-            J = _cofactor(F, C)
-            if J <= 0:
-                return np.inf
-            i1 = (F * F).sum()
-            total += weight[e] * (0.5 * mu * (J ** (-2 / 3) * i1 - 3) + 0.5 * kappa * (J - 1) ** 2)
-    return total
-
-
-@numba.njit(cache=True)
-def _forces(x, cells, gradient, weight, mu, kappa):  # type: ignore[no-untyped-def]
-    F, C, P = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    out = np.zeros_like(x)
-    for e in range(len(cells)):
-        for q in range(4):
-            _deformation_gradient(x, cells, gradient, e, q, F)
-            J = _cofactor(F, C)
-            i1 = (F * F).sum()
-            a = mu * J ** (-2 / 3)
-            for i in range(3):
+            for a in range(3):
                 for j in range(3):
-                    P[i, j] = weight[e] * (
-                        a * (F[i, j] - i1 / (3 * J) * C[i, j]) + kappa * (J - 1) * C[i, j]
-                    )
+                    s = 0.0
+                    for n in range(10):
+                        s += local[n, a] * gradient[e, q, n, j]
+                    out[e, q, a, j] = s
+
+
+@numba.njit(cache=True, nogil=True)
+def _energy(F, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
+    C, d = np.empty((3, 3)), np.empty(10)
+    for e in range(start, stop):
+        for q in range(4):
+            out[e] += weight[e] * energy_density(kind, p, F[e, q], C, d)
+
+
+@numba.njit(cache=True, nogil=True)
+def _forces(F, gradient, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
+    P, C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
+    for e in range(start, stop):
+        out[e] = 0.0
+        for q in range(4):
+            stress(kind, p, F[e, q], P, C, B, d)
             for n in range(10):
                 for i in range(3):
                     s = 0.0
                     for j in range(3):
                         s += P[i, j] * gradient[e, q, n, j]
-                    out[cells[e, n], i] += s
-    return out
+                    out[e, n, i] += weight[e] * s
 
 
-@numba.njit(cache=True)
-def _hessian(F, mu, kappa, project, H):  # type: ignore[no-untyped-def]
-    """Fill H (9, 9), the Hessian of the energy by F, from the principal stretches."""
-    U, s, Vt = np.linalg.svd(F)
-    J = s[0] * s[1] * s[2]
-    if (
-        U[0, 0] * (U[1, 1] * U[2, 2] - U[1, 2] * U[2, 1])
-        - U[0, 1] * (U[1, 0] * U[2, 2] - U[1, 2] * U[2, 0])
-        + U[0, 2] * (U[1, 0] * U[2, 1] - U[1, 1] * U[2, 0])
-        < 0
-    ):
-        U = -U
-        Vt = -Vt
-    a = mu * J ** (-2 / 3)
-    i1 = s[0] ** 2 + s[1] ** 2 + s[2] ** 2
-    A = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            if i == j:
-                A[i, i] = (
-                    a
-                    * (
-                        -2 / (3 * s[i]) * (s[i] - i1 / (3 * s[i]))
-                        + 1
-                        + i1 / (3 * s[i] ** 2)
-                        - 2 / 3
+@numba.njit(cache=True, nogil=True)
+def _gather(cells, local, out):  # type: ignore[no-untyped-def]
+    for e in range(len(cells)):
+        for n in range(10):
+            for a in range(3):
+                out[cells[e, n], a] += local[e, n, a]
+
+
+@numba.njit(cache=True, nogil=True)
+def _stiffness(F, gradient, weight, kind, p, project, start, stop, out):  # type: ignore[no-untyped-def]
+    H, T = np.empty((9, 9)), np.empty((9, 30))
+    for e in range(start, stop):
+        element_tangent(F[e], gradient[e], weight[e], kind, p, project, out[e], H, T)
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def element_tangent(F, gradient, weight, kind, p, project, K, H, T):  # type: ignore[no-untyped-def]
+    """Fill K (30, 30) of one tet with F (4, 3, 3); H (9, 9) and T (9, 30) are scratch."""
+    C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
+    K[:] = 0.0
+    for q in range(4):
+        tangent(kind, p, F[q], project, H, C, B, d)
+        for r in range(9):
+            for m in range(10):
+                g0, g1, g2 = gradient[q, m, 0], gradient[q, m, 1], gradient[q, m, 2]
+                for b in range(3):
+                    T[r, 3 * m + b] = weight * (
+                        H[r, 3 * b] * g0 + H[r, 3 * b + 1] * g1 + H[r, 3 * b + 2] * g2
                     )
-                    + kappa * J * J / s[i] ** 2
-                )
-            else:
-                A[i, j] = a * (
-                    -2 / (3 * s[j]) * (s[i] - i1 / (3 * s[i])) - 2 * s[j] / (3 * s[i])
-                ) + kappa * (2 * J - 1) * J / (s[i] * s[j])
-    if project:
-        w, Q = np.linalg.eigh(A)
-        for k in range(3):
-            w[k] = max(w[k], 0.0)
-        A = (Q * w) @ Q.T
-    H[:] = 0.0
-    D = np.empty((3, 9))
-    for i in range(3):
-        for r in range(3):
-            for c in range(3):
-                D[i, 3 * r + c] = U[r, i] * Vt[i, c]
-    for i in range(3):
-        for j in range(3):
+        for n in range(10):
+            g0, g1, g2 = gradient[q, n, 0], gradient[q, n, 1], gradient[q, n, 2]
+            for i in range(3):
+                for c in range(3 * n, 30):
+                    K[3 * n + i, c] += (
+                        g0 * T[3 * i, c] + g1 * T[3 * i + 1, c] + g2 * T[3 * i + 2, c]
+                    )
+    for r in range(3, 30):
+        for c in range(3 * (r // 3)):
+            K[r, c] = K[c, r]
+
+
+def linearised_forces(
+    mesh: QuadraticMesh, material: Material, G: Float, F: Float, threads: int = 1
+) -> Float:
+    """Nodal forces (n, 3) N at F of the energy linearised about G, both (m, 4, 3, 3).
+
+    The tangent is projected, as that of the matrix that they are used with.
+    """
+    local = np.empty((len(mesh.cells), 10, 3))
+    kind, p = material.kind, material.parameters
+    over_chunks(
+        lambda a, b: _linearised(G, F - G, mesh.gradient, mesh.weight, kind, p, a, b, local),
+        len(local),
+        threads,
+    )
+    return scatter_nodes(mesh, local)
+
+
+@numba.njit(cache=True, nogil=True)
+def _linearised(G, D, gradient, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
+    P, C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
+    H = np.empty((9, 9))
+    for e in range(start, stop):
+        out[e] = 0.0
+        for q in range(4):
+            stress(kind, p, G[e, q], P, C, B, d)
+            tangent(kind, p, G[e, q], True, H, C, B, d)
             for r in range(9):
                 for c in range(9):
-                    H[r, c] += A[i, j] * D[i, r] * D[j, c]
-    m = np.empty(9)
-    for i in range(3):
-        for j in range(i + 1, 3):
-            sij = s[i] * s[j]
-            flip = a * (1 + i1 / (3 * sij)) - kappa * (J - 1) * J / sij
-            twist = a * (1 - i1 / (3 * sij)) + kappa * (J - 1) * J / sij
-            for sign in (1.0, -1.0):
-                value = flip if sign > 0 else twist
-                if project and value < 0:
-                    continue
-                for r in range(3):
-                    for c in range(3):
-                        m[3 * r + c] = U[r, i] * Vt[j, c] + sign * U[r, j] * Vt[i, c]
-                for r in range(9):
-                    for c in range(9):
-                        H[r, c] += 0.5 * value * m[r] * m[c]
-
-
-@numba.njit(cache=True, parallel=True)
-def _stiffness(x, cells, gradient, weight, mu, kappa, project):  # type: ignore[no-untyped-def]
-    out = np.zeros((len(cells), 30, 30))
-    for e in numba.prange(len(cells)):
-        F, H, T = np.empty((3, 3)), np.empty((9, 9)), np.empty((9, 30))
-        for q in range(4):
-            _deformation_gradient(x, cells, gradient, e, q, F)
-            _hessian(F, mu, kappa, project, H)
-            for r in range(9):
-                for m in range(10):
-                    for b in range(3):
-                        t = 0.0
-                        for k in range(3):
-                            t += H[r, 3 * b + k] * gradient[e, q, m, k]
-                        T[r, 3 * m + b] = t * weight[e]
+                    P[r // 3, r % 3] += H[r, c] * D[e, q, c // 3, c % 3]
             for n in range(10):
                 for i in range(3):
-                    for c in range(30):
-                        s = 0.0
-                        for j in range(3):
-                            s += gradient[e, q, n, j] * T[3 * i + j, c]
-                        out[e, 3 * n + i, c] += s
-    return out
+                    for j in range(3):
+                        out[e, n, i] += weight[e] * P[i, j] * gradient[e, q, n, j]

@@ -159,6 +159,7 @@ def summary(folder: Path) -> dict[str, Any]:
     out: dict[str, Any] = {"build": str(folder)}
     for key, path in (
         ("mesh", "mesh.json"),
+        ("simulation", "fields/index.json"),
         ("layout", "layout.json"),
         ("manifest", "parts/manifest.json"),
     ):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -13,17 +14,40 @@ from ..core.errors import DeviceError
 from ..core.files import write_json
 from ..core.mesh import TetMesh
 from ..geometry.tetrahedra import quality, tetrahedralise
-from . import mesh_store
+from . import mesh_density, mesh_store
 from .stage_body import load_surface
 from .stages import Report
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
     surface = load_surface(folder)
-    mesh = mesh_store.recall(surface, device.edge_length)
-    if mesh is None:
-        mesh = tetrahedralise(surface, device.edge_length, lambda m: report(0.3, m))
-        mesh_store.remember(surface, device.edge_length, mesh)
+
+    def make(edge_length: float) -> TetMesh:
+        known = mesh_store.recall(surface, edge_length)
+        if known is not None:
+            return known
+        made = tetrahedralise(surface, edge_length, lambda m: report(0.3, m))
+        mesh_store.remember(surface, edge_length, made)
+        return made
+
+    density: dict[str, Any] = {"edge_length": device.mesh.edge_length}
+    if device.mesh.edge_length is not None:
+        mesh = make(device.mesh.edge_length)
+    else:
+        assert device.mesh.accuracy is not None
+        choice = mesh_density.choose(device, surface, device.mesh.accuracy, make, report)
+        mesh = choice.taken.mesh
+        density = {
+            "edge_length": choice.taken.edge_length,
+            "accuracy": {
+                "asked": device.mesh.accuracy,
+                "reached": choice.taken.error,
+                "tried": [
+                    {"edge_length": t.edge_length, "tets": len(t.mesh.tets), "error": t.error}
+                    for t in choice.trials
+                ],
+            },
+        }
     report(0.8, "measuring quality")
     tags = {name: shape.contains(mesh.nodes) for name, shape in device.regions.items()}
     for name, inside in tags.items():
@@ -40,7 +64,9 @@ def run(device: Device, folder: Path, report: Report) -> None:
             point_data={f"region:{n}": t.astype(np.int8) for n, t in tags.items()},
         ),
     )
-    write_json(folder / "mesh.json", {"hash": mesh.digest, **asdict(quality(mesh, surface))})
+    write_json(
+        folder / "mesh.json", {"hash": mesh.digest, **density, **asdict(quality(mesh, surface))}
+    )
 
 
 def load_mesh(folder: Path) -> TetMesh:

@@ -13,7 +13,7 @@ from ..core.device import Device
 from ..core.files import digest
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 4
+CODE_VERSION = 5
 
 Report = Callable[[float, str], None]
 
@@ -53,6 +53,12 @@ def _body_inputs(d: Device) -> Any:
     )
 
 
+def _mesh_inputs(d: Device) -> Any:
+    """With `accuracy` the poses choose the mesh, so it depends on them too."""
+    poses = _plain((d.material, d.poses)) if d.mesh.accuracy else None
+    return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses)
+
+
 def _regions(d: Device) -> Any:
     return sorted((k, type(s).__name__, _plain(vars(s))) for k, s in d.regions.items())
 
@@ -86,7 +92,7 @@ STAGES = (
         "mesh",
         "make tetrahedra",
         ("mesh.vtu", "mesh.json"),
-        lambda d: (d.edge_length, _regions(d)),
+        _mesh_inputs,
         _runner("mesh"),
     ),
     Stage(

@@ -1,0 +1,151 @@
+"""The tables `[[poses]]` and `[states]` of `device.toml`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .arrays import Float
+from .device import Handle, PointDrag, Pose, RegionPressure, StatesSpec, SymmetryPlane
+from .toml_table import Table, is_number
+
+
+def read_poses(top: Table, regions: Sequence[str]) -> tuple[Pose, ...]:
+    """All poses. Raises DeviceError with line and key for anything wrong."""
+    poses: list[Pose] = []
+    for t in top.tables("poses"):
+        name = t.string("name")
+        if name in [p.name for p in poses] or name == "rest":
+            t.fail("name", f"{name!r} is used already; choose another name")
+        if not name.replace("_", "").replace("-", "").isalnum():
+            t.fail("name", "use letters, digits, - and _ only: it names files")
+        poses.append(_pose(t, name, regions))
+    if not poses:
+        top.fail("poses", "add at least one [[poses]] that the device must sense")
+    return tuple(poses)
+
+
+def _pose(t: Table, name: str, regions: Sequence[str]) -> Pose:
+    fixed = t.strings("fixed", [])
+    for region in fixed:
+        t.choice("fixed", region, regions, "region")
+    handles = tuple(_handle(h, regions) for h in t.tables("handles"))
+    moved = [h.region for h in handles]
+    if len(set(moved)) < len(moved):
+        t.fail("handles", "two handles move the same region; make them one")
+    both = set(fixed) & set(moved)
+    if both:
+        t.fail("handles", f"region {min(both)!r} is fixed and moved; take it out of one")
+    pose = Pose(
+        name,
+        tuple(fixed),
+        handles,
+        tuple(_symmetry(s, regions) for s in t.tables("symmetry")),
+        tuple(_drag(d) for d in t.tables("drags")),
+        tuple(_pressure(p, regions) for p in t.tables("pressures")),
+        t.vector("gravity") if t.has("gravity") else np.zeros(3),
+    )
+    if not (fixed or handles or pose.symmetry or pose.drags):
+        t.fail("fixed", "needs at least one region, or the body can move freely")
+    loaded = pose.drags or pose.pressures or pose.gravity.any()
+    if not handles and not loaded:
+        t.fail("handles", "needs a handle that moves a region, a drag, a pressure or gravity")
+    if not loaded and not any(
+        h.rotation.any() or np.nan_to_num(h.translation).any() for h in handles
+    ):
+        t.fail("handles", "nothing moves; give a handle a rotation or a translation")
+    t.done()
+    return pose
+
+
+def _unit(t: Table, key: str) -> Float:
+    vector = t.vector(key)
+    length = float(np.linalg.norm(vector))
+    if length == 0:
+        t.fail(key, "must not be zero")
+    return np.asarray(vector / length)
+
+
+def _handle(t: Table, regions: Sequence[str]) -> Handle:
+    region = t.string("region")
+    t.choice("region", region, regions, "region")
+    rotation, free = np.zeros(3), np.zeros((0, 3))
+    if t.raw("rotate") == "free":
+        free = np.eye(3)
+    elif isinstance(t.raw("rotate"), str):
+        t.fail("rotate", 'must be "free" or { axis = [x, y, z], degrees = 30 }')
+    elif t.has("rotate"):
+        r = t.table("rotate")
+        axis = _unit(r, "axis")
+        if r.raw("degrees") == "free":
+            free = axis[None]
+        else:
+            rotation = axis * np.deg2rad(r.number("degrees"))
+        r.done()
+    translation = _translation(t)
+    t.done()
+    return Handle(region, rotation, translation, free)
+
+
+def _translation(t: Table) -> Float:
+    """(3,) mm, NaN where free: "free", [x, y, z], or a list with "free" in it."""
+    value = t.raw("translate", [0.0, 0.0, 0.0])
+    if value == "free":
+        return np.full(3, np.nan)
+    if (
+        not isinstance(value, list)
+        or len(value) != 3
+        or not all(v == "free" or is_number(v) for v in value)
+    ):
+        t.fail("translate", f'must be "free" or [x, y, z] in mm, each may be "free"; not {value!r}')
+    return np.array([np.nan if v == "free" else float(v) for v in value])
+
+
+def _symmetry(t: Table, regions: Sequence[str]) -> SymmetryPlane:
+    region = t.string("region")
+    t.choice("region", region, regions, "region")
+    plane = SymmetryPlane(region, _unit(t, "normal"))
+    t.done()
+    return plane
+
+
+def _drag(t: Table) -> PointDrag:
+    drag = PointDrag(t.vector("at"), t.vector("by"), t.number("stiffness", 1.0, low=0))
+    t.done()
+    return drag
+
+
+def _pressure(t: Table, regions: Sequence[str]) -> RegionPressure:
+    region = t.string("region")
+    t.choice("region", region, regions, "region")
+    pressure = RegionPressure(region, t.number("value"))
+    t.done()
+    return pressure
+
+
+def _weights(t: Table, key: str, poses: Sequence[str]) -> tuple[dict[str, float], ...]:
+    out = []
+    for row in t.tables(key):
+        for name in row.data:
+            row.choice(name, name, poses, "pose")
+        if not row.data:
+            t.fail(key, "an empty mixture; give at least one pose = weight")
+        out.append({name: row.number(name) for name in row.data})
+        if not any(out[-1].values()):
+            t.fail(key, "all weights are zero; this is the rest state")
+    return tuple(out)
+
+
+def read_states(t: Table, poses: Sequence[str]) -> StatesSpec:
+    """The `[states]` table; without one, every pose at full amplitude."""
+    ramp = t.array("ramp", (None,)) if t.has("ramp") else np.array([1.0])
+    if len(ramp) == 0 or (ramp <= 0).any() or (ramp > 1).any():
+        t.fail("ramp", "must be fractions above 0 and up to 1, for example [0.5, 1.0]")
+    spec = StatesSpec(
+        tuple(float(r) for r in np.unique(ramp)),
+        _weights(t, "mixtures", poses),
+        _weights(t, "held_out", poses),
+    )
+    t.done()
+    return spec

@@ -1,0 +1,152 @@
+"""Energy density, first Piola-Kirchhoff stress and tangent of one deformation gradient F.
+
+All follow from `material.law` by the chain rule, with dI1/dF = 2 F, dI2/dF = 2 (I1 F - F F^T F) and
+dJ/dF = cof F. The tangent is made positive semidefinite through the eigensystem of isotropic
+energies in the principal stretches (Smith, De Goes & Kim 2019, "Analytic Eigensystems for Isotropic
+Distortion Energies"), which needs no eigenvalues of a 9 x 9 matrix.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from .material import law
+from .matrix3 import cofactor, eigen, signed_svd
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _invariants(F, C, B):  # type: ignore[no-untyped-def]
+    """I1, I2, J; fills C = cof F and B = I1 F - F F^T F, half of dI2/dF."""
+    J = cofactor(F, C)
+    i1 = i2 = 0.0
+    for i in range(3):
+        for j in range(3):
+            i1 += F[i, j] * F[i, j]
+            i2 += C[i, j] * C[i, j]  # I2(F^T F) is the squared norm of the cofactor
+    for i in range(3):
+        for j in range(3):
+            s = 0.0
+            for k in range(3):
+                for m in range(3):
+                    s += F[i, k] * F[m, k] * F[m, j]
+            B[i, j] = i1 * F[i, j] - s
+    return i1, i2, J
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def energy_density(kind, p, F, C, d):  # type: ignore[no-untyped-def]
+    """W(F), MPa; `C` (3, 3) and `d` (10,) are scratch."""
+    J = cofactor(F, C)
+    i1 = i2 = 0.0
+    for i in range(3):
+        for j in range(3):
+            i1 += F[i, j] * F[i, j]
+            i2 += C[i, j] * C[i, j]
+    law(kind, p, i1, i2, J, d)
+    return d[0]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def stress(kind, p, F, P, C, B, d):  # type: ignore[no-untyped-def]
+    """Fill P (3, 3) = dW/dF, MPa."""
+    i1, i2, J = _invariants(F, C, B)
+    law(kind, p, i1, i2, J, d)
+    for i in range(3):
+        for j in range(3):
+            P[i, j] = 2 * d[1] * F[i, j] + 2 * d[2] * B[i, j] + d[3] * C[i, j]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def tangent(kind, p, F, project, H, C, B, d):  # type: ignore[no-untyped-def]
+    """Fill H (9, 9) = d2W/dF2, MPa, rows 3 i + j; with `project` its negative part is removed."""
+    i1, i2, J = _invariants(F, C, B)
+    law(kind, p, i1, i2, J, d)
+    f, b, c = F.ravel(), B.ravel(), C.ravel()
+    for r in range(9):
+        x = 4 * (d[4] * f[r] + d[5] * b[r]) + 2 * d[6] * c[r]
+        y = 4 * (d[5] * f[r] + d[7] * b[r]) + 2 * d[8] * c[r]
+        z = 2 * (d[6] * f[r] + d[8] * b[r]) + d[9] * c[r]
+        for q in range(9):
+            H[r, q] = x * f[q] + y * b[q] + z * c[q]
+    for r in range(9):
+        H[r, r] += 2 * d[1]
+    # d2J/dF2: each entry of the cofactor is a difference of two products.
+    for i in range(3):
+        i1_, i2_ = (i + 1) % 3, (i + 2) % 3
+        for j in range(3):
+            j1, j2 = (j + 1) % 3, (j + 2) % 3
+            r = 3 * i + j
+            H[r, 3 * i1_ + j1] += d[3] * F[i2_, j2]
+            H[r, 3 * i2_ + j2] += d[3] * F[i1_, j1]
+            H[r, 3 * i1_ + j2] -= d[3] * F[i2_, j1]
+            H[r, 3 * i2_ + j1] -= d[3] * F[i1_, j2]
+    if d[2] != 0.0:  # d2I2/dF2
+        g = F.T @ F
+        h = F @ F.T
+        for i in range(3):
+            for j in range(3):
+                for k in range(3):
+                    for m in range(3):
+                        s = 2 * F[i, j] * F[k, m] - F[i, m] * F[k, j]
+                        if i == k:
+                            s -= g[j, m]
+                            if j == m:
+                                s += i1
+                        if j == m:
+                            s -= h[i, k]
+                        H[3 * i + j, 3 * k + m] += 2 * d[2] * s
+    if project:
+        _project(F, H, d, i1)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _project(F, H, d, i1):  # type: ignore[no-untyped-def]
+    """Add to H what lifts its negative eigenvalues to zero."""
+    U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    signed_svd(F, U, s, V)
+    m = np.empty(9)
+    for k in range(3):  # twist and flip modes: exact eigenvectors of H
+        i, j = (k + 1) % 3, (k + 2) % 3
+        for sign in (1.0, -1.0):
+            value = 2 * d[1] + 2 * d[2] * (s[k] * s[k] + sign * s[i] * s[j]) + sign * d[3] * s[k]
+            # sign +1: antisymmetric pair, (W_i + W_j) / (s_i + s_j); -1: symmetric pair.
+            if value < 0:
+                for r in range(3):
+                    for c in range(3):
+                        m[3 * r + c] = U[r, i] * V[c, j] - sign * U[r, j] * V[c, i]
+                for r in range(9):
+                    for c in range(9):
+                        H[r, c] -= 0.5 * value * m[r] * m[c]
+    A = np.empty((3, 3))
+    a1, a2, a3 = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        a1[i] = 2 * s[i]
+        a2[i] = 2 * s[i] * (i1 - s[i] * s[i])
+        a3[i] = s[(i + 1) % 3] * s[(i + 2) % 3]
+    for i in range(3):
+        for j in range(3):
+            A[i, j] = (
+                d[4] * a1[i] * a1[j]
+                + d[5] * (a1[i] * a2[j] + a2[i] * a1[j])
+                + d[6] * (a1[i] * a3[j] + a3[i] * a1[j])
+                + d[7] * a2[i] * a2[j]
+                + d[8] * (a2[i] * a3[j] + a3[i] * a2[j])
+                + d[9] * a3[i] * a3[j]
+            )
+            if i == j:
+                A[i, i] += 2 * d[1] + 2 * d[2] * (i1 - s[i] * s[i])
+            else:
+                A[i, j] += 4 * d[2] * s[i] * s[j] + d[3] * s[3 - i - j]
+    w, Q = np.empty(3), np.empty((3, 3))
+    eigen(A, w, Q)
+    for k in range(3):
+        if w[k] < 0:
+            for r in range(3):
+                for c in range(3):
+                    m[3 * r + c] = 0.0
+                    for i in range(3):
+                        m[3 * r + c] += Q[i, k] * U[r, i] * V[c, i]
+            for r in range(9):
+                for c in range(9):
+                    H[r, c] -= w[k] * m[r] * m[c]

@@ -1,0 +1,49 @@
+"""What a device asks to be solved: poses with their ramps, mixtures, held-out mixtures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ..core.device import Device
+from ..mechanics.batch import Job
+from ..mechanics.held import check_held
+from ..mechanics.pose import mix
+from ..mechanics.tet10 import QuadraticMesh
+
+
+@dataclass(frozen=True)
+class Loading:
+    """One solve: weights of poses, the load fractions kept, and whether they are held out."""
+
+    weights: Mapping[str, float]
+    fractions: tuple[float, ...]
+    held_out: bool
+
+    def state(self, fraction: float) -> str:
+        if len(self.weights) == 1 and next(iter(self.weights.values())) == 1.0:
+            return f"{next(iter(self.weights))}@{fraction:g}"
+        return "+".join(f"{w:g}*{n}" for n, w in self.weights.items())
+
+
+def loadings(device: Device) -> list[Loading]:
+    s = device.states
+    return [
+        *(Loading({p.name: 1.0}, s.ramp, False) for p in device.poses),
+        *(Loading(m, (1.0,), False) for m in s.mixtures),
+        *(Loading(m, (1.0,), True) for m in s.held_out),
+    ]
+
+
+def jobs(
+    device: Device, mesh: QuadraticMesh, plan: Sequence[Loading]
+) -> tuple[list[Job], list[str]]:
+    """What to solve, and warnings. Raises DeviceError where a pose does not hold the body."""
+    out, warnings = [], []
+    for loading in plan:
+        conditions = mix(
+            device.poses, loading.weights, device.regions, mesh, device.material.density
+        )
+        warnings += check_held(mesh, conditions, loading.state(loading.fractions[-1]))
+        out.append(Job(conditions, loading.fractions))
+    return out, list(dict.fromkeys(warnings))
