@@ -3,9 +3,9 @@
 Gent 1958 ("On the relation between indentation hardness and Young's modulus", Rubber Chemistry
 and Technology 31, 896): a rigid punch on a linear elastic half space. It gives no error of its own.
 Over the 13 materials of `data/materials.csv` between 20A and 80A whose modulus does not come from
-their hardness, the conversion's mean ratio to that modulus is 0.97 and the standard deviation of its
-logarithm 0.32: a 90 % band of a factor 1.7 either way. A reading that is 5 units off is 20 to 28 %.
-Above 80A the formula diverges, below 20A it does not reach zero; Shore 00 has no accepted
+their hardness, the conversion's mean ratio to that modulus is 0.97 and the standard deviation of
+its logarithm 0.32: a 90 % band of a factor 1.7 either way. A reading that is 5 units off is 20 to
+28 %. Above 80A the formula diverges, below 20A it does not reach zero; Shore 00 has no accepted
 conversion.
 """
 

@@ -107,7 +107,9 @@ class Pardiso:
         return self._call(33, columns).reshape(right.shape)
 
     def close(self) -> None:
-        self._solver.free_memory(everything=True)
+        if self._matrix is not None:  # releasing what was never analysed is an error to Pardiso
+            self._solver.free_memory(everything=True)
+            self._matrix = None
 
 
 class SuperLU:

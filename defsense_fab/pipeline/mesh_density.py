@@ -30,7 +30,7 @@ LINES = 40
 SAMPLES = 200  # on each line
 RATIO = 1.5  # of edge lengths between meshes
 ORDER = 1.5  # of convergence, until it is measured
-MOST_TETS = 60_000
+MOST_TETS = 40_000
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from ..core.device import Device
 from ..core.errors import DeviceError
 from ..core.files import write_json
 from ..core.mesh import TetMesh
+from ..geometry.conform import conform
 from ..geometry.tetrahedra import quality, tetrahedralise
 from . import mesh_density, mesh_store
 from .stage_body import load_surface
@@ -23,12 +24,11 @@ def run(device: Device, folder: Path, report: Report) -> None:
     surface = load_surface(folder)
 
     def make(edge_length: float) -> TetMesh:
-        known = mesh_store.recall(surface, edge_length)
-        if known is not None:
-            return known
-        made = tetrahedralise(surface, edge_length, lambda m: report(0.3, m))
-        mesh_store.remember(surface, edge_length, made)
-        return made
+        made = mesh_store.recall(surface, edge_length)
+        if made is None:
+            made = tetrahedralise(surface, edge_length, lambda m: report(0.3, m))
+            mesh_store.remember(surface, edge_length, made)
+        return conform(made, list(device.regions.values()))
 
     density: dict[str, Any] = {"edge_length": device.mesh.edge_length}
     if device.mesh.edge_length is not None:

@@ -53,7 +53,7 @@ def test_tangent_is_the_gradient_of_the_stress(material):
     h = 1e-6
     for F in gradients(1, 20, 0.3):
         H = tangent_of(material, F)
-        assert H.T == pytest.approx(H, rel=1e-9, abs=1e-9)
+        assert pytest.approx(H.T, rel=1e-9, abs=1e-9) == H
         for k in range(9):
             e = np.zeros((3, 3))
             e.ravel()[k] = h
