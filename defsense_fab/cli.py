@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         logging.getLogger(noisy).setLevel(logging.WARNING)
     with _interrupts() as interrupted:
         try:
-            return _build(options)
+            return int(options.run(options))
         except DefsenseError as error:
             return _refuse(str(error))
         except MemoryError:
@@ -113,18 +113,84 @@ def _parser() -> argparse.ArgumentParser:
             description=f"{text.capitalize()}. What is up to date is reused.",
             epilog=f"example:  defsense {name} fixtures/devices/bar --set width=32",
         )
-        sub.add_argument("folder", type=Path, metavar="DIR", help="the folder of device.toml")
-        sub.add_argument(
-            "--set",
-            action="append",
-            default=[],
-            metavar="NAME=VALUE",
-            help="a parameter of the body's script, in place of device.toml's; may be repeated",
-        )
-        sub.add_argument("--json", action="store_true", help="print the result as JSON")
-        sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
-        sub.set_defaults(until=until)
+        _common(sub)
+        sub.set_defaults(until=until, run=_build)
+    sub = commands.add_parser(
+        "modes",
+        help="propose poses from the body's natural modes",
+        description="Find the lowest vibration modes of the body with a region held, and turn"
+        " bends, twists and stretches into poses for device.toml, which may have none yet.",
+        epilog="example:  defsense modes fixtures/devices/bar --fixed base",
+    )
+    _common(sub)
+    sub.add_argument("--fixed", required=True, metavar="REGION", help="the region that is held")
+    sub.add_argument("--count", type=int, default=8, help="how many modes to look at (8)")
+    sub.add_argument("--write", action="store_true", help="add the poses to device.toml")
+    sub.set_defaults(run=_modes)
     return parser
+
+
+def _common(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("folder", type=Path, metavar="DIR", help="the folder of device.toml")
+    sub.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter of the body's script, in place of device.toml's; may be repeated",
+    )
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+
+
+def _modes(options: argparse.Namespace) -> int:
+    from .core.device_file import load_device
+
+    if not 1 <= options.count <= 50:
+        raise DeviceError(f"--count {options.count}: give a number from 1 to 50")
+    device = load_device(options.folder, _overrides(options.set), complete=False)
+    from .pipeline import propose_poses
+
+    with _silent_stdout(), _bars(options) as progress:
+        found = propose_poses.propose_poses(device, options.fixed, options.count, progress)
+    if options.write:
+        propose_poses.append(
+            options.folder / "device.toml", found, tuple(p.name for p in device.poses)
+        )
+    with _output():
+        if options.json:
+            rows = [
+                {"frequency": m.frequency, "kind": m.kind, "order": m.order} for m in found.modes
+            ]
+            data = {"modes": rows, "toml": found.text, "picture": str(found.picture)}
+            sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        else:
+            _show_modes(found, options)
+    return 0
+
+
+def _show_modes(found: Any, options: argparse.Namespace) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    console.on_broken_pipe = _leave  # type: ignore[method-assign]
+    table = Table(title=f"modes with {options.fixed!r} held")
+    for column in ("Hz", "kind", "order"):
+        table.add_column(column, justify="left" if column == "kind" else "right")
+    for mode in found.modes:
+        table.add_row(f"{mode.frequency:.3g}", mode.kind, str(mode.order))
+    console.print(table)
+    console.print(found.text, highlight=False, markup=False, soft_wrap=True)
+    following = (
+        f"defsense build {options.folder}"
+        if options.write
+        else f"defsense modes {options.folder} --fixed {options.fixed} --write, or paste the text"
+        " into device.toml"
+    )
+    console.print(
+        f"Look at: {found.picture}\nNext:    {following}", highlight=False, soft_wrap=True
+    )
 
 
 def _build(options: argparse.Namespace) -> int:

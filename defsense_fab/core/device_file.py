@@ -29,8 +29,12 @@ from .toml_table import Table, is_number, load_toml
 SCHEMA = 1
 
 
-def load_device(folder: Path, overrides: Mapping[str, Any] | None = None) -> Device:
+def load_device(
+    folder: Path, overrides: Mapping[str, Any] | None = None, complete: bool = True
+) -> Device:
     """Read `folder/device.toml`; `overrides` replace parameters of the body's script.
+
+    Without `complete` there need not be poses or sensors yet.
 
     Raises DeviceError with file, line and key for anything unknown, missing or out of range.
     """
@@ -38,7 +42,7 @@ def load_device(folder: Path, overrides: Mapping[str, Any] | None = None) -> Dev
     if top.raw("schema", 1) is not SCHEMA:
         top.fail("schema", f"this version reads schema {SCHEMA}, not {top.data['schema']!r}")
     regions = _regions(top.table("regions", required=False))
-    poses = read_poses(top, list(regions))
+    poses = read_poses(top, list(regions), complete)
     cord = _cord(top.table("cord"))
     sensors = _sensors(top)
     design = top.table("design", required=False)
@@ -46,7 +50,7 @@ def load_device(folder: Path, overrides: Mapping[str, Any] | None = None) -> Dev
     if design.data and design.data.get("sensors") != propose:
         design.fail("sensors", "must be a whole number of at least 1")
     design.done()
-    if bool(sensors) == bool(propose):
+    if bool(sensors) == bool(propose) and (complete or sensors):
         top.fail(
             "sensors", "give either [[sensors]] with planes and paths, or [design] sensors = 3"
         )

@@ -11,7 +11,7 @@ from .device import Handle, PointDrag, Pose, RegionPressure, StatesSpec, Symmetr
 from .toml_table import Table, is_number
 
 
-def read_poses(top: Table, regions: Sequence[str]) -> tuple[Pose, ...]:
+def read_poses(top: Table, regions: Sequence[str], required: bool = True) -> tuple[Pose, ...]:
     """All poses. Raises DeviceError with line and key for anything wrong."""
     poses: list[Pose] = []
     for t in top.tables("poses"):
@@ -21,8 +21,11 @@ def read_poses(top: Table, regions: Sequence[str]) -> tuple[Pose, ...]:
         if not name.replace("_", "").replace("-", "").isalnum():
             t.fail("name", "use letters, digits, - and _ only: it names files")
         poses.append(_pose(t, name, regions))
-    if not poses:
-        top.fail("poses", "add at least one [[poses]] that the device must sense")
+    if required and not poses:
+        top.fail(
+            "poses",
+            "add at least one [[poses]] that the device must sense; `defsense modes` proposes some",
+        )
     return tuple(poses)
 
 

@@ -9,6 +9,7 @@ to the far end, and becomes a pose that turns or pulls that end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from scipy.special import roots_jacobi
 
 from ..core.arrays import Float, Int
 from . import tet10
-from .conditions import BoundaryConditions, rest
+from .conditions import BoundaryConditions, State, rest
 from .linear_solver import make_solver
 from .material import Material
 from .reduction import Reduction
@@ -91,7 +92,7 @@ def modes(
         solver.close()
     out = []
     order = np.argsort(values)
-    vectors = _aligned(values[order], vectors[:, order], reduction, state, mesh)
+    vectors = _aligned(values[order], vectors[:, order], reduction, state)
     for value, q in zip(values[order], vectors.T, strict=True):
         u = reduction.linear(state, q)
         u = u / u.ravel()[np.abs(u).argmax()]
@@ -100,7 +101,7 @@ def modes(
     return out
 
 
-def _aligned(values: Float, vectors: Float, reduction: Reduction, state, mesh) -> Float:  # type: ignore[no-untyped-def]
+def _aligned(values: Float, vectors: Float, reduction: Reduction, state: State) -> Float:
     """Pairs of equal frequency turned to the body's own axes: any mixture is a mode as well."""
     out = vectors.copy()
     k = 0
@@ -140,7 +141,7 @@ def propose(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[Proposed
             rotation = TURN * axis * np.sign(turn @ axis or 1.0)
         else:
             across = turn - (turn @ axis) * axis
-            rotation = TURN * across / np.linalg.norm(across)
+            rotation = TURN * _upright(across / np.linalg.norm(across))
         names[mode.kind] = names.get(mode.kind, 0) + 1
         name = mode.kind if names[mode.kind] == 1 else f"{mode.kind}_{names[mode.kind]}"
         out.append(ProposedPose(name, mode, origin, axis, rotation, translation))
@@ -154,7 +155,15 @@ def _axis(mesh: QuadraticMesh, fixed: Int) -> tuple[Float, Float, float]:
     far = mesh.nodes[away > 0.9 * away.max()].mean(0)
     direction = far - start
     length = float(np.linalg.norm(direction))
-    return direction / length, start, length
+    return _upright(direction / length), start, length
+
+
+def _upright(direction: Float) -> Float:
+    """A unit direction within two degrees of a coordinate axis as that axis."""
+    main = int(np.abs(direction).argmax())
+    if abs(direction[main]) < np.cos(np.deg2rad(2)):
+        return direction
+    return np.asarray(np.sign(direction[main]) * np.eye(3)[main])
 
 
 def _rigid(arm: Float, u: Float) -> tuple[Float, Float]:
@@ -182,7 +191,7 @@ def _read(mesh: QuadraticMesh, fixed: Int, u: Float) -> tuple[Kind, int]:
     along = (mesh.nodes - start) @ axis
     edges = np.linspace(along.min(), along.max() + 1e-9, SLICES + 1)
     slices = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         own = (along >= a) & (along < b)
         if own.sum() < 4:
             continue
@@ -221,7 +230,7 @@ def _mass(mesh: QuadraticMesh, reduction: Reduction, density: float) -> sp.csr_m
         )
         for a in range(3)
     ]
-    return sum(p.tocsr() for p in parts)  # type: ignore[return-value]
+    return sum(p.tocsr() for p in parts)
 
 
 def _reference_mass() -> Float:

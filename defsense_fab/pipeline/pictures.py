@@ -143,3 +143,26 @@ def exploded(parts: dict[str, Surface], view: Float) -> str:
             show_points=False,
         )
     return _finish(plotter, view)
+
+
+def modes(shapes: list[tuple[str, Float]], faces: Any, rest: Float, path: Path) -> None:
+    """Moved bodies (title, vertices (n, 3)) side by side over the outline at rest, as a PNG."""
+    columns = 2
+    rows = -(-max(len(shapes), 1) // columns)
+    plotter = pv.Plotter(off_screen=True, shape=(rows, columns), window_size=[1200, 420 * rows])
+    plotter.set_background("white")
+    long = int(np.ptp(rest, axis=0).argmax())
+    view = (1.0, 0.35, 0.55) if long == 1 else (0.35, -1.0, 0.55)
+    for i, (title, moved) in enumerate(shapes):
+        plotter.subplot(i // columns, i % columns)
+        plotter.add_mesh(_poly(Surface(rest, faces)), color="#dde3e8", opacity=0.35)
+        body = _poly(Surface(moved, faces))
+        body["movement"] = np.linalg.norm(moved - rest, axis=1)
+        plotter.add_mesh(body, scalars="movement", cmap="viridis", show_scalar_bar=False)
+        plotter.add_text(title, font_size=12, color="black")
+        plotter.view_vector(view, viewup=(0, 0, 1))
+        plotter.reset_camera()
+    temporary = path.with_suffix(".part.png")
+    plotter.screenshot(str(temporary))
+    plotter.close()
+    os.replace(temporary, path)
