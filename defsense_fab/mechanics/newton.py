@@ -18,7 +18,11 @@ from .reduction import Reduction
 from .tet10 import QuadraticMesh
 
 TOLERANCE = 1e-7  # of the residual, relative to the largest nodal force
-MAX_ITERATIONS = 25
+LOOSE = 1e-2  # on the way to a load step that matters
+MAX_ITERATIONS = 30
+#: After so many matrices a step that is not `FAR` from equilibrium any more goes on; another is
+#: given up, since smaller steps are cheaper.
+PATIENCE, FAR = 9, 0.3
 #: Below this relative residual the true Hessian is used: a projected one has a linear tail.
 NEAR = 0.1
 #: A factor is used again as long as each step with it reduces the residual by this factor.
@@ -71,6 +75,8 @@ class System:
         goal: BoundaryConditions,
         stop: Callable[[], bool] | None = None,
         guess: Float | None = None,
+        tolerance: float = TOLERANCE,
+        patience: int = PATIENCE,
     ) -> Attempt:
         """From an equilibrium to the one under `goal`: predictor, then Newton.
 
@@ -79,7 +85,7 @@ class System:
         placed = self.reduction.place(state, goal)
         if guess is not None:
             near = self.reduction.nudge(placed, guess)
-            attempt = self.equilibrium(near, stop)
+            attempt = self.equilibrium(near, stop, 0, tolerance, patience)
             if attempt.state is not None:
                 return attempt
         factors = 0
@@ -101,10 +107,15 @@ class System:
                 placed = self.reduction.move(placed, self.solver.solve(-gradient))
             except NotPositiveDefinite:
                 return Attempt(None, 1, 1, np.inf, np.inf, False)
-        return self.equilibrium(placed, stop, factors)
+        return self.equilibrium(placed, stop, factors, tolerance, patience)
 
     def equilibrium(
-        self, state: State, stop: Callable[[], bool] | None = None, factors: int = 0
+        self,
+        state: State,
+        stop: Callable[[], bool] | None = None,
+        factors: int = 0,
+        tolerance: float = TOLERANCE,
+        patience: int = MAX_ITERATIONS,
     ) -> Attempt:
         """Newton with a line search from a state whose prescribed parts are in place."""
         iterations, relative, stable, project = factors, np.inf, False, True
@@ -112,10 +123,10 @@ class System:
         if not np.isfinite(value):
             return Attempt(None, iterations, factors, np.inf, np.inf, False)
         gradient, force, relative = self._residual(state, F, pressure)
-        while relative >= TOLERANCE:
+        while relative >= tolerance:
             if stop and stop():
                 raise Cancelled
-            if iterations >= MAX_ITERATIONS:
+            if iterations >= MAX_ITERATIONS or (factors >= patience and relative > FAR):
                 return Attempt(None, iterations, factors, relative, value, False)
             project = project and relative >= NEAR
             try:
@@ -133,7 +144,7 @@ class System:
                 state, F = moved
                 value, _, pressure = self._value(state, state.u, F)
                 gradient, force, relative = self._residual(state, F, pressure)
-                if relative < TOLERANCE or relative > before / REUSE:
+                if relative < tolerance or relative > before / REUSE:
                     break
                 first = False
             if moved is None and first:

@@ -13,11 +13,15 @@ import numpy as np
 from ..core.arrays import Float
 from .conditions import BoundaryConditions, State, between, rest
 from .material import Material
-from .newton import Cancelled, System
+from .newton import LOOSE, MAX_ITERATIONS, PATIENCE, TOLERANCE, Cancelled, System
 from .soundness import inspect
 from .tet10 import QuadraticMesh
 
-SMALLEST_STEP = 1 / 256
+SMALLEST_STEP = 1 / 64
+#: Steps below are not given up for being slow.
+PATIENT_STEP = 1 / 24
+#: Matrices of a step after which the next one is larger.
+EASY = 5
 #: No step turns a handle further (rad), or the solver could land in another equilibrium.
 LARGEST_TURN = np.deg2rad(100)
 
@@ -129,7 +133,14 @@ def follow(
             if target - there < 0.25 * step:
                 there = target
             try:
-                attempt = system.step(state, between(home, goal, there), stop, guess)
+                attempt = system.step(
+                    state,
+                    between(home, goal, there),
+                    stop,
+                    guess,
+                    TOLERANCE if there == target else LOOSE,
+                    PATIENCE if step > PATIENT_STEP else MAX_ITERATIONS,
+                )
                 guess = None  # holds for one step to the goal
             except Cancelled:
                 results.append(Equilibrium(Status.CANCELLED, None, at, statistics(), state))
@@ -145,7 +156,8 @@ def follow(
             state, at = attempt.state, there
             residual, energy, stable = attempt.residual, attempt.energy, attempt.stable
             steps += 1
-            step = min(2 * step, largest)
+            if attempt.factors <= EASY:
+                step = min(2 * step, largest)
             if on_step:
                 on_step(at)
         problem = inspect(system.mesh, state.u).problem() if check else None
