@@ -17,9 +17,9 @@ from .newton import LOOSE, MAX_ITERATIONS, PATIENCE, TOLERANCE, Cancelled, Syste
 from .soundness import inspect
 from .tet10 import QuadraticMesh
 
-SMALLEST_STEP = 1 / 64
+SMALLEST_STEP = 1 / 32
 #: Steps below are not given up for being slow.
-PATIENT_STEP = 1 / 24
+PATIENT_STEP = 1 / 12
 #: Matrices of a step after which the next one is larger.
 EASY = 5
 #: No step turns a handle further (rad), or the solver could land in another equilibrium.

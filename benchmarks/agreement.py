@@ -1,0 +1,164 @@
+"""Poses of three bodies against independent solvers on the same mesh and energy.
+
+    python -m benchmarks.agreement                       # CalculiX, 90 degrees, nu 0.45 and 0.49
+    PEER_PYTHON=/path/to/python python -m benchmarks.agreement --peer ngsolve
+
+The handles of our solution, free in translation, are prescribed to the peer along the same path.
+FElupe (GPL) and NGSolve (LGPL) are looked for in the interpreter PEER_PYTHON, by default this one;
+CalculiX is the program `ccx`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.robustness import BODIES, body, clamp, material
+from defsense_fab.mechanics.conditions import BoundaryConditions
+from defsense_fab.mechanics.locate import PointLocator
+from defsense_fab.mechanics.material import Material
+from defsense_fab.mechanics.path import solve_ramp
+from defsense_fab.mechanics.tet10 import QuadraticMesh
+from defsense_fab.mechanics.threads import cores
+from defsense_fab.pipeline.mesh_density import probing_lines
+from defsense_fab.sensing.signal import signals
+
+ROOT = Path(__file__).parents[1]
+#: Load fractions at which the handle's path is handed over.
+PATH = 8
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A peer's displacements (n, 3) mm and its own statistics."""
+
+    u: np.ndarray
+    stats: dict
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Largest distance of any node (mm); largest difference of a line's signal relative to the
+    RMS signal of the pose."""
+
+    displacement: float
+    signal: float
+
+
+def installed(peer: str) -> bool:
+    if peer == "calculix":
+        return shutil.which("ccx") is not None
+    seen = subprocess.run([interpreter(), "-c", f"import {peer}"], capture_output=True)
+    return seen.returncode == 0
+
+
+def interpreter() -> str:
+    return os.environ.get("PEER_PYTHON", sys.executable)
+
+
+def ask(
+    peer: str,
+    mesh: QuadraticMesh,
+    law: Material,
+    conditions: BoundaryConditions,
+    shifts: np.ndarray,
+    increments: int,
+) -> Peer:
+    """One peer's solution where the handle turns as in `conditions` and its centre moves along
+    `shifts` (k + 1, 3) mm from rest. Raises RuntimeError where it does not converge."""
+    (handle,) = conditions.handles
+    with tempfile.TemporaryDirectory() as scratch:
+        problem, result = Path(scratch) / "problem.npz", Path(scratch) / "result.npz"
+        np.savez(
+            problem,
+            nodes=mesh.nodes,
+            cells=mesh.cells,
+            mu=law.shear,
+            kappa=law.bulk,
+            fixed=conditions.fixed,
+            moved=handle.nodes,
+            angle=handle.rotation,
+            centre=handle.center,
+            centre_path=shifts,
+        )
+        command = [interpreter(), "-m", "benchmarks.peers.run", peer, str(problem), str(result)]
+        ended = subprocess.run(
+            [*command, "--increments", str(increments)], cwd=ROOT, capture_output=True, text=True
+        )
+        if ended.returncode:
+            raise RuntimeError(ended.stderr.strip()[-300:])
+        with np.load(result) as data:
+            return Peer(data["u"], json.loads(str(data["stats"])))
+
+
+def solve(mesh: QuadraticMesh, law: Material, conditions: BoundaryConditions) -> tuple:
+    """Our displacements (n, 3), and the handle's path (PATH + 1, 3) mm."""
+    fractions = [(i + 1) / PATH for i in range(PATH)]
+    results = solve_ramp(mesh, law, conditions, fractions, threads=cores())
+    if not results[-1].converged:
+        raise RuntimeError(f"not reached: {results[-1]}")
+    shifts = np.array([np.zeros(3), *(r.state.shifts[0] for r in results)])
+    return results[-1].u, shifts
+
+
+def compare(mesh: QuadraticMesh, a: np.ndarray, b: np.ndarray) -> Agreement:
+    locator = PointLocator(mesh)
+    lines = probing_lines(locator, np.random.default_rng(0))
+    at = locator.find(lines.reshape(-1, 3))
+    moved = locator.displacement(at, np.stack([a, b])).reshape(2, *lines.shape)
+    ours, theirs = (signals(lines, (lines + m)[None], 1.0)[0] for m in moved)
+    scale = np.sqrt((ours**2).mean())
+    return Agreement(
+        float(np.linalg.norm(a - b, axis=1).max()), float(np.abs(ours - theirs).max() / scale)
+    )
+
+
+def poses(name: str) -> dict[str, np.ndarray]:
+    """90 degrees of bend and twist about the body's long direction."""
+    axis = np.array(BODIES[name][3], float)
+    return {"bend 90": np.pi / 2 * np.roll(axis, 1), "twist 90": np.pi / 2 * axis}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--peer", default="calculix", choices=("calculix", "felupe", "ngsolve"))
+    parser.add_argument(
+        "--increments", type=int, default=0, help="0: one of CalculiX, 10 of others"
+    )
+    parser.add_argument("--edge", type=float, default=1.3, help="factor on the edge lengths")
+    options = parser.parse_args()
+    if not installed(options.peer):
+        sys.exit(f"{options.peer} is not installed")
+    increments = options.increments or (1 if options.peer == "calculix" else 10)
+    for name, (fixed, moved, _, _) in BODIES.items():
+        mesh, regions = body(name, options.edge)
+        for nu in (0.45, 0.49):
+            for title, rotation in poses(name).items():
+                goal = clamp(mesh, regions, fixed, moved[0], rotation, np.full(3, np.nan))
+                law = material(nu)
+                ours, shifts = solve(mesh, law, goal)
+                said = f"{name} ({len(mesh.cells)} tets), {title}, nu {nu}: "
+                try:
+                    theirs = ask(options.peer, mesh, law, goal, shifts, increments)
+                except RuntimeError as error:
+                    print(said + f"the peer failed: {error}", flush=True)
+                    continue
+                found = compare(mesh, ours, theirs.u)
+                print(
+                    said + f"displacement within {found.displacement:.2g} mm, signals within"
+                    f" {found.signal:.2%} ({theirs.stats['version']})",
+                    flush=True,
+                )
+
+
+if __name__ == "__main__":
+    main()

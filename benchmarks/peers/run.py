@@ -1,0 +1,45 @@
+"""One peer in this interpreter.
+
+    python -m benchmarks.peers.run PEER problem.npz result.npz --increments N
+
+The result holds u (n, 3) mm and stats (json). Ends with status 1 and the reason on stderr where
+the peer does not converge.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.peers.problem import load
+
+PEERS = ("felupe", "ngsolve", "calculix")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("peer", choices=PEERS)
+    parser.add_argument("problem", type=Path)
+    parser.add_argument("result", type=Path)
+    parser.add_argument("--increments", type=int, default=1, help="equal load increments")
+    parser.add_argument("--folder", type=Path, help="where CalculiX leaves its files")
+    given = parser.parse_args()
+    peer = importlib.import_module(f"benchmarks.peers.{given.peer}_peer")
+    try:
+        u, stats = peer.solve(
+            **load(given.problem), increments=given.increments, folder=given.folder
+        )
+    except RuntimeError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    np.savez(given.result, u=u, stats=json.dumps(stats))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

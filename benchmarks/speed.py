@@ -1,0 +1,310 @@
+"""How fast poses are solved: against peers, growing meshes, edits by hand, points.
+
+    python -m benchmarks.speed                    # all of it, about 15 minutes on 2 cores
+    python -m benchmarks.speed peers --repeat 3
+    PEER_PYTHON=/path/to/python python -m benchmarks.speed peers    # where FElupe, NGSolve are
+
+A bar 150 x 30 x 15 mm, both ends held; compiled code and libraries are warm before the clock
+starts; medians. Peers that are not installed are left out. They get the same mesh, energy, quadrature
+and handle path, and their best number of equal increments, found by trying; the signals then agree to
+digits, so equal mesh is equal error of the signal, which the table shows against a finer mesh.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import agreement
+from benchmarks.robustness import material
+from defsense_fab.core.mesh import Surface, TetMesh
+from defsense_fab.core.regions import Box
+from defsense_fab.geometry.conform import conform
+from defsense_fab.geometry.tetrahedra import tetrahedralise
+from defsense_fab.mechanics import tet10
+from defsense_fab.mechanics.conditions import BoundaryConditions, RigidHandle, rest
+from defsense_fab.mechanics.interactive import Interactive
+from defsense_fab.mechanics.locate import PointLocator
+from defsense_fab.mechanics.newton import System
+from defsense_fab.mechanics.path import follow
+from defsense_fab.mechanics.tet10 import QuadraticMesh
+from defsense_fab.mechanics.threads import cores
+from defsense_fab.pipeline.mesh_density import probing_lines
+from defsense_fab.sensing.signal import signals
+
+LOW, HIGH = np.array([0, -15, -7.5]), np.array([150, 15, 7.5])
+FREE = np.full(3, np.nan)
+#: Increments to try for a peer, until one converges to our solution.
+TRIES = {"calculix": (1, 4), "felupe": (4, 5, 6, 8, 9, 10, 12), "ngsolve": (4, 5, 6, 8, 9, 10, 12)}
+
+
+def bar(edge_length: float) -> QuadraticMesh:
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    made = tetrahedralise(Surface(LOW + corners * (HIGH - LOW), faces), edge_length)
+    far = np.full(3, 1e4)
+    ends = [Box(-far, np.array([10, 1e4, 1e4])), Box(np.array([140, -1e4, -1e4]), far)]
+    return QuadraticMesh.from_linear(conform(made, ends))
+
+
+def box_of_tets(cells: int) -> QuadraticMesh:
+    """About so many tets in a regular grid, for growth that no mesher disturbs."""
+    n = (cells / 6 / 20) ** (1 / 3)
+    counts = np.maximum(np.round(n * np.array([10, 2, 1])), 1).astype(int)
+    axes = [np.linspace(a, b, k + 1) for a, b, k in zip(LOW, HIGH, counts, strict=True)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    step = np.array([(counts[1] + 1) * (counts[2] + 1), counts[2] + 1, 1])
+    first = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), -1).reshape(-1, 3) @ step
+    tets = []
+    for order in [(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)]:
+        walk = np.cumsum([0, *step[list(order)]])
+        odd = np.linalg.det(np.eye(3)[list(order)]) < 0
+        tets.append(first[:, None] + walk[[0, 2, 1, 3] if odd else [0, 1, 2, 3]])
+    return QuadraticMesh.from_linear(TetMesh(nodes, np.concatenate(tets)))
+
+
+def pose(mesh: QuadraticMesh, rotation) -> BoundaryConditions:
+    x = mesh.nodes[:, 0]
+    tip = np.flatnonzero(x >= 140 - 1e-6)
+    handle = RigidHandle(tip, np.array([145.0, 0, 0]), np.array(rotation, float), FREE)
+    return BoundaryConditions(np.flatnonzero(x <= 10 + 1e-6), (handle,))
+
+
+POSES = {"bend 90": [0, -np.pi / 2, 0], "twist 90": [np.pi / 2, 0, 0]}
+
+
+def from_rest(mesh, law, goal):
+    """Displacements and seconds, set-up and analysis included."""
+    start = time.perf_counter()
+    system = System(mesh, law, goal, cores())
+    result = follow(system, rest(goal, len(mesh.nodes)), goal, check=False)[-1]
+    seconds = time.perf_counter() - start
+    system.close()
+    return result, seconds
+
+
+def line_signals(mesh, u, lines):
+    locator = PointLocator(mesh)
+    moved = locator.displacement(locator.find(lines.reshape(-1, 3)), u[None])[0]
+    return signals(lines, (lines + moved.reshape(lines.shape))[None], 1.0)[0]
+
+
+def peers(repeat: int) -> None:
+    """Rest to 90 degrees against every peer that is installed."""
+    mesh, fine = bar(6.9), bar(4.0)
+    lines = probing_lines(PointLocator(fine), np.random.default_rng(0))
+    print(f"from rest to 90 degrees, {len(mesh.cells)} quadratic tets, {cores()} cores")
+    print(f"{'':<24}{'increments':>11}{'solves':>8}{'s':>8}{'ratio':>7}  signal against the finer")
+    for nu in (0.45, 0.49):
+        law = material(nu)
+        for title, rotation in POSES.items():
+            goal = pose(mesh, rotation)
+            from_rest(mesh, law, goal)
+            runs = [from_rest(mesh, law, goal) for _ in range(repeat)]
+            own, seconds = runs[0][0], float(np.median([r[1] for r in runs]))
+            true = line_signals(fine, from_rest(fine, law, pose(fine, rotation))[0].u, lines)
+
+            def error(u, true=true):
+                off = line_signals(mesh, u, lines) - true
+                return f"{np.sqrt((off**2).mean() / (true**2).mean()):.3%}"
+
+            print(f"{title}, nu {nu}")
+            s = own.statistics
+            print(
+                f"{'  defsense-fab':<24}{s.steps:>11}{s.iterations:>8}{seconds:>8.2f}{1:>7}"
+                f"  {error(own.u)}"
+            )
+            _, shifts = agreement.solve(mesh, law, goal)
+            for peer in TRIES:
+                if agreement.installed(peer):
+                    _one_peer(peer, mesh, law, goal, shifts, own.u, seconds, repeat, error)
+
+
+def _one_peer(peer, mesh, law, goal, shifts, own, seconds, repeat, error) -> None:
+    for increments in TRIES[peer]:
+        try:
+            found = agreement.ask(peer, mesh, law, goal, shifts, increments)
+        except RuntimeError:
+            continue
+        if np.abs(found.u - own).max() > 0.05:  # another equilibrium
+            continue
+        more = [agreement.ask(peer, mesh, law, goal, shifts, increments) for _ in range(repeat - 1)]
+        theirs = float(np.median([f.stats["seconds"] for f in (found, *more)]))
+        print(
+            f"{'  ' + peer:<24}{increments:>11}{found.stats['iterations']:>8}{theirs:>8.2f}"
+            f"{theirs / seconds:>7.1f}  {error(found.u)}",
+            flush=True,
+        )
+        return
+    print(f"{'  ' + peer:<24} does not converge with {TRIES[peer]} increments", flush=True)
+
+
+def parts_of_an_iteration() -> None:
+    mesh, law = bar(6.9), material(0.45)
+    goal = pose(mesh, POSES["bend 90"])
+    system = System(mesh, law, goal, cores())
+    state = rest(goal, len(mesh.nodes))
+    F = tet10.deformation_gradient(system.reduction.active, state.u, cores())
+    table: dict[str, list[float]] = {}
+
+    def clock(name, work):
+        start = time.perf_counter()
+        out = work()
+        table.setdefault(name, []).append(time.perf_counter() - start)
+        return out
+
+    right = np.ones(system.reduction.size)
+    for _ in range(9):
+        matrix = clock(
+            "assembly, true Hessian",
+            lambda: system.reduction.matrix(state, law, F, False, [], None, cores()),
+        )
+        clock(
+            "assembly, projected",
+            lambda: system.reduction.matrix(state, law, F, True, [], None, cores()),
+        )
+        clock("factorisation", lambda: system.solver.factor(matrix))  # noqa: B023
+        clock("solve", lambda: system.solver.solve(right))
+        clock("energy", lambda: tet10.energy(system.reduction.active, law, F, cores()))
+        clock("forces", lambda: tet10.forces(system.reduction.active, law, F, cores()))
+    print(f"an iteration, {len(mesh.cells)} tets, {system.reduction.size} unknowns")
+    for name, seconds in table.items():
+        print(f"  {name:<24}{1e3 * np.median(seconds):7.1f} ms")
+
+
+def edits(repeat: int) -> None:
+    """A pose at 60 degrees changed by 5 and by 10, the coarse answer and the fine one."""
+    fine, coarse = bar(6.9), bar(14.0)
+    print(f"edits, {len(fine.cells)} tets (coarse: {len(coarse.cells)})")
+    for nu in (0.45, 0.49):
+        for title, rotation in POSES.items():
+            session = Interactive(coarse, fine, material(nu), cores())
+            for step in (5, 10):
+                first, both = [], []
+                for k in range(2 * repeat + 1):
+                    degrees = 60 + (step if k % 2 else 0)
+                    turn = np.array(rotation) / 90 * degrees
+                    start = time.perf_counter()
+                    session.edit(
+                        lambda mesh, turn=turn: pose(mesh, turn),
+                        lambda u, start=start, first=first: first.append(
+                            time.perf_counter() - start
+                        ),
+                        check=False,
+                    )
+                    both.append(time.perf_counter() - start)
+                print(
+                    f"  {title}, nu {nu}, {step} degrees: coarse {np.median(first[1:]):.3f} s, fine"
+                    f" {np.median(both[1:]):.3f} s (largest {max(first[1:]):.3f},"
+                    f" {max(both[1:]):.3f})"
+                )
+            session.close()
+
+
+def points(repeat: int) -> None:
+    """50,000 points located and evaluated with gradients; libigl's tree in the same run."""
+    import igl
+
+    mesh = bar(3.4)
+    x = np.random.default_rng(0).uniform(LOW, HIGH, (50_000, 3))
+    u = np.random.default_rng(1).normal(size=(1, len(mesh.nodes), 3))
+    corners = np.ascontiguousarray(mesh.cells[:, :4])
+    tree = igl.AABB()
+    tree.init(mesh.nodes, corners)
+    ours, build, theirs = [], [], []
+    for _ in range(repeat + 1):
+        start = time.perf_counter()
+        locator = PointLocator(mesh)
+        ready = time.perf_counter()
+        at = locator.find(x)
+        locator.displacement(at, u)
+        locator.gradient(at, u)
+        end = time.perf_counter()
+        tree.find_element(x) if hasattr(tree, "find_element") else igl.in_element(
+            mesh.nodes, corners, x, tree
+        )
+        build.append(ready - start)
+        ours.append(end - ready)
+        theirs.append(time.perf_counter() - end)
+    print(
+        f"50,000 points in {len(mesh.cells)} tets, {(at.depth < -1e-9).sum()} missed: found and"
+        f" evaluated with gradients in {np.median(ours[1:]):.3f} s, grid {np.median(build[1:]):.3f}"
+        f" s; libigl's tree finds them (alone) in {np.median(theirs[1:]):.3f} s"
+    )
+
+
+def growth(picture: Path) -> None:
+    """Time and peak memory from 2,000 to 50,000 tets, each size in a process of its own."""
+    rows = []
+    for size in (2_000, 4_000, 8_000, 16_000, 30_000, 50_000):
+        ended = subprocess.run(
+            [sys.executable, "-m", "benchmarks.speed", "one", "--size", str(size)],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        rows.append([float(v) for v in ended.stdout.split()])
+        tets, dof, seconds, memory = rows[-1]
+        print(
+            f"  {tets:6.0f} tets, {dof:7.0f} unknowns: {seconds:6.2f} s, {memory:5.2f} GB",
+            flush=True,
+        )
+    import matplotlib
+
+    matplotlib.use("agg")
+    import matplotlib.pyplot as plt
+
+    table = np.array(rows)
+    orders = [np.polyfit(np.log(table[:, 0]), np.log(table[:, k]), 1)[0] for k in (2, 3)]
+    figure, both = plt.subplots(1, 2, figsize=(10, 4))
+    for axis, k, name, order in zip(
+        both, (2, 3), ("time, s", "peak memory, GB"), orders, strict=True
+    ):
+        axis.loglog(table[:, 0], table[:, k], "o-")
+        axis.set(xlabel="quadratic tets", ylabel=name, title=f"order {order:.2f}")
+        axis.grid(True, which="both", alpha=0.3)
+    figure.suptitle("from rest to 90 degrees of bend")
+    figure.tight_layout()
+    figure.savefig(picture, dpi=110)
+    print(f"  orders: time {orders[0]:.2f}, memory {orders[1]:.2f}; picture: {picture}")
+
+
+def one(size: int) -> None:
+    """One size: tets, unknowns, seconds, peak memory of the process in GB."""
+    small = box_of_tets(600)
+    from_rest(small, material(0.45), pose(small, POSES["bend 90"]))  # compiles
+    mesh = box_of_tets(size)
+    goal = pose(mesh, POSES["bend 90"])
+    _, seconds = from_rest(mesh, material(0.45), goal)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    print(len(mesh.cells), 3 * len(mesh.nodes), seconds, peak)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = ("peers", "iteration", "edits", "points", "growth", "one")
+    parser.add_argument("part", nargs="*", help=f"of {', '.join(parts[:-1])}; all if none is named")
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--size", type=int, default=2000)
+    parser.add_argument("--picture", type=Path, default=Path("growth.png"))
+    options = parser.parse_args()
+    for part in options.part or parts[:-1]:
+        {
+            "peers": lambda: peers(options.repeat),
+            "iteration": parts_of_an_iteration,
+            "edits": lambda: edits(options.repeat),
+            "points": lambda: points(options.repeat),
+            "growth": lambda: growth(options.picture),
+            "one": lambda: one(options.size),
+        }[part]()
+
+
+if __name__ == "__main__":
+    main()
