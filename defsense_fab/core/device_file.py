@@ -97,7 +97,9 @@ def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
 def _mesh(t: Table) -> MeshSpec:
     edge = t.number("edge_length", low=0) if t.has("edge_length") else None
     accuracy = t.number("accuracy", low=0) if t.has("accuracy") else None
-    if (edge is None) == (accuracy is None):
+    if edge is None and accuracy is None:
+        t.number("edge_length")  # says what is missing or misspelt
+    if edge is not None and accuracy is not None:
         t.fail("edge_length", "give either edge_length = 6.0 (mm) or accuracy = 0.01 (of signals)")
     if accuracy is not None and not 1e-4 <= accuracy <= 0.2:
         t.fail("accuracy", f"must lie between 0.0001 and 0.2, not {accuracy:g}")

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from ..core.arrays import Float, Int
-from .tet10 import QuadraticMesh, shape, shape_by_bary
+from .tet10 import EDGES, QuadraticMesh, shape
 from .threads import cores, over_chunks
 
 CHUNK = 2000  # points; fewer are not worth a thread
@@ -81,10 +81,16 @@ class PointLocator:
 
     def gradient(self, at: Located, fields: Float) -> Float:
         """Displacement gradients (s, p, 3, 3): [a, j] is the derivative of u_a by X_j."""
-        g = shape_by_bary(at.bary) @ self.mesh.bary_gradient[at.cell]
-        nodes = self.mesh.cells[at.cell]
-        out = np.zeros((len(fields), len(nodes), 3, 3))
-        over_chunks(lambda a, b: _gradient(nodes, g, fields, a, b, out), len(nodes), cores(), CHUNK)
+        mesh, count = self.mesh, len(at.cell)
+        out = np.zeros((len(fields), count, 3, 3))
+        over_chunks(
+            lambda a, b: _gradient(
+                mesh.cells, mesh.bary_gradient, at.cell, at.bary, fields, a, b, out
+            ),
+            count,
+            cores(),
+            CHUNK,
+        )
         return out
 
 
@@ -98,14 +104,22 @@ def _displacement(nodes, weights, fields, start, stop, out):  # type: ignore[no-
 
 
 @numba.njit(cache=True, nogil=True)
-def _gradient(nodes, weights, fields, start, stop, out):  # type: ignore[no-untyped-def]
-    for s in range(len(fields)):
-        for p in range(start, stop):
+def _gradient(cells, by_bary, at, bary, fields, start, stop, out):  # type: ignore[no-untyped-def]
+    g = np.empty((10, 3))
+    for p in range(start, stop):
+        e, b = at[p], bary[p]
+        for j in range(3):
+            for n in range(4):
+                g[n, j] = (4 * b[n] - 1) * by_bary[e, n, j]
+            for k in range(6):
+                n, m = EDGES[k, 0], EDGES[k, 1]
+                g[4 + k, j] = 4 * (b[m] * by_bary[e, n, j] + b[n] * by_bary[e, m, j])
+        for s in range(len(fields)):
             for n in range(10):
                 for a in range(3):
-                    u = fields[s, nodes[p, n], a]
+                    u = fields[s, cells[e, n], a]
                     for j in range(3):
-                        out[s, p, a, j] += u * weights[p, n, j]
+                        out[s, p, a, j] += u * g[n, j]
 
 
 @numba.njit(cache=True)

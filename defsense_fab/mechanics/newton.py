@@ -23,6 +23,7 @@ MAX_ITERATIONS = 30
 #: After so many matrices a step that is not `FAR` from equilibrium any more goes on; another is
 #: given up, since smaller steps are cheaper.
 PATIENCE, FAR = 9, 0.3
+GUESS_PATIENCE = 2  # with a guess that does not lead near at once
 #: Below this relative residual the true Hessian is used: a projected one has a linear tail.
 NEAR = 0.1
 #: A factor is used again as long as each step with it reduces the residual by this factor.
@@ -84,8 +85,8 @@ class System:
         """
         placed = self.reduction.place(state, goal)
         if guess is not None:
-            near = self.reduction.nudge(placed, guess)
-            attempt = self.equilibrium(near, stop, 0, tolerance, patience)
+            near = self.reduction.nudge(placed, state.u + guess)
+            attempt = self.equilibrium(near, stop, 0, tolerance, GUESS_PATIENCE)
             if attempt.state is not None:
                 return attempt
         factors = 0

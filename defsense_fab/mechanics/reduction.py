@@ -121,10 +121,16 @@ class Reduction:
             self._carry(u, h.nodes, h.center, turns[i], shifts[i])
         return replace(state, u=u, turns=turns, shifts=shifts)
 
-    def nudge(self, state: State, by: Float) -> State:
-        """The state with its free nodes moved by (n, 3) mm; handles and sliding nodes stay."""
+    def nudge(self, placed: State, u: Float) -> State:
+        """The placed state with free nodes at u (n, 3) mm, and handles moved after them where
+        their translation is free; sliding nodes stay."""
         free = (self._group >= 0) & ~self._special
-        return replace(state, u=np.where(free[:, None], state.u + by, state.u))
+        out, shifts = np.where(free[:, None], u, placed.u), placed.shifts.copy()
+        for i, h in enumerate(placed.conditions.handles):
+            loose = np.isnan(h.translation)
+            shifts[i][loose] += (u - placed.u)[h.nodes].mean(0)[loose]
+            self._carry(out, h.nodes, h.center, placed.turns[i], shifts[i])
+        return replace(placed, u=out, shifts=shifts)
 
     def _carry(self, u: Float, nodes: Int, center: Float, turn: Float, shift: Float) -> None:
         arm = self.mesh.nodes[nodes] - center

@@ -25,6 +25,10 @@ from .stage_mesh import load_mesh
 from .stages import Report, read_json
 
 
+#: Tets with a smaller dihedral angle (degrees) are warned of.
+SLIVER = 2.0
+
+
 def run(device: Device, folder: Path, report: Report) -> None:
     mesh = QuadraticMesh.from_linear(load_mesh(folder))
     material = Material.from_spec(device.material)
@@ -32,6 +36,12 @@ def run(device: Device, folder: Path, report: Report) -> None:
     out.mkdir()
     plan = loadings(device)
     todo, warnings = jobs(device, mesh, plan)
+    angle = read_json(folder / "mesh.json")["min_dihedral"]
+    if angle < SLIVER:
+        warnings.append(
+            f"the mesh has a sliver with an angle of {angle:.1f} degrees, where strains are not to"
+            " be trusted; use another [mesh] edge_length, or repair thin folds of the body"
+        )
     reached = [0.0] * len(plan)
     lock = threading.Lock()
 

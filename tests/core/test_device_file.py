@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from defsense_fab.core.catalogue import read_rows
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 
@@ -27,7 +29,7 @@ def edit(tmp_path):
 def test_the_fixture_is_read(edit):
     device = edit("schema = 1", "schema = 1")
     assert [p.name for p in device.poses] == ["bend_up", "bend_down", "twist"]
-    assert device.poses[0].handles[0].translation is None
+    assert np.isnan(device.poses[0].handles[0].translation).all()
     assert device.channel_diameter == pytest.approx(2.2)
     assert all(s.free == {"path", "plane"} for s in device.sensors)
 
@@ -83,3 +85,108 @@ def test_mistakes_are_named(edit, old, new, message):
 def test_missing_folder():
     with pytest.raises(DeviceError, match="no such file"):
         load_device(Path("nowhere"))
+
+
+HANDLE = """[[poses.handles]]
+region = "tip"
+rotate = { axis = [0, 1, 0], degrees = -30 }
+translate = "free\""""
+
+
+@pytest.mark.parametrize(
+    ("rotate", "translate", "axes", "vector", "shift"),
+    [
+        ('"free"', "[1, 2, 3]", 3, 0, [1, 2, 3]),
+        ('{ axis = [0, 0, 2], degrees = "free" }', '["free", 0, 0]', 1, 0, [np.nan, 0, 0]),
+        ("{ axis = [2, 0, 0], degrees = 270 }", '"free"', 0, 1.5 * np.pi, [np.nan] * 3),
+    ],
+)
+def test_handles_are_free_or_prescribed_in_any_combination(
+    edit, rotate, translate, axes, vector, shift
+):
+    gravity = "gravity = [0, 0, -1]\n"
+    text = f'[[poses.handles]]\nregion = "tip"\nrotate = {rotate}\ntranslate = {translate}'
+    (handle,) = edit(HANDLE, gravity + text).poses[0].handles
+    assert handle.free_axes.shape == (axes, 3)
+    assert np.linalg.norm(handle.free_axes, axis=1) == pytest.approx(np.ones(axes))
+    assert np.linalg.norm(handle.rotation) == pytest.approx(vector)
+    assert handle.translation == pytest.approx(shift, nan_ok=True)
+
+
+def test_loads_are_read(edit):
+    text = """gravity = [0, 0, -1]
+drags = [{ at = [75, 0, 0], by = [0, 0, 9], stiffness = 0.5 }]
+pressures = [{ region = "base", value = 0.01 }]
+symmetry = [{ region = "base", normal = [0, 2, 0] }]
+"""
+    pose = edit(HANDLE, text + HANDLE).poses[0]
+    assert pose.gravity == pytest.approx([0, 0, -1])
+    assert pose.drags[0].stiffness == 0.5
+    assert pose.pressures[0].value == 0.01
+    assert pose.symmetry[0].normal == pytest.approx([0, 1, 0])
+
+
+@pytest.mark.parametrize(
+    ("text", "young", "model"),
+    [
+        ('shore = "50A"\npoisson_ratio = 0.48', 2.456, "neo-hookean"),
+        ('model = "mooney-rivlin"\nc10 = 0.1\nc01 = 0.05\npoisson_ratio = 0.48', 0.888, None),
+        ('model = "stable-neo-hookean"\nname = "ecoflex-00-30"', 0.12, "stable-neo-hookean"),
+        ("young_modulus = 2.0\npoisson_ratio = 0.4", 2.0, "neo-hookean"),
+    ],
+)
+def test_materials_by_hardness_constants_or_name(edit, text, young, model):
+    material = edit('name = "tango-black-plus"', text).material
+    assert material.young_modulus == pytest.approx(young, rel=1e-3)
+    assert material.model == (model or "mooney-rivlin")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name = "tango-black-plus"', 'shore = "95A"\npoisson_ratio = 0.48', "outside 20A to 80A"),
+        ('name = "tango-black-plus"', 'shore = "30A"', "poisson_ratio: is missing"),
+        (
+            'name = "tango-black-plus"',
+            'model = "yeoh"\nc10 = 0.1\npoisson_ratio = 0.48',
+            "c20: is missing",
+        ),
+        (
+            'name = "tango-black-plus"',
+            'model = "mooney-rivlin"\nc10 = -0.1\nc01 = 0.05\npoisson_ratio = 0.48',
+            "shear modulus",
+        ),
+        ('name = "tango-black-plus"', 'name = "x"\nmodel = "ogden"', "unknown material model"),
+        ("edge_length = 6.0", "edge_length = 6.0\naccuracy = 0.01", "give either edge_length"),
+        ("edge_length = 6.0", "accuracy = 0.9", "must lie between 0.0001 and 0.2"),
+        ('translate = "free"', 'translate = ["loose", 0, 0]', 'each may be "free"'),
+        ("degrees = -30 }", 'degrees = "any" }', "degrees: must be a number"),
+        ("rotate = { axis = [0, 1, 0], degrees = -30 }", 'rotate = "any"', "rotate: must be"),
+    ],
+)
+def test_mistakes_in_materials_meshes_and_handles_are_named(edit, old, new, message):
+    with pytest.raises(DeviceError, match=message):
+        edit(old, new)
+
+
+def test_a_device_without_poses_is_told_of_modes(edit, tmp_path):
+    edit("schema = 1", "schema = 1")
+    text = (tmp_path / "device.toml").read_text()
+    start, end = text.index("[[poses]]"), text.index("[states]")
+    (tmp_path / "device.toml").write_text(text[:start] + text[end:])
+    with pytest.raises(DeviceError, match="`defsense modes` proposes some"):
+        load_device(tmp_path)
+    assert load_device(tmp_path, complete=False).poses == ()
+
+
+def test_every_material_row_is_usable_and_names_its_source():
+    rows = read_rows("materials.csv")
+    assert len(rows) >= 12
+    for name, row in rows.items():
+        assert 0 < float(row["young_modulus"]) < 100, name
+        assert 0.4 < float(row["poisson_ratio"]) < 0.5, name
+        assert 0.9 < float(row["density"]) < 1.4, name
+        assert row["basis"] in ("measured", "secant", "shore"), name
+        assert row["checked"] in ("test data", "secondary source", "conversion", "no"), name
+        assert row["shore"], name
+        assert len(row["source"]) > 40, name

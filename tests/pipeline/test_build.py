@@ -263,4 +263,4 @@ def test_parameters_from_the_command_line():
 
     device = load_device(BAR, {"length": 180})
     assert device.body.parameters["length"] == 180
-    assert np.isclose(device.edge_length, 6)
+    assert np.isclose(device.mesh.edge_length, 6)

@@ -1,0 +1,55 @@
+"""Nodes on the borders of regions."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.regions import Box, Cylinder, HalfSpace, Sphere
+from defsense_fab.geometry.conform import _EDGES, _quality, conform
+from tests.conftest import structured_bar
+
+SHAPES = {
+    "box": Box(np.array([-1, -16, -16]), np.array([33.3, 16, 16])),
+    "half_space": HalfSpace(np.array([101.0, 0, 0]), np.array([1.0, 0.2, 0])),
+    "sphere": Sphere(np.array([75.0, 0, 0]), 11.0),
+    "cylinder": Cylinder(np.array([40.0, 0, 0]), np.array([110.0, 0, 0]), 9.0),
+}
+
+
+@pytest.fixture(scope="module", params=["random", "structured"])
+def mesh(request, bar_mesh):
+    return bar_mesh if request.param == "random" else structured_bar(
+        [0, -15, -15], [150, 15, 15], (15, 3, 3)
+    )  # fmt: skip
+
+
+def crossings(mesh, shape):
+    """How many edges leave the shape from strictly inside it."""
+    edges = np.unique(np.sort(mesh.tets[:, _EDGES].reshape(-1, 2), axis=1), axis=0)
+    inside = shape.contains(mesh.nodes)
+    edges = edges[inside[edges[:, 0]] != inside[edges[:, 1]]]
+    a = np.where(inside[edges[:, 0]], edges[:, 0], edges[:, 1])
+    b = np.where(inside[edges[:, 0]], edges[:, 1], edges[:, 0])
+    x = mesh.nodes
+    return int(shape.contains(x[a] + 1e-3 * (x[b] - x[a])).sum())
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_regions_end_where_they_say(mesh, name):
+    shape = SHAPES[name]
+    made = conform(mesh, [shape])
+    assert crossings(mesh, shape) > 10
+    assert crossings(made, shape) < 0.15 * crossings(mesh, shape)
+    before, after = (m.boundary() for m in (mesh, made))
+    assert after.volume == pytest.approx(before.volume, rel=1e-6)
+    low, high = mesh.nodes.min(0), mesh.nodes.max(0)
+    assert (made.nodes >= low - 1e-9).all()
+    assert (made.nodes <= high + 1e-9).all()
+    assert _quality(made.nodes[made.tets]).min() > min(
+        0.19, 0.79 * _quality(mesh.nodes[mesh.tets]).min()
+    )
+
+
+def test_a_region_that_fits_already_moves_nothing(mesh):
+    whole = Box(np.full(3, -1e3), np.full(3, 1e3))
+    assert (conform(mesh, [whole]).nodes == mesh.nodes).all()
+    assert (conform(mesh, []).nodes == mesh.nodes).all()
