@@ -53,7 +53,8 @@ def test_the_accuracy_that_is_promised_is_kept(bar):
 def test_probing_lines_run_inside_and_along(mesh_of_bar):
     locator = PointLocator(mesh_of_bar)
     lines = probing_lines(locator, np.random.default_rng(0))
-    assert locator.find(lines.reshape(-1, 3)).depth.min() > -1e-9
+    # The mesher leaves faces uneven by hundredths of a mm, which a line beside one may graze.
+    assert locator.find(lines.reshape(-1, 3)).depth.min() > -0.03
     length = np.linalg.norm(lines[:, -1] - lines[:, 0], axis=1)
     assert length.min() > 60  # of a bar of 150
 
@@ -115,7 +116,8 @@ def test_a_body_through_itself_and_a_small_region_are_notes(folder, capsys):
     dot = "dot = { sphere = { center = [150, 0, 0], radius = 9 } }\n"
     edit(
         folder,
-        ("degrees = -30", "degrees = -380"),
+        ("height = 30", "height = 8"),
+        ("degrees = -30", "degrees = -400"),
         ("tip = {", dot + "tip = {"),
         (twist, twist.replace("tip", "dot").replace("45", "5")),
     )
