@@ -24,7 +24,6 @@ from .loading import Loading, jobs, loadings
 from .stage_mesh import load_mesh
 from .stages import Report, read_json
 
-
 #: Tets with a smaller dihedral angle (degrees) are warned of.
 SLIVER = 2.0
 
