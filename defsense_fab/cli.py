@@ -280,6 +280,10 @@ class _Lines:
             sys.stderr.write(f"{stage:<10} {100 * fraction:3.0f} %  {message}\n")
 
 
+def _percent(error: float | None) -> str:
+    return "an unknown error" if error is None else f"{error:.2%}"
+
+
 def _leave() -> None:
     """In place of rich's own exit with code 1."""
     raise BrokenPipeError
@@ -298,7 +302,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     if chosen:
         console.print(
             f"mesh: an edge length of {data['mesh']['edge_length']:.3g} mm"
-            f" ({data['mesh']['tets']} tets) keeps signals within {chosen['reached']:.2%};"
+            f" ({data['mesh']['tets']} tets) keeps signals within {_percent(chosen['reached'])};"
             f" {chosen['asked']:.2%} was asked",
             highlight=False,
         )

@@ -135,8 +135,9 @@ def _material(t: Table) -> MaterialSpec:
         young = 4 * (constants["c10"] + constants.get("c01", 0.0)) * (1 + poisson)
         if young <= 0:
             t.fail("c10", "the shear modulus 2 (c10 + c01) must be positive")
-        if t.has("young_modulus"):
-            t.fail("young_modulus", f"follows from the constants of {model}; remove it")
+        for key in ("young_modulus", "shore"):
+            if t.has(key):
+                t.fail(key, f"follows from the constants of {model}; remove it")
     else:
         constants = {}
         young = _young_modulus(t, row)

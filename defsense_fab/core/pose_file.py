@@ -10,6 +10,10 @@ from .arrays import Float
 from .device import Handle, PointDrag, Pose, RegionPressure, StatesSpec, SymmetryPlane
 from .toml_table import Table, is_number
 
+#: Largest size of a movement (mm), stiffness, load.
+LARGEST = 1e5
+MOST_DEGREES = 3600.0
+
 
 def read_poses(top: Table, regions: Sequence[str], required: bool = True) -> tuple[Pose, ...]:
     """All poses. Raises DeviceError with line and key for anything wrong."""
@@ -47,7 +51,7 @@ def _pose(t: Table, name: str, regions: Sequence[str]) -> Pose:
         tuple(_symmetry(s, regions) for s in t.tables("symmetry")),
         tuple(_drag(d) for d in t.tables("drags")),
         tuple(_pressure(p, regions) for p in t.tables("pressures")),
-        t.vector("gravity") if t.has("gravity") else np.zeros(3),
+        _sane(t, "gravity", t.vector("gravity")) if t.has("gravity") else np.zeros(3),
     )
     if not (fixed or handles or pose.symmetry or pose.drags):
         t.fail("fixed", "needs at least one region, or the body can move freely")
@@ -64,10 +68,18 @@ def _pose(t: Table, name: str, regions: Sequence[str]) -> Pose:
 
 def _unit(t: Table, key: str) -> Float:
     vector = t.vector(key)
-    length = float(np.linalg.norm(vector))
-    if length == 0:
+    largest = float(np.abs(vector).max())
+    if largest == 0:
         t.fail(key, "must not be zero")
-    return np.asarray(vector / length)
+    vector = vector / largest
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _sane(t: Table, key: str, values: Float) -> Float:
+    """Numbers that a real device can have; beyond, arithmetic overflows."""
+    if np.abs(values).max(initial=0.0) > LARGEST:
+        t.fail(key, f"has a number beyond {LARGEST:g}, which no device can mean")
+    return values
 
 
 def _handle(t: Table, regions: Sequence[str]) -> Handle:
@@ -84,7 +96,10 @@ def _handle(t: Table, regions: Sequence[str]) -> Handle:
         if r.raw("degrees") == "free":
             free = axis[None]
         else:
-            rotation = axis * np.deg2rad(r.number("degrees"))
+            degrees = r.number("degrees")
+            if abs(degrees) > MOST_DEGREES:
+                r.fail("degrees", f"must be within {MOST_DEGREES:g}, not {degrees:g}")
+            rotation = axis * np.deg2rad(degrees)
         r.done()
     translation = _translation(t)
     t.done()
@@ -102,6 +117,8 @@ def _translation(t: Table) -> Float:
         or not all(v == "free" or is_number(v) for v in value)
     ):
         t.fail("translate", f'must be "free" or [x, y, z] in mm, each may be "free"; not {value!r}')
+    known = [float(v) for v in value if v != "free"]
+    _sane(t, "translate", np.array(known))
     return np.array([np.nan if v == "free" else float(v) for v in value])
 
 
@@ -114,7 +131,9 @@ def _symmetry(t: Table, regions: Sequence[str]) -> SymmetryPlane:
 
 
 def _drag(t: Table) -> PointDrag:
-    drag = PointDrag(t.vector("at"), t.vector("by"), t.number("stiffness", 1.0, low=0))
+    stiffness = t.number("stiffness", 1.0, low=0)
+    _sane(t, "stiffness", np.array([stiffness]))
+    drag = PointDrag(_sane(t, "at", t.vector("at")), _sane(t, "by", t.vector("by")), stiffness)
     t.done()
     return drag
 
@@ -122,7 +141,7 @@ def _drag(t: Table) -> PointDrag:
 def _pressure(t: Table, regions: Sequence[str]) -> RegionPressure:
     region = t.string("region")
     t.choice("region", region, regions, "region")
-    pressure = RegionPressure(region, t.number("value"))
+    pressure = RegionPressure(region, float(_sane(t, "value", np.array([t.number("value")]))[0]))
     t.done()
     return pressure
 
@@ -151,4 +170,20 @@ def read_states(t: Table, poses: Sequence[str]) -> StatesSpec:
         _weights(t, "held_out", poses),
     )
     t.done()
+    _refuse_twins(t, spec, poses)
     return spec
+
+
+def _refuse_twins(t: Table, spec: StatesSpec, poses: Sequence[str]) -> None:
+    """The same state twice: it would count double, or be both seen and held out."""
+    seen = {f"{fraction:g}" for fraction in spec.ramp}
+    if len(seen) < len(spec.ramp):
+        t.fail("ramp", "two fractions are nearly the same; remove one")
+    known = {(name, fraction) for name in poses for fraction in seen}
+    for key, mixtures in (("mixtures", spec.mixtures), ("held_out", spec.held_out)):
+        for mixture in mixtures:
+            parts = tuple(sorted((n, f"{w:g}") for n, w in mixture.items() if w))
+            single = parts[0] if len(parts) == 1 else parts
+            if single in known:
+                t.fail(key, f"the state {dict(mixture)} is there already; remove one")
+            known.add(single)  # type: ignore[arg-type]

@@ -21,6 +21,8 @@ _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 WORST_QUALITY = 0.2
 #: Faces of the surface may not turn by more than this when a node of theirs moves (cosine).
 FLAT = np.cos(np.deg2rad(2.0))
+#: Where two faces meet at more than this the body has a crease, which its nodes may not leave.
+CREASE = np.cos(np.deg2rad(40.0))
 
 
 def conform(mesh: TetMesh, shapes: Sequence[Shape]) -> TetMesh:
@@ -48,7 +50,7 @@ def conform(mesh: TetMesh, shapes: Sequence[Shape]) -> TetMesh:
             n, other = ends[i]
             if on_border[n] or on_border[other] or settled[n]:
                 continue
-            if surface.has(n) and not surface.along(n, other):
+            if surface.has(n) and not surface.allows(n, other):
                 continue
             if _fits(nodes, mesh.tets, around[n], n, target[i]) and surface.keeps(
                 nodes, n, target[i]
@@ -99,13 +101,27 @@ class _Surface:
         self._faces = mesh.boundary().faces
         self._around = _incidence(self._faces, len(mesh.nodes))
         pairs = np.sort(self._faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        self._edges = {(int(a), int(b)) for a, b in pairs}
+        edges, index = np.unique(pairs, axis=0, return_inverse=True)
+        x = mesh.nodes[self._faces]
+        normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        # The sum of an edge's unit normals is short where its faces fold.
+        total = np.zeros((len(edges), 3))
+        np.add.at(total, index.ravel(), np.repeat(normal, 3, axis=0))
+        folded = (total**2).sum(1) < 2 + 2 * CREASE
+        self._edges = {(int(a), int(b)): bool(f) for (a, b), f in zip(edges, folded, strict=True)}
+        self._creases = np.bincount(edges[folded].ravel(), minlength=len(mesh.nodes))
 
     def has(self, n: int) -> bool:
         return len(self._around[n]) > 0
 
-    def along(self, n: int, other: int) -> bool:
-        return (min(n, other), max(n, other)) in self._edges
+    def allows(self, n: int, other: int) -> bool:
+        """Whether a surface node may move towards another: along the surface, along its crease
+        if it is on one, and not at all from a corner."""
+        folded = self._edges.get((min(n, other), max(n, other)))
+        if folded is None or self._creases[n] not in (0, 2):
+            return False
+        return folded or self._creases[n] == 0
 
     def keeps(self, nodes: Float, n: int, target: Float) -> bool:
         """Whether the faces at a node keep their direction when it moves."""

@@ -65,6 +65,9 @@ def solve_all(
                 results[i] = follow(
                     system, start, job.conditions, job.fractions, tell, ended.is_set
                 )
+        except BaseException:
+            ended.set()
+            raise
         finally:
             if system:
                 system.close()

@@ -37,16 +37,18 @@ def check_held(mesh: QuadraticMesh, conditions: BoundaryConditions, label: str) 
             f"device.toml: poses: in {label!r} the body can still {loose} as a whole; fix a region"
             " or prescribe more of a handle's motion"
         )
-    edge = mesh.edge_length
-    warnings = []
-    for h in conditions.handles:
-        size = float(np.sort(np.ptp(mesh.nodes[h.nodes], axis=0))[1])
-        if size < SMALL * edge:
-            warnings.append(
-                f"region {h.name!r} is {size:.2g} mm wide, less than {SMALL:g} edges of the mesh:"
-                " the strain beside it is as large as the mesh lets it be; enlarge it"
-            )
-    return warnings
+    return [w for h in conditions.handles for w in narrow(mesh, h.nodes, h.name)]
+
+
+def narrow(mesh: QuadraticMesh, nodes: Int, name: str) -> list[str]:
+    """A warning about a region of `nodes` (k,) that is too small to hold the body by."""
+    size = float(np.sort(np.ptp(mesh.nodes[nodes], axis=0))[1])
+    if size >= SMALL * mesh.edge_length:
+        return []
+    return [
+        f"region {name!r} is {size:.2g} mm wide, less than {SMALL:g} edges of the mesh: the strain"
+        " beside it is as large as the mesh lets it be; enlarge it"
+    ]
 
 
 def _pieces(mesh: QuadraticMesh) -> Int:

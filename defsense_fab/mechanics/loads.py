@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..core.arrays import Float, Int
-from .conditions import BoundaryConditions
+from .conditions import BoundaryConditions, Pressure
 from .locate import Located, PointLocator
 from .tet10 import QuadraticMesh, scatter_nodes, shape
 
@@ -62,11 +63,8 @@ class Loads:
         return np.asarray(out)
 
     def blocks(self, conditions: BoundaryConditions, u: Float) -> list[tuple[Int, Float]]:
-        """What the loads add to the tangent: ((k,) nodes, (3 k, 3 k)) N/mm.
-
-        Of the follower load only the symmetric part, so that the solver stays symmetric; the
-        residual is exact.
-        """
+        """What the loads add to the tangent: ((k,) nodes, (3 k, 3 k)) N/mm; of the follower load
+        the symmetric part."""
         out: list[tuple[Int, Float]] = []
         for d, nodes, w in zip(
             conditions.drags,
@@ -79,16 +77,34 @@ class Loads:
         for p in conditions.pressures:
             if p.value == 0:
                 continue
-            x = (self._mesh.nodes + u)[p.faces]
-            a, b = (np.einsum("qn,tna->tqa", d, x) for d in (_BY_R, _BY_S))
-            # d(a x b)/dx_m = skew(a) dN_m/ds - skew(b) dN_m/dr
-            change = np.einsum("tqij,qm->tqimj", _skew(a), _BY_S) - np.einsum(
-                "tqij,qm->tqimj", _skew(b), _BY_R
-            )
-            block = p.value * np.einsum("q,qn,tqimj->tnimj", _AREA, _FACE, change)
-            block = block.reshape(len(block), 18, 18)
+            block = self._follower(p, u)
             out += list(zip(p.faces, 0.5 * (block + block.transpose(0, 2, 1)), strict=True))
         return out
+
+    def skew(self, conditions: BoundaryConditions, u: Float) -> sp.csr_matrix | None:
+        """The antisymmetric part (3 n, 3 n) of the tangent: of pressure on an open surface, whose
+        work depends on the way; None without pressure."""
+        parts = []
+        for p in conditions.pressures:
+            if p.value == 0:
+                continue
+            block = self._follower(p, u)
+            dof = (3 * p.faces[:, :, None] + np.arange(3)).reshape(-1, 18)
+            rows, columns = np.repeat(dof, 18, axis=1).ravel(), np.tile(dof, 18).ravel()
+            values = 0.5 * (block - block.transpose(0, 2, 1)).ravel()
+            parts.append(sp.csr_matrix((values, (rows, columns)), shape=(u.size, u.size)))
+        return sum(parts[1:], parts[0]) if parts else None
+
+    def _follower(self, p: Pressure, u: Float) -> Float:
+        """Derivative (t, 18, 18) of minus the pressure's forces on its faces."""
+        x = (self._mesh.nodes + u)[p.faces]
+        a, b = (np.einsum("qn,tna->tqa", d, x) for d in (_BY_R, _BY_S))
+        # d(a x b)/dx_m = skew(a) dN_m/ds - skew(b) dN_m/dr
+        change = np.einsum("tqij,qm->tqimj", _skew(a), _BY_S) - np.einsum(
+            "tqij,qm->tqimj", _skew(b), _BY_R
+        )
+        block = p.value * np.einsum("q,qn,tqimj->tnimj", _AREA, _FACE, change)
+        return np.asarray(block.reshape(len(block), 18, 18))
 
 
 def _skew(v: Float) -> Float:

@@ -152,7 +152,9 @@ def _axis(mesh: QuadraticMesh, fixed: Int) -> tuple[Float, Float, float]:
     """From the held region to the farthest part: unit direction, start and length (mm)."""
     start = mesh.nodes[fixed].mean(0)
     away = np.linalg.norm(mesh.nodes - start, axis=1)
-    far = mesh.nodes[away > 0.9 * away.max()].mean(0)
+    tip = mesh.nodes[away.argmax()]  # of the ends of a body held in its middle, one
+    near = np.linalg.norm(mesh.nodes - tip, axis=1) < 0.5 * away.max()
+    far = mesh.nodes[near & (away > 0.9 * away.max())].mean(0)
     direction = far - start
     length = float(np.linalg.norm(direction))
     return _upright(direction / length), start, length

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spl
 
 from ..core.arrays import Float
 from . import tet10
@@ -66,6 +69,7 @@ class System:
         self.loads = Loads(mesh, conditions)
         self.turning = Turning(self.reduction.active, conditions)
         self.solver = make_solver(threads)
+        self._whole: Any = None
 
     def close(self) -> None:
         self.solver.close()
@@ -157,7 +161,15 @@ class System:
         F = tet10.deformation_gradient(self.reduction.active, state.u, self.threads)
         pressure = self.loads.pressure(state.conditions, state.u)
         _, force, _ = self._residual(state, F, pressure)
-        return self.reduction.size == 0 or self._factor(state, F, force, False)
+        if self.reduction.size == 0:
+            return True
+        blocks = self.loads.blocks(state.conditions, state.u)
+        true = self.reduction.matrix(state, self.material, F, False, blocks, force, self.threads)
+        try:
+            self.solver.factor(true)
+        except NotPositiveDefinite:
+            return False
+        return True
 
     def _factor(self, state: State, F: Float, force: Float, project: bool) -> bool:
         """Factor the tangent; returns whether it is the true one. Raises NotPositiveDefinite."""
@@ -175,7 +187,21 @@ class System:
                 state, self.material, F, True, blocks, None, self.threads
             )
             self.solver.factor(matrix)
+        skew = self.loads.skew(state.conditions, state.u)
+        self._whole = None
+        if skew is not None:
+            whole = matrix + sp.triu(matrix, 1).T + self.reduction.reduced(state, skew)
+            self._whole = whole.tocsr()
         return not project
+
+    def _solve(self, right: Float) -> Float:
+        """With the tangent of the last `_factor`; where pressure makes it unsymmetric, by GMRES
+        with the factor of its symmetric part as the preconditioner."""
+        if self._whole is None:
+            return self.solver.solve(right)
+        inverse = spl.LinearOperator(self._whole.shape, matvec=self.solver.solve, dtype=float)
+        found, failed = spl.gmres(self._whole, right, M=inverse, rtol=1e-8, maxiter=60)
+        return self.solver.solve(right) if failed else np.asarray(found)
 
     def _value(self, state: State, u: Float, F: Float | None) -> tuple[float, Float, Float]:
         """Potential energy, F, and the pressure's nodal forces, which a line search freezes."""
@@ -198,9 +224,9 @@ class System:
         self, state: State, value: float, pressure: Float, gradient: Float, thorough: bool
     ) -> tuple[State, Float] | None:
         """Line search along the solver's direction; with an old factor only the full step."""
-        direction = self.solver.solve(-gradient)
+        direction = self._solve(-gradient)
         slope = float(gradient @ direction)
-        if not slope < 0:
+        if not (slope < 0 or self._whole is not None):
             return None
         active, length = self.reduction.active, 1.0
         while length > 1e-6:
@@ -211,6 +237,11 @@ class System:
             # Near convergence the energy no longer resolves the decrease.
             if new <= value + 1e-4 * length * slope + 1e-12 * abs(value):
                 return trial, F
+            if self._whole is not None and np.isfinite(new):
+                # A load that follows the surface has no energy: less residual is as good.
+                after = self._residual(trial, F, self.loads.pressure(trial.conditions, trial.u))[0]
+                if np.linalg.norm(after) < (1 - 1e-4 * length) * np.linalg.norm(gradient):
+                    return trial, F
             if not thorough:
                 return None
             length /= 2

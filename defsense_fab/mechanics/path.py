@@ -120,6 +120,7 @@ def follow(
     results: list[Equilibrium] = []
     for target in fractions:
         began = time.perf_counter()
+        smallest = min(SMALLEST_STEP, (target - at) / 4)
         iterations = factors = steps = 0
         residual = energy = np.inf
         stable = True
@@ -139,7 +140,7 @@ def follow(
                     stop,
                     guess,
                     TOLERANCE if there == target else LOOSE,
-                    PATIENCE if step > PATIENT_STEP else MAX_ITERATIONS,
+                    PATIENCE if there - at > PATIENT_STEP else MAX_ITERATIONS,
                 )
                 guess = None  # holds for one step to the goal
             except Cancelled:
@@ -149,7 +150,7 @@ def follow(
             factors += attempt.factors
             if attempt.state is None:
                 step = (there - at) / 2
-                if step < SMALLEST_STEP:
+                if step < smallest:
                     results.append(Equilibrium(Status.NOT_REACHED, None, at, statistics(), state))
                     return results
                 continue

@@ -89,7 +89,10 @@ def _add(a: Handle, b: Handle, label: str) -> Handle:
             f"device.toml: states: the mixture {label!r} moves region {a.region!r} both"
             " freely and by a translation; mix poses that agree"
         )
-    if a.free_axes.tobytes() != b.free_axes.tobytes():
+    # An axis and its opposite are one hinge.
+    if a.free_axes.shape != b.free_axes.shape or not np.allclose(
+        np.abs(np.einsum("fa,fa->f", a.free_axes, b.free_axes)), 1.0
+    ):
         raise DeviceError(
             f"device.toml: states: the mixture {label!r} turns region {a.region!r} both"
             " freely and by a rotation; mix poses that agree"
@@ -169,7 +172,11 @@ def _agree_with_symmetry(conditions: BoundaryConditions, label: str) -> None:
             turned = [*h.free_axes, h.rotation]
             leaves = any(np.linalg.norm(np.cross(axis, n)) > 1e-9 for axis in turned)
             free = np.isnan(h.translation)
-            if leaves or (np.abs(n[free]) > 1e-9).any() or abs(n[~free] @ h.translation[~free]) > 0:
+            if (
+                leaves
+                or (np.abs(n[free]) > 1e-9).any()
+                or abs(n[~free] @ h.translation[~free]) > 1e-9
+            ):
                 raise DeviceError(
                     f"device.toml: poses: in {label!r} the region {h.name!r} touches a plane of"
                     " symmetry but may leave it; turn it about the plane's normal only and"

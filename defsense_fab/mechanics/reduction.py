@@ -94,6 +94,7 @@ class Reduction:
         )
         self._offset = _pair_offsets(groups, graph.indptr, graph.indices, size)
         self._sizes = size
+        self._sorted_keys: Int | None = None
 
     def place(self, state: State, goal: BoundaryConditions) -> State:
         """The prescribed parts moved to their values in `goal`; unknowns stay where they are."""
@@ -205,10 +206,27 @@ class Reduction:
         dof = self.dof[nodes].ravel()
         keep = (dof[:, None] >= 0) & (dof[None] >= dof[:, None])
         rows, columns = np.nonzero(keep)
-        for r, c in zip(rows, columns, strict=True):
-            i = dof[r]
-            line = self._indices[self._indptr[i] : self._indptr[i + 1]]
-            values[self._indptr[i] + np.searchsorted(line, dof[c])] += width[r, c]
+        wanted = dof[rows] * self.size + dof[columns]
+        np.add.at(values, np.searchsorted(self._keys(), wanted), width[rows, columns])
+
+    def _keys(self) -> Int:
+        """Row times size plus column of each stored entry, increasing."""
+        if self._sorted_keys is None:
+            rows = np.repeat(np.arange(self.size), np.diff(self._indptr))
+            self._sorted_keys = rows * self.size + self._indices
+        return self._sorted_keys
+
+    def reduced(self, state: State, full: Any) -> Any:
+        """T^T A T of a sparse A (3 n, 3 n), T the derivative of the nodes by the unknowns."""
+        keep = self.dof >= 0
+        node, column = np.nonzero(keep)
+        rows = (3 * node[:, None] + np.arange(3)).ravel()
+        values = self.basis(state)[node, :, column].ravel()
+        transfer = sp.csr_matrix(
+            (values, (rows, np.repeat(self.dof[node, column], 3))),
+            shape=(3 * len(self.dof), self.size),
+        )
+        return transfer.T @ full @ transfer
 
     def _add_rotations(self, values: Float, state: State, force: Float) -> None:
         for h, turn in zip(state.conditions.handles, state.turns, strict=True):

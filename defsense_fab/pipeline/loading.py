@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..core.device import Device
 from ..mechanics.batch import Job
-from ..mechanics.held import check_held
+from ..mechanics.held import check_held, narrow
 from ..mechanics.pose import mix
 from ..mechanics.tet10 import QuadraticMesh
 
@@ -45,5 +47,8 @@ def jobs(
             device.poses, loading.weights, device.regions, mesh, device.material.density
         )
         warnings += check_held(mesh, conditions, loading.state(loading.fractions[-1]))
+        for name in sorted({n for p in device.poses if p.name in loading.weights for n in p.fixed}):
+            held = np.flatnonzero(device.regions[name].contains(mesh.nodes))
+            warnings += narrow(mesh, held, name)
         out.append(Job(conditions, loading.fractions))
     return out, list(dict.fromkeys(warnings))

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..core.device import Device
-from ..core.errors import MeshingError
+from ..core.errors import DeviceError, MeshingError
 from ..core.mesh import Surface, TetMesh
 from ..mechanics.batch import solve_all
 from ..mechanics.locate import PointLocator
@@ -63,9 +63,7 @@ def choose(
     Where MOST_TETS do not suffice, the finest one; its error then says so. Raises MeshingError
     where no mesh could be solved.
     """
-    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-    edge = 2 * abs(surface.volume) / float(area)
+    edge = coarse_edge(surface)
     lines: Float | None = None
     trials: list[Trial] = []
     while True:
@@ -75,14 +73,20 @@ def choose(
         locator = PointLocator(quadratic)
         if lines is None:
             lines = probing_lines(locator, np.random.default_rng(0))
-        measured = _measure(device, quadratic, locator, lines)
+        finer = edge / RATIO
+        last = 8.5 * surface.volume / finer**3 > MOST_TETS
+        try:
+            measured = _measure(device, quadratic, locator, lines)
+        except DeviceError:  # a region too small for this mesh
+            if last:
+                raise
+            measured = np.full((len(device.poses), len(lines)), np.nan)
         trials.append(Trial(edge, mesh, measured, np.nan))
         trials = estimate(trials)
         known = [t for t in trials if t.error <= accuracy]
         if known:
             return Choice(known[0], tuple(trials))
-        finer = edge / RATIO
-        if 8.5 * surface.volume / finer**3 > MOST_TETS:
+        if last:
             if not np.isfinite(measured).all():
                 raise MeshingError(
                     "device.toml: mesh.accuracy: a pose does not converge on any mesh that was"
@@ -90,6 +94,14 @@ def choose(
                 )
             return Choice(trials[-1], tuple(trials))
         edge = finer
+
+
+def coarse_edge(surface: Surface) -> float:
+    """Edge length (mm) of the first trial: about the thickness, and coarse enough for a second."""
+    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    most = 0.9 * MOST_TETS / RATIO**3
+    return max(2 * abs(surface.volume) / area, float(np.cbrt(8.5 * abs(surface.volume) / most)))
 
 
 def estimate(trials: list[Trial]) -> list[Trial]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,28 +62,40 @@ def propose_poses(
     with storage_errors(picture):
         _draw(mesh, poses, picture)
     progress("modes", 1.0, "done")
-    return Proposal(tuple(found), tuple(poses), as_toml(poses, fixed), picture)
+    region = END
+    while region in device.regions:
+        region += "_new"
+    return Proposal(tuple(found), tuple(poses), as_toml(poses, fixed, region), picture)
 
 
 def append(device_file: Path, proposal: Proposal, known: tuple[str, ...]) -> None:
-    """Add the text to `device.toml`. Raises DeviceError where a name is taken."""
+    """Add the text to `device.toml`. Raises DeviceError where a name is taken, or where the file
+    is written in a way that cannot be continued; it is then as it was."""
     taken = {p.name for p in proposal.poses} & set(known)
     if taken:
         raise DeviceError(f"device.toml: poses: there is a pose {min(taken)!r} already; rename it")
     with storage_errors(device_file):
         before = device_file.read_text(encoding="utf-8")
+        text = before.rstrip("\n") + "\n\n" + proposal.text
+        try:
+            tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise DeviceError(
+                f"device.toml: the poses cannot be added at its end ({error}); paste what"
+                " `defsense modes` prints without --write"
+            ) from None
         temporary = device_file.with_suffix(".toml.part")
-        temporary.write_text(before.rstrip("\n") + "\n\n" + proposal.text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")
         temporary.replace(device_file)
 
 
-def as_toml(poses: list[ProposedPose], fixed: str) -> str:
+def as_toml(poses: list[ProposedPose], fixed: str, region: str = END) -> str:
     """The region that is moved, and the poses."""
     if not poses:
         return ""
     first = poses[0]
     lines = [
-        f"[regions.{END}]",
+        f"[regions.{region}]",
         f"half_space = {{ origin = {_list(first.origin)}, normal = {_list(first.axis)} }}",
     ]
     for p in poses:
@@ -93,7 +106,7 @@ def as_toml(poses: list[ProposedPose], fixed: str) -> str:
             f'name = "{p.name}"',
             f'fixed = ["{fixed}"]',
             "[[poses.handles]]",
-            f'region = "{END}"',
+            f'region = "{region}"',
         ]
         angle = float(np.linalg.norm(p.rotation))
         if angle:
@@ -109,7 +122,7 @@ def _quoted(word: str) -> str:
 
 
 def _list(vector: Float) -> str:
-    return "[" + ", ".join(f"{v:.4g}" for v in np.round(vector, 4) + 0.0) + "]"
+    return "[" + ", ".join(f"{v:.7g}" for v in np.round(vector, 4) + 0.0) + "]"
 
 
 def _draw(mesh: QuadraticMesh, poses: list[ProposedPose], path: Path) -> None:

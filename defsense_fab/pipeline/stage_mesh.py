@@ -33,6 +33,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     density: dict[str, Any] = {"edge_length": device.mesh.edge_length}
     if device.mesh.edge_length is not None:
         mesh = make(device.mesh.edge_length)
+    elif not device.poses:  # looking for poses: what they will need is not known yet
+        mesh = make(mesh_density.coarse_edge(surface) / mesh_density.RATIO)
     else:
         assert device.mesh.accuracy is not None
         choice = mesh_density.choose(device, surface, device.mesh.accuracy, make, report)
@@ -41,9 +43,13 @@ def run(device: Device, folder: Path, report: Report) -> None:
             "edge_length": choice.taken.edge_length,
             "accuracy": {
                 "asked": device.mesh.accuracy,
-                "reached": choice.taken.error,
+                "reached": _known(choice.taken.error),
                 "tried": [
-                    {"edge_length": t.edge_length, "tets": len(t.mesh.tets), "error": t.error}
+                    {
+                        "edge_length": t.edge_length,
+                        "tets": len(t.mesh.tets),
+                        "error": _known(t.error),
+                    }
                     for t in choice.trials
                 ],
             },
@@ -67,6 +73,10 @@ def run(device: Device, folder: Path, report: Report) -> None:
     write_json(
         folder / "mesh.json", {"hash": mesh.digest, **density, **asdict(quality(mesh, surface))}
     )
+
+
+def _known(error: float) -> float | None:
+    return error if np.isfinite(error) else None
 
 
 def load_mesh(folder: Path) -> TetMesh:

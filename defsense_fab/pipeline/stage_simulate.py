@@ -33,6 +33,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     material = Material.from_spec(device.material)
     out = folder / "fields"
     out.mkdir()
+    for stale in (device.source / "not-reached").glob("*@*.vtu"):
+        stale.unlink()
     plan = loadings(device)
     todo, warnings = jobs(device, mesh, plan)
     angle = read_json(folder / "mesh.json")["min_dihedral"]
@@ -90,8 +92,8 @@ def _refuse_unreached(
         offered = f" (the body at that amplitude: {path})"
     raise SolveError(
         f"device.toml: poses: {label!r} did not converge beyond {last.amplitude:.0%} of its"
-        f" amplitude{offered}; lower its rotation or translation, enlarge its regions, or refine"
-        " [mesh] edge_length"
+        f" amplitude{offered}; lower its movement or load, enlarge its regions, or refine the"
+        " mesh"
     )
 
 

@@ -162,6 +162,16 @@ def test_materials_by_hardness_constants_or_name(edit, text, young, model):
         ('translate = "free"', 'translate = ["loose", 0, 0]', 'each may be "free"'),
         ("degrees = -30 }", 'degrees = "any" }', "degrees: must be a number"),
         ("rotate = { axis = [0, 1, 0], degrees = -30 }", 'rotate = "any"', "rotate: must be"),
+        ("degrees = -30 }", "degrees = 1e200 }", "degrees: must be within 3600"),
+        ('translate = "free"', "translate = [1e9, 0, 0]", "beyond 100000"),
+        ('fixed = ["base"]', 'fixed = ["base"]\ngravity = [0, 0, -1e200]', "gravity: .* beyond"),
+        ("0.75, 1.0]", "0.75, 0.7500001, 1.0]", "nearly the same"),
+        ("[outputs]", "held_out = [{ twist = 0.5 }]\n[outputs]", "there already"),
+        (
+            'name = "tango-black-plus"',
+            'model = "mooney-rivlin"\nc10 = 0.1\nc01 = 0.1\npoisson_ratio = 0.4\nshore = "30A"',
+            "shore: follows from",
+        ),
     ],
 )
 def test_mistakes_in_materials_meshes_and_handles_are_named(edit, old, new, message):

@@ -55,3 +55,13 @@ def test_a_region_that_fits_already_moves_nothing(mesh):
     whole = Box(np.full(3, -1e3), np.full(3, 1e3))
     assert (conform(mesh, [whole]).nodes == mesh.nodes).all()
     assert (conform(mesh, []).nodes == mesh.nodes).all()
+
+
+def test_a_slab_inside_a_face_does_not_bend_the_body():
+    """A thin region about a flat face, as a plane of symmetry asks for: creases stay."""
+    mesh = structured_bar([0, -15, -15], [150, 15, 15], (15, 3, 3))
+    slab = Box(np.array([-1, -15.2, -16]), np.array([151, -14.8, 16]))
+    made = conform(mesh, [slab])
+    assert made.boundary().volume == pytest.approx(mesh.boundary().volume, rel=1e-9)
+    flat = np.abs(mesh.nodes[:, 1] + 15) < 1e-9
+    assert (made.nodes[flat] == mesh.nodes[flat]).all()

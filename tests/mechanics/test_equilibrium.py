@@ -5,12 +5,21 @@ import pytest
 
 from defsense_fab.mechanics import tet10
 from defsense_fab.mechanics.batch import Job, solve_all
-from defsense_fab.mechanics.conditions import BoundaryConditions, Drag, RigidHandle, rest
+from defsense_fab.mechanics.conditions import (
+    BoundaryConditions,
+    Drag,
+    Pressure,
+    RigidHandle,
+    rest,
+)
 from defsense_fab.mechanics.linear_solver import NotPositiveDefinite, Pardiso, SuperLU, make_solver
+from defsense_fab.mechanics.loads import Loads
+from defsense_fab.mechanics.material import neo_hookean
 from defsense_fab.mechanics.newton import System
 from defsense_fab.mechanics.path import Status, follow, solve_ramp
 from defsense_fab.mechanics.soundness import inspect
-from defsense_fab.mechanics.tet10 import deformation_gradient
+from defsense_fab.mechanics.tet10 import QuadraticMesh, deformation_gradient
+from tests.conftest import structured_bar
 from tests.mechanics.conftest import MODELS
 
 MATERIAL = MODELS["neo-hookean"]
@@ -240,3 +249,20 @@ def test_without_mkl_the_poses_are_the_same(mesh, clamp, monkeypatch):
     slow = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
     assert slow.status == Status.OK
     assert np.abs(fast.u - slow.u).max() < 1e-4
+
+
+def test_pressure_on_an_open_face_bends_the_bar_to_equilibrium(clamp):
+    """The load follows the surface, so the tangent is unsymmetric; every node is in balance."""
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], (12, 2, 2)))
+    law = neo_hookean(0.3 / 2.98, 0.3 / 0.06)
+    faces = tet10.boundary_faces(mesh)
+    top = faces[(mesh.nodes[faces[:, :3], 2] > 14.9).all(axis=1)]
+    base = clamp(mesh).fixed
+    conditions = BoundaryConditions(base, pressures=(Pressure(top, 0.002),))
+    result = solve_ramp(mesh, law, conditions, [1.0])[-1]
+    assert result.status == Status.OK
+    assert result.u[:, 2].min() < -100  # pressed down, far
+    outer = Loads(mesh, conditions).pressure(conditions, result.u)
+    free = np.setdiff1d(np.arange(len(mesh.nodes)), base)
+    off = (internal(mesh, law, result.u) - outer)[free]
+    assert np.abs(off).max() < 1e-5 * np.abs(outer).max()
