@@ -305,9 +305,10 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             f" ({data['mesh']['tets']} tets) keeps signals within {_percent(chosen['reached'])};"
             f" {chosen['asked']:.2%} was asked",
             highlight=False,
+            soft_wrap=True,
         )
     for warning in data.get("simulation", {}).get("warnings", []):
-        console.print(f"note: {warning}", highlight=False)
+        console.print(f"note: {warning}", highlight=False, soft_wrap=True)
     if "layout" in data:
         layout = data["layout"]
         first, best = layout["initial"], layout["prediction"]
