@@ -17,14 +17,13 @@ import resource
 import subprocess
 import sys
 import time
-from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks import agreement
+from benchmarks.grid import grid_of_tets
 from benchmarks.robustness import material
-from defsense_fab.core.mesh import TetMesh
 from defsense_fab.mechanics import tet10
 from defsense_fab.mechanics.conditions import BoundaryConditions, RigidHandle, rest
 from defsense_fab.mechanics.interactive import Interactive
@@ -58,17 +57,7 @@ def bar(tets: int) -> QuadraticMesh:
         np.linspace(-15, 15, across + 1),
         np.linspace(-7.5, 7.5, up + 1),
     ]
-    counts = [len(a) - 1 for a in axes]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    step = np.array([(counts[1] + 1) * (counts[2] + 1), counts[2] + 1, 1])
-    first = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), -1).reshape(-1, 3) @ step
-    parts = []
-    for order in permutations(range(3)):  # Kuhn's six tets of a cell
-        walk = np.cumsum([0, *step[list(order)]])
-        odd = np.linalg.det(np.eye(3)[list(order)]) < 0
-        parts.append(first[:, None] + walk[[0, 2, 1, 3] if odd else [0, 1, 2, 3]])
-    # Peers want the corners first, without gaps: all of them are used here.
-    return QuadraticMesh.from_linear(TetMesh(nodes, np.concatenate(parts)))
+    return QuadraticMesh.from_linear(grid_of_tets(axes))
 
 
 def pose(mesh: QuadraticMesh, rotation) -> BoundaryConditions:

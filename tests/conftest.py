@@ -1,13 +1,12 @@
 """Shared bodies and meshes, made once."""
 
-from itertools import permutations
-
 import numpy as np
 import pytest
 
+from benchmarks.grid import grid_of_tets
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import Sensor
-from defsense_fab.core.mesh import Surface, TetMesh
+from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.tetrahedra import tetrahedralise
 
 
@@ -23,15 +22,7 @@ def box_surface(low, high):
 def structured_bar(low, high, counts):
     """A box of counts[0] x counts[1] x counts[2] cells of six tets each: the same on every run."""
     axes = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, counts, strict=True)]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    steps = np.array([(counts[1] + 1) * (counts[2] + 1), counts[2] + 1, 1])
-    first = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), -1).reshape(-1, 3)
-    tets = []
-    for order in permutations(range(3)):  # Kuhn: along the axes in each order
-        walk = np.cumsum([0, *steps[list(order)]])
-        odd = np.linalg.det(np.eye(3)[list(order)]) < 0
-        tets.append((first @ steps)[:, None] + walk[[0, 2, 1, 3] if odd else [0, 1, 2, 3]])
-    return TetMesh(nodes, np.concatenate(tets))
+    return grid_of_tets(axes)
 
 
 @pytest.fixture(scope="session", autouse=True)

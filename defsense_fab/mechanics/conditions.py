@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..core.arrays import Float, Int
+from ..core.device import PointDrag
 
 
 @dataclass(frozen=True)
@@ -35,15 +36,6 @@ class Slide:
 
 
 @dataclass(frozen=True)
-class Drag:
-    """A spring (`stiffness` in N/mm) from the body's `point` (3,) mm to that point moved `by`."""
-
-    point: Float
-    by: Float
-    stiffness: float
-
-
-@dataclass(frozen=True)
 class Pressure:
     """MPa on boundary faces (t, 6) of node indices, corners then edges (0,1) (1,2) (2,0), outward.
 
@@ -61,7 +53,7 @@ class BoundaryConditions:
     fixed: Int
     handles: tuple[RigidHandle, ...] = ()
     slides: tuple[Slide, ...] = ()
-    drags: tuple[Drag, ...] = ()
+    drags: tuple[PointDrag, ...] = ()
     pressures: tuple[Pressure, ...] = ()
     gravity: Float = field(default_factory=lambda: np.zeros(3))
 
@@ -75,7 +67,7 @@ class BoundaryConditions:
                 for h in self.handles
             ),
             tuple((s.nodes.tobytes(), s.normal.tobytes()) for s in self.slides),
-            tuple((d.point.tobytes(), d.stiffness) for d in self.drags),
+            tuple((d.at.tobytes(), d.stiffness) for d in self.drags),
             tuple(p.faces.tobytes() for p in self.pressures),
         )
 

@@ -61,7 +61,7 @@ def _pieces(mesh: QuadraticMesh) -> Int:
 def _check_drags(mesh: QuadraticMesh, conditions: BoundaryConditions, label: str) -> None:
     if not conditions.drags:
         return
-    points = np.array([d.point for d in conditions.drags])
+    points = np.array([d.at for d in conditions.drags])
     depth = PointLocator(mesh).find(points).depth
     for point, inside in zip(points, depth, strict=True):
         if inside < -0.05:
@@ -89,7 +89,7 @@ def _loose_motion(mesh: QuadraticMesh, conditions: BoundaryConditions) -> str | 
             at(mesh.nodes[n], slide.normal)
     for drag in conditions.drags:
         for axis in np.eye(3):
-            at(drag.point, axis)
+            at(drag.at, axis)
     for h in conditions.handles:
         for axis in np.eye(3)[~np.isnan(h.translation)]:
             at(h.center, axis)

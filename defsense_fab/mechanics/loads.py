@@ -23,7 +23,7 @@ class Loads:
             mesh, np.repeat((4 * mesh.weight[:, None] * _LUMP)[:, :, None], 3, axis=2)
         )
         if conditions.drags:
-            points = np.array([d.point for d in conditions.drags])
+            points = np.array([d.at for d in conditions.drags])
             at: Located = PointLocator(mesh).find(points)
             self._drag_nodes: Int = mesh.cells[at.cell]
             self._drag_weights: Float = shape(at.bary)

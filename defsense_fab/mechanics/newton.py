@@ -158,11 +158,11 @@ class System:
 
     def is_stable(self, state: State) -> bool:
         """Whether the true Hessian is positive definite there: a minimum, not a saddle."""
+        if self.reduction.size == 0:
+            return True
         F = tet10.deformation_gradient(self.reduction.active, state.u, self.threads)
         pressure = self.loads.pressure(state.conditions, state.u)
         _, force, _ = self._residual(state, F, pressure)
-        if self.reduction.size == 0:
-            return True
         blocks = self.loads.blocks(state.conditions, state.u)
         true = self.reduction.matrix(state, self.material, F, False, blocks, force, self.threads)
         try:

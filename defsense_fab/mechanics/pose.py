@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..core.arrays import Float, Int
-from ..core.device import Handle, Pose
+from ..core.device import Handle, PointDrag, Pose
 from ..core.errors import DeviceError
 from ..core.regions import Shape
-from .conditions import BoundaryConditions, Drag, Pressure, RigidHandle, Slide
+from .conditions import BoundaryConditions, Pressure, RigidHandle, Slide
 from .tet10 import QuadraticMesh, boundary_faces
 
 #: Standard gravity in mm/s^2, and g/cm^3 in t/mm^3: forces come out in N.
@@ -35,7 +35,7 @@ def mix(
     fixed: set[str] = set()
     handles: dict[str, Handle] = {}
     slides: dict[str, list[Float]] = {}
-    drags: list[Drag] = []
+    drags: list[PointDrag] = []
     pressures: dict[str, float] = {}
     gravity = np.zeros(3)
     for pose in poses:
@@ -49,7 +49,7 @@ def mix(
             handles[h.region] = scaled if known is None else _add(known, scaled, label)
         for s in pose.symmetry:
             slides.setdefault(s.region, []).append(s.normal)
-        drags += [Drag(d.at, weight * d.by, d.stiffness) for d in pose.drags]
+        drags += [replace(d, by=weight * d.by) for d in pose.drags]
         for p in pose.pressures:
             pressures[p.region] = pressures.get(p.region, 0.0) + weight * p.value
         gravity += weight * pose.gravity

@@ -47,7 +47,9 @@ def jobs(
             device.poses, loading.weights, device.regions, mesh, device.material.density
         )
         warnings += check_held(mesh, conditions, loading.state(loading.fractions[-1]))
-        for name in sorted({n for p in device.poses if p.name in loading.weights for n in p.fixed}):
+        for name in sorted(
+            {n for p in device.poses if loading.weights.get(p.name) for n in p.fixed}
+        ):
             held = np.flatnonzero(device.regions[name].contains(mesh.nodes))
             warnings += narrow(mesh, held, name)
         out.append(Job(conditions, loading.fractions))

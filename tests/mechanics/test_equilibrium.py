@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from defsense_fab.core.device import PointDrag
 from defsense_fab.mechanics import tet10
 from defsense_fab.mechanics.batch import Job, solve_all
 from defsense_fab.mechanics.conditions import (
     BoundaryConditions,
-    Drag,
     Pressure,
     RigidHandle,
     rest,
@@ -147,9 +147,9 @@ def test_a_neighbouring_pose_is_a_start(mesh, clamp):
 def test_a_drag_pulls_softly(mesh, clamp):
     """The spring's force is what the body's own forces answer."""
     base = clamp(mesh).fixed
-    drag = Drag(np.array([150.0, 0, 0]), np.array([0, 0, 30.0]), 0.05)
+    drag = PointDrag(np.array([150.0, 0, 0]), np.array([0, 0, 30.0]), 0.05)
     result = solve_ramp(mesh, MATERIAL, BoundaryConditions(base, drags=(drag,)), [1.0])[-1]
-    end = np.argmin(np.linalg.norm(mesh.nodes - drag.point, axis=1))
+    end = np.argmin(np.linalg.norm(mesh.nodes - drag.at, axis=1))
     assert 0 < result.u[end, 2] < 30
     reaction = internal(mesh, MATERIAL, result.u)[base].sum(0)
     stretch = drag.by[2] - result.u[end, 2]

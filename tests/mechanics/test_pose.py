@@ -142,8 +142,6 @@ def test_small_regions_and_drags_outside_are_told(bar):
     (said,) = check_held(bar, BoundaryConditions(base, (small,)), "p")
     assert "'dot'" in said
     assert "enlarge it" in said
-    from defsense_fab.mechanics.conditions import Drag
-
-    outside = Drag(np.array([75.0, 0, 30]), NONE, 1.0)
+    outside = PointDrag(np.array([75.0, 0, 30]), NONE, 1.0)
     with pytest.raises(DeviceError, match="lies outside the body"):
         check_held(bar, BoundaryConditions(base, drags=(outside,)), "p")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from defsense_fab.core.device import PointDrag
 from defsense_fab.mechanics import tet10
 from defsense_fab.mechanics.conditions import (
     BoundaryConditions,
-    Drag,
     Pressure,
     Slide,
     between,
@@ -37,7 +37,7 @@ def full(upper):
 def test_gradient_and_hessian_by_finite_differences(mesh, clamp, case):
     """Along random directions of the unknowns, handle rotations by the exponential map."""
     slides = (Slide(np.flatnonzero(np.abs(mesh.nodes[:, 1] + 15) < 1e-6), np.array([0, 1.0, 0])),)
-    drags = (Drag(np.array([80.0, 3, 4]), np.array([0, 1.0, 2]), 0.3),)
+    drags = (PointDrag(np.array([80.0, 3, 4]), np.array([0, 1.0, 2]), 0.3),)
     turned = "free_axes" in case or "translation" in case
     conditions = clamp(
         mesh, slides=() if turned else slides, drags=drags, gravity=np.array([0, 0, -1e-5]), **case
