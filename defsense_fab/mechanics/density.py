@@ -58,10 +58,15 @@ def stress(kind, p, F, P, C, B, d):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
-def tangent(kind, p, F, project, H, C, B, d):  # type: ignore[no-untyped-def]
-    """Fill H (9, 9) = d2W/dF2, MPa, rows 3 i + j; with `project` its negative part is removed."""
+def tangent(kind, p, F, lag, share, H, C, B, d):  # type: ignore[no-untyped-def]
+    """Fill H (9, 9) = d2W/dF2, MPa, rows 3 i + j.
+
+    The `share` of its negative part is removed. `lag` is by how much the pressure that multiplies
+    d2J/dF2 differs from that of F (MPa).
+    """
     i1, i2, J = _invariants(F, C, B)
     law(kind, p, i1, i2, J, d)
+    d[3] += lag
     f, b, c = F.ravel(), B.ravel(), C.ravel()
     for r in range(9):
         x = 4 * (d[4] * f[r] + d[5] * b[r]) + 2 * d[6] * c[r]
@@ -96,13 +101,13 @@ def tangent(kind, p, F, project, H, C, B, d):  # type: ignore[no-untyped-def]
                         if j == m:
                             s -= h[i, k]
                         H[3 * i + j, 3 * k + m] += 2 * d[2] * s
-    if project:
-        _project(F, H, d, i1)
+    if share > 0:
+        _project(F, H, d, i1, share)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _project(F, H, d, i1):  # type: ignore[no-untyped-def]
-    """Add to H what lifts its negative eigenvalues to zero."""
+def _project(F, H, d, i1, share):  # type: ignore[no-untyped-def]
+    """Add to H the share of what lifts its negative eigenvalues to zero."""
     U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     signed_svd(F, U, s, V)
     m = np.empty(9)
@@ -117,7 +122,7 @@ def _project(F, H, d, i1):  # type: ignore[no-untyped-def]
                         m[3 * r + c] = U[r, i] * V[c, j] - sign * U[r, j] * V[c, i]
                 for r in range(9):
                     for c in range(9):
-                        H[r, c] -= 0.5 * value * m[r] * m[c]
+                        H[r, c] -= share * 0.5 * value * m[r] * m[c]
     A = np.empty((3, 3))
     a1, a2, a3 = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
@@ -149,4 +154,4 @@ def _project(F, H, d, i1):  # type: ignore[no-untyped-def]
                         m[3 * r + c] += Q[i, k] * U[r, i] * V[c, i]
             for r in range(9):
                 for c in range(9):
-                    H[r, c] -= w[k] * m[r] * m[c]
+                    H[r, c] -= share * w[k] * m[r] * m[c]

@@ -56,6 +56,11 @@ class Material:
         """Young's modulus at small strain, MPa."""
         return 9 * self.bulk * self.shear / (3 * self.bulk + self.shear)
 
+    @property
+    def volumetric(self) -> float:
+        """Second derivative of the energy's part in (J - const.)^2, MPa."""
+        return float(self.parameters[4 if self.kind == SPLIT else 1])
+
     @classmethod
     def from_spec(cls, spec: MaterialSpec) -> Material:
         """Moduli from E and nu: mu = E / (2 (1 + nu)), kappa = E / (3 (1 - 2 nu))."""

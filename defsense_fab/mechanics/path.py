@@ -13,13 +13,11 @@ import numpy as np
 from ..core.arrays import Float
 from .conditions import BoundaryConditions, State, between, rest
 from .material import Material
-from .newton import LOOSE, MAX_ITERATIONS, PATIENCE, TOLERANCE, Cancelled, System
+from .newton import LOOSE, TOLERANCE, Cancelled, System
 from .soundness import inspect
 from .tet10 import QuadraticMesh
 
-SMALLEST_STEP = 1 / 32
-#: Steps below are not given up for being slow.
-PATIENT_STEP = 1 / 12
+SMALLEST_STEP = 1 / 16
 #: Matrices of a step after which the next one is larger.
 EASY = 5
 #: No step turns a handle further (rad), or the solver could land in another equilibrium.
@@ -140,7 +138,6 @@ def follow(
                     stop,
                     guess,
                     TOLERANCE if there == target else LOOSE,
-                    PATIENCE if there - at > PATIENT_STEP else MAX_ITERATIONS,
                 )
                 guess = None  # holds for one step to the goal
             except Cancelled:

@@ -36,16 +36,10 @@ class Turning:
         used = np.zeros(count, bool)
         used[corners] = True
         solve, given = np.flatnonzero(used & ~held), np.flatnonzero(used & held)
-        local = (
-            4
-            * mesh.weight[:, None, None]
-            * np.einsum("mai,mbi->mab", mesh.bary_gradient, mesh.bary_gradient)
-        )
-        laplacian = sp.csr_matrix(
-            (local.ravel(), (np.repeat(corners, 4, axis=1).ravel(), np.tile(corners, 4).ravel())),
-            shape=(count, count),
-        )
         if len(solve) and len(given) and self._handles:
+            local = np.einsum("m,mai,mbi->mab", mesh.weight, mesh.bary_gradient, mesh.bary_gradient)
+            at = np.repeat(corners, 4, axis=1).ravel(), np.tile(corners, 4).ravel()
+            laplacian = sp.csr_matrix((local.ravel(), at), shape=(count, count))
             inner = laplacian[solve][:, solve].tocsc()
             right = -laplacian[solve][:, given] @ values[given]
             values[solve] = spl.splu(inner, permc_spec="MMD_AT_PLUS_A").solve(right)

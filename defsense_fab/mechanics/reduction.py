@@ -76,6 +76,11 @@ class Reduction:
         """The mesh without the tets that lie wholly in one rigid piece."""
         return self._active
 
+    @property
+    def own(self) -> Float:
+        """(n,) bool: nodes with three unknowns of their own."""
+        return np.asarray((self._group >= 0) & ~self._special)
+
     def _pattern(self, size: Int) -> None:
         groups = self._group[self._active.cells]
         rows, columns = np.repeat(groups, 10, axis=1).ravel(), np.tile(groups, (1, 10)).ravel()
@@ -125,8 +130,7 @@ class Reduction:
     def nudge(self, placed: State, u: Float) -> State:
         """The placed state with free nodes at u (n, 3) mm, and handles moved after them where
         their translation is free; sliding nodes stay."""
-        free = (self._group >= 0) & ~self._special
-        out, shifts = np.where(free[:, None], u, placed.u), placed.shifts.copy()
+        out, shifts = np.where(self.own[:, None], u, placed.u), placed.shifts.copy()
         for i, h in enumerate(placed.conditions.handles):
             loose = np.isnan(h.translation)
             shifts[i][loose] += (u - placed.u)[h.nodes].mean(0)[loose]
@@ -165,28 +169,32 @@ class Reduction:
         state: State,
         material: Material,
         F: Float,
-        project: bool,
+        share: float,
         extra: list[tuple[Int, Float]],
         force: Float | None = None,
         threads: int = 1,
+        lag: Float | None = None,
     ) -> Any:
         """Upper triangle (CSR) of the tangent by the unknowns, at F (m, 4, 3, 3) of `active`.
 
         `extra` are further blocks ((k,) nodes, (3 k, 3 k)) of loads; with the nodal `force` (n, 3)
         the second derivative of the handles' rotations is counted, which the true Hessian needs.
+        `share` and `lag` (m, 4) are those of `density.tangent`.
         """
         mesh = self._active
         chunks = max(1, min(threads, len(mesh.cells) // 200))
         data = np.zeros((chunks, len(self._indices)))
         step = -(-len(mesh.cells) // chunks)
         basis = self.basis(state)
+        if lag is None:
+            lag = np.zeros(F.shape[:2])
 
         def assemble(a: int, b: int) -> None:
             for i in range(a, b):
                 _assemble(
-                    F, mesh.gradient, mesh.weight, material.kind, material.parameters, project,
-                    mesh.cells, self._special, basis, self._local, self._group, self._start,
-                    self._sizes, self._offset, self._indptr,
+                    F, mesh.gradient, mesh.weight, material.kind, material.parameters, lag,
+                    float(share), mesh.cells, self._special, basis, self._local, self._group,
+                    self._start, self._sizes, self._offset, self._indptr,
                     i * step, min((i + 1) * step, len(mesh.cells)), data[i],
                 )  # fmt: skip
 
@@ -331,14 +339,14 @@ def _pair_offsets(groups, indptr, indices, size):  # type: ignore[no-untyped-def
 
 @numba.njit(cache=True, nogil=True)
 def _assemble(  # type: ignore[no-untyped-def]
-    F, gradient, weight, kind, p, project,
+    F, gradient, weight, kind, p, lag, share,
     cells, special, basis, local, group, start, size, offset, indptr, first, last, data,
 ):  # fmt: skip
     K, H, T = np.empty((30, 30)), np.empty((9, 9)), np.empty((9, 30))
     block = np.empty((6, 6))
     half = np.empty((3, 6))
     for e in range(first, last):
-        element_tangent(F[e], gradient[e], weight[e], kind, p, project, K, H, T)
+        element_tangent(F[e], gradient[e], weight[e], kind, p, lag[e], share, K, H, T)
         for a in range(10):
             na = cells[e, a]
             g = group[na]

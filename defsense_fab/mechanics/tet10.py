@@ -16,6 +16,7 @@ from ..core.arrays import Float, Int
 from ..core.mesh import TetMesh
 from .density import energy_density, stress, tangent
 from .material import Material
+from .matrix3 import cofactor
 from .threads import over_chunks
 
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
@@ -111,6 +112,13 @@ def deformation_gradient(mesh: QuadraticMesh, u: Float, threads: int = 1) -> Flo
     return out
 
 
+def volume(G: Float, F: Float, threads: int = 1) -> Float:
+    """Volume ratios (m, 4) at F, linearised about G, both (m, 4, 3, 3): det F where G is F."""
+    out = np.empty(F.shape[:2])
+    over_chunks(lambda a, b: _volume(G, F, a, b, out), len(out), threads)
+    return out
+
+
 def energy(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) -> float:
     """Stored energy (N mm) of F (m, 4, 3, 3); inf where the material is not defined."""
     sums = np.zeros(len(mesh.cells))
@@ -139,16 +147,16 @@ def scatter_nodes(mesh: QuadraticMesh, local: Float) -> Float:
 
 
 def stiffness(
-    mesh: QuadraticMesh, material: Material, F: Float, project: bool, threads: int = 1
+    mesh: QuadraticMesh, material: Material, F: Float, share: float, threads: int = 1
 ) -> Float:
     """Element tangents (m, 30, 30), N/mm, row 3 * node + axis, at F (m, 4, 3, 3).
 
-    With `project`, the negative part of the energy's Hessian by F is removed at each point.
+    The `share` (0 to 1) of the negative part of the energy's Hessian by F is removed at each point.
     """
     out = np.empty((len(mesh.cells), 30, 30))
     kind, p = material.kind, material.parameters
     over_chunks(
-        lambda a, b: _stiffness(F, mesh.gradient, mesh.weight, kind, p, project, a, b, out),
+        lambda a, b: _stiffness(F, mesh.gradient, mesh.weight, kind, p, float(share), a, b, out),
         len(out),
         threads,
     )
@@ -169,6 +177,17 @@ def _gradients(x, cells, gradient, start, stop, out):  # type: ignore[no-untyped
                     for n in range(10):
                         s += local[n, a] * gradient[e, q, n, j]
                     out[e, q, a, j] = s
+
+
+@numba.njit(cache=True, nogil=True)
+def _volume(G, F, start, stop, out):  # type: ignore[no-untyped-def]
+    C = np.empty((3, 3))
+    for e in range(start, stop):
+        for q in range(4):
+            out[e, q] = cofactor(G[e, q], C)
+            for i in range(3):
+                for j in range(3):
+                    out[e, q] += C[i, j] * (F[e, q, i, j] - G[e, q, i, j])
 
 
 @numba.njit(cache=True, nogil=True)
@@ -203,19 +222,22 @@ def _gather(cells, local, out):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _stiffness(F, gradient, weight, kind, p, project, start, stop, out):  # type: ignore[no-untyped-def]
-    H, T = np.empty((9, 9)), np.empty((9, 30))
+def _stiffness(F, gradient, weight, kind, p, share, start, stop, out):  # type: ignore[no-untyped-def]
+    H, T, none = np.empty((9, 9)), np.empty((9, 30)), np.zeros(4)
     for e in range(start, stop):
-        element_tangent(F[e], gradient[e], weight[e], kind, p, project, out[e], H, T)
+        element_tangent(F[e], gradient[e], weight[e], kind, p, none, share, out[e], H, T)
 
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def element_tangent(F, gradient, weight, kind, p, project, K, H, T):  # type: ignore[no-untyped-def]
-    """Fill K (30, 30) of one tet with F (4, 3, 3); H (9, 9) and T (9, 30) are scratch."""
+def element_tangent(F, gradient, weight, kind, p, lag, share, K, H, T):  # type: ignore[no-untyped-def]
+    """Fill K (30, 30) of one tet with F (4, 3, 3); H (9, 9) and T (9, 30) are scratch.
+
+    `lag` (4,) and `share` are those of `density.tangent`.
+    """
     C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
     K[:] = 0.0
     for q in range(4):
-        tangent(kind, p, F[q], project, H, C, B, d)
+        tangent(kind, p, F[q], lag[q], share, H, C, B, d)
         for r in range(9):
             for m in range(10):
                 g0, g1, g2 = gradient[q, m, 0], gradient[q, m, 1], gradient[q, m, 2]
@@ -260,7 +282,7 @@ def _linearised(G, D, gradient, weight, kind, p, start, stop, out):  # type: ign
         out[e] = 0.0
         for q in range(4):
             stress(kind, p, G[e, q], P, C, B, d)
-            tangent(kind, p, G[e, q], True, H, C, B, d)
+            tangent(kind, p, G[e, q], 0.0, 1.0, H, C, B, d)
             for r in range(9):
                 for c in range(9):
                     P[r // 3, r % 3] += H[r, c] * D[e, q, c // 3, c % 3]

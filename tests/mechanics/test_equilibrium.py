@@ -1,5 +1,7 @@
 """Solved poses: equilibrium, free handles, failure as a status, cancelling, warm starts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,8 @@ from defsense_fab.mechanics.conditions import (
 from defsense_fab.mechanics.linear_solver import NotPositiveDefinite, Pardiso, SuperLU, make_solver
 from defsense_fab.mechanics.loads import Loads
 from defsense_fab.mechanics.material import neo_hookean
-from defsense_fab.mechanics.newton import System
+from defsense_fab.mechanics.newton import PATCH_AFTER, System
+from defsense_fab.mechanics.patch import stuck_patch
 from defsense_fab.mechanics.path import Status, follow, solve_ramp
 from defsense_fab.mechanics.soundness import inspect
 from defsense_fab.mechanics.tet10 import QuadraticMesh, deformation_gradient
@@ -141,6 +144,38 @@ def test_a_neighbouring_pose_is_a_start(mesh, clamp):
     other = clamp(mesh, translation=[1.0, 0, 0])
     with pytest.raises(ValueError, match="structure"):
         follow(system, near.state, other)
+    system.close()
+
+
+def test_nearly_incompressible_bodies_take_few_matrices(mesh, clamp):
+    """What the plain method needs grows with the bulk modulus: there, 20 and more."""
+    for nu in (0.45, 0.49, 0.499):
+        law = neo_hookean(0.2, 0.4 * (1 + nu) / (3 * (1 - 2 * nu)))
+        goal = clamp(mesh, [0.6, -0.9, 0.3], [-10.0, np.nan, np.nan])
+        result = solve_ramp(mesh, law, goal, [1.0])[-1]
+        assert result.status == Status.OK
+        assert result.statistics.factors <= 10
+
+
+def test_a_knot_in_a_pose_is_untied_by_itself(clamp):
+    """A node pulled far off an equilibrium: the patch about it is solved, the rest stays."""
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [90, 3, 3]))
+    goal = clamp(mesh, [0, -0.8, 0])
+    system = System(mesh, MATERIAL, goal)
+    solved = follow(system, rest(goal, len(mesh.nodes)), goal)[-1].state
+    knot = np.argmin(np.linalg.norm(mesh.nodes - [75, 0, 0], axis=1))
+    u = solved.u.copy()
+    u[knot] += [0.2, 0.3, 0.3]
+    assert np.linalg.det(deformation_gradient(system.reduction.active, u)).min() > 0
+    gradient = system.reduction.gradient(solved, internal(mesh, MATERIAL, u))
+    chosen, cells = stuck_patch(system.reduction, gradient)
+    assert chosen[knot]
+    assert chosen.sum() < 0.1 * len(mesh.nodes)
+    assert cells.sum() < 0.2 * len(mesh.cells)
+    attempt = system.equilibrium(replace(solved, u=u), factors=PATCH_AFTER)
+    assert attempt.factors - PATCH_AFTER <= 3  # of the whole body
+    assert np.abs(attempt.state.u - solved.u).max() < 1e-4
+    assert stuck_patch(system.reduction, np.ones(system.reduction.size)) is None
     system.close()
 
 

@@ -25,9 +25,9 @@ def stress_of(m, F):
     return P
 
 
-def tangent_of(m, F, project=False):
+def tangent_of(m, F, share=0.0, lag=0.0):
     H = np.empty((9, 9))
-    tangent(m.kind, m.parameters, F, project, H, *scratch())
+    tangent(m.kind, m.parameters, F, lag, share, H, *scratch())
     return H
 
 
@@ -68,8 +68,35 @@ def test_projection_is_that_of_the_eigenvalues(material):
         w, Q = np.linalg.eigh(tangent_of(material, F))
         negative += (w < -1e-6).sum()
         clamped = (Q * np.maximum(w, 0)) @ Q.T
-        assert tangent_of(material, F, True) == pytest.approx(clamped, abs=1e-7 * np.abs(w).max())
+        assert tangent_of(material, F, 1.0) == pytest.approx(clamped, abs=1e-7 * np.abs(w).max())
     assert negative > 20
+
+
+def test_a_share_of_the_projection_lies_between(material):
+    for F in gradients(2, 5, 0.5):
+        none, all_of_it = tangent_of(material, F), tangent_of(material, F, 1.0)
+        quarter = tangent_of(material, F, 0.25)
+        assert quarter == pytest.approx(none + 0.25 * (all_of_it - none), abs=1e-9)
+
+
+def test_a_lag_is_a_pressure_on_the_second_derivative_of_the_volume(material):
+    """And `volumetric` is the modulus that turns a change of volume into that pressure."""
+    h, rng = 1e-4, np.random.default_rng(3)
+    for F in gradients(4, 5, 0.3):
+        E = rng.normal(size=(3, 3))
+        second = (np.linalg.det(F + h * E) - 2 * np.linalg.det(F) + np.linalg.det(F - h * E)) / h**2
+        more = tangent_of(material, F, 0.0, 2.0) - tangent_of(material, F)
+        assert E.ravel() @ more @ E.ravel() == pytest.approx(2 * second, rel=1e-4, abs=1e-5)
+
+
+def test_volumetric_is_the_modulus_of_the_energys_part_by_volume(material):
+    more = material.parameters.copy()
+    more[4 if material.model != "stable-neo-hookean" else 1] += 0.7
+    other = Material(material.model, material.kind, more, 0, 0)
+    assert other.volumetric - material.volumetric == pytest.approx(0.7)
+    gradients = [np.cbrt(J) * np.eye(3) for J in (0.9, 1.0, 1.1)]
+    a, b, c = (energy_of(other, F) - energy_of(material, F) for F in gradients)
+    assert (a - 2 * b + c) / 0.01 == pytest.approx(0.7)
 
 
 def test_rest_is_free_of_stress_and_rotations_cost_nothing(material):

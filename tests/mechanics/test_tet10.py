@@ -65,6 +65,18 @@ def test_linearised_forces_are_those_of_the_tangent(mesh, material):
     assert away == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
 
 
+def test_volume_is_exact_at_the_state_and_first_order_about_it(mesh):
+    u, d = smooth(mesh, 1), smooth(mesh, 2)
+    G = deformation_gradient(mesh, u)
+    assert tet10.volume(G, G) == pytest.approx(np.linalg.det(G))
+    off = [
+        np.abs(tet10.volume(G, F) - np.linalg.det(F)).max()
+        for F in (deformation_gradient(mesh, u + h * d) for h in (1e-2, 1e-3))
+    ]
+    assert off[0] / off[1] == pytest.approx(100, rel=0.1)
+    assert (tet10.volume(G, G, 3) == tet10.volume(G, G)).all()
+
+
 def test_rigid_motion_costs_no_energy(mesh, material):
     turn = rotation_matrix(np.array([0.5, -1.0, 0.7]))
     u = mesh.nodes @ turn.T + [1, 2, 3] - mesh.nodes
