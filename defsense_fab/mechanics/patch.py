@@ -15,7 +15,7 @@ from .reduction import Reduction
 
 #: Part of the largest residual that counts as large.
 LARGE = 0.1
-#: Largest part of the unknowns with a large residual, and of the nodes in a patch.
+#: Largest part of the unknowns with a large residual, and of the free nodes in a patch.
 FEW, SMALL = 0.01, 0.1
 RINGS = 2  # of tets about the nodes with a large residual
 
@@ -23,13 +23,13 @@ RINGS = 2  # of tets about the nodes with a large residual
 def stuck_patch(reduction: Reduction, gradient: Float) -> tuple[Float, Float] | None:
     """Nodes (n,) bool to solve for and active cells (m,) bool about them, for the reduced gradient
     (size,); None where the residual is spread over the body."""
-    size = np.abs(gradient)
-    if (size > LARGE * size.max()).sum() > FEW * len(size):
+    own = reduction.own  # moments of handles are no forces
+    at = np.zeros((len(own), 3))
+    at[own] = np.abs(gradient[reduction.dof[own, :3]])
+    large = at > LARGE * at.max()
+    if large.sum() > FEW * reduction.size:
         return None
-    own = reduction.own
-    at = np.zeros(len(own))
-    at[own] = size[reduction.dof[own, :3]].max(axis=1)
-    chosen = at > LARGE * size.max()
+    chosen = large.any(axis=1)
     for _ in range(RINGS):
         chosen[reduction.active.cells[chosen[reduction.active.cells].any(axis=1)]] = True
     chosen &= own

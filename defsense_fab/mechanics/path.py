@@ -143,7 +143,7 @@ def follow(
             except Cancelled:
                 results.append(Equilibrium(Status.CANCELLED, None, at, statistics(), state))
                 return results
-            iterations += attempt.iterations
+            iterations += attempt.solves
             factors += attempt.factors
             if attempt.state is None:
                 step = (there - at) / 2

@@ -1,7 +1,7 @@
 """Is a solved field one that a real body can have? Inverted tets, and a surface through itself.
 
-Contact is not modelled, so an equilibrium may pass through itself; and the energy sees a tet only
-at its quadrature points, so one may fold over elsewhere.
+Contact is not modelled, so an equilibrium may pass through itself; the energy sees a tet only at
+its quadrature points, so one may fold over elsewhere, and the stable model is defined even there.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float, Int
-from .tet10 import EDGES, QuadraticMesh, boundary_faces, shape_by_bary
+from .tet10 import EDGES, QuadraticMesh, boundary_faces, deformation_gradient, shape_by_bary
 
 _NODES = np.concatenate([np.eye(4), np.eye(4)[EDGES].mean(axis=1)])
 #: A face of six nodes as four flat ones.
@@ -20,8 +20,8 @@ _SPLIT = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 @dataclass(frozen=True)
 class Soundness:
-    """`inverted` (k,) tets with det F <= 0 at a node, the least det F at any node, and `inside`
-    (p, 3) mm: deformed places of the surface that lie inside the body."""
+    """`inverted` (k,) tets with det F <= 0 at a node or a quadrature point, the least det F there,
+    and `inside` (p, 3) mm: deformed places of the surface that lie inside the body."""
 
     inverted: Int
     least_jacobian: float
@@ -38,7 +38,7 @@ class Soundness:
             where = ", ".join(f"{v:.3g}" for v in self.inside.mean(0))
             said.append(f"the body passes through itself about ({where}) mm")
         if len(self.inverted):
-            said.append(f"{len(self.inverted)} tets are turned inside out at a node")
+            said.append(f"{len(self.inverted)} tets are turned inside out somewhere")
         return "; ".join(said) or None
 
 
@@ -50,7 +50,8 @@ def nodal_gradients(mesh: QuadraticMesh, u: Float) -> Float:
 
 def inspect(mesh: QuadraticMesh, u: Float) -> Soundness:
     """Look at displacements u (n, 3) mm."""
-    jacobian = np.linalg.det(nodal_gradients(mesh, u))
+    inner = deformation_gradient(mesh, u)
+    jacobian = np.linalg.det(np.concatenate([nodal_gradients(mesh, u), inner], axis=1))
     bad = np.flatnonzero((jacobian <= 0).any(axis=1))
     return Soundness(bad, float(jacobian.min()), _inside(mesh, u))
 

@@ -139,6 +139,13 @@ def forces(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) 
     return scatter_nodes(mesh, local)
 
 
+def pressure_forces(mesh: QuadraticMesh, pressure: Float, F: Float) -> Float:
+    """Nodal forces (n, 3) N of the stress p cof F with p (m, 4) MPa at F (m, 4, 3, 3)."""
+    cof = np.stack([np.cross(F[..., i - 2, :], F[..., i - 1, :]) for i in range(3)], axis=-2)
+    local = np.einsum("m,mq,mqij,mqnj->mni", mesh.weight, pressure, cof, mesh.gradient)
+    return scatter_nodes(mesh, np.ascontiguousarray(local))
+
+
 def scatter_nodes(mesh: QuadraticMesh, local: Float) -> Float:
     """Sum (n, 3) of what the elements' nodes carry, (m, 10, 3)."""
     out = np.zeros_like(mesh.nodes)

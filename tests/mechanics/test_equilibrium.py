@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device import PointDrag
-from defsense_fab.mechanics import tet10
+from defsense_fab.mechanics import newton, tet10
 from defsense_fab.mechanics.batch import Job, solve_all
 from defsense_fab.mechanics.conditions import (
     BoundaryConditions,
@@ -17,7 +17,7 @@ from defsense_fab.mechanics.conditions import (
 from defsense_fab.mechanics.linear_solver import NotPositiveDefinite, Pardiso, SuperLU, make_solver
 from defsense_fab.mechanics.loads import Loads
 from defsense_fab.mechanics.material import neo_hookean
-from defsense_fab.mechanics.newton import PATCH_AFTER, System
+from defsense_fab.mechanics.newton import Cancelled, System
 from defsense_fab.mechanics.patch import stuck_patch
 from defsense_fab.mechanics.path import Status, follow, solve_ramp
 from defsense_fab.mechanics.soundness import inspect
@@ -26,6 +26,11 @@ from tests.conftest import structured_bar
 from tests.mechanics.conftest import MODELS
 
 MATERIAL = MODELS["neo-hookean"]
+
+
+def rubber(nu):
+    """Shear modulus 0.2 MPa."""
+    return neo_hookean(0.2, 0.4 * (1 + nu) / (3 * (1 - 2 * nu)))
 
 
 def internal(mesh, material, u):
@@ -93,7 +98,7 @@ def test_a_twist_of_270_degrees_stays_270(mesh, clamp):
     middle = np.argmin(np.linalg.norm(mesh.nodes - [75, 0, 15], axis=1))
     x, u = mesh.nodes[middle], result.u[middle]
     angle = np.arctan2(*(x + u)[[2, 1]]) - np.arctan2(*x[[2, 1]])
-    assert np.rad2deg(angle) % 360 == pytest.approx(135 + 0.0, abs=4)
+    assert np.rad2deg(angle) % 360 == pytest.approx(270 * (x[0] - 10) / 130, abs=4)
 
 
 def test_impossible_pose_is_a_status_without_a_field(mesh):
@@ -148,35 +153,84 @@ def test_a_neighbouring_pose_is_a_start(mesh, clamp):
 
 
 def test_nearly_incompressible_bodies_take_few_matrices(mesh, clamp):
-    """What the plain method needs grows with the bulk modulus: there, 20 and more."""
-    for nu in (0.45, 0.49, 0.499):
-        law = neo_hookean(0.2, 0.4 * (1 + nu) / (3 * (1 - 2 * nu)))
+    """Without pressures of their own at the quadrature points it is 60 at nu = 0.499."""
+    for nu in (0.45, 0.499):
         goal = clamp(mesh, [0.6, -0.9, 0.3], [-10.0, np.nan, np.nan])
-        result = solve_ramp(mesh, law, goal, [1.0])[-1]
+        result = solve_ramp(mesh, rubber(nu), goal, [1.0])[-1]
         assert result.status == Status.OK
-        assert result.statistics.factors <= 10
+        assert result.statistics.factors <= 15
 
 
-def test_a_knot_in_a_pose_is_untied_by_itself(clamp):
-    """A node pulled far off an equilibrium: the patch about it is solved, the rest stays."""
+def test_a_hinge_near_incompressibility(clamp):
+    """Handles turn by the exponential map; the volumes must follow the linear movement."""
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [15, 4, 4]))
+    goal = clamp(mesh, translation=[-50.0, 20.0, 50.0], free_axes=[[0, 1.0, 0]])
+    result = solve_ramp(mesh, rubber(0.499), goal, [1.0])[-1]
+    assert result.converged
+    assert result.statistics.factors <= 60
+
+
+def test_the_way_back_to_rest_is_reached(mesh, clamp):
+    bent, straight = clamp(mesh, [0, -0.6, 0]), clamp(mesh)
+    system = System(mesh, MATERIAL, bent)
+    there = follow(system, rest(bent, len(mesh.nodes)), bent)[-1]
+    back = follow(system, there.state, straight)[-1]
+    assert back.status == Status.OK
+    assert np.abs(back.u).max() < 1e-6
+    system.close()
+
+
+def test_an_unstable_pose_asked_for_again_stays_unstable(clamp):
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [10, 2, 2]))
+    goal = clamp(mesh, translation=[-22.0, 0, 0])
+    system = System(mesh, rubber(0.45), goal)
+    first = follow(system, rest(goal, len(mesh.nodes)), goal)[-1]
+    assert first.status == Status.UNSTABLE
+    again = follow(system, first.state, goal, guess=np.zeros_like(mesh.nodes))[-1]
+    assert again.status == Status.UNSTABLE
+    system.close()
+
+
+@pytest.fixture
+def knotted(clamp):
+    """A system, an equilibrium of it, and the same with one node pulled far off."""
     mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [90, 3, 3]))
     goal = clamp(mesh, [0, -0.8, 0])
     system = System(mesh, MATERIAL, goal)
     solved = follow(system, rest(goal, len(mesh.nodes)), goal)[-1].state
-    knot = np.argmin(np.linalg.norm(mesh.nodes - [75, 0, 0], axis=1))
     u = solved.u.copy()
-    u[knot] += [0.2, 0.3, 0.3]
+    u[np.argmin(np.linalg.norm(mesh.nodes - [75, 0, 0], axis=1))] += [0.2, 0.3, 0.3]
     assert np.linalg.det(deformation_gradient(system.reduction.active, u)).min() > 0
-    gradient = system.reduction.gradient(solved, internal(mesh, MATERIAL, u))
-    chosen, cells = stuck_patch(system.reduction, gradient)
-    assert chosen[knot]
-    assert chosen.sum() < 0.1 * len(mesh.nodes)
-    assert cells.sum() < 0.2 * len(mesh.cells)
-    attempt = system.equilibrium(replace(solved, u=u), factors=PATCH_AFTER)
-    assert attempt.factors - PATCH_AFTER <= 3  # of the whole body
-    assert np.abs(attempt.state.u - solved.u).max() < 1e-4
-    assert stuck_patch(system.reduction, np.ones(system.reduction.size)) is None
+    yield system, solved, replace(solved, u=u)
     system.close()
+
+
+def test_a_knot_in_a_pose_is_untied_by_itself(knotted, monkeypatch):
+    """The patch about the node is solved, the rest stays."""
+    system, solved, start = knotted
+    mesh = system.mesh
+    gradient = system.reduction.gradient(solved, internal(mesh, MATERIAL, start.u))
+    nodes, cells = stuck_patch(system.reduction, gradient)
+    moved = np.abs(start.u - solved.u).max(axis=1) > 0
+    assert nodes[moved].all()
+    assert cells.sum() < 0.2 * len(mesh.cells)
+    assert stuck_patch(system.reduction, np.ones(system.reduction.size)) is None
+    monkeypatch.setattr(newton, "PATCH_AFTER", 0)
+    eased = system.equilibrium(start)
+    monkeypatch.setattr(System, "_ease", lambda *_: None)
+    plain = system.equilibrium(start)
+    assert eased.factors < plain.factors
+    for attempt in (eased, plain):
+        assert np.abs(attempt.state.u - solved.u).max() < 1e-4
+
+
+def test_cancelling_inside_a_patch(knotted, monkeypatch):
+    system, solved, start = knotted
+    monkeypatch.setattr(newton, "PATCH_AFTER", 0)
+    asked = []
+    with pytest.raises(Cancelled):
+        system.equilibrium(start, lambda: asked.append(0) or len(asked) > 1)
+    assert np.abs(system.equilibrium(start).state.u - solved.u).max() < 1e-4
 
 
 def test_a_drag_pulls_softly(mesh, clamp):
@@ -213,12 +267,14 @@ def test_an_exception_in_one_pose_ends_them_all(mesh, clamp):
 
 
 def test_a_pressed_bar_is_found_unstable(mesh, clamp):
-    """A straight bar pressed beyond Euler's load stays straight by symmetry at most: a saddle, or
-    it has buckled sideways. Never a straight bar that is called ok."""
+    """Beyond Euler's load a bar that stays straight is a saddle, and one that is on its way to
+    buckle may not be reached. Never a straight bar that is called ok."""
     conditions = clamp(mesh, translation=[-30.0, 0, 0])
     result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
-    sideways = np.abs(result.u[:, 1:]).max()
-    assert result.status == Status.UNSTABLE or sideways > 10
+    if result.status == Status.NOT_REACHED:
+        assert 0.5 < result.amplitude < 1
+    else:
+        assert result.status == Status.UNSTABLE or np.abs(result.u[:, 1:]).max() > 10
 
 
 def test_a_body_through_itself_is_reported(mesh, clamp):

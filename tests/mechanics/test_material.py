@@ -72,6 +72,14 @@ def test_projection_is_that_of_the_eigenvalues(material):
     assert negative > 20
 
 
+def test_projection_counts_a_lag_too(material):
+    for F in gradients(5, 20, 0.4):
+        w, Q = np.linalg.eigh(tangent_of(material, F, lag=1.5))
+        clamped = (Q * np.maximum(w, 0)) @ Q.T
+        found = tangent_of(material, F, 1.0, lag=1.5)
+        assert found == pytest.approx(clamped, abs=1e-7 * np.abs(w).max())
+
+
 def test_a_share_of_the_projection_lies_between(material):
     for F in gradients(2, 5, 0.5):
         none, all_of_it = tangent_of(material, F), tangent_of(material, F, 1.0)
@@ -80,7 +88,6 @@ def test_a_share_of_the_projection_lies_between(material):
 
 
 def test_a_lag_is_a_pressure_on_the_second_derivative_of_the_volume(material):
-    """And `volumetric` is the modulus that turns a change of volume into that pressure."""
     h, rng = 1e-4, np.random.default_rng(3)
     for F in gradients(4, 5, 0.3):
         E = rng.normal(size=(3, 3))
@@ -94,8 +101,8 @@ def test_volumetric_is_the_modulus_of_the_energys_part_by_volume(material):
     more[4 if material.model != "stable-neo-hookean" else 1] += 0.7
     other = Material(material.model, material.kind, more, 0, 0)
     assert other.volumetric - material.volumetric == pytest.approx(0.7)
-    gradients = [np.cbrt(J) * np.eye(3) for J in (0.9, 1.0, 1.1)]
-    a, b, c = (energy_of(other, F) - energy_of(material, F) for F in gradients)
+    scaled = [np.cbrt(J) * np.eye(3) for J in (0.9, 1.0, 1.1)]
+    a, b, c = (energy_of(other, F) - energy_of(material, F) for F in scaled)
     assert (a - 2 * b + c) / 0.01 == pytest.approx(0.7)
 
 

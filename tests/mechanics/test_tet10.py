@@ -22,9 +22,9 @@ def forces(mesh, material, u, threads=1):
     return tet10.forces(mesh, material, deformation_gradient(mesh, u, threads), threads)
 
 
-def stiffness(mesh, material, u, project, threads=1):
+def stiffness(mesh, material, u, share, threads=1):
     F = deformation_gradient(mesh, u, threads)
-    return tet10.stiffness(mesh, material, F, project, threads)
+    return tet10.stiffness(mesh, material, F, share, threads)
 
 
 def test_forces_are_the_gradient_of_the_energy(mesh, material):
@@ -35,7 +35,7 @@ def test_forces_are_the_gradient_of_the_energy(mesh, material):
 
 def test_tangent_is_the_gradient_of_the_forces(mesh, material):
     u, d, h = smooth(mesh, 1), smooth(mesh, 2), 1e-5
-    elements = stiffness(mesh, material, u, False)
+    elements = stiffness(mesh, material, u, 0.0)
     local = np.einsum("eij,ej->ei", elements, d[mesh.cells].reshape(-1, 30))
     product = tet10.scatter_nodes(mesh, local.reshape(-1, 10, 3))
     expected = (forces(mesh, material, u + h * d) - forces(mesh, material, u - h * d)) / (2 * h)
@@ -45,8 +45,8 @@ def test_tangent_is_the_gradient_of_the_forces(mesh, material):
 def test_projection_removes_negative_eigenvalues_only(mesh, material):
     u = smooth(mesh, 3)
     u[:, 0] -= 0.3 * mesh.nodes[:, 0]  # compression makes the true tangent indefinite
-    true = np.linalg.eigvalsh(stiffness(mesh, material, u, False))
-    projected = np.linalg.eigvalsh(stiffness(mesh, material, u, True))
+    true = np.linalg.eigvalsh(stiffness(mesh, material, u, 0.0))
+    projected = np.linalg.eigvalsh(stiffness(mesh, material, u, 1.0))
     assert true.min() < -1e-3
     assert projected.min() > -1e-9 * projected.max()
     assert (projected >= true - 1e-9 * projected.max()).all()
@@ -59,7 +59,7 @@ def test_linearised_forces_are_those_of_the_tangent(mesh, material):
     at = tet10.linearised_forces(mesh, material, G, G)
     assert at == pytest.approx(forces(mesh, material, u), abs=1e-10)
     away = tet10.linearised_forces(mesh, material, G, deformation_gradient(mesh, u + d)) - at
-    elements = stiffness(mesh, material, u, True)
+    elements = stiffness(mesh, material, u, 1.0)
     local = np.einsum("eij,ej->ei", elements, d[mesh.cells].reshape(-1, 30))
     expected = tet10.scatter_nodes(mesh, local.reshape(-1, 10, 3))
     assert away == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
@@ -75,6 +75,19 @@ def test_volume_is_exact_at_the_state_and_first_order_about_it(mesh):
     ]
     assert off[0] / off[1] == pytest.approx(100, rel=0.1)
     assert (tet10.volume(G, G, 3) == tet10.volume(G, G)).all()
+
+
+def test_pressure_forces_are_the_gradient_of_the_volume(mesh):
+    u, d, h = smooth(mesh, 1), smooth(mesh, 2), 1e-5
+
+    def volumes(u):
+        F = deformation_gradient(mesh, u)
+        return tet10.volume(F, F) * mesh.weight[:, None]
+
+    pressure = np.random.default_rng(0).normal(size=(len(mesh.cells), 4))
+    found = (tet10.pressure_forces(mesh, pressure, deformation_gradient(mesh, u)) * d).sum()
+    slope = (pressure * (volumes(u + h * d) - volumes(u - h * d))).sum() / (2 * h)
+    assert found == pytest.approx(slope, rel=1e-6)
 
 
 def test_rigid_motion_costs_no_energy(mesh, material):
@@ -96,7 +109,7 @@ def test_threads_do_not_change_the_result(mesh, material):
     u = smooth(mesh, 1)
     assert energy(mesh, material, u, 3) == pytest.approx(energy(mesh, material, u), rel=1e-12)
     assert (forces(mesh, material, u, 3) == forces(mesh, material, u)).all()
-    assert (stiffness(mesh, material, u, True, 3) == stiffness(mesh, material, u, True)).all()
+    assert (stiffness(mesh, material, u, 1.0, 3) == stiffness(mesh, material, u, 1.0)).all()
 
 
 def test_boundary_faces_enclose_the_volume(mesh):
