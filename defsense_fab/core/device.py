@@ -153,9 +153,14 @@ class Sensor:
     free: frozenset[str] = frozenset()
 
 
+#: What the map from readings to positions may be made of; see `sensing/features.py`.
+DECODERS = ("affine", "quadratic")
+
+
 @dataclass(frozen=True)
 class Device:
-    """All that a build needs to know; `source` is the folder of `device.toml`."""
+    """All that a build needs to know; `source` is the folder of `device.toml`, `propose` the number
+    of cords to find where none are drawn."""
 
     name: str
     source: Path
@@ -170,6 +175,7 @@ class Device:
     fabrication: FabricationSpec
     sensors: tuple[Sensor, ...]
     propose: int
+    decoder: str
 
     @property
     def channel_diameter(self) -> float:

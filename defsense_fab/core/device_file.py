@@ -11,6 +11,7 @@ import numpy as np
 from .catalogue import read_rows
 from .curve import Hermite, Plane, catmull_rom
 from .device import (
+    DECODERS,
     BodyKind,
     BodySpec,
     CordSpec,
@@ -46,9 +47,11 @@ def load_device(
     cord = _cord(top.table("cord"))
     sensors = _sensors(top)
     design = top.table("design", required=False)
-    propose = int(design.number("sensors", 0.5, low=0)) if design.data else 0
-    if design.data and design.data.get("sensors") != propose:
+    propose = int(design.number("sensors", 0.5, low=0)) if "sensors" in design.data else 0
+    if design.data.get("sensors", 0) != propose:
         design.fail("sensors", "must be a whole number of at least 1")
+    decoder = design.string("decoder", "affine")
+    design.choice("decoder", decoder, DECODERS, "decoder")
     design.done()
     if bool(sensors) == bool(propose) and (complete or sensors):
         top.fail(
@@ -68,6 +71,7 @@ def load_device(
         fabrication=_fabrication(top.table("fabrication")),
         sensors=sensors,
         propose=propose,
+        decoder=decoder,
     )
     top.done()
     return device

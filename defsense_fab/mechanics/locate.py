@@ -42,29 +42,20 @@ class PointLocator:
         self._count = np.maximum(np.ceil((high.max(0) - self._low) / self._cell), 1).astype(int)
         a = np.floor((low - self._low) / self._cell).astype(int)
         b = np.minimum(np.floor((high - self._low) / self._cell).astype(int), self._count - 1)
-        self._start, self._items = _fill(a, b, self._count)
-        self._origin = corners[:, 0]
+        start, items = _fill(a, b, self._count)
+        #: What `find_point` takes.
+        self.grid = (
+            self._low, self._cell, self._count, start, items,
+            np.ascontiguousarray(corners[:, 0]), mesh.bary_gradient,
+        )  # fmt: skip
 
     def find(self, points: Float) -> Located:
         """Tet and weights of each point (p, 3) mm; the nearest tet for points outside."""
         points = np.ascontiguousarray(points, float)
         cell, bary = np.zeros(len(points), np.int64), np.empty((len(points), 4))
-
-        def find(a: int, b: int) -> None:
-            _find(
-                points[a:b],
-                self._low,
-                self._cell,
-                self._count,
-                self._start,
-                self._items,
-                self._origin,
-                self.mesh.bary_gradient,
-                cell[a:b],
-                bary[a:b],
-            )
-
-        over_chunks(find, len(points), cores(), CHUNK)
+        over_chunks(
+            lambda a, b: _find(points, self.grid, a, b, cell, bary), len(points), cores(), CHUNK
+        )
         return Located(cell, bary)
 
     def displacement(self, at: Located, fields: Float) -> Float:
@@ -144,31 +135,43 @@ def _fill(a, b, count):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _find(  # type: ignore[no-untyped-def]
-    points, low, size, count, start, items, origin, gradient, cells, bary
-):
-    w, g = np.empty(4), np.empty(3, np.int64)
-    for p in range(len(points)):
+def _find(points, grid, first, last, cells, bary):  # type: ignore[no-untyped-def]
+    for p in range(first, last):
+        cells[p] = find_point(points[p], grid, cells[p - 1] if p > first else 0, bary[p])
+
+
+@numba.njit(cache=True, nogil=True)
+def _weights(point, e, origin, gradient, bary):  # type: ignore[no-untyped-def]
+    """Fill the barycentric coordinates (4,) in tet e; returns the smallest."""
+    for b in range(4):
+        bary[b] = 1.0 if b == 0 else 0.0
         for d in range(3):
-            g[d] = min(max(int(np.floor((points[p, d] - low[d]) / size)), 0), count[d] - 1)
-        best = -np.inf
-        for reach in range(max(count)):
-            for i in range(max(g[0] - reach, 0), min(g[0] + reach + 1, count[0])):
-                for j in range(max(g[1] - reach, 0), min(g[1] + reach + 1, count[1])):
-                    for k in range(max(g[2] - reach, 0), min(g[2] + reach + 1, count[2])):
-                        if max(abs(i - g[0]), abs(j - g[1]), abs(k - g[2])) != reach:
-                            continue
-                        c = (i * count[1] + j) * count[2] + k
-                        for n in range(start[c], start[c + 1]):
-                            e = items[n]
-                            for b in range(4):
-                                w[b] = 1.0 if b == 0 else 0.0
-                                for d in range(3):
-                                    w[b] += (points[p, d] - origin[e, d]) * gradient[e, b, d]
-                            m = min(w[0], w[1], w[2], w[3])
-                            if m > best:
-                                best = m
-                                cells[p] = e
-                                bary[p] = w
-            if best >= -1e-12 or (best > -np.inf and reach >= 1):
-                break
+            bary[b] += (point[d] - origin[e, d]) * gradient[e, b, d]
+    return min(bary[0], bary[1], bary[2], bary[3])
+
+
+@numba.njit(cache=True, nogil=True)
+def find_point(point, grid, hint, bary):  # type: ignore[no-untyped-def]
+    """The tet that holds a point (3,), looked for at `hint` first; fills its weights (4,)."""
+    low, size, count, start, items, origin, gradient = grid
+    if _weights(point, hint, origin, gradient, bary) >= 1e-9:
+        return hint
+    x = min(max(int(np.floor((point[0] - low[0]) / size)), 0), count[0] - 1)
+    y = min(max(int(np.floor((point[1] - low[1]) / size)), 0), count[1] - 1)
+    z = min(max(int(np.floor((point[2] - low[2]) / size)), 0), count[2] - 1)
+    best, cell = -np.inf, 0
+    for reach in range(max(count[0], count[1], count[2])):
+        for i in range(max(x - reach, 0), min(x + reach + 1, count[0])):
+            for j in range(max(y - reach, 0), min(y + reach + 1, count[1])):
+                for k in range(max(z - reach, 0), min(z + reach + 1, count[2])):
+                    if max(abs(i - x), abs(j - y), abs(k - z)) != reach:
+                        continue
+                    c = (i * count[1] + j) * count[2] + k
+                    for n in range(start[c], start[c + 1]):
+                        m = _weights(point, items[n], origin, gradient, bary)
+                        if m > best:
+                            best, cell = m, items[n]
+        if best >= -1e-12 or (best > -np.inf and reach >= 1):
+            break
+    _weights(point, cell, origin, gradient, bary)
+    return cell

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 
 from ..core.arrays import Float
@@ -35,9 +36,11 @@ class CordFreedom:
         self._plane = "plane" in sensor.free
         self.size = 2 * len(rows) + 3 * self._plane
         self.center = (sensor.curve.points.min(0) + sensor.curve.points.max(0)) / 2
+        self._pivot = sensor.plane.to_world(self.center)
         self.reach = float(np.linalg.norm(np.ptp(sensor.curve.points, axis=0))) / 2
         self._per_span = per_span(sensor)
         self._basis = hermite_basis(k, self._per_span)[0]
+        self._basis_of_rows = self._basis[:, self._rows]
         _, self._first, self._second = hermite_basis(k, 8)
 
     def _stacked(self, x: Float) -> Float:
@@ -46,24 +49,12 @@ class CordFreedom:
             stack[self._rows] += x[: 2 * len(self._rows)].reshape(-1, 2)
         return stack
 
-    def _frame(self, x: Float) -> tuple[Float, Float, list[Float]]:
-        """Pivot (3,), axes (3, 3), and the axes' derivatives by the two tilts."""
-        plane = self.sensor.plane
-        pivot = plane.to_world(self.center)
+    def _frame(self, x: Float) -> tuple[Float, Float, Float]:
+        """Pivot (3,), axes (3, 3), and the axes' derivatives (2, 3, 3) by the two tilts."""
         if not self._plane:
-            return pivot, plane.axes, []
-        offset, a, b = x[-3], x[-2] / self.reach, x[-1] / self.reach
-        ca, sa, cb, sb = np.cos(a), np.sin(a), np.cos(b), np.sin(b)
-        rx, drx = (
-            np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]]),
-            np.array([[0, 0, 0], [0, -sa, -ca], [0, ca, -sa]]),
-        )
-        ry, dry = (
-            np.array([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]]),
-            np.array([[-sb, 0, cb], [0, 0, 0], [-cb, 0, -sb]]),
-        )
-        derivatives = [plane.axes @ drx @ ry / self.reach, plane.axes @ rx @ dry / self.reach]
-        return pivot + offset * plane.normal, plane.axes @ rx @ ry, derivatives
+            return self._pivot, self.sensor.plane.axes, np.zeros((0, 3, 3))
+        axes, tilts = _tilted(self.sensor.plane.axes, x[-2] / self.reach, x[-1] / self.reach)
+        return self._pivot + x[-3] * self.sensor.plane.normal, axes, tilts / self.reach
 
     def apply(self, x: Float) -> Sensor:
         """The sensor at parameters x (size,)."""
@@ -72,8 +63,27 @@ class CordFreedom:
         plane = Plane(pivot - axes[:, :2] @ self.center, axes)
         return replace(self.sensor, plane=plane, curve=Hermite(stack[:k], stack[k:]))
 
+    def points(self, x: Float) -> Float:
+        """Sampled path (p, 3) in the rest frame."""
+        pivot, axes, _ = self._frame(x)
+        local = self._basis @ self._stacked(x) - self.center
+        return np.asarray(pivot + local @ axes[:, :2].T)
+
+    def pull(self, x: Float, by_points: Float) -> Float:
+        """Derivative (size,) of a value by the parameters, from that by the points (p, 3)."""
+        _, axes, tilts = self._frame(x)
+        out = np.empty(self.size)
+        inside = self._basis_of_rows.T @ (by_points @ axes[:, :2])
+        out[: inside.size] = inside.ravel()
+        if self._plane:
+            local = self._basis @ self._stacked(x) - self.center
+            moment = by_points.T @ local
+            out[-3] = by_points.sum(0) @ self.sensor.plane.normal
+            out[-2:] = np.einsum("tij,ij->t", tilts[:, :, :2], moment)
+        return out
+
     def path(self, x: Float) -> tuple[Float, Float]:
-        """Sampled path (p, 3) in the rest frame and its derivative (p, 3, size)."""
+        """`points` (p, 3) and their derivative (p, 3, size)."""
         stack = self._stacked(x)
         pivot, axes, tilts = self._frame(x)
         local = self._basis @ stack - self.center
@@ -104,3 +114,15 @@ class CordFreedom:
                     by_cross / speed**3 - 3 * kappa * f * d[:, axis] / speed**2
                 )
         return kappa, derivative
+
+
+@numba.njit(cache=True)
+def _tilted(axes, a, b):  # type: ignore[no-untyped-def]
+    """Axes turned about their x by a, then y by b (rad), and the derivatives by both."""
+    ca, sa, cb, sb = np.cos(a), np.sin(a), np.cos(b), np.sin(b)
+    rx = np.array([[1.0, 0, 0], [0, ca, -sa], [0, sa, ca]])
+    ry = np.array([[cb, 0, sb], [0.0, 1, 0], [-sb, 0, cb]])
+    by = np.empty((2, 3, 3))
+    by[0] = axes @ np.array([[0.0, 0, 0], [0, -sa, -ca], [0, ca, -sa]]) @ ry
+    by[1] = axes @ rx @ np.array([[-sb, 0, cb], [0.0, 0, 0], [-cb, 0, -sb]])
+    return axes @ rx @ ry, by

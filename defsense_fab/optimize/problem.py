@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..core.arrays import Float
 from ..core.mesh import Surface
 from ..mechanics.locate import PointLocator
-from ..sensing import decoder
-from ..sensing.signal import signals
+from ..sensing.decoder import expected_square, floor
+from ..sensing.features import KINDS, Features
+from .carrier import Carrier
 
 
 @dataclass(frozen=True)
@@ -43,11 +45,18 @@ class Problem:
     gauge_factor: float
     noise: float
     limits: Limits
+    decoder: str = "affine"
 
-    @property
-    def ridge(self) -> float:
-        return decoder.ridge_weight(len(self.markers), self.noise)
+    def features(self, cords: int) -> Features:
+        """What the decoder that will be used sees of the signals."""
+        return KINDS[self.decoder](cords)
 
+    @cached_property
+    def carrier(self) -> Carrier:
+        """What moves cords with the fields; made once, its tables are large."""
+        return Carrier(self.locator, self.fields, self.gauge_factor)
+
+    @cached_property
     def outputs(self) -> Float:
         """Centred outputs (s + 1, r), reduced by SVD to at most s + 1 columns."""
         scaled = self.markers * np.sqrt(self.marker_weights)[:, None]
@@ -64,16 +73,16 @@ class Problem:
 
     def signals(self, points: Float) -> Float:
         """Signals (s + 1, ...) of polylines (..., p, 3), the zero of rest first."""
-        moved = signals(points, self.deform(points), self.gauge_factor)
-        return np.concatenate([np.zeros((1, *moved.shape[1:])), moved])
+        shape = points.shape[:-2]
+        moved = self.carrier.signals(points.reshape(-1, *points.shape[-2:]))
+        return np.concatenate([np.zeros((1, *shape)), moved.reshape(-1, *shape)])
 
     def floor(self, sensors: int) -> float:
-        return decoder.floor(self.outputs(), sensors)
+        return floor(self.outputs, sensors)
 
-
-def expected_error(signal: Float, outputs: Float, ridge: float) -> float:
-    """Expected RMSE (mm) of the best affine map under noise, from signals (n, c)."""
-    s = signal - signal.mean(0)
-    beta = np.linalg.solve(s.T @ s + ridge * np.eye(s.shape[1]), s.T @ outputs)
-    square = ((s @ beta - outputs) ** 2).sum() + ridge * (beta**2).sum()
-    return float(np.sqrt(square / len(outputs)))
+    def expected_error(self, signals: Float) -> Float:
+        """Expected RMSE (mm) of the best decoder under noise, for each set of signals
+        (..., n, c)."""
+        features = self.features(signals.shape[-1])
+        square = expected_square(features, signals, self.outputs, self.noise)
+        return np.asarray(np.sqrt(np.maximum(square, 0) / len(self.markers)))

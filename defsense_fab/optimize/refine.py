@@ -19,7 +19,7 @@ from .candidates import Pool, build_pool, join, propose, vary
 from .constraints import Constraints
 from .freedom import CordFreedom, per_span
 from .objective import Objective
-from .problem import Problem, expected_error
+from .problem import Problem
 from .select import select
 from .verify import LONGEST_INLET, verify
 
@@ -37,9 +37,9 @@ class Optimised:
 
 
 def layout_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
-    """Expected RMSE (mm) of the best affine map for these cords."""
+    """Expected RMSE (mm) of the best decoder for these cords."""
     columns = [problem.signals(sample_path(s)) for s in sensors]
-    return expected_error(np.stack(columns, axis=1), problem.outputs(), problem.ridge)
+    return float(problem.expected_error(np.stack(columns, axis=1)))
 
 
 def sample_path(sensor: Sensor) -> Float:
@@ -160,7 +160,7 @@ def first_layout(
 
 def _pick(problem: Problem, pools: Sequence[Pool]) -> Layout | None:
     clearance = problem.limits.clearance + 0.1
-    chosen = select(pools, problem.outputs(), problem.ridge, clearance)
+    chosen = select(pools, problem.expected_error, clearance)
     if chosen is None:
         return None
     return tuple(p.sensors[i] for p, i in zip(pools, chosen, strict=True))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -12,41 +12,36 @@ from .nearest import gaps
 
 
 def select(
-    pools: Sequence[Pool], outputs: Float, ridge: float, clearance: float, rounds: int = 3
+    pools: Sequence[Pool],
+    error: Callable[[Float], Float],
+    clearance: float,
+    rounds: int = 3,
 ) -> Int | None:
     """Index into each pool (m,), or None where no clear combination was found.
 
-    `outputs` (n, r) are centred. With A = (I + S S^T / ridge)^-1 the expected squared error is
-    tr(O^T A O), and one more signal s lowers it by |O^T A s|^2 / (ridge + s^T A s).
+    `error` takes sets of signals (k, n, m) to the error of each (k,), for any number m of cords.
+    Cords are added one by one, then exchanged one by one while that helps.
     """
-    centred = [p.signals - p.signals.mean(0) for p in pools]
     chosen = np.full(len(pools), -1)
     order = sorted(range(len(pools)), key=lambda i: len(pools[i].sensors))
     for turn in range(rounds + 1):
         before = chosen.copy()
         for slot in order:
             others = [i for i in range(len(pools)) if i != slot and chosen[i] >= 0]
-            S = np.stack([centred[i][:, chosen[i]] for i in others], axis=1) if others else None
-            gain = _gain(S, centred[slot], outputs, ridge)
-            clear = np.ones(len(gain), bool)
+            clear = np.ones(len(pools[slot].sensors), bool)
             for i in others:
                 clear &= _clear(pools[slot].paths, pools[i].paths[chosen[i]], clearance)
             if not clear.any():
                 if turn == 0:
                     return None
                 continue
-            chosen[slot] = int(np.where(clear, gain, -np.inf).argmax())
+            which = np.flatnonzero(clear)
+            own = pools[slot].signals.T[which]
+            rest = [np.broadcast_to(pools[i].signals[:, chosen[i]], own.shape) for i in others]
+            chosen[slot] = which[error(np.stack([own, *rest], axis=-1)).argmin()]
         if (before == chosen).all():
             break
     return chosen
-
-
-def _gain(S: Float | None, pool: Float, outputs: Float, ridge: float) -> Float:
-    A: Float = np.eye(len(outputs))
-    if S is not None:
-        A = np.asarray(np.linalg.inv(A + S @ S.T / ridge), float)
-    As = A @ pool
-    return np.asarray(((outputs.T @ As) ** 2).sum(0) / (ridge + (pool * As).sum(0)))
 
 
 def _clear(paths: Float, other: Float, clearance: float) -> Bool:

@@ -22,7 +22,7 @@ from ..mechanics.tet10 import QuadraticMesh
 from ..optimize.problem import Limits, Problem
 from ..optimize.refine import first_layout, optimise, sample_path
 from ..optimize.verify import LayoutCheck, verify
-from ..sensing.decoder import fit_affine, measure, ridge_weight
+from ..sensing.decoder import fit, measure
 from ..sensing.signal import peak_strain
 from .stage_body import load_surface
 from .stage_mesh import load_mesh
@@ -110,6 +110,7 @@ def load_task(device: Device, folder: Path) -> Task:
         device.cord.gauge_factor,
         device.cord.noise,
         limits(device),
+        device.decoder,
     )
     return Task(everything, ["rest", *names], np.array([False, *held]), points)
 
@@ -166,19 +167,19 @@ def predict(
     n, k = problem.markers.shape[:2]
     flat = problem.markers.reshape(n, -1)
     train = ~held
-    weight = ridge_weight(int(train.sum()), problem.noise)
-    decoder = fit_affine(signals[train], flat[train], weight)
+    decoder = fit(problem.features(len(sensors)), signals[train], flat[train], problem.noise)
     guess = decoder(signals).reshape(n, k, 3)
-    noisy = (decoder.weights.reshape(-1, k, 3) ** 2).sum((0, 2)) * problem.noise**2
-    variance = float(noisy @ problem.marker_weights)
+    noisy = decoder.noise_variance(signals, problem.noise).reshape(n, k, 3).sum(2)
+    variance = noisy @ problem.marker_weights
     seen = measure(guess[train], problem.markers[train], problem.marker_weights)
     every = measure(guess, problem.markers, problem.marker_weights)
-    rmse = {m: float(np.sqrt(e**2 + variance)) for m, e in zip(names, every.per_state, strict=True)}
+    expected = np.sqrt(every.per_state**2 + variance)
+    rmse = dict(zip(names, expected.tolist(), strict=True))
     only = replace(problem, markers=problem.markers[train])
     prediction = Prediction(
-        decoder="affine",
+        decoder=problem.decoder,
         noise=problem.noise,
-        rmse=float(np.sqrt(seen.rmse**2 + variance)),
+        rmse=float(np.sqrt((expected[train] ** 2).mean())),
         rmse_noise_free=seen.rmse,
         peak=seen.peak,
         average_peak=seen.average_peak,

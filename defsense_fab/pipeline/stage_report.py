@@ -14,7 +14,8 @@ import trimesh
 from ..core.arrays import Float
 from ..core.device import Device
 from ..core.mesh import Surface
-from ..sensing.decoder import fit_affine, ridge_weight
+from ..sensing.decoder import fit
+from ..sensing.features import KINDS
 from . import pictures
 from .stage_body import load_surface
 from .stage_mesh import load_mesh
@@ -92,9 +93,8 @@ def _poses(device: Device, folder: Path, view: Float, report: Report) -> list[di
     moved = np.concatenate([np.zeros((1, *rest.shape)), fields[:, used]])
     train = ~np.array([False, *held])
     flat = moved.reshape(len(moved), -1)
-    decoder = fit_affine(
-        signals[train], flat[train], ridge_weight(int(train.sum()), device.cord.noise)
-    )
+    features = KINDS[device.decoder](signals.shape[1])
+    decoder = fit(features, signals[train], flat[train], device.cord.noise)
     error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
     highest = float(np.percentile(error[shown], 99.5))
     out = []

@@ -1,8 +1,10 @@
 """The one place that fits readings to positions: ridge regression with a free constant.
 
-DefSense Eqs. 4-8. With independent noise of standard deviation sigma on every signal the
-expected squared error of a map beta is |S beta - O|^2 + N sigma^2 |beta|^2, so the ridge
-weight lambda^2 = N sigma^2 is given by the noise and the optimum is the expected error.
+DefSense Eqs. 4-8 on the features of `features.py`. With independent noise of standard deviation
+sigma on every signal, the expected squared error of a map beta is, to second order in sigma,
+|Phi beta - O|^2 + tr(beta^T W beta) with W = sigma^2 sum_n J_n J_n^T, J_n the features' slopes at
+state n. For an affine map that is exact and W = N sigma^2: the noise gives the weight of the ridge,
+and the optimum is the expected error.
 """
 
 from __future__ import annotations
@@ -12,30 +14,56 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
+from .features import Features
+
+#: Keeps the normal matrix regular where a signal has no noise.
+LEAST_NOISE = 1e-9
 
 
 @dataclass(frozen=True)
-class AffineDecoder:
-    """outputs = signals @ weights (c, o) + constant (o,), outputs in mm."""
+class Decoder:
+    """outputs = features(signals) @ weights (f, o) + constant (o,), outputs in mm."""
 
+    features: Features
     weights: Float
     constant: Float
 
     def __call__(self, signals: Float) -> Float:
-        return np.asarray(signals @ self.weights + self.constant)
+        """(n, o) of signals (n, c)."""
+        return np.asarray(self.features(signals) @ self.weights + self.constant)
+
+    def noise_variance(self, signals: Float, noise: float) -> Float:
+        """Variance (n, o) mm^2 that noise on the signals (n, c) puts on each output."""
+        change = np.einsum("nfc,fo->nco", self.features.slopes(signals), self.weights)
+        return np.asarray(noise**2 * (change**2).sum(1))
 
 
-def ridge_weight(states: int, noise: float) -> float:
-    """lambda^2 = N sigma^2; a tiny floor keeps the normal matrix regular without noise."""
-    return states * max(noise, 1e-9) ** 2
+def noise_weight(features: Features, signals: Float, noise: float) -> Float:
+    """W (..., f, f) of signals (..., n, c)."""
+    slopes = features.slopes(signals)
+    return np.asarray(
+        max(noise, LEAST_NOISE) ** 2 * np.einsum("...nfc,...ngc->...fg", slopes, slopes)
+    )
 
 
-def fit_affine(signals: Float, outputs: Float, weight: float) -> AffineDecoder:
-    """Ridge with an unpenalised constant: signals (n, c), outputs (n, o), weight = lambda^2."""
-    s_mean, o_mean = signals.mean(0), outputs.mean(0)
-    s, o = signals - s_mean, outputs - o_mean
-    beta = np.linalg.solve(s.T @ s + weight * np.eye(s.shape[1]), s.T @ o)
-    return AffineDecoder(beta, o_mean - s_mean @ beta)
+def fit(features: Features, signals: Float, outputs: Float, noise: float) -> Decoder:
+    """The map with the least expected error: signals (n, c), outputs (n, o)."""
+    phi = features(signals)
+    p_mean, o_mean = phi.mean(0), outputs.mean(0)
+    p, o = phi - p_mean, outputs - o_mean
+    beta = np.linalg.solve(p.T @ p + noise_weight(features, signals, noise), p.T @ o)
+    return Decoder(features, beta, o_mean - p_mean @ beta)
+
+
+def expected_square(features: Features, signals: Float, outputs: Float, noise: float) -> Float:
+    """Expected squared error, summed over states, of the best map for each of many sets of
+    signals (..., n, c); `outputs` (n, r) are centred."""
+    phi = features(signals)
+    phi = phi - phi.mean(-2, keepdims=True)
+    normal = np.einsum("...nf,...ng->...fg", phi, phi) + noise_weight(features, signals, noise)
+    right = np.einsum("...nf,nr->...fr", phi, outputs)
+    explained = (right * np.linalg.solve(normal, right)).sum((-2, -1))
+    return np.asarray((outputs**2).sum() - explained)
 
 
 @dataclass(frozen=True)

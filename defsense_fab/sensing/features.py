@@ -1,0 +1,55 @@
+"""What a linear decoder sees of the signals: themselves, or their squares and products as well.
+
+Each feature is a polynomial of second degree, phi_f(s) = a_f . s + s^T H_f s / 2. The second kind
+is still the paper's family of maps (DefSense, CHI 2016, Eqs. 4-8, with more columns).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float
+
+
+@dataclass(frozen=True)
+class Features:
+    """`linear` (f, c) and `second` (f, c, c), symmetric, of f features of c signals."""
+
+    name: str
+    linear: Float
+    second: Float
+
+    @property
+    def count(self) -> int:
+        return len(self.linear)
+
+    def __call__(self, signals: Float) -> Float:
+        """(..., f) of signals (..., c)."""
+        bent = 2 * self.linear + np.einsum("...c,fcd->...fd", signals, self.second)
+        return np.asarray(0.5 * np.einsum("...d,...fd->...f", signals, bent))
+
+    def slopes(self, signals: Float) -> Float:
+        """Derivatives (..., f, c) by the signals (..., c)."""
+        return np.asarray(self.linear + np.einsum("...c,fcd->...fd", signals, self.second))
+
+
+def affine(channels: int) -> Features:
+    """The signals."""
+    return Features("affine", np.eye(channels), np.zeros((channels,) * 3))
+
+
+def quadratic(channels: int) -> Features:
+    """The signals, their squares and their products in pairs."""
+    i, j = np.triu_indices(channels)
+    k = channels + np.arange(len(i))
+    count = channels + len(i)
+    linear, second = np.zeros((count, channels)), np.zeros((count, channels, channels))
+    linear[:channels] = np.eye(channels)
+    second[k, i, j] += 1
+    second[k, j, i] += 1
+    return Features("quadratic", linear, second)
+
+
+KINDS = {"affine": affine, "quadratic": quadratic}
