@@ -41,6 +41,17 @@ class Carrier:
         over_chunks(work, len(paths), cores(), _CHUNK)
         return np.ascontiguousarray(out.T)
 
+    def move(self, points: Float) -> Float:
+        """Deformed positions (s, p, 3) of points (p, 3) mm."""
+        points = np.ascontiguousarray(points, float)
+        out = np.empty((len(points), 3 * self._states))
+
+        def work(a: int, b: int) -> None:
+            _moved(points, self._locator.grid, self._mesh.cells, self._nodal, a, b, out)
+
+        over_chunks(work, len(points), cores(), 40 * _CHUNK)
+        return np.ascontiguousarray(out.reshape(len(points), -1, 3).swapaxes(0, 1))
+
     def tape(self, points: Float, ends: Int) -> tuple[Float, Callable[[Float], Float]]:
         """Signals (s, m) of polylines laid end to end, points (p, 3), line i being points
         `ends[i]` to `ends[i + 1]`; and the function that turns derivatives by the signals (s, m)
@@ -80,6 +91,14 @@ def _move(point, bary, nodes, nodal, out):  # type: ignore[no-untyped-def]
         u = nodal[nodes[n]]
         for k in range(len(out)):
             out[k] += w * u[k]
+
+
+@numba.njit(cache=True, nogil=True)
+def _moved(points, grid, cells, nodal, start, stop, out):  # type: ignore[no-untyped-def]
+    cell, bary = 0, np.empty(4)
+    for p in range(start, stop):
+        cell = find_point(points[p], grid, cell, bary)
+        _move(points[p], bary, cells[cell], nodal, out[p])
 
 
 @numba.njit(cache=True, nogil=True)

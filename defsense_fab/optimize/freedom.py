@@ -19,6 +19,11 @@ def per_span(sensor: Sensor) -> int:
     return int(np.ceil(SAMPLES / (len(sensor.curve.points) - 1)))
 
 
+def sample_path(sensor: Sensor) -> Float:
+    """The path's points (p, 3) in the rest frame, p > 100."""
+    return sensor.plane.to_world(sensor.curve.sample(per_span(sensor)))
+
+
 class CordFreedom:
     """Parameters of one sensor, all in mm: interior control points, tangents, and the plane.
 

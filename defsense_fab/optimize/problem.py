@@ -59,17 +59,12 @@ class Problem:
     @cached_property
     def outputs(self) -> Float:
         """Centred outputs (s + 1, r), reduced by SVD to at most s + 1 columns."""
-        scaled = self.markers * np.sqrt(self.marker_weights)[:, None]
-        flat = scaled.reshape(len(scaled), -1)
-        u, s, _ = np.linalg.svd(flat - flat.mean(0), full_matrices=False)
-        return np.asarray(u * s)
+        return reduce_outputs(self.markers, self.marker_weights)
 
     def deform(self, points: Float) -> Float:
         """Deformed positions (s, ..., 3) of rest points (..., 3)."""
-        flat = points.reshape(-1, 3)
-        at = self.locator.find(flat)
-        u = self.locator.displacement(at, self.fields)
-        return np.asarray((flat + u).reshape(len(self.fields), *points.shape))
+        moved = self.carrier.move(points.reshape(-1, 3))
+        return moved.reshape(len(self.fields), *points.shape)
 
     def signals(self, points: Float) -> Float:
         """Signals (s + 1, ...) of polylines (..., p, 3), the zero of rest first."""
@@ -86,3 +81,11 @@ class Problem:
         features = self.features(signals.shape[-1])
         square = expected_square(features, signals, self.outputs, self.noise)
         return np.asarray(np.sqrt(np.maximum(square, 0) / len(self.markers)))
+
+
+def reduce_outputs(markers: Float, weights: Float) -> Float:
+    """Centred outputs (n, r), r at most n, of marker displacements (n, k, 3) mm with weights (k,):
+    the squared norm of a row is the state's mean squared distance from the mean."""
+    flat = (markers * np.sqrt(weights)[:, None]).reshape(len(markers), -1)
+    u, s, _ = np.linalg.svd(flat - flat.mean(0), full_matrices=False)
+    return np.asarray(u * s)

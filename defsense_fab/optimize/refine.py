@@ -17,7 +17,7 @@ from ..geometry import facets
 from ..geometry.division import channel_line, divide
 from .candidates import Pool, build_pool, join, propose, vary
 from .constraints import Constraints
-from .freedom import CordFreedom, per_span
+from .freedom import CordFreedom, sample_path
 from .objective import Objective
 from .problem import Problem
 from .select import select
@@ -40,11 +40,6 @@ def layout_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
     """Expected RMSE (mm) of the best decoder for these cords."""
     columns = [problem.signals(sample_path(s)) for s in sensors]
     return float(problem.expected_error(np.stack(columns, axis=1)))
-
-
-def sample_path(sensor: Sensor) -> Float:
-    """The path's points (p, 3) in the rest frame, p > 100."""
-    return sensor.plane.to_world(sensor.curve.sample(per_span(sensor)))
 
 
 def optimise(

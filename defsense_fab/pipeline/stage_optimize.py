@@ -19,8 +19,9 @@ from ..core.mesh import Surface
 from ..core.prediction import Prediction
 from ..mechanics.locate import PointLocator
 from ..mechanics.tet10 import QuadraticMesh
+from ..optimize.freedom import sample_path
 from ..optimize.problem import Limits, Problem
-from ..optimize.refine import first_layout, optimise, sample_path
+from ..optimize.refine import first_layout, optimise
 from ..optimize.verify import LayoutCheck, verify
 from ..sensing.decoder import fit, measure
 from ..sensing.signal import peak_strain

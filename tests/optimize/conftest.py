@@ -1,0 +1,30 @@
+"""A bar twisted exactly, with markers on its upper half."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.mechanics.locate import PointLocator
+from defsense_fab.mechanics.tet10 import QuadraticMesh
+from defsense_fab.optimize.problem import Limits, Problem
+
+LIMITS = Limits(wall=1.2, min_radius=5.0, clearance=3.4, channel_diameter=2.2)
+
+
+@pytest.fixture(scope="module")
+def problem(bar, bar_mesh):
+    """Exact twists of -45 to 45 degrees imposed on the nodes."""
+    mesh = QuadraticMesh.from_linear(bar_mesh)
+
+    def twisted(p, angle):
+        a = angle * p[:, 0] / 150
+        y = p[:, 1] * np.cos(a) - p[:, 2] * np.sin(a)
+        z = p[:, 1] * np.sin(a) + p[:, 2] * np.cos(a)
+        return np.stack([np.zeros(len(p)), y - p[:, 1], z - p[:, 2]], axis=1)
+
+    angles = np.deg2rad([-45, -22.5, 22.5, 45])
+    fields = np.stack([twisted(mesh.nodes, a) for a in angles])
+    points = np.random.default_rng(0).uniform([0, -15, 15], [150, 15, 15], (30, 3))
+    markers = np.stack([twisted(points, a) for a in (0.0, *angles)])
+    return Problem(
+        bar, PointLocator(mesh), fields, markers, np.full(30, 1 / 30), 2.0, 0.0005, LIMITS
+    )
