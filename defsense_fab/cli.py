@@ -327,6 +327,8 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             f"{best['rmse_noise_free']:.3f}",
             f"{best['floor']:.3f}",
         )
+        band = layout["band"]
+        table.add_row("90 % of devices", "", f"{band['low']:.2f} to {band['high']:.2f}", "")
         console.print(table)
     if "manifest" in data:
         manifest = data["manifest"]

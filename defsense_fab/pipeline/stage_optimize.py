@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from ..mechanics.tet10 import QuadraticMesh
 from ..optimize.freedom import sample_path
 from ..optimize.problem import Limits, Problem
 from ..optimize.refine import first_layout, optimise
+from ..optimize.spread import Tolerances, spread
 from ..optimize.verify import LayoutCheck, verify
 from ..sensing.decoder import fit, measure
 from ..sensing.signal import peak_strain
@@ -150,6 +151,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             "sensors": _sensors(device, found.sensors, check, task.everything),
             "min_clearance": check.min_clearance,
             "prediction": final.to_json(),
+            "band": {**asdict(spread(problem, found.sensors, rng)), **asdict(Tolerances())},
             "initial": initial.to_json(),
             "drawn": [sample_path(s).tolist() for s in drawn],
             "proposed": not device.sensors,

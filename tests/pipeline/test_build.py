@@ -75,6 +75,8 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
     layout = json.loads((device / "build" / "layout.json").read_text())
     assert layout["prediction"]["rmse"] < layout["initial"]["rmse"] / 5
     assert layout["prediction"]["rmse_noise_free"] >= layout["prediction"]["floor"]
+    assert 0 < layout["band"]["low"] < layout["band"]["median"] < layout["band"]["high"]
+    assert layout["band"]["median"] == pytest.approx(layout["prediction"]["rmse"], rel=0.3)
     assert layout["mesh"] == json.loads((device / "build" / "mesh.json").read_text())["hash"]
     for s in layout["sensors"]:
         assert len(s["points"]) >= 100
