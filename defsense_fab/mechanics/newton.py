@@ -88,7 +88,7 @@ class _Iterate:
     gradient: Float
     residual: float
 
-    def solves(self, tolerance: float) -> bool:
+    def balanced(self, tolerance: float) -> bool:
         return bool(np.isfinite(self.energy) and self.residual < tolerance)
 
 
@@ -194,7 +194,7 @@ class System:
         now = self._look(state, None, volume)
         solves = factors = matrices = crawling = 0
         stable = False
-        while not now.solves(tolerance):
+        while not now.balanced(tolerance):
             if stop and stop():
                 raise Cancelled
             tired = matrices >= patience and now.residual > FAR
@@ -218,7 +218,7 @@ class System:
                     break
                 quick = new.residual < now.residual / REUSE
                 now, again = new, True
-                if now.solves(tolerance) or not quick:
+                if now.balanced(tolerance) or not quick:
                     break
             if not again:
                 return Attempt(None, solves, factors, now.residual, now.energy, False, now.state)
