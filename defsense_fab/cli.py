@@ -317,7 +317,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             "",
             "as proposed" if layout["proposed"] else "as drawn",
             "optimised",
-            "floor",
+            "floor" if best["decoder"] == "affine" else "affine floor",
         ):
             table.add_column(column, justify="right" if column else "left")
         table.add_row("with noise", f"{first['rmse']:.3f}", f"{best['rmse']:.3f}", "")
