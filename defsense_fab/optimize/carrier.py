@@ -2,7 +2,7 @@
 
 The fused loops behind the objective and the candidates: a point is found in its tet, moved by
 every state at once, and, backwards, the derivative by its rest position is gathered without ever
-forming the deformation gradients. The same mathematics, array by array, is `sensing/signal.py`.
+forming the deformation gradients. `sensing/signal.py` defines the signal.
 """
 
 from __future__ import annotations

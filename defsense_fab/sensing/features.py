@@ -21,10 +21,6 @@ class Features:
     linear: Float
     second: Float
 
-    @property
-    def count(self) -> int:
-        return len(self.linear)
-
     def __call__(self, signals: Float) -> Float:
         """(..., f) of signals (..., c)."""
         bent = 2 * self.linear + np.einsum("...c,fcd->...fd", signals, self.second)

@@ -21,8 +21,8 @@ from defsense_fab.optimize.refine import (
 )
 from defsense_fab.optimize.select import select
 from defsense_fab.optimize.verify import verify
-from defsense_fab.sensing.signal import signal_gradient
 from tests.optimize.conftest import LIMITS
+from tests.sensing.reference import signal_gradient
 
 
 @pytest.mark.parametrize("decoder", DECODERS)
@@ -41,7 +41,7 @@ def test_objective_gradient_by_finite_differences(problem, straight, decoder):
 
 
 def test_fused_signals_are_those_of_the_arrays(problem, straight):
-    """And their pull-back that of `sensing/signal.py`, with F formed at every point."""
+    """And their pull-back that of the reference, with F formed at every point."""
     paths = [sample_path(straight("a", y=5)), sample_path(straight("b", y=-4, z=3))[:70]]
     rng = np.random.default_rng(0)
     paths = [p + rng.normal(0, 0.5, p.shape) for p in paths]

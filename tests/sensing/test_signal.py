@@ -6,7 +6,8 @@ import pytest
 from defsense_fab.geometry.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.locate import PointLocator
 from defsense_fab.mechanics.tet10 import QuadraticMesh
-from defsense_fab.sensing.signal import signal_gradient, signals
+from defsense_fab.sensing.signal import signals
+from tests.sensing.reference import signal_gradient
 
 LENGTH = 150.0
 
