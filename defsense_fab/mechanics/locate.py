@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -48,6 +49,11 @@ class PointLocator:
             self._low, self._cell, self._count, start, items,
             np.ascontiguousarray(corners[:, 0]), mesh.bary_gradient,
         )  # fmt: skip
+
+    @cached_property
+    def across(self) -> Int:
+        """The tet (m, 4) behind the face opposite each corner, -1 at the surface."""
+        return neighbours(self.mesh.cells[:, :4])
 
     def find(self, points: Float) -> Located:
         """Tet and weights of each point (p, 3) mm; the nearest tet for points outside."""
@@ -148,6 +154,30 @@ def _weights(point, e, origin, gradient, bary):  # type: ignore[no-untyped-def]
         for d in range(3):
             bary[b] += (point[d] - origin[e, d]) * gradient[e, b, d]
     return min(bary[0], bary[1], bary[2], bary[3])
+
+
+def neighbours(tets: Int) -> Int:
+    """For tets (m, 4): the tet (m, 4) that shares the face opposite each corner, or -1."""
+    faces = np.sort(tets[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
+    order = np.lexsort(faces.T)
+    same = (faces[order[1:]] == faces[order[:-1]]).all(axis=1)
+    a, b = order[:-1][same], order[1:][same]
+    out = np.full(len(faces), -1)
+    out[a], out[b] = b // 4, a // 4
+    return out.reshape(-1, 4)
+
+
+@numba.njit(cache=True, nogil=True)
+def walk_to_point(point, grid, across, hint, bary):  # type: ignore[no-untyped-def]
+    """Like `find_point`, for a point near the tet `hint`: from face to face to where it lies."""
+    cell = hint
+    for _ in range(8):
+        if _weights(point, cell, grid[5], grid[6], bary) >= 0.0:
+            return cell
+        cell = across[cell, np.argmin(bary)]
+        if cell < 0:
+            break
+    return find_point(point, grid, hint, bary)
 
 
 @numba.njit(cache=True, nogil=True)

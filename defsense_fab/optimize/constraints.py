@@ -4,214 +4,215 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-import igl
 import numpy as np
 
 from ..core.arrays import Float, Int
 from ..core.device import Sensor
 from ..core.mesh import Surface
+from ..geometry import ray
+from .depth import DepthField
 from .freedom import CordFreedom
 from .nearest import nearest, nearest_strand
 from .problem import Limits
+from .track import RUN, Track
 
 #: A channel may enter at up to this slope: depth gained per length of channel.
 INLET_SLOPE = 0.6
+#: An end further than this from the surface leaves cord that the signal does not count, mm.
+LONGEST_INLET = 12.0
 #: Part of the limits that the optimiser keeps in hand for what its samples miss, mm.
 MARGIN = 0.1
+_SLACK = 1.05  # the same for the radius of curvature
 _FAR = 1e3
-_RUN = 4  # samples of a straight run to the surface
 
 
-class DepthField:
-    """Distance below the surface (positive inside), with its gradient."""
-
-    def __init__(self, surface: Surface) -> None:
-        self._v = np.ascontiguousarray(surface.vertices)
-        self._f = np.ascontiguousarray(surface.faces)
-        # Kept between queries: building these trees costs far more than one query.
-        self._tree, self._winding = igl.AABB(), igl.FastWindingNumberBVH()
-        self._tree.init(self._v, self._f)
-        self._winding.init(self._v, self._f)
-        a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
-        normal = np.cross(b - a, c - a)
-        self._inward = -normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-
-    def __call__(self, points: Float) -> tuple[Float, Float]:
-        """Depth (p,) mm and gradient (p, 3) at points (p, 3)."""
-        points = np.ascontiguousarray(points)
-        square, face, closest = self._tree.squared_distance(self._v, self._f, points)
-        inside = np.asarray(self._winding.winding_number(points)) > 0.5
-        depth = np.sqrt(np.asarray(square)) * np.where(inside, 1.0, -1.0)
-        away = points - np.asarray(closest)
-        size = np.linalg.norm(away, axis=1, keepdims=True)
-        direction = np.where(
-            size > 1e-9,
-            away / np.maximum(size, 1e-9) * np.sign(depth)[:, None],
-            self._inward[np.asarray(face)],
-        )
-        return depth, direction
-
-
-def extensions(
-    sensors: Sequence[Sensor], depth: DepthField, longest: float = 50.0, step: float = 0.05
-) -> Float:
+def extensions(sensors: Sequence[Sensor], surface: Surface) -> Float:
     """How far (mm) each cord's two ends run on straight before they leave the body, (c, 2).
 
-    inf where an end does not leave within `longest` mm.
+    inf where an end does not leave.
     """
-    ends = np.stack([s.plane.to_world(s.curve.points[[0, -1]]) for s in sensors])
-    out = np.stack([s.curve.tangents[[0, -1]] @ s.plane.axes[:, :2].T for s in sensors])
-    out = out / np.linalg.norm(out, axis=2, keepdims=True) * np.array([[-1.0], [1.0]])
-    s = np.arange(0, longest + step, step)
-    points = ends[:, :, None] + s[:, None] * out[:, :, None]
-    d = depth(points.reshape(-1, 3))[0].reshape(len(sensors), 2, len(s))
-    outside = d <= 0
-    i = outside.argmax(axis=2)
-    before = np.maximum(i - 1, 0)
-    a, b = (np.take_along_axis(d, k[..., None], 2)[..., 0] for k in (before, i))
-    exit_at = s[before] + np.where(i > 0, step * a / np.where(a - b > 0, a - b, 1), 0.0)
-    return np.asarray(np.where(outside.any(axis=2), exit_at, np.inf))
+    out = np.full((len(sensors), 2), np.inf)
+    for i, s in enumerate(sensors):
+        ends = s.plane.to_world(s.curve.points[[0, -1]])
+        tangents = s.curve.tangents[[0, -1]] @ s.plane.axes[:, :2].T * np.array([[-1.0], [1.0]])
+        for end in range(2):
+            found = ray.hits(ends[end], tangents[end], surface)
+            if len(found):
+                out[i, end] = found[0]
+    return out
 
 
 def run_lengths(ends: Float) -> Float:
     """How much of the straight runs of `ends` mm to the surface is sampled: not the last 2 mm,
     whose length changes as a plane tilts."""
-    return np.asarray(np.where(np.isfinite(ends), np.maximum(ends - 2, 0), 0))
+    return np.asarray(np.where(np.isfinite(ends) & (ends > 2.1), ends - 2, 0))
 
 
-def with_runs(points: Float, derivative: Float, runs: Float) -> tuple[Float, Float]:
-    """A path (p, 3) and its derivative (p, 3, size) with straight runs of `runs` (2,) mm."""
-    out, by = [points], [derivative]
-    for end, before, length in ((0, 1, runs[0]), (-1, -2, runs[1])):
-        if not length:
-            continue
-        step, by_step = points[end] - points[before], derivative[end] - derivative[before]
-        size = np.linalg.norm(step)
-        unit = step / size
-        by_unit = (by_step - np.outer(unit, unit @ by_step)) / size
-        s = length * (np.arange(_RUN) + 1)[:, None] / _RUN
-        run = points[end] + s * unit
-        by_run = derivative[end] + s[..., None] * by_unit
-        out = [run[::-1], *out] if end == 0 else [*out, run]
-        by = [by_run[::-1], *by] if end == 0 else [*by, by_run]
-    return np.concatenate(out), np.concatenate(by)
+def depth_before_exit(to_exit: Float, limits: Limits) -> Float:
+    """Least depth `to_exit` mm of channel before the surface, with a margin: the full wall, less
+    in the cone of an inlet."""
+    slope = INLET_SLOPE * (1 + MARGIN / limits.depth)
+    return np.asarray(np.minimum(limits.depth + MARGIN, slope * to_exit))
 
 
-def depth_before_exit(to_exit: Float, limits: Limits) -> tuple[Float, Float]:
-    """Least depth `to_exit` mm of channel before the surface, with a margin, and its derivative.
+@dataclass(frozen=True)
+class _Inlets:
+    """A cord's channel near its two ends, as measured at x = 0.
 
-    The full wall, less in the cone of an inlet.
+    The `normals` (2, 3) of the surface and the `exits` (2, 3) mm where the straight runs of
+    `runs` (2,) mm leave it; for each sample the length of channel `along` (p,) mm to the nearer
+    end of the track, and which `end` (p,) that is; samples `near` (q,) an end, where limits
+    change quickly.
     """
-    full, slope = limits.depth + MARGIN, INLET_SLOPE * (1 + MARGIN / limits.depth)
-    need = np.minimum(full, slope * to_exit)
-    return need, np.where(need < full, slope, 0.0)
 
+    normals: Float
+    exits: Float
+    runs: Float
+    near: Int
+    along: Float
+    end: Int
 
-def required_depth(
-    points: Float, derivative: Float, ends: Float, limits: Limits
-) -> tuple[Float, Float]:
-    """Least depth (p,) of samples (p, 3) that end `ends` (2,) mm before the exits, with a margin.
+    @classmethod
+    def of(cls, cord: CordFreedom, depth: DepthField, surface: Surface) -> _Inlets:
+        lengths = extensions([cord.sensor], surface)[0]
+        runs = run_lengths(lengths)
+        track = Track.of(cord, np.zeros(cord.size), runs)
+        points = track.points
+        out = track.path[[0, -1]] - track.path[[1, -2]]
+        out /= np.linalg.norm(out, axis=1, keepdims=True)
+        finite = np.isfinite(lengths)
+        exits = track.path[[0, -1]] + np.where(finite, lengths, 0.0)[:, None] * out
+        below = exits - 0.01 * out  # on the surface itself rounding decides what is inside
+        normals = np.where(finite[:, None], -depth(below)[1], 0.0)
+        step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        along = np.concatenate([[0], np.cumsum(step)])
+        i = np.arange(len(points))
+        near = np.flatnonzero(np.minimum(i, i[::-1]) < 12 + RUN)
+        both = np.stack([along, along[-1] - along])
+        return cls(normals, exits, runs, near, both.min(axis=0), both.argmin(axis=0))
 
-    Also its derivative (p, size), from that of the samples (p, 3, size).
-    """
-    step = np.diff(points, axis=0)
-    length = np.linalg.norm(step, axis=1)
-    by = np.einsum("pj,pjx->px", step / length[:, None], np.diff(derivative, axis=0))
-    along = np.concatenate([[0], np.cumsum(length)])
-    by_along = np.concatenate([np.zeros((1, by.shape[1])), np.cumsum(by, axis=0)])
-    start, end = along + ends[0], along[-1] - along + ends[1]
-    by_exit = np.where((start < end)[:, None], by_along, by_along[-1] - by_along)
-    need, slope = depth_before_exit(np.minimum(start, end), limits)
-    return need, slope[:, None] * by_exit
+    def lengths(self, track: Track, size: int) -> tuple[Float, Float]:
+        """How far the path's ends lie from the surface at the exits, (2,) mm, inf without one, and
+        the derivatives (2, size)."""
+        value, row = np.full(2, np.inf), np.zeros((2, size))
+        count, first = len(track.path), RUN * (self.runs[0] > 0)
+        for e, (end, before) in enumerate(((0, 1), (count - 1, count - 2))):
+            step = track.path[end] - track.path[before]
+            long = np.linalg.norm(step)
+            out, n = step / long, self.normals[e]
+            slant = n @ out
+            if slant < 1e-3:
+                continue
+            value[e] = n @ (self.exits[e] - track.path[end]) / slant
+            turn = value[e] / long * (n - slant * out) / slant
+            samples = np.array([end, before]) + first
+            rows = np.zeros((2, size))
+            track.add_rows(samples, np.stack([-n / slant - turn, turn]), rows)
+            row[e] = rows.sum(axis=0)
+        return value, row
 
 
 class Constraints:
-    """All inequalities of a layout, in mm, each at least zero where it is met."""
+    """All inequalities of a layout, in mm, each at least zero where it is met.
+
+    Where the channels leave the body is measured at x = 0: for x nearby the surface there counts
+    as flat.
+    """
 
     def __init__(
-        self, surface: Surface, limits: Limits, cords: Sequence[CordFreedom], stride: int = 3
+        self,
+        surface: Surface,
+        depth: DepthField,
+        limits: Limits,
+        cords: Sequence[CordFreedom],
+        stride: int = 3,
     ) -> None:
-        self._depth, self._limits, self._cords = DepthField(surface), limits, cords
-        self._stride = stride
-        self._free = [c.size > 0 for c in cords]
-        self._ends = extensions([c.sensor for c in cords], self._depth)
-        self._runs = run_lengths(self._ends)
+        self._depth, self._limits, self._stride, self._cords = depth, limits, stride, cords
         sizes = np.cumsum([0, *(c.size for c in cords)])
         self._columns = [slice(a, b) for a, b in itertools.pairwise(sizes)]
         self._size = int(sizes[-1])
+        self._inlets = [_Inlets.of(c, depth, surface) for c in cords]
 
     def __call__(self, x: Float) -> tuple[Float, Float]:
         """Values (g,) and derivatives (g, size)."""
-        values: list[Float] = []
-        rows: list[Float] = []
-        paths = [
-            with_runs(*c.path(x[s]), runs)
-            for c, s, runs in zip(self._cords, self._columns, self._runs, strict=True)
+        tracks = [
+            Track.of(cord, x[columns], inlets.runs)
+            for cord, columns, inlets in zip(self._cords, self._columns, self._inlets, strict=True)
         ]
-        for i, (cord, columns) in enumerate(zip(self._cords, self._columns, strict=True)):
-            if not self._free[i]:
-                continue
-            points, derivative = paths[i]
-            need, by_need = required_depth(
-                points, derivative, self._ends[i] - self._runs[i], self._limits
-            )
-            few = self._samples(len(points))
-            p, d = points[few], derivative[few]
-            depth, direction = self._depth(p)
-            values.append(depth - need[few])
-            by_depth = np.einsum("pj,pjx->px", direction, d)
-            rows.append(self._widen(by_depth - by_need[few], columns))
+        values, rows = [], []
+        free = [i for i, c in enumerate(self._cords) if c.size]
+        depth, inward = self._depth(np.concatenate([tracks[i].points for i in free]))
+        done = 0
+        for i in free:
+            part = slice(done, done + len(tracks[i].points))
+            done = part.stop
+            found = self._walls(tracks, i, depth[part], inward[part])
+            values += found[0]
+            rows += found[1]
+        radius = self._limits.min_radius
+        for cord, columns in zip(self._cords, self._columns, strict=True):
             if "path" in cord.sensor.free:
-                kappa, by = cord.curvature(x[columns])
-                few = _worst_of_each(-np.abs(kappa), self._stride)
-                tight = 1.05 * self._limits.min_radius * kappa[few]
-                values.append(5 * (1 - tight**2))
-                by_tight = 1.05 * self._limits.min_radius * by[few]
-                rows.append(self._widen(-10 * tight[:, None] * by_tight, columns))
-        for i in range(len(paths)):
-            for j in range(i, len(paths)):
-                if self._free[i] or self._free[j]:
-                    self._distance(paths, i, j, values, rows)
+                room, by = cord.turning(x[columns], _SLACK * radius)
+                wide = np.zeros((len(room), self._size))
+                wide[:, columns] = radius * by
+                values.append(radius * room)
+                rows.append(wide)
+        for i in range(len(tracks)):
+            for j in range(i, len(tracks)):
+                if self._cords[i].size or self._cords[j].size:
+                    value, row = self._distance(tracks, i, j)
+                    values.append(value)
+                    rows.append(row)
         return np.concatenate(values), np.concatenate(rows)
 
-    def _samples(self, count: int) -> Int:
-        """Every few samples, and all near the ends, where the inlets' limits change quickly."""
-        i = np.arange(count)
-        near = np.minimum(i, count - 1 - i) < 12 + _RUN
-        return np.flatnonzero(near | (i % self._stride == 0))
+    def _walls(
+        self, tracks: Sequence[Track], i: int, depth: Float, inward: Float
+    ) -> tuple[list[Float], list[Float]]:
+        """What the depths (q,) of a cord's samples have in hand, and its inlets' lengths."""
+        inlets, size = self._inlets[i], self._size
+        lengths, by = inlets.lengths(tracks[i], self._cords[i].size)
+        rest = lengths - inlets.runs
+        need = depth_before_exit(inlets.along + rest[inlets.end], self._limits)
+        room = depth - need
+        few = np.union1d(inlets.near, _worst_of_each(room, self._stride))
+        row = self._rows(tracks, len(few), (i, few, inward[few]))
+        sloping = few[need[few] < self._limits.depth + MARGIN]
+        slope = INLET_SLOPE * (1 + MARGIN / self._limits.depth)
+        tilt = np.zeros_like(row)
+        tilt[np.searchsorted(few, sloping), self._columns[i]] = slope * by[inlets.end[sloping]]
+        leaves = np.isfinite(lengths)
+        longer = np.zeros((int(leaves.sum()), size))
+        longer[:, self._columns[i]] = by[leaves]
+        most, least = LONGEST_INLET - 5 * MARGIN, 5 * MARGIN
+        values = [room[few], lengths[leaves] - least, most - lengths[leaves]]
+        return values, [row - tilt, longer, -longer]
 
-    def _widen(self, row: Float, columns: slice) -> Float:
-        out = np.zeros((len(row), self._size))
-        out[:, columns] = row
+    def _rows(self, tracks: Sequence[Track], count: int, *terms: tuple[int, Int, Float]) -> Float:
+        """Sums (count, size) of how far samples move: terms of cord, samples (count,), and
+        directions (count, 3)."""
+        out = np.zeros((count, self._size))
+        for cord, samples, directions in terms:
+            tracks[cord].add_rows(samples, directions, out[:, self._columns[cord]])
         return out
 
-    def _distance(
-        self,
-        paths: Sequence[tuple[Float, Float]],
-        i: int,
-        j: int,
-        values: list[Float],
-        rows: list[Float],
-    ) -> None:
+    def _distance(self, tracks: Sequence[Track], i: int, j: int) -> tuple[Float, Float]:
         """Every few neighbouring samples of cord i: the one nearest to cord j (or to i's far
         parts). All samples are looked at; a coarser polyline would cut the bends short."""
-        (a, da), (b, db) = paths[i], paths[j]
+        a, b = tracks[i].points, tracks[j].points
         if i == j:
             distance, segment, where = nearest_strand(a, separation(self._limits))
         else:
             distance, segment, where = nearest(a, b)
         p = _worst_of_each(distance, self._stride)
         k, best, w = segment[p], distance[p], where[p][:, None]
-        some = np.isfinite(best)  # SLSQP wants the same rows every time
         unit = (a[p] - (1 - w) * b[k] - w * b[k + 1]) / np.maximum(best, 1e-9)[:, None]
-        row = self._widen(np.einsum("pj,pjx->px", unit, da[p]), self._columns[i])
-        w = w[..., None]
-        row -= self._widen(
-            np.einsum("pj,pjx->px", unit, (1 - w) * db[k] + w * db[k + 1]), self._columns[j]
+        unit[~np.isfinite(best)] = 0.0
+        row = self._rows(
+            tracks, len(p), (i, p, unit), (j, k, (w - 1) * unit), (j, k + 1, -w * unit)
         )
-        values.append(np.where(some, best, _FAR) - self._limits.clearance - MARGIN)
-        rows.append(np.where(some[:, None], row, 0.0))
+        return np.where(np.isfinite(best), best, _FAR) - self._limits.clearance - MARGIN, row
 
 
 def _worst_of_each(values: Float, count: int) -> Int:

@@ -13,6 +13,7 @@ from ..core.device import Sensor
 
 #: A path is sampled with at least this many points for signals and in `layout.json`.
 SAMPLES = 120
+_FRAME = 5  # parameters of a free plane: two moves, three turns
 
 
 def per_span(sensor: Sensor) -> int:
@@ -27,9 +28,9 @@ def sample_path(sensor: Sensor) -> Float:
 class CordFreedom:
     """Parameters of one sensor, all in mm: interior control points, tangents, and the plane.
 
-    The first and last two control points and the end tangents stay in the plane. The plane
-    moves along its normal and tilts about the path's middle; a tilt counts as the movement
-    it causes at half the path's extent.
+    The first and last two control points and the end tangents stay where they are in the plane's
+    frame. The frame moves along its normal and, in the plane, across the path's chord, and turns
+    about the path's middle; a turn counts as the movement it causes at half the path's extent.
     """
 
     def __init__(self, sensor: Sensor) -> None:
@@ -39,14 +40,20 @@ class CordFreedom:
         rows = [*range(2, k - 2), *range(k + 1, 2 * k - 1)] if "path" in sensor.free else []
         self._rows = np.array(rows, int)
         self._plane = "plane" in sensor.free
-        self.size = 2 * len(rows) + 3 * self._plane
+        chord = sensor.curve.points[-1] - sensor.curve.points[0]
+        side = np.array([-chord[1], chord[0]]) if np.linalg.norm(chord) > 1e-6 else np.eye(2)[1]
+        side = sensor.plane.axes[:, :2] @ side / np.linalg.norm(side)
+        self._moves = np.stack([sensor.plane.normal, side])
+        self.size = 2 * len(rows) + _FRAME * self._plane
         self.center = (sensor.curve.points.min(0) + sensor.curve.points.max(0)) / 2
         self._pivot = sensor.plane.to_world(self.center)
         self.reach = float(np.linalg.norm(np.ptp(sensor.curve.points, axis=0))) / 2
         self._per_span = per_span(sensor)
         self._basis = hermite_basis(k, self._per_span)[0]
-        self._basis_of_rows = self._basis[:, self._rows]
+        self._basis_of_rows = np.ascontiguousarray(self._basis[:, self._rows])
         _, self._first, self._second = hermite_basis(k, 8)
+        speed = np.linalg.norm(self._first @ self._stack, axis=1)
+        self._drawn_speed = np.maximum(speed, 1e-3 * speed.max())
 
     def _stacked(self, x: Float) -> Float:
         stack = self._stack.copy()
@@ -55,11 +62,11 @@ class CordFreedom:
         return stack
 
     def _frame(self, x: Float) -> tuple[Float, Float, Float]:
-        """Pivot (3,), axes (3, 3), and the axes' derivatives (2, 3, 3) by the two tilts."""
+        """Pivot (3,), axes (3, 3), and the axes' derivatives (t, 3, 3) by the turns, t = 3 or 0."""
         if not self._plane:
             return self._pivot, self.sensor.plane.axes, np.zeros((0, 3, 3))
-        axes, tilts = _tilted(self.sensor.plane.axes, x[-2] / self.reach, x[-1] / self.reach)
-        return self._pivot + x[-3] * self.sensor.plane.normal, axes, tilts / self.reach
+        axes, turns = _turned(self.sensor.plane.axes, x[-3:] / self.reach)
+        return self._pivot + x[-_FRAME:-3] @ self._moves, axes, turns / self.reach
 
     def apply(self, x: Float) -> Sensor:
         """The sensor at parameters x (size,)."""
@@ -71,63 +78,109 @@ class CordFreedom:
     def points(self, x: Float) -> Float:
         """Sampled path (p, 3) in the rest frame."""
         pivot, axes, _ = self._frame(x)
-        local = self._basis @ self._stacked(x) - self.center
-        return np.asarray(pivot + local @ axes[:, :2].T)
+        return _spread_out(self._basis, self._stacked(x), self.center, pivot, axes)  # type: ignore[no-any-return]
 
     def pull(self, x: Float, by_points: Float) -> Float:
-        """Derivative (size,) of a value by the parameters, from that by the points (p, 3)."""
-        _, axes, tilts = self._frame(x)
-        out = np.empty(self.size)
-        inside = self._basis_of_rows.T @ (by_points @ axes[:, :2])
-        out[: inside.size] = inside.ravel()
+        """Derivatives (size, s) of s values by the parameters, from those by the points
+        (p, 3, s)."""
+        _, axes, turns = self._frame(x)
+        out = np.zeros((self.size, by_points.shape[2]))
+        _gather(self._basis_of_rows, axes, by_points, out)
         if self._plane:
             local = self._basis @ self._stacked(x) - self.center
-            moment = by_points.T @ local
-            out[-3] = by_points.sum(0) @ self.sensor.plane.normal
-            out[-2:] = np.einsum("tij,ij->t", tilts[:, :, :2], moment)
+            out[-_FRAME:-3] = self._moves @ by_points.sum(0)
+            moment = local.T @ by_points.reshape(len(local), -1)  # (2, 3 s)
+            out[-3:] = turns[:, :, :2].transpose(0, 2, 1).reshape(3, -1) @ moment.reshape(6, -1)
         return out
 
-    def path(self, x: Float) -> tuple[Float, Float]:
-        """`points` (p, 3) and their derivative (p, 3, size)."""
-        stack = self._stacked(x)
-        pivot, axes, tilts = self._frame(x)
-        local = self._basis @ stack - self.center
-        derivative = np.zeros((len(local), 3, self.size))
-        for i, row in enumerate(self._rows):
-            for d in range(2):
-                derivative[:, :, 2 * i + d] = self._basis[:, row, None] * axes[:, d]
+    def height(self, x: Float, point: Float) -> tuple[float, Float]:
+        """How far the point (3,) lies above the plane, mm, and the derivative (size,)."""
+        pivot, axes, turns = self._frame(x)
+        by = np.zeros(self.size)
         if self._plane:
-            derivative[:, :, -3] = self.sensor.plane.normal
-            for column, tilt in zip((-2, -1), tilts, strict=True):
-                derivative[:, :, column] = local @ tilt[:, :2].T
-        return pivot + local @ axes[:, :2].T, derivative
+            by[-_FRAME:-3] = -self._moves @ axes[:, 2]
+            by[-3:] = turns[:, :, 2] @ (point - pivot)
+        return float((point - pivot) @ axes[:, 2]), by
 
-    def curvature(self, x: Float) -> tuple[Float, Float]:
-        """Signed curvature (q,) in 1/mm at span ends and inside, and derivative (q, size)."""
+    def motion(self, x: Float) -> tuple[Float, tuple[Float, Float, Float, Float, Float]]:
+        """`points` (p, 3), and what moves them, for `track.py`: the basis (p, r) of the free rows,
+        the axes (3, 3), the directions (2, 3) of the frame's moves, the axes' derivatives
+        (3, 3, 3) by its turns, or none, and the samples (p, 2) in the plane, off its pivot."""
+        pivot, axes, turns = self._frame(x)
+        local = self._basis @ self._stacked(x) - self.center
+        points = pivot + local @ axes[:, :2].T
+        return points, (self._basis_of_rows, axes, self._moves, turns, local)
+
+    def turning(self, x: Float, radius: float) -> tuple[Float, Float]:
+        """How far from turning tighter than `radius` mm, (q,) at span ends and inside, and the
+        derivative (q, size).
+
+        speed^3 - radius |x' y'' - y' x''|, over the drawing's speed^3: it has the sign of
+        1 - radius |curvature|, and stays smooth and small where the speed vanishes.
+        """
         stack = self._stacked(x)
         d, dd = self._first @ stack, self._second @ stack
-        speed = np.maximum(np.linalg.norm(d, axis=1), 1e-9)
+        speed = np.linalg.norm(d, axis=1)
         cross = d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]
-        kappa = cross / speed**3
-        derivative = np.zeros((len(kappa), self.size))
-        for i, row in enumerate(self._rows):
-            f, s = self._first[:, row], self._second[:, row]
-            for axis, by_cross in enumerate(
-                (f * dd[:, 1] - d[:, 1] * s, d[:, 0] * s - f * dd[:, 0])
-            ):
-                derivative[:, 2 * i + axis] = (
-                    by_cross / speed**3 - 3 * kappa * f * d[:, axis] / speed**2
-                )
-        return kappa, derivative
+        turn = radius * np.where(cross < 0, -1.0, 1.0)
+        value = (speed**3 - turn * cross) / self._drawn_speed**3
+        f, s = self._first[:, self._rows], self._second[:, self._rows]
+        derivative = np.zeros((len(value), self.size))
+        inside = derivative[:, : 2 * len(self._rows)]
+        for axis, by_cross in enumerate(
+            (f * dd[:, 1:] - d[:, 1:] * s, d[:, :1] * s - f * dd[:, :1])
+        ):
+            by_speed = 3 * (speed * d[:, axis])[:, None] * f
+            inside[:, axis::2] = by_speed - turn[:, None] * by_cross
+        return value, derivative / self._drawn_speed[:, None] ** 3
 
 
-@numba.njit(cache=True)
-def _tilted(axes, a, b):  # type: ignore[no-untyped-def]
-    """Axes turned about their x by a, then y by b (rad), and the derivatives by both."""
-    ca, sa, cb, sb = np.cos(a), np.sin(a), np.cos(b), np.sin(b)
-    rx = np.array([[1.0, 0, 0], [0, ca, -sa], [0, sa, ca]])
-    ry = np.array([[cb, 0, sb], [0.0, 1, 0], [-sb, 0, cb]])
-    by = np.empty((2, 3, 3))
-    by[0] = axes @ np.array([[0.0, 0, 0], [0, -sa, -ca], [0, ca, -sa]]) @ ry
-    by[1] = axes @ rx @ np.array([[-sb, 0, cb], [0.0, 0, 0], [-cb, 0, -sb]])
-    return axes @ rx @ ry, by
+@numba.njit(cache=True, nogil=True)
+def _spread_out(basis, stack, center, pivot, axes):  # type: ignore[no-untyped-def]
+    """Points (p, 3): basis (p, r) times stack (r, 2), off the centre, in the plane's frame."""
+    out = np.empty((len(basis), 3))
+    for p in range(len(basis)):
+        x, y = -center[0], -center[1]
+        for r in range(len(stack)):
+            x += basis[p, r] * stack[r, 0]
+            y += basis[p, r] * stack[r, 1]
+        for a in range(3):
+            out[p, a] = pivot[a] + x * axes[a, 0] + y * axes[a, 1]
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _gather(basis, axes, by_points, out):  # type: ignore[no-untyped-def]
+    """Derivatives by the points (p, 3, s) to those by in-plane coordinates, two rows of out
+    (2 r + ..., s) for each column of basis (p, r)."""
+    states = by_points.shape[2]
+    u, v = np.empty(states), np.empty(states)
+    for p in range(len(basis)):
+        for s in range(states):
+            x, y, z = by_points[p, 0, s], by_points[p, 1, s], by_points[p, 2, s]
+            u[s] = x * axes[0, 0] + y * axes[1, 0] + z * axes[2, 0]
+            v[s] = x * axes[0, 1] + y * axes[1, 1] + z * axes[2, 1]
+        for r in range(basis.shape[1]):
+            w = basis[p, r]
+            if w != 0.0:  # a point follows the four rows of its span
+                for s in range(states):
+                    out[2 * r, s] += w * u[s]
+                    out[2 * r + 1, s] += w * v[s]
+
+
+@numba.njit(cache=True, nogil=True)
+def _turned(axes, angles):  # type: ignore[no-untyped-def]
+    """Axes turned about their own x, y and z in that order by angles (3,) rad, and the derivatives
+    (3, 3, 3) by each."""
+    turns, slopes = np.empty((3, 3, 3)), np.empty((3, 3, 3))
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        c, s = np.cos(angles[k]), np.sin(angles[k])
+        turns[k], slopes[k] = np.eye(3), np.zeros((3, 3))
+        turns[k, i, i], turns[k, i, j], turns[k, j, i], turns[k, j, j] = c, -s, s, c
+        slopes[k, i, i], slopes[k, i, j], slopes[k, j, i], slopes[k, j, j] = -s, -c, c, -s
+    by = np.empty((3, 3, 3))
+    by[0] = axes @ slopes[0] @ turns[1] @ turns[2]
+    by[1] = axes @ turns[0] @ slopes[1] @ turns[2]
+    by[2] = axes @ turns[0] @ turns[1] @ slopes[2]
+    return axes @ turns[0] @ turns[1] @ turns[2], by

@@ -30,26 +30,59 @@ def gaps(paths: Float, line: Float) -> Float:
     return np.asarray(distance.min(axis=1))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
+def self_gaps(paths, apart):  # type: ignore[no-untyped-def]
+    """Least distance (c,) of each path (c, p, 3) from itself as in `nearest_strand`, between its
+    points; inf where none are far enough along."""
+    out = np.full(len(paths), np.inf)
+    count = paths.shape[1]
+    along = np.zeros(count)
+    for c in range(len(paths)):
+        longest = 0.0
+        for p in range(1, count):
+            step = 0.0
+            for d in range(3):
+                step += (paths[c, p, d] - paths[c, p - 1, d]) ** 2
+            step = np.sqrt(step)
+            longest = max(longest, step)
+            along[p] = along[p - 1] + step
+        for p in range(count):
+            for q in range(p):
+                if along[p] - along[q] >= apart + longest:
+                    square = 0.0
+                    for d in range(3):
+                        square += (paths[c, p, d] - paths[c, q, d]) ** 2
+                    out[c] = min(out[c], square)
+        out[c] = np.sqrt(out[c])
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
 def _nearest(points, line, along, middle, apart):  # type: ignore[no-untyped-def]
+    count = len(line) - 1
     distance = np.full(len(points), np.inf)
     segment = np.zeros(len(points), np.int64)
     where = np.zeros(len(points))
+    longest = 0.0
+    for k in range(count):
+        longest = max(longest, np.sqrt(((line[k + 1] - line[k]) ** 2).sum()))
     for p in range(len(points)):
-        for k in range(len(line) - 1):
+        start = segment[p - 1] if p > 0 else 0  # neighbours are near to neighbouring segments
+        for turn in range(count + 1):
+            k = start if turn == 0 else turn - 1
             if apart > 0.0 and abs(along[p] - middle[k]) < apart:
                 continue
-            dot, size = 0.0, 0.0
+            dot, size, gap = 0.0, 0.0, 0.0
             for d in range(3):
                 step = line[k + 1, d] - line[k, d]
-                dot += (points[p, d] - line[k, d]) * step
+                off = points[p, d] - line[k, d]
+                dot += off * step
                 size += step * step
+                gap += off * off
+            if gap > (distance[p] + longest) ** 2:
+                continue
             t = min(max(dot / max(size, 1e-30), 0.0), 1.0)
-            square = 0.0
-            for d in range(3):
-                gap = points[p, d] - line[k, d] - t * (line[k + 1, d] - line[k, d])
-                square += gap * gap
-            if square < distance[p]:
-                distance[p], segment[p], where[p] = square, k, t
-        distance[p] = np.sqrt(distance[p])
+            square = gap - 2 * t * dot + t * t * size
+            if square < distance[p] ** 2:
+                distance[p], segment[p], where[p] = np.sqrt(max(square, 0.0)), k, t
     return distance, segment, where

@@ -13,6 +13,7 @@ from ..mechanics.locate import PointLocator
 from ..sensing.decoder import expected_square, floor
 from ..sensing.features import KINDS, Features
 from .carrier import Carrier
+from .depth import DepthField, DepthGrid
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,16 @@ class Problem:
     def carrier(self) -> Carrier:
         """What moves cords with the fields; made once, its tables are large."""
         return Carrier(self.locator, self.fields, self.gauge_factor)
+
+    @cached_property
+    def depth(self) -> DepthField:
+        """Exact depth below the surface."""
+        return DepthField(self.surface)
+
+    @cached_property
+    def grid(self) -> DepthGrid:
+        """Depth on a grid, for very many points."""
+        return DepthGrid(self.surface)
 
     @cached_property
     def outputs(self) -> Float:

@@ -1,39 +1,47 @@
-"""From the paths as drawn to the best layout found: seeds, then constrained descent (SLSQP)."""
+"""From the paths as drawn, or none, to the best layout found: selection, then descents."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.optimize import minimize
 
 from ..core.arrays import Float
 from ..core.device import Sensor
-from ..core.errors import LayoutError
-from ..geometry import facets
-from ..geometry.division import channel_line, divide
-from .candidates import Pool, build_pool, join, propose, vary
 from .constraints import Constraints
 from .freedom import CordFreedom, sample_path
 from .objective import Objective
 from .problem import Problem
-from .select import select
-from .verify import LONGEST_INLET, verify
+from .seeds import Layout, choices, no_room, seeds
+from .slivers import Slivers
+from .sqp import minimise
+from .verify import verify
 
 Report = Callable[[float, str], None]
-Layout = tuple[Sensor, ...]
+#: Gets the best layout so far and its expected RMSE, mm.
+Watch = Callable[[Layout, float], None]
+
+_SHORT, _LONG, _ROUNDS = 15, 40, 3  # iterations of a descent; descents of a finish
+_ROUGH, _FINE = 1e-3, 2e-4  # relative gain that a descent still goes on for
+_STILL = 2e-3  # relative gain of a descent that ends a finish
+
+
+class Cancelled(Exception):
+    """Raised by a callback to stop the search: the best layout so far is the result."""
 
 
 @dataclass(frozen=True)
 class Optimised:
-    """The best layout that keeps every limit, its expected RMSE, and those of all descents (mm)."""
+    """The best layout that keeps every limit, its expected RMSE, those of all descents (mm), and
+    what the search set out from: the drawing, or the first selection where cords were added."""
 
-    sensors: tuple[Sensor, ...]
+    sensors: Layout
     rmse: float
     starts: tuple[float, ...]
+    initial: Layout
 
 
 def layout_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
@@ -44,121 +52,109 @@ def layout_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
 
 def optimise(
     problem: Problem,
-    sensors: Sequence[Sensor],
+    drawn: Sequence[Sensor],
     rng: np.random.Generator,
     report: Report,
     *,
-    starts: int | None = None,
-    finalists: int = 4,
+    extra: int = 0,
+    starts: int = 8,
+    finalists: int = 2,
     candidates: int = 12000,
-    iterations: int = 60,
+    watch: Watch | None = None,
 ) -> Optimised:
-    """Improve the cords that are free, from selected variations and the drawing itself.
+    """Improve the drawn cords that are free, and add `extra` ones.
 
-    Every start takes a short descent; the best `finalists` go on until they converge. Only
-    layouts that pass an independent check compete, and one whose planes leave slivers of parts
-    loses to any that leave none. The drawing, which must pass itself, is the result where
-    nothing better was found. `starts` is 48 over the number of free cords unless given.
+    Thousands of candidates for each cord are screened, and `starts` layouts selected from shares
+    of them; every selection and the drawing itself takes a short descent, and the best `finalists`
+    go on until they stand still. Only layouts that pass an independent check compete, and one
+    whose planes leave slivers loses to any that leave none. A drawing, which must pass itself, is
+    the result where nothing better was found. `report` and `watch` may raise Cancelled.
+
+    Raises LayoutError where the body has no room for the cords.
     """
-    drawn = tuple(sensors)
-    slivers = Slivers(problem)
-
-    def ranked(layouts: Sequence[Layout]) -> Iterator[Layout]:
-        """By error, those that leave slivers last; lazy, since slivers take time to find."""
-        late = []
-        for layout in sorted(layouts, key=lambda x: layout_error(problem, x)):
-            if slivers(layout):
-                late.append(layout)
-            else:
-                yield layout
-        yield from late
-
-    if not any(s.free for s in drawn):
-        return Optimised(drawn, layout_error(problem, drawn), ())
-    size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
-    free = sum(bool(s.free) for s in drawn)
-    each, starts = max(candidates // free, 1), starts or max(48 // free, 8)
-    pools = []
-    for i, s in enumerate(drawn):
-        report(0.25 * i / len(drawn), f"candidates for cord {s.name!r}")
-        pools.append(build_pool(problem, vary(s, each, size / 2, rng)))
-    seeds: list[Layout] = [tuple(_jitter(s, rng) for s in drawn)]
-    for _ in range(starts):
-        picked = _pick(problem, [p.some(0.1, rng) for p in pools])  # small shares differ
-        seeds += [picked] if picked else []
-    short: list[Layout] = []
-    for i, seed in enumerate(seeds):
-        at = 0.25 + 0.35 * i / len(seeds)
-        show = partial(_show, report, at, f"descent {i + 1} of {len(seeds)}")
-        short.append(_descend(problem, seed, iterations, show))
-    long: list[Layout] = []
-    for n, layout in enumerate(itertools.islice(ranked(short), finalists)):
-        at = 0.6 + 0.4 * n / finalists
-        show = partial(_show, report, at, f"finishing {n + 1} of {finalists}")
-        long.append(_finish(problem, layout, show))
-    best = next(
-        layout
-        for layout in ranked([drawn, *seeds[1:], *short, *long])
-        if layout is drawn or not verify(layout, problem.surface, problem.limits).problems
-    )
-    reached = [layout_error(problem, layout) for layout in (*short, *long)]
-    report(1.0, f"best {layout_error(problem, best):.3g} mm")
-    return Optimised(best, layout_error(problem, best), tuple(reached))
-
-
-def _show(report: Report, at: float, what: str, error: float) -> None:
-    report(at, f"{what}, {error:.3g} mm")
-
-
-class Slivers:
-    """Whether a layout cuts off parts that are too small or too thin to print."""
-
-    def __init__(self, problem: Problem) -> None:
-        self._body = facets.to_manifold(problem.surface, "the body")
-        self._limits = problem.limits
-
-    def __call__(self, sensors: Sequence[Sensor]) -> bool:
-        ends = (LONGEST_INLET, LONGEST_INLET)  # surely out of the body
-        cords = [(s.plane, channel_line(s, ends)) for s in sensors]
-        division = divide(self._body, cords, self._limits.channel_diameter)
-        least = self._limits.smallest_part * self._body.volume()
-        return any(
-            p.volume() < least or facets.thickness(p) < self._limits.wall for p in division.parts
-        )
-
-
-def first_layout(
-    problem: Problem, count: int, rng: np.random.Generator, lines: int = 400, variations: int = 5
-) -> tuple[Sensor, ...]:
-    """A proposal of `count` cords where the user has drawn none, all free in path and plane.
-
-    Raises LayoutError where the body has no room for them.
-    """
-    width = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[0])
-    for _ in range(5):  # candidates are checked coarsely: a pick can still fail the fine check
-        many = [
-            vary(replace(s, free=frozenset({"path"})), variations, width / 2, rng)
-            for s in propose(problem.surface, lines, rng)
-        ]
-        pool = build_pool(problem, join(many), keep_first=False) if many else None
-        picked = _pick(problem, [pool] * count) if pool and pool.sensors else None
-        if picked and not verify(picked, problem.surface, problem.limits).problems:
-            return tuple(
-                replace(s, name=f"cord-{i + 1}", free=frozenset({"path", "plane"}))
-                for i, s in enumerate(picked)
+    drawn = tuple(drawn)
+    best = _Best(problem, watch)
+    initial: Layout = ()
+    if not extra:
+        initial = drawn
+        best.offer(drawn, trusted=True)
+        if not any(s.free for s in drawn):
+            return Optimised(drawn, best.error, (), drawn)
+    reached: list[float] = []
+    try:
+        report(0.0, "candidates")
+        cords = choices(problem, drawn, extra, candidates, rng)
+        show = partial(_part, report, 0.1, 0.25)
+        begun = seeds(problem, cords, starts, best.slivers, rng, show)
+        for layout in begun:
+            best.offer(layout)
+        initial = initial or (begun[0] if begun else ())
+        if drawn and not extra:
+            begun.append(tuple(_jitter(s, rng) for s in drawn))
+        short: list[Layout] = []
+        for i, layout in enumerate(begun):
+            low, high = (0.25 + 0.4 * (i + k) / len(begun) for k in (0, 1))
+            show = partial(_part, report, low, high)
+            what = f"descent {i + 1} of {len(begun)}"
+            short.append(
+                _descend(problem, layout, _SHORT, _ROUGH, best.slivers, partial(_show, show, what))
             )
-    raise LayoutError(
-        f"[design] sensors = {count}: no room was found for {count} cords; ask for fewer, or draw"
-        " them as [[sensors]]"
-    )
+            reached.append(layout_error(problem, short[-1]))
+            best.offer(short[-1])
+        ranked = sorted(range(len(short)), key=lambda i: (best.slivers(short[i]), reached[i]))
+        for n, i in enumerate(_different(ranked, reached)[:finalists]):
+            low, high = (0.65 + 0.35 * (n + k) / finalists for k in (0, 1))
+            show = partial(_part, report, low, high)
+            what = f"finishing {n + 1} of {finalists}"
+            reached.append(_finish(problem, short[i], best, partial(_show, show, what)))
+    except Cancelled:
+        if not best.layout:
+            raise
+    if not best.layout:
+        raise no_room(len(drawn) + extra)
+    report(1.0, f"best {best.error:.3g} mm")
+    return Optimised(best.layout, best.error, tuple(reached), initial or best.layout)
 
 
-def _pick(problem: Problem, pools: Sequence[Pool]) -> Layout | None:
-    clearance = problem.limits.clearance + 0.1
-    chosen = select(pools, problem.expected_error, clearance)
-    if chosen is None:
-        return None
-    return tuple(p.sensors[i] for p, i in zip(pools, chosen, strict=True))
+def _different(ranked: Sequence[int], errors: Sequence[float]) -> list[int]:
+    """Without those that are as good as the one before: they have come to the same layout."""
+    out = list(ranked[:1])
+    for a, b in itertools.pairwise(ranked):
+        if abs(errors[b] - errors[a]) > 1e-5 * errors[a]:
+            out.append(b)
+    return out
+
+
+def _part(report: Report, low: float, high: float, fraction: float, what: str) -> None:
+    report(low + (high - low) * fraction, what)
+
+
+def _show(report: Report, what: str, done: float, value: float) -> None:
+    report(done, f"{what}, {np.sqrt(value):.3g} mm")
+
+
+class _Best:
+    """The best layout offered that passes; one with slivers only for want of others."""
+
+    def __init__(self, problem: Problem, watch: Watch | None) -> None:
+        self._problem, self._watch = problem, watch
+        self.slivers = Slivers(problem)
+        self.layout: Layout = ()
+        self.error = np.inf
+        self._rank: tuple[bool, float] = (True, np.inf)
+
+    def offer(self, layout: Layout, trusted: bool = False) -> bool:
+        """Whether the layout is the best now; `trusted` ones are known to pass the check."""
+        rank = (self.slivers(layout), layout_error(self._problem, layout))
+        if rank >= self._rank or not (trusted or self._passes(layout)):
+            return False
+        self.layout, self.error, self._rank = layout, rank[1], rank
+        if self._watch is not None:
+            self._watch(layout, self.error)
+        return True
+
+    def _passes(self, layout: Layout) -> bool:
+        return not verify(layout, self._problem.surface, self._problem.limits).problems
 
 
 def _jitter(sensor: Sensor, rng: np.random.Generator) -> Sensor:
@@ -168,55 +164,45 @@ def _jitter(sensor: Sensor, rng: np.random.Generator) -> Sensor:
 
 
 def _finish(
-    problem: Problem, layout: Layout, show: Callable[[float], None], rounds: int = 6
-) -> Layout:
-    """Descents in a row until the error stands still and the check passes.
+    problem: Problem, layout: Layout, best: _Best, show: Callable[[float, float], None]
+) -> float:
+    """Error (mm) after descents in a row, until it stands still and the check passes.
 
-    Inlets shift as planes tilt, and only a new start measures them anew.
+    Inlets shift as planes tilt, and only a new descent measures them anew.
     """
     error = layout_error(problem, layout)
-    for _ in range(rounds):
-        layout = _descend(problem, layout, 150, show)
+    for _ in range(_ROUNDS):
+        layout = _descend(problem, layout, _LONG, _FINE, best.slivers, show)
         before, error = error, layout_error(problem, layout)
-        good = not verify(layout, problem.surface, problem.limits).problems
-        if good and abs(before - error) < 2e-3 * error:
+        offered = best.offer(layout)
+        if abs(before - error) < _STILL * error and (offered or error > best.error):
             break
-    return layout
+    return error
 
 
 def _descend(
-    problem: Problem, sensors: Layout, iterations: int, show: Callable[[float], None]
+    problem: Problem,
+    sensors: Layout,
+    iterations: int,
+    tolerance: float,
+    slivers: Slivers,
+    show: Callable[[float, float], None],
 ) -> Layout:
     cords = [CordFreedom(s) for s in sensors]
     objective = Objective(problem, cords)
-    constraints = Constraints(problem.surface, problem.limits, cords)
-    scale = objective(np.zeros(sum(c.size for c in cords)))[0]
-    last: dict[bytes, tuple[Float, Float]] = {}
-    value = np.inf
+    constraints = Constraints(problem.surface, problem.depth, problem.limits, cords)
 
-    def constrained(x: Float, which: int) -> Float:
-        key = x.tobytes()
-        if key not in last:
-            last.clear()
-            last[key] = constraints(x)
-        return last[key][which]
+    def guard(old: Float, new: Float) -> tuple[Float, Float] | None:
+        return slivers.guard(cords, old, new)
 
-    def scaled(x: Float) -> tuple[float, Float]:
-        nonlocal value
-        value, gradient = objective(x)
-        return value / scale, gradient / scale
-
-    result = minimize(
-        scaled,
+    found = minimise(
+        objective.model,
+        objective.value,
+        constraints,
         np.zeros(sum(c.size for c in cords)),
-        jac=True,
-        method="SLSQP",
-        constraints={
-            "type": "ineq",
-            "fun": lambda x: constrained(x, 0),
-            "jac": lambda x: constrained(x, 1),
-        },
-        callback=lambda _: show(float(np.sqrt(value))),
-        options={"maxiter": iterations, "ftol": 1e-6},
+        iterations,
+        tolerance=tolerance,
+        guard=guard if not slivers(sensors) else None,
+        show=show,
     )
-    return tuple(c.apply(x) for c, x in zip(cords, objective.split(result.x), strict=True))
+    return tuple(c.apply(x) for c, x in zip(cords, objective.split(found.x), strict=True))

@@ -10,45 +10,58 @@ from ..core.arrays import Bool, Float, Int
 from .candidates import Pool
 from .nearest import gaps
 
+#: Candidates are tried from the best on; one cord of a full body may leave none.
+_TRIES = 400
+
 
 def select(
     pools: Sequence[Pool],
     error: Callable[[Float], Float],
     clearance: float,
+    *,
     rounds: int = 3,
+    some: Sequence[Bool] | None = None,
+    allowed: Callable[[dict[int, int]], bool] | None = None,
 ) -> Int | None:
     """Index into each pool (m,), or None where no clear combination was found.
 
     `error` takes sets of signals (k, n, m) to the error of each (k,), for any number m of cords.
-    Cords are added one by one, then exchanged one by one while that helps.
+    Cords are added one by one, then exchanged one by one while that helps. `some` restricts each
+    pool to a part; `allowed` may refuse what is chosen so far, pool by pool.
     """
     chosen = np.full(len(pools), -1)
-    order = sorted(range(len(pools)), key=lambda i: len(pools[i].sensors))
+    order = sorted(range(len(pools)), key=lambda i: len(pools[i]))
     for turn in range(rounds + 1):
         before = chosen.copy()
         for slot in order:
+            pool = pools[slot]
             others = [i for i in range(len(pools)) if i != slot and chosen[i] >= 0]
-            clear = np.ones(len(pools[slot].sensors), bool)
-            for i in others:
-                clear &= _clear(pools[slot].paths, pools[i].paths[chosen[i]], clearance)
-            if not clear.any():
-                if turn == 0:
-                    return None
-                continue
-            which = np.flatnonzero(clear)
-            own = pools[slot].signals.T[which]
+            which = np.arange(len(pool)) if some is None else np.flatnonzero(some[slot])
+            own = pool.signals.T[which]
             rest = [np.broadcast_to(pools[i].signals[:, chosen[i]], own.shape) for i in others]
-            chosen[slot] = which[error(np.stack([own, *rest], axis=-1)).argmin()]
-        if (before == chosen).all():
+            errors = error(np.stack([own, *rest], axis=-1))
+            lines = [pools[i].paths[chosen[i]] for i in others]
+            best = np.argsort(errors, kind="stable")[:_TRIES]
+            for k in which[best].tolist():
+                if k == chosen[slot]:
+                    break  # better ones are not clear
+                if all(_clear(pool.paths[k], line, clearance) for line in lines) and (
+                    allowed is None or allowed({**{i: int(chosen[i]) for i in others}, slot: k})
+                ):
+                    chosen[slot] = k
+                    break
+            else:
+                if chosen[slot] < 0:
+                    return None
+        if turn and (before == chosen).all():
             break
     return chosen
 
 
-def _clear(paths: Float, other: Float, clearance: float) -> Bool:
-    """Which of the paths (c, p, 3) keep `clearance` from the path (q, 3)."""
+def _clear(path: Float, other: Float, clearance: float) -> bool:
+    """Whether the path (p, 3) keeps `clearance` from the path (q, 3)."""
     slack = np.linalg.norm(np.diff(other, axis=0), axis=1).max() / 4
     low, high = other.min(0) - clearance - slack, other.max(0) + clearance + slack
-    out = np.ones(len(paths), bool)
-    near = ((paths.max(1) >= low) & (paths.min(1) <= high)).all(1)
-    out[near] = gaps(paths[near], other) >= clearance + slack
-    return out
+    if (path.max(0) < low).any() or (path.min(0) > high).any():
+        return True
+    return bool(gaps(path[None], other)[0] >= clearance + slack)

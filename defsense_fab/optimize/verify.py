@@ -18,11 +18,9 @@ from ..core.arrays import Float
 from ..core.device import Sensor
 from ..core.mesh import Surface
 from ..geometry import ray
-from .constraints import INLET_SLOPE
+from .constraints import INLET_SLOPE, LONGEST_INLET
 from .problem import Limits
 
-#: An end further than this from the surface leaves cord that the signal does not count, mm.
-LONGEST_INLET = 12.0
 _TOLERANCE = 1e-3
 
 

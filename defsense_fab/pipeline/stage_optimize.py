@@ -21,7 +21,7 @@ from ..mechanics.locate import PointLocator
 from ..mechanics.tet10 import QuadraticMesh
 from ..optimize.freedom import sample_path
 from ..optimize.problem import Limits, Problem
-from ..optimize.refine import first_layout, optimise
+from ..optimize.refine import optimise
 from ..optimize.spread import Tolerances, spread
 from ..optimize.verify import LayoutCheck, verify
 from ..sensing.decoder import fit, measure
@@ -128,11 +128,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
             raise LayoutError(
                 f"device.toml: sensors: {check.problems[0]}; move its control_points or plane"
             )
-    else:
-        report(0.0, "proposing planes and paths")
-        drawn = first_layout(problem, device.propose, rng)
-    found = optimise(problem, drawn, rng, report)
-    initial, _ = predict(task.everything, drawn, task.names, task.held)
+    found = optimise(problem, drawn, rng, report, extra=device.propose)
+    initial, _ = predict(task.everything, found.initial, task.names, task.held)
     final, extra = predict(task.everything, found.sensors, task.names, task.held)
     check = verify(found.sensors, surface, problem.limits)
     if check.problems:
@@ -153,7 +150,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             "prediction": final.to_json(),
             "band": {**asdict(spread(problem, found.sensors, rng)), **asdict(Tolerances())},
             "initial": initial.to_json(),
-            "drawn": [sample_path(s).tolist() for s in drawn],
+            "drawn": [sample_path(s).tolist() for s in found.initial],
             "proposed": not device.sensors,
             "starts": list(found.starts),
             "seed": SEED,

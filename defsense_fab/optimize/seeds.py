@@ -1,0 +1,109 @@
+"""Where descents set out from: layouts selected from thousands of candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ..core.device import Sensor
+from ..core.errors import LayoutError
+from .candidates import Pool, build_pool
+from .families import there_and_back, through, vary
+from .problem import Problem
+from .select import select
+from .slivers import Slivers
+
+Layout = tuple[Sensor, ...]
+FREE = frozenset({"path", "plane"})
+_SHARE = 0.3  # of the candidates that a start sees, so that starts differ
+_HAND = 0.1  # kept from the clearance for what coarse samples miss, mm
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The candidates of one cord, and the name and freedom that the chosen one takes."""
+
+    name: str
+    free: frozenset[str]
+    pool: Pool
+
+
+def choices(
+    problem: Problem,
+    drawn: Sequence[Sensor],
+    extra: int,
+    candidates: int,
+    rng: np.random.Generator,
+) -> list[Choice]:
+    """For each drawn cord its variations and, where path and plane are free, paths of all
+    families; the latter alone for `extra` cords. Raises LayoutError where no candidate fits."""
+    size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
+    families = (
+        _families(problem, candidates, rng) if extra or FREE in {s.free for s in drawn} else None
+    )
+    out = []
+    for s in drawn:
+        count = candidates // (8 if s.free == FREE else 2)
+        own = build_pool(problem, [partial(vary, s, count, size / 2, rng)], keep_first=True)
+        out.append(Choice(s.name, s.free, own.plus(families) if s.free == FREE else own))
+    if extra:
+        if not families or not len(families):
+            raise no_room(len(drawn) + extra)
+        taken = {s.name for s in drawn}
+        names = (f"cord-{i}" for i in range(1, len(drawn) + extra + 1 + len(taken)))
+        fresh = [n for n in names if n not in taken][:extra]
+        out += [Choice(n, FREE, families) for n in fresh]
+    return out
+
+
+def _families(problem: Problem, count: int, rng: np.random.Generator) -> Pool:
+    """Candidates of all families; several makers of one family for several cores."""
+    *four, last = rng.spawn(5)
+    makers = [partial(through, problem, count // 4, r) for r in four]
+    return build_pool(problem, [*makers, partial(there_and_back, problem, count // 4, last)])
+
+
+def no_room(count: int) -> LayoutError:
+    return LayoutError(
+        f"[design] sensors = {count}: no room was found for {count} cords with their clearances;"
+        " ask for fewer, or draw them as [[sensors]]"
+    )
+
+
+def seeds(
+    problem: Problem,
+    cords: Sequence[Choice],
+    count: int,
+    slivers: Slivers,
+    rng: np.random.Generator,
+    report: Callable[[float, str], None],
+) -> list[Layout]:
+    """Up to `count` layouts: the first chosen from all candidates, the others from shares."""
+    pools = [c.pool for c in cords]
+
+    def layout(chosen: dict[int, int]) -> Layout:
+        return tuple(
+            cords[i].pool.sensor(k, cords[i].name, cords[i].free) for i, k in sorted(chosen.items())
+        )
+
+    out: list[Layout] = []
+    for n in range(count):
+        report(n / count, f"selection {n + 1} of {count}")
+        some = [rng.random(len(p)) < (_SHARE if n else 1.0) for p in pools]
+        for keep, pool in zip(some, pools, strict=True):
+            keep[:1] |= len(pool) == 1
+        for allowed in (lambda c: not slivers(layout(c)), None):
+            chosen = select(
+                pools,
+                problem.expected_error,
+                problem.limits.clearance + _HAND,
+                some=some,
+                allowed=allowed,
+            )
+            if chosen is not None:
+                out.append(layout(dict(enumerate(chosen.tolist()))))
+                break
+    return out
