@@ -66,9 +66,8 @@ class Objective:
         n, m = S.shape
         phi, bend = self._features(S), self._features.slopes(S)
         A, B = phi - phi.mean(0), self._outputs
-        if self._noise > LEAST_NOISE or self._bent:
-            A = np.concatenate([A, self._noise * bend.transpose(0, 2, 1).reshape(n * m, -1)])
-            B = np.concatenate([B, np.zeros((n * m, B.shape[1]))])
+        A = np.concatenate([A, self._noise * bend.transpose(0, 2, 1).reshape(n * m, -1)])
+        B = np.concatenate([B, np.zeros((n * m, B.shape[1]))])
         Q, R = np.linalg.qr(A)
         beta = np.linalg.lstsq(R, Q.T @ B, rcond=1e-12)[0]
         residual = A @ beta - B
