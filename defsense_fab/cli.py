@@ -127,6 +127,19 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--count", type=int, default=8, help="how many modes to look at (8)")
     sub.add_argument("--write", action="store_true", help="add the poses to device.toml")
     sub.set_defaults(run=_modes)
+    sub = commands.add_parser(
+        "study",
+        help="how many cords a device should have",
+        description="Find the best layout of each number of cords and show how the predicted error"
+        " falls. Cords drawn in device.toml are left out of account. A study that was interrupted"
+        " goes on where it stood.",
+        epilog="example:  defsense study fixtures/devices/bar --sensors 1..6",
+    )
+    _common(sub)
+    sub.add_argument(
+        "--sensors", default="1..6", metavar="A..B", help="numbers of cords to look at (1..6)"
+    )
+    sub.set_defaults(run=_study)
     return parser
 
 
@@ -190,6 +203,71 @@ def _show_modes(found: Any, options: argparse.Namespace) -> None:
     )
     console.print(
         f"Look at: {found.picture}\nNext:    {following}", highlight=False, soft_wrap=True
+    )
+
+
+def _study(options: argparse.Namespace) -> int:
+    from .core.device_file import load_device
+
+    least, most = _range(options.sensors)
+    device = load_device(options.folder, _overrides(options.set))
+    from .pipeline import study
+
+    with _silent_stdout(), _bars(options) as progress:
+        found = study.study(device, least, most, progress)
+    with _output():
+        if options.json:
+            rows = [
+                {k: v for k, v in vars(r).items() if k != "layout" and v == v} for r in found.rows
+            ]
+            data = {"rows": rows, "knee": found.knee, "ended": found.ended}
+            files = {"file": str(found.file), "picture": str(found.picture)}
+            sys.stdout.write(json.dumps({**data, **files}, indent=1) + "\n")
+        else:
+            _show_study(found, options)
+    return 0
+
+
+def _range(text: str) -> tuple[int, int]:
+    least, dots, most = text.partition("..")
+    if not (least.isdigit() and (most.isdigit() if dots else not most)):
+        raise DeviceError(f"--sensors {text}: write a range such as 1..6, or one number")
+    a, b = int(least), int(most or least)
+    if not 1 <= a <= b <= 16:
+        raise DeviceError(f"--sensors {text}: give numbers from 1 to 16, the smaller one first")
+    return a, b
+
+
+def _show_study(found: Any, options: argparse.Namespace) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    console.on_broken_pipe = _leave  # type: ignore[method-assign]
+    table = Table(title="predicted RMSE, mm, by number of cords")
+    for column in ("cords", "with noise", "without", "held out", "affine floor", ""):
+        table.add_column(column, justify="right" if column else "left")
+    for r in found.rows:
+        numbers = (r.rmse, r.rmse_noise_free, r.held_out, r.floor)
+        cells = ("-" if v != v else f"{v:.3f}" for v in numbers)
+        mark = "recommended" if r.sensors == found.knee else ""
+        table.add_row(str(r.sensors), *cells, mark)
+    console.print(table)
+    if found.ended:
+        console.print(f"note: ended early: {found.ended}", highlight=False, soft_wrap=True)
+    if any(r.held_out != r.held_out for r in found.rows):
+        console.print(
+            "note: no states are held out; [states] held_out in device.toml tells how the layouts"
+            " do between the poses",
+            highlight=False,
+            soft_wrap=True,
+        )
+    console.print(
+        f"Look at: {found.picture}\nNext:    [design] sensors = {found.knee} in"
+        f" {options.folder / 'device.toml'}, then defsense build {options.folder}",
+        highlight=False,
+        markup=False,
+        soft_wrap=True,
     )
 
 

@@ -82,6 +82,15 @@ class Pool:
     def __len__(self) -> int:
         return len(self.paths)
 
+    @classmethod
+    def of(cls, problem: Problem, sensor: Sensor) -> Pool:
+        """A pool of one."""
+        plane, curve = sensor.plane, sensor.curve
+        arrays = (plane.origin, plane.axes, curve.points, curve.tangents)
+        batch = Batch(sensor, *(a[None] for a in arrays))
+        paths = batch.paths(COARSE)
+        return cls((batch,), paths, problem.signals(paths))
+
     def sensor(self, i: int, name: str, free: frozenset[str]) -> Sensor:
         """Candidate i."""
         for batch in self.batches:

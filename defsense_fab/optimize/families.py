@@ -18,6 +18,7 @@ _WAVES = 4  # sine waves over a path
 _INSIDE = 2.0  # a path begins so far below the surface, mm; its channel runs on straight
 _LEAD = 8.0  # the straight beginning of a path, mm
 _FEW = 16  # points at which waves look for the surface
+_SPREADS = (0.05, 0.15, 0.5)  # how far directions lie off an axis
 _KNOTS = 8  # control points of a path through the body
 
 
@@ -56,33 +57,53 @@ def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) ->
 
 
 def through(problem: Problem, count: int, rng: np.random.Generator) -> Batch:
-    """Waves about straight lines from surface to surface, free in path and plane; where the
-    strain is lively, mostly along the body."""
-    middle, direction, back, ahead = _lines(problem, count, rng)
+    """Waves about straight lines from surface to surface, free in path and plane; mostly along the
+    body, and where its strain is lively."""
+    middle, direction = _lines(problem, count, rng)
+    return _waved(problem, middle, direction, _frames(direction, rng), rng)
+
+
+def within(problem: Problem, plane: Plane, count: int, rng: np.random.Generator) -> Batch:
+    """Waves about straight lines from surface to surface in one plane."""
+    points = evenly(problem, 4000, rng)
+    points -= ((points - plane.origin) @ plane.normal)[:, None] * plane.normal
+    points = points[problem.grid(points) > problem.limits.depth]
+    if len(points) < 2:
+        points = np.stack([plane.origin, plane.origin + plane.axes[:, 0]])
+    local = (points - plane.origin) @ plane.axes[:, :2]
+    longest = np.linalg.eigh(np.cov(local.T))[1][:, 1]
+    angle = np.arctan2(longest[1], longest[0]) + rng.normal(0, 1, count) * rng.choice(
+        _SPREADS, count
+    )
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ plane.axes[:, :2].T
+    middle = points[rng.integers(len(points), size=count)]
+    normal = np.broadcast_to(plane.normal, direction.shape)
+    axes = np.stack([direction, np.cross(normal, direction), normal], axis=2)
+    return _waved(problem, middle, direction, axes, rng)
+
+
+def straight(problem: Problem, middle: Float, direction: Float, axes: Float) -> Batch:
+    """Straight cords through points (c, 3) inside along unit directions (c, 3), the x of the
+    planes' axes (c, 3, 3), from surface to surface; those that are long enough."""
+    back, ahead = _ways(problem, middle, direction)
     length = back + ahead - 2 * _INSIDE
-    good = length > 3 * _INSIDE
-    middle, direction, back, length = (a[good] for a in (middle, direction, back, length))
-    count = len(middle)
-    lead = np.minimum(_LEAD, length / 6)[:, None]
+    good = np.isfinite(length) & (length > 3 * _INSIDE)
+    back, length = back[good], length[good, None]
+    lead = np.minimum(_LEAD, length / 6)
     along = np.linspace(0, 1, _KNOTS - 2)
-    x = np.concatenate(
-        [0 * lead, lead + (length[:, None] - 2 * lead) * along, length[:, None]], axis=1
-    )
+    x = np.concatenate([0 * lead, lead + (length - 2 * lead) * along, length], axis=1)
     points = np.stack([x, np.zeros_like(x)], axis=2)
-    straight = Batch(
-        _like(_KNOTS),
-        middle - (back - _INSIDE)[:, None] * direction,
-        _frames(direction, rng),
-        points,
-        catmull_rom(points),
-    )
-    return _shrunk(problem, straight, rng.uniform(0, 1, count) * _width(problem) / 2, rng)
+    origins = middle[good] - (back - _INSIDE)[:, None] * direction[good]
+    return Batch(_like(_KNOTS), origins, axes[good], points, catmull_rom(points))
 
 
 def there_and_back(problem: Problem, count: int, rng: np.random.Generator) -> Batch:
     """Two legs side by side from the end of the body that moves least, joined by a half circle,
     free in path and plane."""
-    middle, direction, back, ahead = _lines(problem, count, rng)
+    middle, direction = _lines(problem, count, rng)
+    back, ahead = _ways(problem, middle, direction)
+    inside = np.isfinite(back + ahead)
+    middle, direction, back, ahead = (a[inside] for a in (middle, direction, back, ahead))
     ends = [middle - back[:, None] * direction, middle + ahead[:, None] * direction]
     moved = [np.linalg.norm(problem.deform(p) - p, axis=-1).mean(0) for p in ends]
     direction = np.where((moved[1] < moved[0])[:, None], -direction, direction)
@@ -141,42 +162,45 @@ def _waves(count: int, knots: int, rng: np.random.Generator) -> Float:
     return np.asarray(rng.normal(0, 0.5, (count, _WAVES)) @ shape)
 
 
-def _shrunk(problem: Problem, straight: Batch, size: Float, rng: np.random.Generator) -> Batch:
-    """The paths with waves of up to `size` (c,) mm, less where they would turn too tightly or
-    come too near the surface."""
-    waves = _waves(len(straight), straight.points.shape[1], rng)
+def _waved(
+    problem: Problem, middle: Float, direction: Float, axes: Float, rng: np.random.Generator
+) -> Batch:
+    """Straight paths with waves of up to half the body's width, less where they would turn too
+    tightly or come too near the surface."""
+    paths = straight(problem, middle, direction, axes)
+    size = rng.uniform(0, 1, len(paths)) * _width(problem) / 2
+    waves = _waves(len(paths), _KNOTS, rng)
     for _ in range(2):
-        batch = straight.waved(waves, size)
+        batch = paths.waved(waves, size)
         bend = np.abs(curvature(batch.points, batch.tangents, 6)).max(axis=1)
         tight = 0.9 / np.maximum(bend * problem.limits.min_radius, 0.9)
         near = problem.grid(batch.paths(_FEW)[:, 2:-2]).min(axis=1) < problem.limits.depth
         size = size * np.where(near, 0.5, 1) * tight
-    return straight.waved(waves, size)
+    return paths.waved(waves, size)
 
 
-def _lines(
-    problem: Problem, count: int, rng: np.random.Generator
-) -> tuple[Float, Float, Float, Float]:
-    """Points inside (c, 3), unit directions (c, 3), and the ways to the surface back and ahead."""
+def _lines(problem: Problem, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
+    """Points inside (c, 3) and unit directions (c, 3)."""
     points = evenly(problem, 4000, rng)
     values, vectors = np.linalg.eigh(np.cov(points.T))
     deep = points[problem.grid(points) > problem.limits.depth]
     if not len(deep):
-        return (none := np.zeros((0, 3))), none, none[:, 0], none[:, 0]
+        return np.zeros((0, 3)), np.zeros((0, 3))
     half = count // 2
     some = deep[rng.integers(len(deep), size=half)]
     middle = np.concatenate([some, lively(problem, deep[:2000], count - half, rng)])
     # Mostly along the longest axis; a stout body takes other directions, too.
     choice = rng.choice(3, count, p=values / values.sum())
-    direction = vectors[:, choice].T + rng.normal(0, 1, (count, 3)) * rng.choice(
-        [0.05, 0.15, 0.5], (count, 1)
-    )
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    off = rng.normal(0, 1, (count, 3)) * rng.choice(_SPREADS, (count, 1))
+    direction = vectors[:, choice].T + off
+    return middle, direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+def _ways(problem: Problem, middle: Float, direction: Float) -> tuple[Float, Float]:
+    """How far the surface lies back and ahead, (c,) mm each."""
     longest = float(np.linalg.norm(np.ptp(problem.surface.bounds, axis=0)))
-    back = problem.grid.exits(middle, -direction, longest)
-    ahead = problem.grid.exits(middle, direction, longest)
-    inside = np.isfinite(back) & np.isfinite(ahead)
-    return middle[inside], direction[inside], back[inside], ahead[inside]
+    back, ahead = (problem.grid.exits(middle, s * direction, longest) for s in (-1, 1))
+    return back, ahead
 
 
 def _frames(direction: Float, rng: np.random.Generator) -> Float:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numba
 import numpy as np
 
-from ..core.arrays import Float
-from ..core.curve import Hermite, Plane, hermite_basis
+from ..core.arrays import Float, Int
+from ..core.curve import Hermite, Plane, distinct, hermite_basis
 from ..core.device import Sensor
 
 #: A path is sampled with at least this many points for signals and in `layout.json`.
@@ -33,7 +34,9 @@ class CordFreedom:
     about the path's middle; a turn counts as the movement it causes at half the path's extent.
     """
 
-    def __init__(self, sensor: Sensor) -> None:
+    def __init__(self, sensor: Sensor, lead: CordFreedom | None = None) -> None:
+        """With `lead`, a cord in the same frame, the frame's parameters mean what they mean there:
+        equal ones keep both cords in one plane."""
         self.sensor = sensor
         k = len(sensor.curve.points)
         self._stack = np.concatenate([sensor.curve.points, sensor.curve.tangents])
@@ -48,6 +51,9 @@ class CordFreedom:
         self.center = (sensor.curve.points.min(0) + sensor.curve.points.max(0)) / 2
         self._pivot = sensor.plane.to_world(self.center)
         self.reach = float(np.linalg.norm(np.ptp(sensor.curve.points, axis=0))) / 2
+        if lead is not None:
+            self.center, self._pivot, self.reach = lead.center, lead._pivot, lead.reach
+            self._moves = lead._moves
         self._per_span = per_span(sensor)
         self._basis = hermite_basis(k, self._per_span)[0]
         self._basis_of_rows = np.ascontiguousarray(self._basis[:, self._rows])
@@ -133,6 +139,44 @@ class CordFreedom:
             by_speed = 3 * (speed * d[:, axis])[:, None] * f
             inside[:, axis::2] = by_speed - turn[:, None] * by_cross
         return value, derivative / self._drawn_speed[:, None] ** 3
+
+
+def together(sensors: Sequence[Sensor]) -> tuple[list[CordFreedom], Int]:
+    """Freedoms of a layout whose coplanar cords stay coplanar where their plane is free, and for
+    each of their parameters (size,) which of the layout's own it is."""
+    cords: list[CordFreedom] = []
+    which: list[Int] = []
+    count = 0
+    for sensor in sensors:
+        lead = next((i for i, c in enumerate(cords) if _joined(c.sensor, sensor)), None)
+        if lead is None:
+            cord = CordFreedom(sensor)
+            own = count + np.arange(cord.size)
+            count += cord.size
+        else:
+            leader = cords[lead]
+            cord = CordFreedom(_in_frame(sensor, leader.sensor.plane), leader)
+            own = np.concatenate([count + np.arange(cord.size - _FRAME), which[lead][-_FRAME:]])
+            count += cord.size - _FRAME
+        cords.append(cord)
+        which.append(own)
+    return cords, np.concatenate(which)
+
+
+def _joined(a: Sensor, b: Sensor) -> bool:
+    return "plane" in a.free and "plane" in b.free and len(distinct([a.plane, b.plane])) == 1
+
+
+def _in_frame(sensor: Sensor, plane: Plane) -> Sensor:
+    """The same cord in another frame of its plane."""
+    turn = plane.axes[:, :2].T @ sensor.plane.axes[:, :2]
+    shift = (sensor.plane.origin - plane.origin) @ plane.axes[:, :2]
+    curve = sensor.curve
+    return replace(
+        sensor,
+        plane=plane,
+        curve=Hermite(curve.points @ turn.T + shift, curve.tangents @ turn.T),
+    )
 
 
 @numba.njit(cache=True, nogil=True)

@@ -12,8 +12,8 @@ import numpy as np
 from ..core.arrays import Float
 from ..core.device import Sensor
 from .constraints import Constraints
-from .freedom import CordFreedom, sample_path
-from .objective import Objective
+from .freedom import CordFreedom, sample_path, together
+from .objective import Model, Objective
 from .problem import Problem
 from .seeds import Layout, choices, no_room, seeds
 from .slivers import Slivers
@@ -35,11 +35,13 @@ class Cancelled(Exception):
 
 @dataclass(frozen=True)
 class Optimised:
-    """The best layout that keeps every limit, its expected RMSE, those of all descents (mm), and
-    what the search set out from: the drawing, or the first selection where cords were added."""
+    """The best layout that keeps every limit, its expected RMSE (mm), whether its planes leave
+    slivers, the RMSE of all descents, and what the search set out from: the drawing, or the first
+    selection where cords were added."""
 
     sensors: Layout
     rmse: float
+    slivers: bool
     starts: tuple[float, ...]
     initial: Layout
 
@@ -57,12 +59,14 @@ def optimise(
     report: Report,
     *,
     extra: int = 0,
+    planes: int | None = None,
     starts: int = 8,
     finalists: int = 2,
     candidates: int = 12000,
     watch: Watch | None = None,
 ) -> Optimised:
-    """Improve the drawn cords that are free, and add `extra` ones.
+    """Improve the drawn cords that are free, and add `extra` ones, in at most `planes` planes if
+    given. Cords that share a plane go on sharing it.
 
     Thousands of candidates for each cord are screened, and `starts` layouts selected from shares
     of them; every selection and the drawing itself takes a short descent, and the best `finalists`
@@ -79,13 +83,13 @@ def optimise(
         initial = drawn
         best.offer(drawn, trusted=True)
         if not any(s.free for s in drawn):
-            return Optimised(drawn, best.error, (), drawn)
+            return Optimised(drawn, *best.rank[::-1], (), drawn)
     reached: list[float] = []
     try:
         report(0.0, "candidates")
         cords = choices(problem, drawn, extra, candidates, rng)
-        show = partial(_part, report, 0.1, 0.25)
-        begun = seeds(problem, cords, starts, best.slivers, rng, show)
+        show = partial(part, report, 0.1, 0.25)
+        begun = seeds(problem, cords, starts, planes, best.slivers, rng, show)
         for layout in begun:
             best.offer(layout)
         initial = initial or (begun[0] if begun else ())
@@ -94,7 +98,7 @@ def optimise(
         short: list[Layout] = []
         for i, layout in enumerate(begun):
             low, high = (0.25 + 0.4 * (i + k) / len(begun) for k in (0, 1))
-            show = partial(_part, report, low, high)
+            show = partial(part, report, low, high)
             what = f"descent {i + 1} of {len(begun)}"
             short.append(
                 _descend(problem, layout, _SHORT, _ROUGH, best.slivers, partial(_show, show, what))
@@ -104,7 +108,7 @@ def optimise(
         ranked = sorted(range(len(short)), key=lambda i: (best.slivers(short[i]), reached[i]))
         for n, i in enumerate(_different(ranked, reached)[:finalists]):
             low, high = (0.65 + 0.35 * (n + k) / finalists for k in (0, 1))
-            show = partial(_part, report, low, high)
+            show = partial(part, report, low, high)
             what = f"finishing {n + 1} of {finalists}"
             reached.append(_finish(problem, short[i], best, partial(_show, show, what)))
     except Cancelled:
@@ -112,8 +116,8 @@ def optimise(
             raise
     if not best.layout:
         raise no_room(len(drawn) + extra)
-    report(1.0, f"best {best.error:.3g} mm")
-    return Optimised(best.layout, best.error, tuple(reached), initial or best.layout)
+    report(1.0, f"best {best.rank[1]:.3g} mm")
+    return Optimised(best.layout, *best.rank[::-1], tuple(reached), initial or best.layout)
 
 
 def _different(ranked: Sequence[int], errors: Sequence[float]) -> list[int]:
@@ -125,7 +129,8 @@ def _different(ranked: Sequence[int], errors: Sequence[float]) -> list[int]:
     return out
 
 
-def _part(report: Report, low: float, high: float, fraction: float, what: str) -> None:
+def part(report: Report, low: float, high: float, fraction: float, what: str) -> None:
+    """Report a fraction of a part of the whole."""
     report(low + (high - low) * fraction, what)
 
 
@@ -140,17 +145,16 @@ class _Best:
         self._problem, self._watch = problem, watch
         self.slivers = Slivers(problem)
         self.layout: Layout = ()
-        self.error = np.inf
-        self._rank: tuple[bool, float] = (True, np.inf)
+        self.rank: tuple[bool, float] = (True, np.inf)
 
     def offer(self, layout: Layout, trusted: bool = False) -> bool:
         """Whether the layout is the best now; `trusted` ones are known to pass the check."""
         rank = (self.slivers(layout), layout_error(self._problem, layout))
-        if rank >= self._rank or not (trusted or self._passes(layout)):
+        if rank >= self.rank or not (trusted or self._passes(layout)):
             return False
-        self.layout, self.error, self._rank = layout, rank[1], rank
+        self.layout, self.rank = layout, rank
         if self._watch is not None:
-            self._watch(layout, self.error)
+            self._watch(layout, rank[1])
         return True
 
     def _passes(self, layout: Layout) -> bool:
@@ -158,7 +162,8 @@ class _Best:
 
 
 def _jitter(sensor: Sensor, rng: np.random.Generator) -> Sensor:
-    """A slight push off the drawing: symmetric drawings are saddle points."""
+    """A slight push off the drawing: symmetric drawings are saddle points, and cords that were
+    only drawn in one plane need not stay in it."""
     freedom = CordFreedom(sensor)
     return freedom.apply(rng.normal(0, 1.5, freedom.size))
 
@@ -175,7 +180,7 @@ def _finish(
         layout = _descend(problem, layout, _LONG, _FINE, best.slivers, show)
         before, error = error, layout_error(problem, layout)
         offered = best.offer(layout)
-        if abs(before - error) < _STILL * error and (offered or error > best.error):
+        if abs(before - error) < _STILL * error and (offered or error > best.rank[1]):
             break
     return error
 
@@ -188,21 +193,32 @@ def _descend(
     slivers: Slivers,
     show: Callable[[float, float], None],
 ) -> Layout:
-    cords = [CordFreedom(s) for s in sensors]
+    cords, which = together(sensors)
     objective = Objective(problem, cords)
     constraints = Constraints(problem.surface, problem.depth, problem.limits, cords)
+    tied = np.zeros((len(which), int(which.max()) + 1))
+    tied[np.arange(len(which)), which] = 1.0
+
+    def model(y: Float) -> Model:
+        at = objective.model(y[which])
+        return Model(at.value, at.gradient @ tied, tied.T @ at.hessian @ tied)
+
+    def limits(y: Float) -> tuple[Float, Float]:
+        room, rows = constraints(y[which])
+        return room, rows @ tied
 
     def guard(old: Float, new: Float) -> tuple[Float, Float] | None:
-        return slivers.guard(cords, old, new)
+        found = slivers.guard(cords, old[which], new[which])
+        return None if found is None else (found[0], found[1] @ tied)
 
     found = minimise(
-        objective.model,
-        objective.value,
-        constraints,
-        np.zeros(sum(c.size for c in cords)),
+        model,
+        lambda y: objective.value(y[which]),
+        limits,
+        np.zeros(tied.shape[1]),
         iterations,
         tolerance=tolerance,
         guard=guard if not slivers(sensors) else None,
         show=show,
     )
-    return tuple(c.apply(x) for c, x in zip(cords, objective.split(found.x), strict=True))
+    return tuple(c.apply(x) for c, x in zip(cords, objective.split(found.x[which]), strict=True))

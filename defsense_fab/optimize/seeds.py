@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from ..core.curve import distinct
 from ..core.device import Sensor
 from ..core.errors import LayoutError
 from .candidates import Pool, build_pool
-from .families import there_and_back, through, vary
+from .families import there_and_back, through, vary, within
 from .problem import Problem
 from .select import select
 from .slivers import Slivers
@@ -19,6 +20,7 @@ from .slivers import Slivers
 Layout = tuple[Sensor, ...]
 FREE = frozenset({"path", "plane"})
 _SHARE = 0.3  # of the candidates that a start sees, so that starts differ
+_IN_PLANE = 3000  # candidates in a plane
 _HAND = 0.1  # kept from the clearance for what coarse samples miss, mm
 
 
@@ -77,33 +79,83 @@ def seeds(
     problem: Problem,
     cords: Sequence[Choice],
     count: int,
+    planes: int | None,
     slivers: Slivers,
     rng: np.random.Generator,
     report: Callable[[float, str], None],
 ) -> list[Layout]:
-    """Up to `count` layouts: the first chosen from all candidates, the others from shares."""
-    pools = [c.pool for c in cords]
+    """Up to `count` layouts: the first chosen from all candidates, the others from shares. Once
+    there are `planes` planes, the other cords are chosen from paths in those."""
+    out: list[Layout] = []
+    for n in range(count):
+        report(n / count, f"selection {n + 1} of {count}")
+        share = _SHARE if n else 1.0
+        if planes is None:
+            found = _select(problem, cords, share, slivers, rng)
+        else:
+            found = _in_planes(problem, cords, planes, share, slivers, rng)
+        if found is not None:
+            out.append(found)
+    return out
+
+
+def _in_planes(
+    problem: Problem,
+    cords: Sequence[Choice],
+    planes: int,
+    share: float,
+    slivers: Slivers,
+    rng: np.random.Generator,
+) -> Layout | None:
+    """A selection in at most `planes` planes, or more only where drawn cords have them."""
+    drawn = [c for c in cords if len(c.pool) == 1]
+    room = planes - len(distinct([c.pool.sensor(0, c.name, c.free).plane for c in drawn]))
+    new = [c for c in cords if len(c.pool) != 1]
+    first = [*drawn, *new[: max(room, 0)]]
+    chosen = _select(problem, first, share, slivers, rng) if first else ()
+    if chosen is None or len(first) == len(cords):
+        return chosen
+    makers = [
+        partial(within, problem, plane, _IN_PLANE, r)
+        for plane in distinct([s.plane for s in chosen])
+        for r in rng.spawn(1)
+    ]
+    pool = build_pool(problem, makers)
+    if not len(pool):
+        return None
+    fixed = [Choice(s.name, s.free, Pool.of(problem, s)) for s in chosen]
+    rest = [replace(c, pool=pool) for c in new[max(room, 0) :]]
+    found = _select(problem, [*fixed, *rest], 1.0, slivers, rng)
+    if found is None:
+        return None
+    by_name = {s.name: s for s in found}
+    return tuple(by_name[c.name] for c in cords)
+
+
+def _select(
+    problem: Problem,
+    cords: Sequence[Choice],
+    share: float,
+    slivers: Slivers,
+    rng: np.random.Generator,
+) -> Layout | None:
+    """The best that greedy selection finds in a share of the candidates, without slivers if it
+    can."""
 
     def layout(chosen: dict[int, int]) -> Layout:
         return tuple(
             cords[i].pool.sensor(k, cords[i].name, cords[i].free) for i, k in sorted(chosen.items())
         )
 
-    out: list[Layout] = []
-    for n in range(count):
-        report(n / count, f"selection {n + 1} of {count}")
-        some = [rng.random(len(p)) < (_SHARE if n else 1.0) for p in pools]
-        for keep, pool in zip(some, pools, strict=True):
-            keep[:1] |= len(pool) == 1
-        for allowed in (lambda c: not slivers(layout(c)), None):
-            chosen = select(
-                pools,
-                problem.expected_error,
-                problem.limits.clearance + _HAND,
-                some=some,
-                allowed=allowed,
-            )
-            if chosen is not None:
-                out.append(layout(dict(enumerate(chosen.tolist()))))
-                break
-    return out
+    some = [rng.random(len(c.pool)) < (share if len(c.pool) > 1 else 1.0) for c in cords]
+    for allowed in (lambda c: not slivers(layout(c)), None):
+        chosen = select(
+            [c.pool for c in cords],
+            problem.expected_error,
+            problem.limits.clearance + _HAND,
+            some=some,
+            allowed=allowed,
+        )
+        if chosen is not None:
+            return layout(dict(enumerate(chosen.tolist())))
+    return None

@@ -11,7 +11,6 @@ import igl
 import numpy as np
 
 from ..core.arrays import Bool, Float
-from ..core.curve import Hermite, Plane
 from ..core.device import Device, Sensor
 from ..core.errors import DeviceError, LayoutError
 from ..core.files import write_json
@@ -26,6 +25,7 @@ from ..optimize.spread import Tolerances, spread
 from ..optimize.verify import LayoutCheck, verify
 from ..sensing.decoder import fit, measure
 from ..sensing.signal import peak_strain
+from .layout_file import read_sensor, write_sensor
 from .stage_body import load_surface
 from .stage_mesh import load_mesh
 from .stage_simulate import load_fields
@@ -205,15 +205,8 @@ def _sensors(
         path = sample_path(s)
         out.append(
             {
-                "name": s.name,
+                **write_sensor(s),
                 "channel": channel,
-                "plane": {
-                    "origin": s.plane.origin.tolist(),
-                    "normal": s.plane.normal.tolist(),
-                    "x_axis": s.plane.axes[:, 0].tolist(),
-                },
-                "control_points": s.curve.points.tolist(),
-                "tangents": s.curve.tangents.tolist(),
                 "points": path.tolist(),
                 "length": c.length,
                 "min_radius": min(c.min_radius, 1e6),
@@ -228,10 +221,4 @@ def _sensors(
 
 def load_sensors(folder: Path) -> list[Sensor]:
     """The optimised cords of `layout.json`."""
-    out = []
-    for s in read_json(folder / "layout.json")["sensors"]:
-        p = s["plane"]
-        plane = Plane.from_normal(*(np.array(p[k]) for k in ("origin", "normal", "x_axis")))
-        curve = Hermite(np.array(s["control_points"]), np.array(s["tangents"]))
-        out.append(Sensor(s["name"], plane, curve))
-    return out
+    return [read_sensor(s) for s in read_json(folder / "layout.json")["sensors"]]

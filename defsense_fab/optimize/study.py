@@ -1,0 +1,106 @@
+"""How the error falls with the number of cords, and where more of them stop paying."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.device import Sensor
+from ..core.errors import LayoutError
+from .problem import Problem
+from .refine import Optimised, optimise, part
+from .seeds import FREE, Layout, no_room
+
+_STARTS = 6  # of one cord; fewer the more cords there are, which take longer
+
+
+def next_cord(
+    problem: Problem,
+    layout: Sequence[Sensor],
+    rng: np.random.Generator,
+    report: Callable[[float, str], None],
+) -> Layout:
+    """The layout with one cord more where it helps most; the others stay.
+
+    Raises LayoutError where there is no room for it.
+    """
+    locked = [replace(s, free=frozenset()) for s in layout]
+    found: Optimised | None = None
+    for planes in (None, 0):  # in a plane of its own, and in one of those that are there
+        try:
+            one = optimise(
+                problem, locked, rng, report, extra=1, planes=planes, starts=3, finalists=1
+            )
+        except LayoutError:
+            continue
+        if found is None or (one.slivers, one.rmse) < (found.slivers, found.rmse):
+            found = one
+    if found is None:
+        raise no_room(len(layout) + 1)
+    return (*layout, *found.sensors[len(locked) :])
+
+
+def by_count(
+    problem: Problem,
+    counts: Sequence[int],
+    rng: np.random.Generator,
+    report: Callable[[float, str], None],
+    begin: Layout = (),
+) -> Iterator[Optimised]:
+    """The best layouts of rising numbers of cords, each one's error at most the one's before.
+
+    Every number is searched for afresh and from the layout before with one cord more. `begin` is
+    the layout of the number before the first, where it is known. Raises LayoutError where the body
+    has no room for more.
+    """
+    before = begin
+    for n, count in enumerate(counts):
+        low, high = n / len(counts), (n + 1) / len(counts)
+        middle = (low + high) / 2
+        starts = max(_STARTS - count // 2, 2)
+        found: Optimised | None = None
+        try:
+            fresh = partial(part, report, low, middle)
+            found = optimise(problem, (), rng, fresh, extra=count, starts=starts)
+        except LayoutError:
+            if len(before) != count - 1 or not before:
+                raise
+        if before and len(before) == count - 1:
+            grown = partial(part, report, middle, high)
+            more = _grown(problem, before, rng, grown, starts // 2)
+            if more is not None and (found is None or more.rmse < found.rmse):
+                found = more
+        if found is None:
+            raise no_room(count)
+        before = found.sensors
+        yield found
+
+
+def _grown(
+    problem: Problem,
+    before: Layout,
+    rng: np.random.Generator,
+    report: Callable[[float, str], None],
+    starts: int,
+) -> Optimised | None:
+    try:
+        layout = next_cord(problem, before, rng, partial(part, report, 0.0, 0.5))
+    except LayoutError:
+        return None
+    free = [replace(s, free=FREE) for s in layout]
+    return optimise(problem, free, rng, partial(part, report, 0.5, 1.0), starts=starts)
+
+
+def knee(counts: Sequence[int], errors: Float) -> int:
+    """The number of cords beyond which more pay least: where the curve of the errors' logarithms
+    lies deepest below the line between its ends (Satopaa et al. 2011)."""
+    if len(counts) < 3:
+        return int(counts[int(np.argmin(errors))])
+    x = np.asarray(counts, float)
+    y = np.log(np.asarray(errors, float))
+    line = y[0] + (y[-1] - y[0]) * (x - x[0]) / (x[-1] - x[0])
+    return int(counts[int((line - y).argmax())])
