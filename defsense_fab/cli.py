@@ -254,7 +254,9 @@ def _show_study(found: Any, options: argparse.Namespace) -> None:
         table.add_row(str(r.sensors), *cells, mark)
     console.print(table)
     if found.ended:
-        console.print(f"note: ended early: {found.ended}", highlight=False, soft_wrap=True)
+        console.print(
+            f"note: ended early: {found.ended}", highlight=False, markup=False, soft_wrap=True
+        )
     if any(r.held_out != r.held_out for r in found.rows):
         console.print(
             "note: no states are held out; [states] held_out in device.toml tells how the layouts"

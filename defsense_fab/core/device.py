@@ -160,7 +160,7 @@ DECODERS = ("affine", "quadratic")
 @dataclass(frozen=True)
 class Device:
     """All that a build needs to know; `source` is the folder of `device.toml`, `propose` the number
-    of cords to find where none are drawn."""
+    of cords to find besides those drawn, `planes` the most planes that they may take, or None."""
 
     name: str
     source: Path
@@ -175,6 +175,7 @@ class Device:
     fabrication: FabricationSpec
     sensors: tuple[Sensor, ...]
     propose: int
+    planes: int | None
     decoder: str
 
     @property

@@ -47,16 +47,15 @@ def load_device(
     cord = _cord(top.table("cord"))
     sensors = _sensors(top)
     design = top.table("design", required=False)
-    propose = int(design.number("sensors", 0.5, low=0)) if "sensors" in design.data else 0
-    if design.data.get("sensors", 0) != propose:
-        design.fail("sensors", "must be a whole number of at least 1")
+    wanted = _count(design, "sensors")
+    planes = _count(design, "planes")
     decoder = design.string("decoder", "affine")
     design.choice("decoder", decoder, DECODERS, "decoder")
     design.done()
-    if bool(sensors) == bool(propose) and (complete or sensors):
-        top.fail(
-            "sensors", "give either [[sensors]] with planes and paths, or [design] sensors = 3"
-        )
+    if complete and not sensors and not wanted:
+        top.fail("sensors", "draw [[sensors]] with planes and paths, or give [design] sensors = 3")
+    if wanted is not None and wanted < len(sensors):
+        design.fail("sensors", f"counts all cords, and {len(sensors)} are drawn")
     device = Device(
         name=top.string("name"),
         source=folder,
@@ -70,11 +69,22 @@ def load_device(
         cord=cord,
         fabrication=_fabrication(top.table("fabrication")),
         sensors=sensors,
-        propose=propose,
+        propose=(wanted or len(sensors)) - len(sensors),
+        planes=planes,
         decoder=decoder,
     )
     top.done()
     return device
+
+
+def _count(t: Table, key: str) -> int | None:
+    """A whole number of at least 1, or None where there is none."""
+    if key not in t.data:
+        return None
+    value = t.number(key, 0.5, low=0)
+    if value != int(value):
+        t.fail(key, "must be a whole number of at least 1")
+    return int(value)
 
 
 def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:

@@ -111,12 +111,12 @@ def optimise(
             show = partial(part, report, low, high)
             what = f"finishing {n + 1} of {finalists}"
             reached.append(_finish(problem, short[i], best, partial(_show, show, what)))
+        report(1.0, f"best {best.rank[1]:.3g} mm")
     except Cancelled:
         if not best.layout:
             raise
     if not best.layout:
         raise no_room(len(drawn) + extra)
-    report(1.0, f"best {best.rank[1]:.3g} mm")
     return Optimised(best.layout, *best.rank[::-1], tuple(reached), initial or best.layout)
 
 

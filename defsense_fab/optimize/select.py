@@ -10,7 +10,7 @@ from ..core.arrays import Bool, Float, Int
 from .candidates import Pool
 from .nearest import gaps
 
-#: Candidates are tried from the best on; one cord of a full body may leave none.
+#: So many of the best are tried in place of a cord that there is; for a new one all are.
 _TRIES = 400
 
 
@@ -41,7 +41,7 @@ def select(
             rest = [np.broadcast_to(pools[i].signals[:, chosen[i]], own.shape) for i in others]
             errors = error(np.stack([own, *rest], axis=-1))
             lines = [pools[i].paths[chosen[i]] for i in others]
-            best = np.argsort(errors, kind="stable")[:_TRIES]
+            best = np.argsort(errors, kind="stable")[: _TRIES if chosen[slot] >= 0 else None]
             for k in which[best].tolist():
                 if k == chosen[slot]:
                     break  # better ones are not clear

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -12,7 +13,7 @@ from ..core.arrays import Float
 from ..core.device import Sensor
 from ..core.errors import LayoutError
 from .problem import Problem
-from .refine import Optimised, optimise, part
+from .refine import Optimised, layout_error, optimise, part
 from .seeds import FREE, Layout, no_room
 
 _STARTS = 6  # of one cord; fewer the more cords there are, which take longer
@@ -50,34 +51,31 @@ def by_count(
     rng: np.random.Generator,
     report: Callable[[float, str], None],
     begin: Layout = (),
-) -> Iterator[Optimised]:
-    """The best layouts of rising numbers of cords, each one's error at most the one's before.
+) -> Iterator[tuple[int, Layout]]:
+    """The best layouts of up to so many cords, for rising numbers: the error never rises.
 
-    Every number is searched for afresh and from the layout before with one cord more. `begin` is
-    the layout of the number before the first, where it is known. Raises LayoutError where the body
-    has no room for more.
+    Every number is searched for afresh and from the layout before with one cord more; where
+    neither is better, that layout stands again. `begin` is the layout of the number before the
+    first, where it is known. Raises LayoutError where the body has no room for more.
     """
     before = begin
     for n, count in enumerate(counts):
         low, high = n / len(counts), (n + 1) / len(counts)
         middle = (low + high) / 2
+        fresh, grown = partial(part, report, low, middle), partial(part, report, middle, high)
         starts = max(_STARTS - count // 2, 2)
-        found: Optimised | None = None
-        try:
-            fresh = partial(part, report, low, middle)
-            found = optimise(problem, (), rng, fresh, extra=count, starts=starts)
-        except LayoutError:
-            if len(before) != count - 1 or not before:
-                raise
-        if before and len(before) == count - 1:
-            grown = partial(part, report, middle, high)
-            more = _grown(problem, before, rng, grown, starts // 2)
-            if more is not None and (found is None or more.rmse < found.rmse):
-                found = more
-        if found is None:
+        found: list[Optimised] = []
+        with suppress(LayoutError):
+            found.append(optimise(problem, (), rng, fresh, extra=count, starts=starts))
+        if before:
+            with suppress(LayoutError):
+                found.append(_grown(problem, before, rng, grown, starts // 2))
+        if not found:
             raise no_room(count)
-        before = found.sensors
-        yield found
+        best = min(found, key=lambda f: f.rmse)
+        if not before or best.rmse < layout_error(problem, before):
+            before = best.sensors
+        yield count, before
 
 
 def _grown(
@@ -86,11 +84,8 @@ def _grown(
     rng: np.random.Generator,
     report: Callable[[float, str], None],
     starts: int,
-) -> Optimised | None:
-    try:
-        layout = next_cord(problem, before, rng, partial(part, report, 0.0, 0.5))
-    except LayoutError:
-        return None
+) -> Optimised:
+    layout = next_cord(problem, before, rng, partial(part, report, 0.0, 0.5))
     free = [replace(s, free=FREE) for s in layout]
     return optimise(problem, free, rng, partial(part, report, 0.5, 1.0), starts=starts)
 

@@ -128,7 +128,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             raise LayoutError(
                 f"device.toml: sensors: {check.problems[0]}; move its control_points or plane"
             )
-    found = optimise(problem, drawn, rng, report, extra=device.propose)
+    found = optimise(problem, drawn, rng, report, extra=device.propose, planes=device.planes)
     initial, _ = predict(task.everything, found.initial, task.names, task.held)
     final, extra = predict(task.everything, found.sensors, task.names, task.held)
     check = verify(found.sensors, surface, problem.limits)
@@ -151,7 +151,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             "band": {**asdict(spread(problem, found.sensors, rng)), **asdict(Tolerances())},
             "initial": initial.to_json(),
             "drawn": [sample_path(s).tolist() for s in found.initial],
-            "proposed": not device.sensors,
+            "proposed": device.propose > 0,
             "starts": list(found.starts),
             "seed": SEED,
         },

@@ -106,7 +106,9 @@ STAGES = (
         "optimize",
         "optimise the cords",
         ("layout.json", "prediction.json"),
-        lambda d: _plain((d.cord, d.fabrication, d.outputs, d.sensors, d.propose, d.decoder)),
+        lambda d: _plain(
+            (d.cord, d.fabrication, d.outputs, d.sensors, d.propose, d.planes, d.decoder)
+        ),
         _runner("optimize"),
     ),
     Stage("fabricate", "make the parts", ("parts",), lambda d: d.name, _runner("fabricate")),

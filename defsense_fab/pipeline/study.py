@@ -25,8 +25,8 @@ FILE, PICTURE = "study.json", "study.png"
 
 @dataclass(frozen=True)
 class Row:
-    """RMSE in mm of the best layout of so many cords: on the states that it was designed on, with
-    the read-out's noise and without, on those held out (nan without any), and the affine floor."""
+    """RMSE in mm of the best layout of up to so many cords: on the states that it was designed on,
+    with the read-out's noise and without, on those held out (nan without any); the affine floor."""
 
     sensors: int
     rmse: float
@@ -74,16 +74,16 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
             task.design, run, np.random.default_rng(SEED), partial(progress, "study"), begin
         )
         try:
-            for found in search:
-                prediction, _ = predict(task.everything, found.sensors, task.names, task.held)
+            for count, layout in search:
+                prediction, _ = predict(task.everything, layout, task.names, task.held)
                 unseen = np.array(list(prediction.held_out.values()))
-                rows[len(found.sensors)] = Row(
-                    len(found.sensors),
+                rows[count] = Row(
+                    count,
                     prediction.rmse,
                     prediction.rmse_noise_free,
                     float(np.sqrt((unseen**2).mean())) if len(unseen) else float("nan"),
-                    prediction.floor,
-                    [write_sensor(s) for s in found.sensors],
+                    task.design.floor(count),
+                    [write_sensor(s) for s in layout],
                 )
                 with storage_errors(folder):
                     _write(folder / FILE, key, rows)

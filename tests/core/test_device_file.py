@@ -166,7 +166,7 @@ def test_materials_by_hardness_constants_or_name(edit, text, young, model):
         ('translate = "free"', "translate = [1e9, 0, 0]", "beyond 100000"),
         ('fixed = ["base"]', 'fixed = ["base"]\ngravity = [0, 0, -1e200]', "gravity: .* beyond"),
         ("0.75, 1.0]", "0.75, 0.7500001, 1.0]", "nearly the same"),
-        ("[outputs]", "held_out = [{ twist = 0.5 }]\n[outputs]", "there already"),
+        ("held_out = [{ bend_up = 0.5,", "held_out = [{ ", "there already"),
         (
             'name = "tango-black-plus"',
             'model = "mooney-rivlin"\nc10 = 0.1\nc01 = 0.1\npoisson_ratio = 0.4\nshore = "30A"',
@@ -182,7 +182,7 @@ def test_mistakes_in_materials_meshes_and_handles_are_named(edit, old, new, mess
 def test_a_device_without_poses_is_told_of_modes(edit, tmp_path):
     edit("schema = 1", "schema = 1")
     text = (tmp_path / "device.toml").read_text()
-    start, end = text.index("[[poses]]"), text.index("[states]")
+    start, end = text.index("[[poses]]"), text.index("[outputs]")
     (tmp_path / "device.toml").write_text(text[:start] + text[end:])
     with pytest.raises(DeviceError, match="`defsense modes` proposes some"):
         load_device(tmp_path)
