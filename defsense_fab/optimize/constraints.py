@@ -64,13 +64,14 @@ class _Inlets:
     The `normals` (2, 3) of the surface and the `exits` (2, 3) mm where the straight runs of
     `runs` (2,) mm leave it; for each sample the length of channel `along` (p,) mm to the nearer
     end of the track, and which `end` (p,) that is; samples `near` (q,) an end, where limits
-    change quickly.
+    change quickly, and `far` from both.
     """
 
     normals: Float
     exits: Float
     runs: Float
     near: Int
+    far: Int
     along: Float
     end: Int
 
@@ -89,9 +90,9 @@ class _Inlets:
         step = np.linalg.norm(np.diff(points, axis=0), axis=1)
         along = np.concatenate([[0], np.cumsum(step)])
         i = np.arange(len(points))
-        near = np.flatnonzero(np.minimum(i, i[::-1]) < 12 + RUN)
+        near = np.minimum(i, i[::-1]) < 12 + RUN
         both = np.stack([along, along[-1] - along])
-        return cls(normals, exits, runs, near, both.min(axis=0), both.argmin(axis=0))
+        return cls(normals, exits, runs, i[near], i[~near], both.min(axis=0), both.argmin(axis=0))
 
     def lengths(self, track: Track, size: int) -> tuple[Float, Float]:
         """How far the path's ends lie from the surface at the exits, (2,) mm, inf without one, and
@@ -176,7 +177,8 @@ class Constraints:
         rest = lengths - inlets.runs
         need = depth_before_exit(inlets.along + rest[inlets.end], self._limits)
         room = depth - need
-        few = np.union1d(inlets.near, _worst_of_each(room, self._stride))
+        worst = inlets.far[_worst_of_each(room[inlets.far], self._stride)]
+        few = np.sort(np.concatenate([inlets.near, worst]))
         row = self._rows(tracks, len(few), (i, few, inward[few]))
         sloping = few[need[few] < self._limits.depth + MARGIN]
         slope = INLET_SLOPE * (1 + MARGIN / self._limits.depth)

@@ -20,11 +20,15 @@ def evenly(problem: Problem, count: int, rng: np.random.Generator) -> Float:
 def lively(problem: Problem, points: Float, count: int, rng: np.random.Generator) -> Float:
     """`count` of the points (p, 3), with repeats, the more of them the more the Green strain there
     varies between the states: the paper's advice for where cords should run."""
-    found = problem.locator.find(points)
-    F = np.eye(3) + problem.locator.gradient(found, problem.fields)
-    strain = (F.swapaxes(-1, -2) @ F - np.eye(3)) / 2
-    strain = np.concatenate([np.zeros((1, *strain.shape[1:])), strain])
-    varies = np.sqrt(strain.var(axis=0).sum((1, 2)))
+    varies = np.sqrt(strain(problem, points).var(axis=0).sum((1, 2)))
     if varies.sum() <= 0:
         varies = np.ones(len(points))
     return np.asarray(points[rng.choice(len(points), count, p=varies / varies.sum())])
+
+
+def strain(problem: Problem, points: Float) -> Float:
+    """Green strain (n, p, 3, 3) at points (p, 3) mm in all states, rest first."""
+    found = problem.locator.find(points)
+    F = np.eye(3) + problem.locator.gradient(found, problem.fields)
+    E = (F.swapaxes(-1, -2) @ F - np.eye(3)) / 2
+    return np.concatenate([np.zeros((1, *E.shape[1:])), E])

@@ -80,7 +80,7 @@ class Objective:
             change[:, :n] -= change[:, :n].mean(1, keepdims=True)
             if self._bent:
                 rows = j[:, :, None, None] * two
-                change[:, n + m :] = rows.reshape(len(j), -1, residual.shape[1])
+                change[:, n + m :] = rows.reshape(len(j), (n - 1) * m, residual.shape[1])
             changes.append(change)
         change = np.concatenate(changes)
         gradient = change.reshape(len(change), -1) @ residual.ravel()

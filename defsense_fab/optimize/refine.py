@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..core.device import Sensor
+from ..core.errors import LayoutError
 from .constraints import Constraints
 from .freedom import CordFreedom, sample_path, together
 from .objective import Model, Objective
@@ -74,11 +75,16 @@ def optimise(
     whose planes leave slivers loses to any that leave none. A drawing, which must pass itself, is
     the result where nothing better was found. `report` and `watch` may raise Cancelled.
 
-    Raises LayoutError where the body has no room for the cords.
+    Raises LayoutError where the drawing breaks a limit, and where there is no room for more cords.
     """
     drawn = tuple(drawn)
     best = _Best(problem, watch)
     initial: Layout = ()
+    check = verify(drawn, problem.surface, problem.limits)
+    if check.problems:
+        raise LayoutError(
+            f"device.toml: sensors: {check.problems[0]}; move its control_points or plane"
+        )
     if not extra:
         initial = drawn
         best.offer(drawn, trusted=True)

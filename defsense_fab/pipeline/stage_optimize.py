@@ -122,12 +122,6 @@ def run(device: Device, folder: Path, report: Report) -> None:
     problem, surface = task.design, task.everything.surface
     rng = np.random.default_rng(SEED)
     drawn: tuple[Sensor, ...] = device.sensors
-    if drawn:
-        check = verify(drawn, surface, problem.limits)
-        if check.problems:
-            raise LayoutError(
-                f"device.toml: sensors: {check.problems[0]}; move its control_points or plane"
-            )
     found = optimise(problem, drawn, rng, report, extra=device.propose, planes=device.planes)
     initial, _ = predict(task.everything, found.initial, task.names, task.held)
     final, extra = predict(task.everything, found.sensors, task.names, task.held)

@@ -1,0 +1,322 @@
+"""How fast layouts are found, and how good they are: against peers, baselines and growing sizes.
+
+    python -m benchmarks.layouts                       # all of it, about 10 minutes on 2 cores
+    python -m benchmarks.layouts objective growth
+
+The bar of `fixtures/devices/bar` with its finite-element fields, three cords, 13 states, about 120
+samples a cord. Compiled code and libraries are warm before the clock starts; medians. JAX is left
+out where it is not installed (`pip install jax`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+
+from benchmarks import joint
+from defsense_fab.core.device_file import load_device
+from defsense_fab.optimize import baselines
+from defsense_fab.optimize.candidates import build_pool
+from defsense_fab.optimize.constraints import Constraints
+from defsense_fab.optimize.families import through
+from defsense_fab.optimize.freedom import CordFreedom, sample_path
+from defsense_fab.optimize.objective import Objective
+from defsense_fab.optimize.problem import Problem
+from defsense_fab.optimize.refine import _descend, layout_error, optimise
+from defsense_fab.optimize.seeds import choices, seeds
+from defsense_fab.optimize.slivers import Slivers
+from defsense_fab.optimize.verify import verify
+from defsense_fab.pipeline.build import build
+from defsense_fab.pipeline.stage_optimize import Task, load_task, predict
+from defsense_fab.sensing.decoder import fit
+
+BAR = Path("fixtures/devices/bar")
+
+
+def quiet(*_: object) -> None:
+    pass
+
+
+def bar() -> Task:
+    device = load_device(BAR)
+    return load_task(device, build(device, "simulate").folder)
+
+
+def median(work: Callable[[], object], repeat: int = 200) -> float:
+    """Seconds."""
+    work()
+    times = []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def three(problem: Problem) -> list[CordFreedom]:
+    return [CordFreedom(s) for s in baselines.manual(problem, 3)]
+
+
+def objective(problem: Problem) -> None:
+    """Value and gradient against finite differences and JAX."""
+    print("objective and gradient, 3 cords, 13 states")
+    cords = three(problem)
+    ours = Objective(problem, cords)
+    x = np.random.default_rng(0).normal(0, 0.5, sum(c.size for c in cords))
+    value, gradient = ours(x)
+    fast = median(lambda: ours(x))
+    print(f"  ours                {1e3 * fast:7.3f} ms")
+
+    def differences() -> np.ndarray:
+        eye = 1e-5 * np.eye(len(x))
+        return np.array([(ours.value(x + e) - ours.value(x - e)) / 2e-5 for e in eye])
+
+    slow = median(differences, 5)
+    error = np.abs(differences() - gradient).max() / np.abs(gradient).max()
+    print(f"  finite differences  {1e3 * slow:7.3f} ms, {slow / fast:5.1f}x; apart {error:.1e}")
+    try:
+        import jax
+    except ImportError:
+        print("  JAX is not installed")
+        return
+    jax.config.update("jax_enable_x64", True)
+    peer = jax.jit(jax.value_and_grad(_jax_objective(problem, cords, ours, x)))
+    theirs = median(lambda: jax.block_until_ready(peer(x)))
+    v, g = peer(x)
+    apart = max(abs(v - value) / value, np.abs(g - gradient).max() / np.abs(gradient).max())
+    print(
+        f"  JAX {jax.__version__}, points located beforehand"
+        f" {1e3 * theirs:7.3f} ms, {theirs / fast:5.1f}x; apart {apart:.1e}"
+    )
+
+
+def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
+    """The same in JAX; which tet holds which sample is looked up before, at x."""
+    import jax.numpy as jnp
+    from jax.scipy.spatial.transform import Rotation
+
+    mesh = problem.locator.mesh
+    pieces = []
+    for c, part in zip(cords, ours.split(x), strict=True):
+        at = problem.locator.find(c.points(part))
+        corner = mesh.nodes[mesh.cells[at.cell, 0]]
+        local = jnp.asarray(problem.fields[:, mesh.cells[at.cell]])  # (s, p, 10, 3)
+        pieces.append((corner, mesh.bary_gradient[at.cell], local))
+    edges = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+    O = jnp.asarray(problem.outputs)  # noqa: E741
+    noise = max(problem.noise, 1e-4)
+
+    def run(x):  # type: ignore[no-untyped-def]
+        columns = []
+        first = 0
+        for c, (corner, by_bary, local) in zip(cords, pieces, strict=True):
+            part = x[first : first + c.size]
+            first += c.size
+            rows = 2 * len(c._rows)
+            stack = jnp.asarray(c._stack).at[c._rows].add(part[:rows].reshape(-1, 2))
+            axes = jnp.asarray(c.sensor.plane.axes)
+            for k in range(3):
+                turn = Rotation.from_rotvec(part[rows + 2 + k] / c.reach * jnp.eye(3)[k])
+                axes = axes @ turn.as_matrix()
+            pivot = c._pivot + part[rows : rows + 2] @ c._moves
+            points = pivot + (c._basis @ stack - c.center) @ axes[:, :2].T
+            bary = jnp.einsum("pbj,pj->pb", by_bary, points - corner)
+            bary = bary.at[:, 0].add(1.0)
+            shape = jnp.concatenate(
+                [bary * (2 * bary - 1), 4 * bary[:, edges[:, 0]] * bary[:, edges[:, 1]]], axis=1
+            )
+            moved = points + jnp.einsum("pn,spnj->spj", shape, local)
+            length = jnp.linalg.norm(jnp.diff(moved, axis=1), axis=2).sum(1)
+            rest = jnp.linalg.norm(jnp.diff(points, axis=0), axis=1).sum()
+            columns.append(problem.gauge_factor * (length / rest - 1))
+        S = jnp.concatenate([jnp.zeros((1, len(cords))), jnp.stack(columns, axis=1)])
+        S = S - S.mean(0)
+        normal = S.T @ S + len(S) * noise**2 * jnp.eye(len(cords))
+        right = S.T @ O
+        return ((O**2).sum() - (right * jnp.linalg.solve(normal, right)).sum()) / len(S)
+
+    return run
+
+
+def refinement(problem: Problem) -> None:
+    """One descent from a selection without peers' shortcuts, and the whole search."""
+    print("refinement of one selected layout, error and worst violation reached")
+    slivers = Slivers(problem)
+    rng = np.random.default_rng(0)
+    cords = choices(problem, (), 3, 6000, rng)
+    (start,) = seeds(problem, cords, 1, None, slivers, rng, quiet)
+    print(f"  start                         {layout_error(problem, start):.3f} mm")
+    _descend(problem, start, 2, 1e-3, slivers, quiet)
+
+    def show(name: str, layout: tuple, seconds: float, ours: float) -> None:
+        broken = len(verify(layout, problem.surface, problem.limits).problems)
+        print(
+            f"  {name:<29} {layout_error(problem, layout):.3f} mm, {broken} limits broken,"
+            f" {seconds:7.2f} s, {seconds / ours:6.1f}x"
+        )
+
+    begin = time.perf_counter()
+    best = _descend(problem, start, 40, 2e-4, slivers, quiet)
+    ours = time.perf_counter() - begin
+    show("ours, 40 iterations", best, ours, ours)
+    begin = time.perf_counter()
+    layout, _ = joint.refine(problem, start, 100)
+    show("joint Gauss-Newton, 100 steps", layout, time.perf_counter() - begin, ours)
+    free = [CordFreedom(s) for s in start]
+    objective = Objective(problem, free)
+    limits = Constraints(problem.surface, problem.depth, problem.limits, free)
+    zero = np.zeros(sum(c.size for c in free))
+    for method, options in (("COBYLA", {"maxiter": 3000, "rhobeg": 1.0}),):
+        begin = time.perf_counter()
+        found = minimize(
+            lambda x: np.log(objective.value(x)),
+            zero,
+            method=method,
+            constraints={"type": "ineq", "fun": lambda x: limits(x)[0]},
+            options=options,
+        )
+        layout = tuple(c.apply(x) for c, x in zip(free, objective.split(found.x), strict=True))
+        show(f"scipy {method}, {found.nfev} values", layout, time.perf_counter() - begin, ours)
+    print("the whole search: proposal, selection, refinement; 8 seeds")
+    times, errors = [], []
+    for seed in range(8):
+        anew = replace(problem)
+        begin = time.perf_counter()
+        found = optimise(anew, (), np.random.default_rng(seed), quiet, extra=3)
+        times.append(time.perf_counter() - begin)
+        errors.append(found.rmse)
+    print(
+        f"  {statistics.median(times):.2f} s (median), worst {max(times):.2f} s; error"
+        f" {min(errors):.3f} to {max(errors):.3f} mm"
+    )
+
+
+def candidates(problem: Problem) -> None:
+    """Signals of thousands of candidates in one batch against a loop over them."""
+    rng = np.random.default_rng(0)
+    pool = build_pool(problem, [lambda r=r: through(problem, 5000, r) for r in rng.spawn(4)])
+    paths = pool.paths[:5000]
+    fast = median(lambda: problem.signals(paths), 5)
+    some = paths[:100]
+
+    def loop() -> None:
+        for path in some:
+            moved = path + problem.locator.displacement(problem.locator.find(path), problem.fields)
+            step = np.linalg.norm(np.diff(moved, axis=1), axis=2).sum(1)
+            step / np.linalg.norm(np.diff(path, axis=0), axis=1).sum() - 1
+
+    slow = median(loop, 3) * len(paths) / len(some)
+    print(f"signals of {len(paths)} candidates in {len(problem.fields)} states")
+    print(f"  one batch {fast:.3f} s; a loop {slow:.3f} s, {slow / fast:.1f}x")
+
+
+def table(task: Task) -> None:
+    """Manual, visual and full layouts with and without noise in the prediction."""
+    print("predicted RMSE, mm (held out), bar, three cords")
+    for noise in (0.0, 0.002):
+        problem = replace(task.design, noise=noise)
+        everything = replace(task.everything, noise=noise)
+        rows = {"manual": [baselines.manual(problem, 3)]}
+        rngs = [np.random.default_rng(s) for s in range(5)]
+        rows["visual"] = [baselines.visual(problem, 3, r) for r in rngs]
+        rows["full"] = [optimise(problem, (), r, quiet, extra=3).sensors for r in rngs]
+        best = 0.0
+        for name in ("full", "visual", "manual"):
+            found = [predict(everything, x, task.names, task.held)[0] for x in rows[name]]
+            rmse = statistics.median(f.rmse for f in found)
+            held = statistics.median(
+                float(np.sqrt(np.mean(np.square(list(f.held_out.values()))))) for f in found
+            )
+            best = best or rmse
+            print(
+                f"  noise {noise:.1%} {name:<7} {rmse:7.3f} ({held:.2f})  {rmse / best:5.1f}x,"
+                f" median of {len(found)}"
+            )
+
+
+def noise(task: Task) -> None:
+    """Which decoder wins at which noise, on the analytic mixtures, scored on unseen ones."""
+    from tests.conftest import structured_bar
+    from tests.optimize import exact
+
+    print("analytic bar, three cords designed on mixtures for each decoder and noise;")
+    print("RMSE (mm) on unseen mixtures, noise included")
+    surface = task.design.surface
+    mesh = structured_bar([0, -15, -15], [150, 15, 15], [30, 6, 6])
+    for sigma in (0.0, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 1e-2):
+        errors = {}
+        for decoder in ("affine", "quadratic"):
+            design, unseen = (
+                exact.problem(surface, mesh, states, decoder=decoder, noise=sigma)
+                for states in (exact.MIXTURES, exact.UNSEEN)
+            )
+            layout = optimise(design, (), np.random.default_rng(0), quiet, extra=3).sensors
+            S, T = (
+                np.stack([p.signals(sample_path(s)) for s in layout], axis=1)
+                for p in (design, unseen)
+            )
+            told, truth = (p.markers.reshape(len(p.markers), -1) for p in (design, unseen))
+            found = fit(design.features(3), S, told, sigma)
+            square = ((found(T) - truth) ** 2 + found.noise_variance(T, sigma))[1:].sum(1)
+            errors[decoder] = float(np.sqrt(square.mean() / len(exact.MARKERS)))
+        wins = min(errors, key=lambda k: errors[k])
+        print(
+            f"  noise {sigma:7.4f}  " + "  ".join(f"{k} {v:.3f}" for k, v in errors.items()), wins
+        )
+
+
+def growth(problem: Problem) -> None:
+    """Cost of value and gradient, and of the whole search, as sizes grow."""
+    print("value and gradient (ms) and the whole search (s) by number of cords")
+    for count in (1, 2, 3, 4, 6, 8):
+        cords = [CordFreedom(s) for s in baselines.manual(problem, min(count, 3))]
+        cords = [cords[i % len(cords)] for i in range(count)]
+        f = Objective(problem, cords)
+        x = np.random.default_rng(0).normal(0, 0.5, sum(c.size for c in cords))
+        begin = time.perf_counter()
+        optimise(problem, (), np.random.default_rng(0), quiet, extra=count, starts=4)
+        whole = time.perf_counter() - begin
+        print(f"  {count} cords: {1e3 * median(lambda f=f, x=x: f(x), 50):7.3f} ms, {whole:6.2f} s")
+    print("value and gradient (ms) by number of states")
+    for times in (1, 2, 4, 8):
+        many = np.concatenate([problem.fields * s for s in np.linspace(1, 0.6, times)])
+        marks = np.concatenate(
+            [problem.markers[:1], *(problem.markers[1:] * s for s in np.linspace(1, 0.6, times))]
+        )
+        p = replace(problem, fields=many, markers=marks)
+        f = Objective(p, three(p))
+        x = np.zeros(sum(c.size for c in f.cords))
+        print(f"  {len(many) + 1:3d} states: {1e3 * median(lambda f=f, x=x: f(x), 50):7.3f} ms")
+    print("value and gradient (ms) by tets")
+    from tests.conftest import structured_bar
+    from tests.optimize import exact
+
+    for k in (1, 2, 3):
+        mesh = structured_bar([0, -15, -15], [150, 15, 15], [15 * k, 3 * k, 3 * k])
+        p = exact.problem(problem.surface, mesh, exact.RAMPS)
+        f = Objective(p, three(p))
+        x = np.zeros(sum(c.size for c in f.cords))
+        print(f"  {len(mesh.tets):6d} tets: {1e3 * median(lambda f=f, x=x: f(x), 50):7.3f} ms")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = ("objective", "refinement", "candidates", "table", "noise", "growth")
+    parser.add_argument("part", nargs="*", help=f"of {', '.join(parts)}; all if none is named")
+    options = parser.parse_args()
+    task = bar()
+    for name in options.part or parts:
+        if name not in parts:
+            parser.error(f"no part {name!r}; there are {', '.join(parts)}")
+        globals()[name](task if name in ("table", "noise") else task.design)
+
+
+if __name__ == "__main__":
+    main()
