@@ -387,7 +387,9 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             highlight=False,
             soft_wrap=True,
         )
-    for warning in data.get("simulation", {}).get("warnings", []):
+    for warning in [
+        w for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", [])
+    ]:
         console.print(f"note: {warning}", highlight=False, soft_wrap=True)
     if "layout" in data:
         layout = data["layout"]

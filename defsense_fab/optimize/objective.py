@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
-from ..sensing.decoder import LEAST_NOISE
+from ..sensing.decoder import LEAST_NOISE, regular
 from .freedom import CordFreedom
 from .problem import Problem
 
@@ -99,7 +99,7 @@ class Objective:
         variance = self._noise**2
         normal = centred.T @ centred + variance * (flat @ flat.T)
         right = centred.T @ self._outputs
-        beta = np.linalg.solve(normal, right)
+        beta = np.linalg.solve(regular(normal), right)
         value = (self._square - (right * beta).sum()) / n
         # Rows of the residual sum to zero: centring drops out.
         by_phi = (centred @ beta - self._outputs) @ beta.T

@@ -8,12 +8,15 @@ from functools import cached_property
 import numpy as np
 
 from ..core.arrays import Float
+from ..core.errors import LayoutError
 from ..core.mesh import Surface
 from ..mechanics.locate import PointLocator
 from ..sensing.decoder import expected_square, floor
 from ..sensing.features import KINDS, Features
 from .carrier import Carrier
 from .depth import DepthField, DepthGrid
+
+_STILL = 1e-6  # mm
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,10 @@ class Limits:
 @dataclass(frozen=True)
 class Problem:
     """States `fields` (s, n, 3) mm without rest; `markers` (s + 1, k, 3) mm displacements, rest
-    first; `marker_weights` (k,) summing to one; `gauge_factor`, `noise` of (R - R0)/R0."""
+    first; `marker_weights` (k,) summing to one; `gauge_factor`, `noise` of (R - R0)/R0.
+
+    Raises LayoutError for values that are not finite, and for states that move no marker.
+    """
 
     surface: Surface
     locator: PointLocator
@@ -47,6 +53,21 @@ class Problem:
     noise: float
     limits: Limits
     decoder: str = "affine"
+
+    def __post_init__(self) -> None:
+        for what, values in (("field", self.fields), ("markers' displacement", self.markers)):
+            broken = np.flatnonzero(~np.isfinite(values).all(axis=(1, 2)))
+            if len(broken):
+                state = int(broken[0]) + (what == "field")
+                raise LayoutError(
+                    f"the {what} of state {state} (rest is 0) has values that are not finite;"
+                    " simulate the poses again"
+                )
+        if np.abs(self.markers - self.markers[:1]).max(initial=0) < _STILL:
+            raise LayoutError(
+                "all states leave the markers where they are: there is nothing to sense; give"
+                " [[poses]] that move the body, or other [outputs] markers"
+            )
 
     def features(self, cords: int) -> Features:
         """What the decoder that will be used sees of the signals."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.sparse import coo_array
 
 from ..core.arrays import Float
 from ..core.device import Sensor
@@ -202,8 +203,7 @@ def _descend(
     cords, which = together(sensors)
     objective = Objective(problem, cords)
     constraints = Constraints(problem.surface, problem.depth, problem.limits, cords)
-    tied = np.zeros((len(which), int(which.max()) + 1))
-    tied[np.arange(len(which)), which] = 1.0
+    tied = coo_array((np.ones(len(which)), (np.arange(len(which)), which))).tocsr()
 
     def model(y: Float) -> Model:
         at = objective.model(y[which])

@@ -82,7 +82,7 @@ class Slivers:
         own = [
             [i for i, s in enumerate(sensors) if len(distinct([p, s.plane])) == 1] for p in planes
         ]
-        paths = [sample_path(s)[::3] for s in sensors]
+        paths = [sample_path(s)[::6] for s in sensors]
         runs = [np.stack([(path - p.origin) @ p.normal for p in planes]) for path in paths]
         count = len(planes)
         orders = itertools.permutations(range(count)) if count <= _ALL_ORDERS else [range(count)]

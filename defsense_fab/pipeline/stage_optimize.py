@@ -21,6 +21,7 @@ from ..mechanics.tet10 import QuadraticMesh
 from ..optimize.freedom import sample_path
 from ..optimize.problem import Limits, Problem
 from ..optimize.refine import optimise
+from ..optimize.risks import risks
 from ..optimize.spread import Tolerances, spread
 from ..optimize.verify import LayoutCheck, verify
 from ..sensing.decoder import fit, measure
@@ -141,6 +142,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             },
             "sensors": _sensors(device, found.sensors, check, task.everything),
             "min_clearance": check.min_clearance,
+            "warnings": risks(problem, found.sensors),
             "prediction": final.to_json(),
             "band": {**asdict(spread(problem, found.sensors, rng)), **asdict(Tolerances())},
             "initial": initial.to_json(),

@@ -53,8 +53,15 @@ def fit(features: Features, signals: Float, outputs: Float, noise: float) -> Dec
     phi = features(signals)
     p_mean, o_mean = phi.mean(0), outputs.mean(0)
     p, o = phi - p_mean, outputs - o_mean
-    beta = np.linalg.solve(p.T @ p + noise_weight(features, signals, noise), p.T @ o)
+    beta = np.linalg.solve(regular(p.T @ p + noise_weight(features, signals, noise)), p.T @ o)
     return Decoder(features, beta, o_mean - p_mean @ beta)
+
+
+def regular(normal: Float) -> Float:
+    """The normal matrix (f, f) with just enough added for features that repeat each other or are
+    all zero, as many features of few states are."""
+    size = np.diag(normal)
+    return np.asarray(normal + np.diag(1e-12 * size + 1e-18 * max(float(size.max()), 1e-300)))
 
 
 def expected_square(features: Features, signals: Float, outputs: Float, noise: float) -> Float:
