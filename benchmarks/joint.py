@@ -16,20 +16,19 @@ from defsense_fab.optimize.constraints import Constraints
 from defsense_fab.optimize.freedom import CordFreedom
 from defsense_fab.optimize.objective import Objective
 from defsense_fab.optimize.problem import Problem
+from defsense_fab.sensing.decoder import LEAST_NOISE
 
 
-def refine(
-    problem: Problem, sensors: tuple[Sensor, ...], iterations: int, penalty: float = 10.0
-) -> tuple[tuple[Sensor, ...], float]:
-    """The layout, and its mean squared error (mm^2), for the affine map; `penalty` in mm of error
-    a mm of violation."""
+def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # type: ignore[no-untyped-def]
+    """The residual and its Jacobian as functions of (paths' parameters, map), the point to start
+    from, with the best map for the paths as they are, and the objective with the map eliminated."""
     cords = [CordFreedom(s) for s in sensors]
     objective = Objective(problem, cords)
     limits = Constraints(problem.surface, problem.depth, problem.limits, cords)
     O = problem.outputs  # noqa: E741
     n, r, m = len(O), O.shape[1], len(cords)
     size = sum(c.size for c in cords)
-    ridge = problem.noise * np.sqrt(n)
+    ridge = max(problem.noise, LEAST_NOISE) * np.sqrt(n)
 
     def parts(v):  # type: ignore[no-untyped-def]
         x, beta = v[:size], v[size:].reshape(m, r)
@@ -57,18 +56,17 @@ def refine(
         )
         return np.concatenate([top, middle, below])
 
-    start = np.concatenate([np.zeros(size), _map(problem, objective, size).ravel()])
-    found = least_squares(
-        residual, start, jacobian, method="trf", x_scale="jac", max_nfev=iterations
-    )
-    x = found.x[:size]
-    layout = tuple(c.apply(p) for c, p in zip(cords, objective.split(x), strict=True))
-    return layout, objective.value(x)
+    _, _, S, _ = parts(np.zeros(size + m * r))
+    beta = np.linalg.solve(S.T @ S + ridge**2 * np.eye(m), S.T @ O)
+    return residual, jacobian, np.concatenate([np.zeros(size), beta.ravel()]), objective
 
 
-def _map(problem: Problem, objective: Objective, size: int) -> np.ndarray:
-    signals, _ = objective._tape(np.zeros(size))
-    S = np.concatenate([np.zeros((1, signals.shape[1])), signals])
-    S = S - S.mean(0)
-    weight = len(S) * problem.noise**2 * np.eye(S.shape[1])
-    return np.linalg.solve(S.T @ S + weight, S.T @ problem.outputs)
+def refine(
+    problem: Problem, sensors: tuple[Sensor, ...], steps: int, penalty: float = 1.0
+) -> tuple[Sensor, ...]:
+    """The layout for the affine map after so many steps; `penalty` in mm of error a mm of
+    violation."""
+    residual, jacobian, start, objective = system(problem, sensors, penalty)
+    found = least_squares(residual, start, jacobian, method="trf", x_scale="jac", max_nfev=steps)
+    x = found.x[: sum(c.size for c in objective.cords)]
+    return tuple(c.apply(p) for c, p in zip(objective.cords, objective.split(x), strict=True))

@@ -167,7 +167,7 @@ def refinement(problem: Problem) -> None:
     ours = time.perf_counter() - begin
     show("ours, 40 iterations", best, ours, ours)
     begin = time.perf_counter()
-    layout, _ = joint.refine(problem, start, 100)
+    layout = joint.refine(problem, start, 100)
     show("joint Gauss-Newton, 100 steps", layout, time.perf_counter() - begin, ours)
     free = [CordFreedom(s) for s in start]
     objective = Objective(problem, free)
