@@ -153,8 +153,8 @@ class Sensor:
     free: frozenset[str] = frozenset()
 
 
-#: What the map from readings to positions may be made of; see `sensing/features.py`.
-DECODERS = ("affine", "quadratic")
+#: What the map from readings to positions may be; see `sensing/train.py`.
+DECODERS = ("affine", "quadratic", "kernel")
 
 
 @dataclass(frozen=True)

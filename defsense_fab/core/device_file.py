@@ -50,7 +50,7 @@ def load_device(
     wanted = _count(design, "sensors")
     planes = _count(design, "planes")
     decoder = design.string("decoder", "affine")
-    design.choice("decoder", decoder, DECODERS, "decoder")
+    design.choice("decoder", decoder, (*DECODERS, "auto"), "decoder")
     design.done()
     if complete and not sensors and not wanted:
         top.fail("sensors", "draw [[sensors]] with planes and paths, or give [design] sensors = 3")

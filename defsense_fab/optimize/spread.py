@@ -14,8 +14,8 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..core.device import Sensor
-from ..sensing.decoder import fit
 from ..sensing.signal import signals
+from ..sensing.train import Trained, train
 from .freedom import sample_path
 from .problem import Problem, reduce_outputs
 
@@ -52,15 +52,24 @@ def spread(
     tolerances: Tolerances | None = None,
 ) -> Band:
     """The band that devices with these cords are expected in."""
-    found = [session(problem, sensors, rng, tolerances or Tolerances()) for _ in range(draws)]
+    like: Trained | None = None
+    found = []
+    for _ in range(draws):
+        rmse, like = session(problem, sensors, rng, tolerances or Tolerances(), like)
+        found.append(rmse)
     low, median, high = np.quantile(found, [0.05, 0.5, 0.95])
     return Band(float(median), float(low), float(high))
 
 
 def session(
-    problem: Problem, sensors: Sequence[Sensor], rng: np.random.Generator, tolerances: Tolerances
-) -> float:
-    """RMSE (mm) of one device on its test frames, which show its states at random."""
+    problem: Problem,
+    sensors: Sequence[Sensor],
+    rng: np.random.Generator,
+    tolerances: Tolerances,
+    like: Trained | None = None,
+) -> tuple[float, Trained]:
+    """RMSE (mm) of one device on its test frames, which show its states at random, and its
+    decoder; see `train` for `like`."""
     amplitude = np.maximum(1 + rng.normal(0, tolerances.amplitude, len(problem.fields)), 0)
     columns = []
     for sensor in sensors:
@@ -71,10 +80,10 @@ def session(
     S = np.stack(columns, axis=1)
     scaled = problem.markers * np.concatenate([[1.0], amplitude])[:, None, None]
     O = reduce_outputs(scaled, problem.marker_weights)  # noqa: E741
-    decoder = fit(problem.features(len(sensors)), S, O, problem.noise)
+    decoder = train(problem.decoder, S, O, problem.noise, like)
     shown = rng.integers(len(S), size=tolerances.frames)
     read = S[shown] + rng.normal(0, problem.noise, (tolerances.frames, len(sensors)))
-    return float(np.sqrt(((decoder(read) - O[shown]) ** 2).sum(1).mean()))
+    return float(np.sqrt(((decoder(read) - O[shown]) ** 2).sum(1).mean())), decoder
 
 
 def _off_axis(sensor: Sensor, rng: np.random.Generator, offset: float) -> Float:

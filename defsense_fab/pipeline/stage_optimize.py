@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import igl
 import numpy as np
 
 from ..core.arrays import Bool, Float
-from ..core.device import Device, Sensor
+from ..core.device import DECODERS, Device, Sensor
 from ..core.errors import DeviceError, LayoutError
 from ..core.files import write_json
 from ..core.mesh import Surface
@@ -20,12 +21,15 @@ from ..mechanics.locate import PointLocator
 from ..mechanics.tet10 import QuadraticMesh
 from ..optimize.freedom import sample_path
 from ..optimize.problem import Limits, Problem
-from ..optimize.refine import optimise
+from ..optimize.refine import Optimised, optimise, part
 from ..optimize.risks import risks
 from ..optimize.spread import Tolerances, spread
 from ..optimize.verify import LayoutCheck, verify
-from ..sensing.decoder import fit, measure
+from ..sensing.decoder import measure
+from ..sensing.features import KINDS
+from ..sensing.folds import cross_validated
 from ..sensing.signal import peak_strain
+from ..sensing.train import train
 from .layout_file import read_sensor, write_sensor
 from .stage_body import load_surface
 from .stage_mesh import load_mesh
@@ -89,6 +93,10 @@ class Task:
     held: Bool
     points: Float
 
+    def decoded_by(self, kind: str) -> Task:
+        """The same for another decoder."""
+        return replace(self, everything=replace(self.everything, decoder=kind))
+
     @property
     def design(self) -> Problem:
         """The problem on the states that the optimiser may see."""
@@ -113,17 +121,32 @@ def load_task(device: Device, folder: Path) -> Task:
         device.cord.gauge_factor,
         device.cord.noise,
         limits(device),
-        device.decoder,
+        DECODERS[0] if device.decoder == "auto" else device.decoder,
     )
     return Task(everything, ["rest", *names], np.array([False, *held]), points)
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
     task = load_task(device, folder)
-    problem, surface = task.design, task.everything.surface
+    surface = task.everything.surface
     rng = np.random.default_rng(SEED)
-    drawn: tuple[Sensor, ...] = device.sensors
-    found = optimise(problem, drawn, rng, report, extra=device.propose, planes=device.planes)
+    kinds = DECODERS if device.decoder == "auto" else (device.decoder,)
+    tried: dict[str, tuple[float, Optimised]] = {}
+    for n, kind in enumerate(kinds):
+        task = task.decoded_by(kind)
+        like = next((k for k in tried if KINDS[k] is KINDS[kind]), None)  # designed alike
+        show = partial(part, report, n / len(kinds), (n + 1) / len(kinds))
+        found = (
+            tried[like][1]
+            if like
+            else optimise(
+                task.design, device.sensors, rng, show, extra=device.propose, planes=device.planes
+            )
+        )
+        tried[kind] = (unseen_error(task.design, found.sensors), found)
+    chosen = min(tried, key=lambda k: tried[k][0])
+    task, found = task.decoded_by(chosen), tried[chosen][1]
+    problem = task.design
     initial, _ = predict(task.everything, found.initial, task.names, task.held)
     final, extra = predict(task.everything, found.sensors, task.names, task.held)
     check = verify(found.sensors, surface, problem.limits)
@@ -144,6 +167,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             "min_clearance": check.min_clearance,
             "warnings": risks(problem, found.sensors),
             "prediction": final.to_json(),
+            "cross_validated": {kind: error for kind, (error, _) in tried.items()},
             "band": {**asdict(spread(problem, found.sensors, rng)), **asdict(Tolerances())},
             "initial": initial.to_json(),
             "drawn": [sample_path(s).tolist() for s in found.initial],
@@ -155,6 +179,17 @@ def run(device: Device, folder: Path, report: Report) -> None:
     write_json(folder / "prediction.json", {"markers": task.points.tolist(), **extra})
 
 
+def unseen_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
+    """Expected RMSE (mm) of decoders on runs of states that they were not trained on."""
+    signals = np.stack([problem.signals(sample_path(s)) for s in sensors], axis=1)
+    return cross_validated(
+        lambda seen, told: train(problem.decoder, seen, told, problem.noise),
+        signals,
+        problem.outputs,
+        problem.noise,
+    )
+
+
 def predict(
     problem: Problem, sensors: Sequence[Sensor], names: Sequence[str], held: Bool
 ) -> tuple[Prediction, dict[str, Any]]:
@@ -162,20 +197,20 @@ def predict(
     signals = np.stack([problem.signals(sample_path(s)) for s in sensors], axis=1)
     n, k = problem.markers.shape[:2]
     flat = problem.markers.reshape(n, -1)
-    train = ~held
-    decoder = fit(problem.features(len(sensors)), signals[train], flat[train], problem.noise)
+    seen_by = ~held
+    decoder = train(problem.decoder, signals[seen_by], flat[seen_by], problem.noise)
     guess = decoder(signals).reshape(n, k, 3)
     noisy = decoder.noise_variance(signals, problem.noise).reshape(n, k, 3).sum(2)
     variance = noisy @ problem.marker_weights
-    seen = measure(guess[train], problem.markers[train], problem.marker_weights)
+    seen = measure(guess[seen_by], problem.markers[seen_by], problem.marker_weights)
     every = measure(guess, problem.markers, problem.marker_weights)
     expected = np.sqrt(every.per_state**2 + variance)
     rmse = dict(zip(names, expected.tolist(), strict=True))
-    only = replace(problem, markers=problem.markers[train])
+    only = replace(problem, markers=problem.markers[seen_by])
     prediction = Prediction(
         decoder=problem.decoder,
         noise=problem.noise,
-        rmse=float(np.sqrt((expected[train] ** 2).mean())),
+        rmse=float(np.sqrt((expected[seen_by] ** 2).mean())),
         rmse_noise_free=seen.rmse,
         peak=seen.peak,
         average_peak=seen.average_peak,
@@ -184,8 +219,7 @@ def predict(
         held_out={m: rmse[m] for m, h in zip(names, held, strict=True) if h},
     )
     extra = {
-        "weights": decoder.weights.tolist(),
-        "constant": decoder.constant.tolist(),
+        **decoder.to_json(),
         "states": list(names),
         "signals": signals.tolist(),
         "errors": np.linalg.norm(guess - problem.markers, axis=2).tolist(),

@@ -14,8 +14,7 @@ import trimesh
 from ..core.arrays import Float
 from ..core.device import Device
 from ..core.mesh import Surface
-from ..sensing.decoder import fit
-from ..sensing.features import KINDS
+from ..sensing.train import train
 from . import pictures
 from .stage_body import load_surface
 from .stage_mesh import load_mesh
@@ -91,10 +90,10 @@ def _poses(device: Device, folder: Path, view: Float, report: Report) -> list[di
     rest, faces = boundary.vertices[used], index[boundary.faces]
     signals = np.array(read_json(folder / "prediction.json")["signals"])
     moved = np.concatenate([np.zeros((1, *rest.shape)), fields[:, used]])
-    train = ~np.array([False, *held])
+    seen = ~np.array([False, *held])
     flat = moved.reshape(len(moved), -1)
-    features = KINDS[device.decoder](signals.shape[1])
-    decoder = fit(features, signals[train], flat[train], device.cord.noise)
+    kind = read_json(folder / "layout.json")["prediction"]["decoder"]
+    decoder = train(kind, signals[seen], flat[seen], device.cord.noise)
     error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
     highest = float(np.percentile(error[shown], 99.5))
     out = []

@@ -10,6 +10,7 @@ and the optimum is the expected error.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numba
 import numpy as np
@@ -33,6 +34,10 @@ class Decoder:
     def __call__(self, signals: Float) -> Float:
         """(n, o) of signals (n, c)."""
         return np.asarray(self.features(signals) @ self.weights + self.constant)
+
+    def to_json(self) -> dict[str, Any]:
+        """Its numbers, for `prediction.json`."""
+        return {"weights": self.weights.tolist(), "constant": self.constant.tolist()}
 
     def noise_variance(self, signals: Float, noise: float) -> Float:
         """Variance (n, o) mm^2 that noise on the signals (n, c) puts on each output."""

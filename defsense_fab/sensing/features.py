@@ -48,4 +48,6 @@ def quadratic(channels: int) -> Features:
     return Features("quadratic", linear, second)
 
 
-KINDS = {"affine": affine, "quadratic": quadratic}
+#: What layouts are designed for, by the decoder that will be used: a kernel decoder sees more than
+#: squares and products, but at least those.
+KINDS = {"affine": affine, "quadratic": quadratic, "kernel": quadratic}

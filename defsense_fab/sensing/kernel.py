@@ -1,0 +1,93 @@
+"""A decoder without features of its own: kernel ridge regression, by scikit-learn.
+
+Radial basis functions about the training signals, scaled to unit spread; their width and the
+ridge's weight are chosen by cross-validation in contiguous folds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..core.arrays import Float, Int
+from .folds import contiguous
+
+_WIDTHS = np.logspace(-2, 0.5, 6)  # gamma of exp(-gamma |a - b|^2), signals of unit spread
+_WEIGHTS = np.logspace(-6, 1, 8)  # of the ridge
+
+
+@dataclass(frozen=True)
+class KernelDecoder:
+    """outputs (n, o) = sum over the trained signals (t, c) of exp(-gamma |(s - s_t) / scale|^2)
+    times weights (t, o), + constant (o,); outputs in mm."""
+
+    trained: Float
+    scale: Float
+    gamma: float
+    alpha: float
+    weights: Float
+    constant: Float
+
+    def __call__(self, signals: Float) -> Float:
+        """(n, o) of signals (n, c)."""
+        return np.asarray(self._kernel(signals)[0] @ self.weights + self.constant)
+
+    def to_json(self) -> dict[str, Any]:
+        """Its numbers, for `prediction.json`."""
+        return {
+            "trained": self.trained.tolist(),
+            "scale": self.scale.tolist(),
+            "gamma": self.gamma,
+            "weights": self.weights.tolist(),
+            "constant": self.constant.tolist(),
+        }
+
+    def noise_variance(self, signals: Float, noise: float) -> Float:
+        """Variance (n, o) mm^2 that noise on the signals (n, c) puts on each output, to first
+        order."""
+        kernel, apart = self._kernel(signals)
+        slopes = -2 * self.gamma * kernel[:, :, None] * apart / self.scale
+        change = np.einsum("ntc,to->nco", slopes, self.weights)
+        return np.asarray(noise**2 * (change**2).sum(1))
+
+    def _kernel(self, signals: Float) -> tuple[Float, Float]:
+        apart = (signals[:, None] - self.trained) / self.scale
+        return np.exp(-self.gamma * (apart**2).sum(2)), apart
+
+
+def fit_kernel(
+    signals: Float, outputs: Float, noise: float, like: KernelDecoder | None = None
+) -> KernelDecoder:
+    """The decoder for signals (n, c) and outputs (n, o). Noise of the signals is shown to it: every
+    state counts several times, moved by the noise in every channel either way. Width and weight are
+    those of `like`, if given."""
+    from sklearn.kernel_ridge import KernelRidge
+    from sklearn.model_selection import GridSearchCV
+
+    n, c = signals.shape
+    moves = np.concatenate(
+        [np.zeros((1, c)), noise * np.sqrt(c) * np.eye(c), -noise * np.sqrt(c) * np.eye(c)]
+    )
+    shown = (signals[:, None] + moves).reshape(-1, c)  # state by state: folds stay contiguous
+    told = np.repeat(outputs, len(moves), axis=0)
+    scale = np.maximum(signals.std(0), max(noise, 1e-9))
+    constant = told.mean(0)
+    if like is None:
+        search = GridSearchCV(
+            KernelRidge(kernel="rbf"),
+            {"gamma": _WIDTHS, "alpha": _WEIGHTS},
+            scoring="neg_mean_squared_error",
+            cv=[tuple(_repeat(part, len(moves)) for part in split) for split in contiguous(n)],
+        )
+        best = search.fit(shown / scale, told - constant).best_estimator_
+    else:
+        best = KernelRidge(kernel="rbf", gamma=like.gamma, alpha=like.alpha)
+        best.fit(shown / scale, told - constant)
+    weights = np.asarray(best.dual_coef_)
+    return KernelDecoder(shown, scale, float(best.gamma), float(best.alpha), weights, constant)
+
+
+def _repeat(states: Int, times: int) -> Int:
+    return np.asarray((states[:, None] * times + np.arange(times)).ravel())
