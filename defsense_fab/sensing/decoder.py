@@ -66,7 +66,7 @@ def regular(normal: Float) -> Float:
     """The normal matrix (f, f) with just enough added for features that repeat each other or are
     all zero, as many features of few states are."""
     size = np.diag(normal)
-    return np.asarray(normal + np.diag(1e-12 * size + 1e-18 * max(float(size.max()), 1e-300)))
+    return np.asarray(normal + np.diag(1e-14 * size + 1e-20 * max(float(size.max()), 1e-300)))
 
 
 def expected_square(features: Features, signals: Float, outputs: Float, noise: float) -> Float:

@@ -46,5 +46,4 @@ def test_more_features_than_states_are_answered_with_a_warning(problem):
     )
     found = optimise(few, [], np.random.default_rng(0), quiet, extra=3, starts=1, candidates=1500)
     assert np.isfinite(found.rmse)
-    (warning,) = risks(few, found.sensors)
-    assert "has 9 features for 3 states" in warning
+    assert any("has 9 features for 3 states" in w for w in risks(few, found.sensors))
