@@ -137,6 +137,8 @@ def _draw(rows: tuple[Row, ...], best: int, name: str, path: Path) -> None:
         shown = np.where(np.array(values) > 1e-4, values, np.nan)
         if np.isfinite(shown).any():
             axis.semilogy(counts, shown, style, label=label)
+    # The floor falls to nothing; the picture is about the errors.
+    axis.set_ylim(bottom=min(r.rmse_noise_free for r in rows) / 3)
     axis.axvline(best, color="0.7", zorder=0, label=f"recommended: {best}")
     axis.set(xlabel="cords", ylabel="RMSE of the markers, mm", title=name, xticks=counts)
     axis.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
