@@ -16,7 +16,6 @@ from defsense_fab.optimize.constraints import Constraints
 from defsense_fab.optimize.freedom import CordFreedom
 from defsense_fab.optimize.objective import Objective
 from defsense_fab.optimize.problem import Problem
-from defsense_fab.sensing.decoder import LEAST_NOISE
 
 
 def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # type: ignore[no-untyped-def]
@@ -28,7 +27,7 @@ def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # ty
     O = problem.outputs  # noqa: E741
     n, r, m = len(O), O.shape[1], len(cords)
     size = sum(c.size for c in cords)
-    ridge = max(problem.noise, LEAST_NOISE) * np.sqrt(n)
+    ridge = max(problem.noise, problem.features(m).least_noise) * np.sqrt(n)
 
     def parts(v):  # type: ignore[no-untyped-def]
         x, beta = v[:size], v[size:].reshape(m, r)

@@ -111,7 +111,7 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
         pieces.append((corner, mesh.bary_gradient[at.cell], local))
     edges = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
     O = jnp.asarray(problem.outputs)  # noqa: E741
-    noise = max(problem.noise, 1e-4)
+    noise = max(problem.noise, problem.features(len(cords)).least_noise)
 
     def run(x):  # type: ignore[no-untyped-def]
         columns = []

@@ -59,7 +59,8 @@ def depth_before_exit(to_exit: Float, limits: Limits) -> Float:
 
 @dataclass(frozen=True)
 class _Inlets:
-    """A cord's channel near its two ends, as measured at x = 0.
+    """A cord's channel near its two ends, as measured at x = 0, and the limits `least` and `most`
+    (2,) mm of how far the ends may lie from the surface: as drawn at the worst.
 
     The `normals` (2, 3) of the surface and the `exits` (2, 3) mm where the straight runs of
     `runs` (2,) mm leave it; for each sample the length of channel `along` (p,) mm to the nearer
@@ -70,6 +71,8 @@ class _Inlets:
     normals: Float
     exits: Float
     runs: Float
+    least: Float
+    most: Float
     near: Int
     far: Int
     along: Float
@@ -92,7 +95,10 @@ class _Inlets:
         i = np.arange(len(points))
         near = np.minimum(i, i[::-1]) < 12 + RUN
         both = np.stack([along, along[-1] - along])
-        return cls(normals, exits, runs, i[near], i[~near], both.min(axis=0), both.argmin(axis=0))
+        least = np.minimum(5 * MARGIN, lengths)
+        most = np.maximum(LONGEST_INLET - 5 * MARGIN, np.where(finite, lengths, 0.0))
+        ends = (both.min(axis=0), both.argmin(axis=0))
+        return cls(normals, exits, runs, least, most, i[near], i[~near], *ends)
 
     def lengths(self, track: Track, size: int) -> tuple[Float, Float]:
         """How far the path's ends lie from the surface at the exits, (2,) mm, inf without one, and
@@ -187,8 +193,7 @@ class Constraints:
         leaves = np.isfinite(lengths)
         longer = np.zeros((int(leaves.sum()), size))
         longer[:, self._columns[i]] = by[leaves]
-        most, least = LONGEST_INLET - 5 * MARGIN, 5 * MARGIN
-        values = [room[few], lengths[leaves] - least, most - lengths[leaves]]
+        values = [room[few], (lengths - inlets.least)[leaves], (inlets.most - lengths)[leaves]]
         return values, [row - tilt, longer, -longer]
 
     def _rows(self, tracks: Sequence[Track], count: int, *terms: tuple[int, Int, Float]) -> Float:

@@ -148,6 +148,10 @@ def together(sensors: Sequence[Sensor]) -> tuple[list[CordFreedom], Int]:
     which: list[Int] = []
     count = 0
     for sensor in sensors:
+        if "plane" in sensor.free and any(
+            "plane" not in s.free and len(distinct([s.plane, sensor.plane])) == 1 for s in sensors
+        ):  # a plane that another cord holds
+            sensor = replace(sensor, free=sensor.free - {"plane"})
         lead = next((i for i, c in enumerate(cords) if _joined(c.sensor, sensor)), None)
         if lead is None:
             cord = CordFreedom(sensor)

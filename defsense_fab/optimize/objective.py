@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
-from ..sensing.decoder import LEAST_NOISE, regular
+from ..sensing.decoder import regular
 from .freedom import CordFreedom
 from .problem import Problem
 
@@ -38,7 +38,7 @@ class Objective:
         self._square = float((self._outputs**2).sum())
         self._features = problem.features(len(cords))
         self._bent = bool(self._features.second.any())
-        self._noise = max(problem.noise, LEAST_NOISE)
+        self._noise = max(problem.noise, self._features.least_noise)
         self._ends = np.cumsum([0, *(c.size for c in cords)])
         self._first = np.cumsum([0, *(len(c.points(np.zeros(c.size))) for c in cords)])
 

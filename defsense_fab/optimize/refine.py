@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from scipy.sparse import coo_array
 
 from ..core.arrays import Float
+from ..core.curve import distinct
 from ..core.device import Sensor
 from ..core.errors import LayoutError
-from .constraints import Constraints
+from .candidates import Pool
+from .constraints import MARGIN, Constraints
 from .freedom import CordFreedom, sample_path, together
 from .objective import Model, Objective
 from .problem import Problem
-from .seeds import Layout, choices, no_room, seeds
+from .seeds import Choice, Layout, choices, no_room, seeds
 from .slivers import Slivers
 from .sqp import minimise
 from .verify import verify
@@ -68,7 +70,7 @@ def optimise(
     watch: Watch | None = None,
 ) -> Optimised:
     """Improve the drawn cords that are free, and add `extra` ones, in at most `planes` planes if
-    given. Cords that share a plane go on sharing it.
+    given (or as many as are drawn). Cords that are selected in one plane stay in it.
 
     Thousands of candidates for each cord are screened, and `starts` layouts selected from shares
     of them; every selection and the drawing itself takes a short descent, and the best `finalists`
@@ -79,7 +81,8 @@ def optimise(
     Raises LayoutError where the drawing breaks a limit, and where there is no room for more cords.
     """
     drawn = tuple(drawn)
-    best = _Best(problem, watch)
+    most = None if planes is None else max(planes, len(distinct([s.plane for s in drawn])))
+    best = _Best(problem, watch, most)
     initial: Layout = ()
     check = verify(drawn, problem.surface, problem.limits)
     if check.problems:
@@ -95,12 +98,14 @@ def optimise(
     try:
         report(0.0, "candidates")
         cords = choices(problem, drawn, extra, candidates, rng)
+        if planes is not None:  # drawn cords wait for the descents: their planes are few already
+            cords[: len(drawn)] = [Choice(s.name, s.free, Pool.of(problem, s)) for s in drawn]
         show = partial(part, report, 0.1, 0.25)
         begun = seeds(problem, cords, starts, planes, best.slivers, rng, show)
         for layout in begun:
             best.offer(layout)
         initial = initial or (begun[0] if begun else ())
-        if drawn and not extra:
+        if drawn and not extra and planes is None:
             begun.append(tuple(_jitter(s, rng) for s in drawn))
         short: list[Layout] = []
         for i, layout in enumerate(begun):
@@ -148,8 +153,8 @@ def _show(report: Report, what: str, done: float, value: float) -> None:
 class _Best:
     """The best layout offered that passes; one with slivers only for want of others."""
 
-    def __init__(self, problem: Problem, watch: Watch | None) -> None:
-        self._problem, self._watch = problem, watch
+    def __init__(self, problem: Problem, watch: Watch | None, planes: int | None) -> None:
+        self._problem, self._watch, self._planes = problem, watch, planes
         self.slivers = Slivers(problem)
         self.layout: Layout = ()
         self.rank: tuple[bool, float] = (True, np.inf)
@@ -165,6 +170,8 @@ class _Best:
         return True
 
     def _passes(self, layout: Layout) -> bool:
+        if self._planes is not None and len(distinct([s.plane for s in layout])) > self._planes:
+            return False
         return not verify(layout, self._problem.surface, self._problem.limits).problems
 
 
@@ -224,7 +231,9 @@ def _descend(
         np.zeros(tied.shape[1]),
         iterations,
         tolerance=tolerance,
+        loosest=0.95 * MARGIN,
         guard=guard if not slivers(sensors) else None,
         show=show,
     )
-    return tuple(c.apply(x) for c, x in zip(cords, objective.split(found.x[which]), strict=True))
+    moved = zip(cords, objective.split(found.x[which]), sensors, strict=True)
+    return tuple(replace(c.apply(x), free=s.free) for c, x, s in moved)

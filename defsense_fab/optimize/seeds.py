@@ -108,9 +108,9 @@ def _in_planes(
     rng: np.random.Generator,
 ) -> Layout | None:
     """A selection in at most `planes` planes, or more only where drawn cords have them."""
-    drawn = [c for c in cords if len(c.pool) == 1]
-    room = planes - len(distinct([c.pool.sensor(0, c.name, c.free).plane for c in drawn]))
+    drawn = [c for c in cords if len(c.pool) == 1]  # see `optimise`
     new = [c for c in cords if len(c.pool) != 1]
+    room = planes - len(distinct([c.pool.sensor(0, c.name, c.free).plane for c in drawn]))
     first = [*drawn, *new[: max(room, 0)]]
     chosen = _select(problem, first, share, slivers, rng) if first else ()
     if chosen is None or len(first) == len(cords):
@@ -147,7 +147,9 @@ def _select(
             cords[i].pool.sensor(k, cords[i].name, cords[i].free) for i, k in sorted(chosen.items())
         )
 
-    some = [rng.random(len(c.pool)) < (share if len(c.pool) > 1 else 1.0) for c in cords]
+    some = [rng.random(len(c.pool)) < share for c in cords]
+    for keep in some:
+        keep[:1] = True  # the drawing, and something where there is little
     for allowed in (lambda c: not slivers(layout(c)), None):
         chosen = select(
             [c.pool for c in cords],

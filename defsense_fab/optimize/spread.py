@@ -1,8 +1,8 @@
 """How far built devices will scatter about a prediction: Monte Carlo over what a maker cannot hold.
 
 Each draw is one device: its cords lie off their grooves' axes, differ in their gauge factors, and
-its poses are not taken to the full amplitude; it is trained on its own noisy readings, and tested
-on a session of noisy frames.
+its poses are not taken to the full amplitude; its decoder is the best for its own signals and their
+noise, which long training comes to, and is tested on a session of noisy frames.
 """
 
 from __future__ import annotations

@@ -49,17 +49,20 @@ def minimise(
     *,
     tolerance: float = 1e-4,
     radius: float = 2.0,
+    loosest: float = 0.0,
     guard: Callable[[Float, Float], Rows | None] | None = None,
     show: Callable[[float, float], None] | None = None,
 ) -> Minimum:
     """The best x (size,) mm near the given one.
 
     Ends when a step promises less than `tolerance` of the value, at the last x that met the
-    inequalities, or nearly. `guard(x, trial)` may refuse a
-    trial that the constraints allow, with inequalities at the trial that rule it out. `show` gets
-    the share of iterations done and the value after each step.
+    inequalities, or nearly. What breaks them at first by up to `loosest` may go on doing
+    so. `guard(x, trial)` may refuse a trial that the constraints allow, with inequalities at the
+    trial that rule it out. `show` gets the share of iterations done and the value after each step.
     """
     at, (room, rows) = model(x), constraints(x)
+    given = float(np.clip(-room.min(), 0.0, loosest))
+    room = room + given
     penalty, weight, done = _PENALTY, 1.0, 0
     kept = (x, at.value, max(0.0, -float(room.min())))
     cuts: list[tuple[Float, Float, Float]] = []
@@ -93,6 +96,7 @@ def minimise(
             break
         trial = x + step
         (room_then, rows_then), refused = constraints(trial), None
+        room_then = room_then + given
         gained = float(np.log(at.value) - np.log(value(trial)))
         broken_then = max(0.0, -float(room_then.min()))
         ratio = (gained + penalty * (broken - broken_then)) / max(promised, 1e-300)
@@ -110,7 +114,7 @@ def minimise(
             weight = float(np.clip(weight * factor, 0.05, 1))
             x, at, room, rows = trial, model(trial), room_then, rows_then
             cuts = cuts[-_STALE:]
-            if broken_then < max(_NEARLY, kept[2]):
+            if broken_then <= max(_NEARLY, kept[2]):
                 kept = (x, at.value, broken_then)
             if ratio > 0.7 and length > 0.99 * radius:
                 radius = min(2 * radius, _LARGEST)

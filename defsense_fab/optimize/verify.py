@@ -78,7 +78,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
     path_depth = _depth(points, surface)
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     length = float(step.sum())
-    if path_depth.min() < 0:
+    if path_depth.min() < -_TOLERANCE:
         k = int(path_depth.argmin())
         problems.append(
             f"{name} leaves the body near {_at(points[k])}, {-path_depth[k]:.2f} mm outside"

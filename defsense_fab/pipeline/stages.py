@@ -13,7 +13,7 @@ from ..core.device import Device
 from ..core.files import digest
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 7
+CODE_VERSION = 8
 
 Report = Callable[[float, str], None]
 
@@ -55,25 +55,25 @@ def _body_inputs(d: Device) -> Any:
 
 def _mesh_inputs(d: Device) -> Any:
     """With `accuracy` the poses choose the mesh, so it depends on them too."""
-    poses = _plain((d.material, d.poses)) if d.mesh.accuracy else None
+    poses = plain((d.material, d.poses)) if d.mesh.accuracy else None
     return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses)
 
 
 def _regions(d: Device) -> Any:
-    return sorted((k, type(s).__name__, _plain(vars(s))) for k, s in d.regions.items())
+    return sorted((k, type(s).__name__, plain(vars(s))) for k, s in d.regions.items())
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Arrays as lists, so that hashes see numbers."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, dict):
-        return sorted((k, _plain(v)) for k, v in value.items())
+        return sorted((k, plain(v)) for k, v in value.items())
     if isinstance(value, tuple | list):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if isinstance(value, frozenset):
         return sorted(value)
-    return _plain(vars(value)) if hasattr(value, "__dataclass_fields__") else value
+    return plain(vars(value)) if hasattr(value, "__dataclass_fields__") else value
 
 
 def _runner(name: str) -> Callable[[Device, Path, Report], None]:
@@ -99,14 +99,14 @@ STAGES = (
         "simulate",
         "simulate the poses",
         ("fields",),
-        lambda d: _plain((d.material, d.poses, d.states)),
+        lambda d: plain((d.material, d.poses, d.states)),
         _runner("simulate"),
     ),
     Stage(
         "optimize",
         "optimise the cords",
         ("layout.json", "prediction.json"),
-        lambda d: _plain(
+        lambda d: plain(
             (d.cord, d.fabrication, d.outputs, d.sensors, d.propose, d.planes, d.decoder)
         ),
         _runner("optimize"),

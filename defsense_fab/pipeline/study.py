@@ -18,7 +18,7 @@ from ..optimize.study import by_count, knee
 from .build import build
 from .layout_file import read_sensor, write_sensor
 from .stage_optimize import SEED, load_task, predict
-from .stages import keys, read_json
+from .stages import keys, plain, read_json
 
 FILE, PICTURE = "study.json", "study.png"
 
@@ -58,7 +58,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     folder = device.source / "study"
     key = digest(
         keys(device)["simulate"],
-        repr((device.cord, device.fabrication, device.outputs, device.decoder)),
+        plain((device.cord, device.fabrication, device.outputs, device.decoder)),
     )
     with storage_errors(folder):
         folder.mkdir(exist_ok=True)
@@ -104,7 +104,7 @@ def _read(path: Path, key: str) -> dict[int, Row]:
         data = read_json(path)
     except (FileNotFoundError, ValueError):
         return {}
-    if not isinstance(data, dict) or data.get("key") != key:
+    if not isinstance(data, dict) or data.get("key") != key or data.get("schema") != 1:
         return {}
     nan = float("nan")
     rows = [

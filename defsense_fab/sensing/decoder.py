@@ -18,10 +18,6 @@ import numpy as np
 from ..core.arrays import Float
 from .features import Features
 
-#: What simulated signals leave uncertain however good the read-out is. Without it many features fit
-#: the states that they are trained on and nothing between them.
-LEAST_NOISE = 1e-4
-
 
 @dataclass(frozen=True)
 class Decoder:
@@ -49,7 +45,7 @@ def noise_weight(features: Features, signals: Float, noise: float) -> Float:
     """W (..., f, f) of signals (..., n, c)."""
     slopes = features.slopes(signals)
     return np.asarray(
-        max(noise, LEAST_NOISE) ** 2 * np.einsum("...nfc,...ngc->...fg", slopes, slopes)
+        max(noise, features.least_noise) ** 2 * np.einsum("...nfc,...ngc->...fg", slopes, slopes)
     )
 
 
@@ -74,7 +70,7 @@ def expected_square(features: Features, signals: Float, outputs: Float, noise: f
     signals (..., n, c); `outputs` (n, r) are centred."""
     sets = np.ascontiguousarray(signals, float).reshape(-1, *signals.shape[-2:])
     explained = _explained(
-        sets, features.linear, features.second, outputs, max(noise, LEAST_NOISE) ** 2
+        sets, features.linear, features.second, outputs, max(noise, features.least_noise) ** 2
     )
     return np.asarray((outputs**2).sum() - explained.reshape(signals.shape[:-2]))
 
@@ -88,7 +84,7 @@ def _explained(sets, linear, second, outputs, variance):  # type: ignore[no-unty
     bent = np.any(second != 0.0)
     out = np.zeros(count)
     phi, slope = np.empty((n, f)), linear.copy()
-    A, B = np.empty((f, f)), np.empty((f, r))
+    A, B, size = np.empty((f, f)), np.empty((f, r)), np.empty(f)
     for k in range(count):
         A[:] = 0.0
         B[:] = 0.0
@@ -120,13 +116,16 @@ def _explained(sets, linear, second, outputs, variance):  # type: ignore[no-unty
                 for o in range(r):
                     B[a, o] += x * outputs[i, o]
         for a in range(f):
+            size[a] = A[a, a]
+        for a in range(f):
             for b in range(a):
                 for d in range(b):
                     A[a, b] -= A[a, d] * A[b, d]
                 A[a, b] /= A[b, b]
             for d in range(a):
                 A[a, a] -= A[a, d] ** 2
-            A[a, a] = np.sqrt(max(A[a, a], 1e-300))
+            # What is left of a feature that the others repeat is rounding: it explains nothing.
+            A[a, a] = np.sqrt(A[a, a]) if A[a, a] > 1e-13 * size[a] else 1e150
             for o in range(r):
                 for d in range(a):
                     B[a, o] -= A[a, d] * B[d, o]

@@ -15,11 +15,16 @@ from ..core.arrays import Float
 
 @dataclass(frozen=True)
 class Features:
-    """`linear` (f, c) and `second` (f, c, c), symmetric, of f features of c signals."""
+    """`linear` (f, c) and `second` (f, c, c), symmetric, of f features of c signals.
+
+    Signals are taken to be uncertain by `least_noise` at least, however good the read-out is: many
+    features of exact signals fit the states that they are trained on and nothing between them.
+    """
 
     name: str
     linear: Float
     second: Float
+    least_noise: float
 
     def __call__(self, signals: Float) -> Float:
         """(..., f) of signals (..., c)."""
@@ -33,7 +38,7 @@ class Features:
 
 def affine(channels: int) -> Features:
     """The signals."""
-    return Features("affine", np.eye(channels), np.zeros((channels,) * 3))
+    return Features("affine", np.eye(channels), np.zeros((channels,) * 3), 1e-6)
 
 
 def quadratic(channels: int) -> Features:
@@ -45,7 +50,7 @@ def quadratic(channels: int) -> Features:
     linear[:channels] = np.eye(channels)
     second[k, i, j] += 1
     second[k, j, i] += 1
-    return Features("quadratic", linear, second)
+    return Features("quadratic", linear, second, 3e-4)
 
 
 #: What layouts are designed for, by the decoder that will be used: a kernel decoder sees more than

@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 
 from ..core.arrays import Float, Int
-from .folds import contiguous
+from .folds import FOLDS, contiguous
 
 _WIDTHS = np.logspace(-2, 0.5, 6)  # gamma of exp(-gamma |a - b|^2), signals of unit spread
+#: As for squares and products, see `features.py`.
+LEAST_NOISE = 3e-4
+_PLAIN = 0.1, 1e-3  # width and weight where states are too few to choose by
 _WEIGHTS = np.logspace(-6, 1, 8)  # of the ridge
 
 
@@ -67,6 +70,9 @@ def fit_kernel(
     from sklearn.model_selection import GridSearchCV
 
     n, c = signals.shape
+    noise = max(noise, LEAST_NOISE)
+    if n < FOLDS and like is None:
+        like = KernelDecoder(signals, np.ones(c), _PLAIN[0], _PLAIN[1], outputs, outputs.mean(0))
     moves = np.concatenate(
         [np.zeros((1, c)), noise * np.sqrt(c) * np.eye(c), -noise * np.sqrt(c) * np.eye(c)]
     )

@@ -50,6 +50,29 @@ def test_a_limit_on_planes(problem, planes):
     assert found.rmse <= layout_error(problem, found.initial)
 
 
+def test_a_limit_on_planes_leaves_drawn_cords_where_they_are(problem, straight):
+    locked = [straight("a", y=6, z=8, free=[]), straight("b", y=6, z=-8, free=["path"])]
+    joined = [straight("a", y=6, z=8), straight("b", y=-6, z=8)]
+    for drawn, extra in ((locked, 1), (locked[:1], 1), (joined, 0), (joined, 1)):
+        allowed = len(distinct([s.plane for s in drawn]))
+        found = optimise(
+            problem,
+            drawn,
+            np.random.default_rng(0),
+            quiet,
+            extra=extra,
+            planes=1,
+            starts=2,
+            candidates=2000,
+        )
+        assert len(distinct([s.plane for s in found.sensors])) <= allowed
+        for before, after in zip(drawn, found.sensors, strict=False):
+            assert after.free == before.free
+            if "plane" not in before.free:
+                assert distinct([before.plane, after.plane]) == [before.plane]
+        assert not verify(found.sensors, problem.surface, LIMITS).problems
+
+
 def test_cancelling_keeps_the_best_so_far(problem):
     from defsense_fab.optimize.refine import Cancelled
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device import DECODERS
+from defsense_fab.sensing.decoder import expected_square, fit
+from defsense_fab.sensing.features import quadratic
 from defsense_fab.sensing.folds import contiguous, cross_validated
 from defsense_fab.sensing.train import train
 
@@ -74,3 +76,29 @@ def test_cross_validation_sees_through_a_fit_of_noise():
 
     assert np.sqrt(((learn(signals, outputs)(signals) - outputs) ** 2).sum(1).mean()) < 0.7 * spread
     assert cross_validated(learn, signals, outputs, 0.0) > spread
+
+
+@pytest.mark.parametrize(("channels", "states"), [(3, 3), (4, 3), (3, 2), (6, 5), (3, 8)])
+def test_expected_error_where_features_outnumber_states(channels, states):
+    """Between nothing and the outputs' own size, and that of the decoder which is fitted."""
+    rng = np.random.default_rng(0)
+    features = quadratic(channels)
+    for _ in range(50):
+        signals = np.concatenate(
+            [np.zeros((1, channels)), 0.05 * rng.normal(size=(states - 1, channels))]
+        )
+        signals[:, -1] = signals[:, 0]  # and two cords that tell the same
+        outputs = rng.normal(size=(states, 4))
+        outputs -= outputs.mean(0)
+        found = float(expected_square(features, signals, outputs, 0.002))
+        decoder = fit(features, signals, outputs, 0.002)
+        expected = ((decoder(signals) - outputs) ** 2).sum()
+        expected += decoder.noise_variance(signals, 0.002).sum()
+        assert 0 <= found <= (outputs**2).sum() * (1 + 1e-12)
+        assert found == pytest.approx(expected, rel=1e-2, abs=1e-6)
+
+
+def test_one_state_is_answered_by_every_decoder():
+    for kind in DECODERS:
+        decoder = train(kind, np.array([[0.01, 0.0]]), np.array([[1.0, 2.0]]), 0.002)
+        assert decoder(np.array([[0.01, 0.0]])) == pytest.approx(np.array([[1.0, 2.0]]))
