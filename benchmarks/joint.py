@@ -31,9 +31,8 @@ def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # ty
 
     def parts(v):  # type: ignore[no-untyped-def]
         x, beta = v[:size], v[size:].reshape(m, r)
-        signals, slopes = objective._tape(x)
-        S = np.concatenate([np.zeros((1, m)), signals])
-        return x, beta, S - S.mean(0), slopes
+        S, by_cord = objective.signals(x)
+        return x, beta, S - S.mean(0), by_cord
 
     def residual(v):  # type: ignore[no-untyped-def]
         x, beta, S, _ = parts(v)
@@ -41,10 +40,10 @@ def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # ty
         return np.concatenate([(S @ beta - O).ravel(), ridge * beta.ravel(), broken])
 
     def jacobian(v):  # type: ignore[no-untyped-def]
-        x, beta, S, slopes = parts(v)
+        x, beta, S, by_cord = parts(v)
         room, rows = limits(x)
         by_x = []
-        for c, J in enumerate(objective._jacobians(x, slopes())):
+        for c, J in enumerate(by_cord):
             by = np.concatenate([np.zeros((len(J), 1)), J], axis=1)
             by = by - by.mean(1, keepdims=True)
             by_x.append((by[:, :, None] * beta[c]).reshape(len(J), n * r))

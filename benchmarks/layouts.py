@@ -25,11 +25,12 @@ from defsense_fab.core.device_file import load_device
 from defsense_fab.optimize import baselines
 from defsense_fab.optimize.candidates import build_pool
 from defsense_fab.optimize.constraints import Constraints
+from defsense_fab.optimize.descent import descend
 from defsense_fab.optimize.families import through
 from defsense_fab.optimize.freedom import CordFreedom, sample_path
 from defsense_fab.optimize.objective import Objective
 from defsense_fab.optimize.problem import Problem
-from defsense_fab.optimize.refine import _descend, layout_error, optimise
+from defsense_fab.optimize.refine import layout_error, optimise
 from defsense_fab.optimize.seeds import choices, seeds
 from defsense_fab.optimize.slivers import Slivers
 from defsense_fab.optimize.verify import verify
@@ -105,7 +106,7 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
     mesh = problem.locator.mesh
     pieces = []
     for c, part in zip(cords, ours.split(x), strict=True):
-        at = problem.locator.find(c.points(part))
+        at = problem.locator.find(c.place(part).points)
         corner = mesh.nodes[mesh.cells[at.cell, 0]]
         local = jnp.asarray(problem.fields[:, mesh.cells[at.cell]])  # (s, p, 10, 3)
         pieces.append((corner, mesh.bary_gradient[at.cell], local))
@@ -119,14 +120,14 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
         for c, (corner, by_bary, local) in zip(cords, pieces, strict=True):
             part = x[first : first + c.size]
             first += c.size
-            rows = 2 * len(c._rows)
-            stack = jnp.asarray(c._stack).at[c._rows].add(part[:rows].reshape(-1, 2))
+            rows = 2 * len(c.rows)
+            stack = jnp.asarray(c.stack).at[c.rows].add(part[:rows].reshape(-1, 2))
             axes = jnp.asarray(c.sensor.plane.axes)
             for k in range(3):
                 turn = Rotation.from_rotvec(part[rows + 2 + k] / c.reach * jnp.eye(3)[k])
                 axes = axes @ turn.as_matrix()
-            pivot = c._pivot + part[rows : rows + 2] @ c._moves
-            points = pivot + (c._basis @ stack - c.center) @ axes[:, :2].T
+            pivot = c.pivot + part[rows : rows + 2] @ c.moves
+            points = pivot + (c.basis @ stack - c.center) @ axes[:, :2].T
             bary = jnp.einsum("pbj,pj->pb", by_bary, points - corner)
             bary = bary.at[:, 0].add(1.0)
             shape = jnp.concatenate(
@@ -153,7 +154,7 @@ def refinement(problem: Problem) -> None:
     cords = choices(problem, (), 3, 6000, rng)
     (start,) = seeds(problem, cords, 1, None, slivers, rng, quiet)
     print(f"  start                         {layout_error(problem, start):.3f} mm")
-    _descend(problem, start, 2, 1e-3, slivers, quiet)
+    descend(problem, start, 2, 1e-3, slivers, quiet)
 
     def show(name: str, layout: tuple, seconds: float, ours: float) -> None:
         broken = len(verify(layout, problem.surface, problem.limits).problems)
@@ -163,7 +164,7 @@ def refinement(problem: Problem) -> None:
         )
 
     begin = time.perf_counter()
-    best = _descend(problem, start, 40, 2e-4, slivers, quiet)
+    best = descend(problem, start, 40, 2e-4, slivers, quiet)
     ours = time.perf_counter() - begin
     show("ours, 40 iterations", best, ours, ours)
     begin = time.perf_counter()

@@ -41,6 +41,12 @@ class Plane:
         x = x / np.linalg.norm(x)
         return cls(np.asarray(origin, float), np.stack([x, np.cross(n, x), n], axis=1))
 
+    def coincides(self, other: Plane) -> bool:
+        """Whether both are the same plane, whatever their frames."""
+        (a, b, c), (x, y, z) = self.normal.tolist(), other.normal.tolist()
+        square = (b * z - c * y) ** 2 + (c * x - a * z) ** 2 + (a * y - b * x) ** 2
+        return square < 1e-12 and abs(float((self.origin - other.origin) @ other.normal)) < 1e-4
+
     def to_world(self, points: Float) -> Float:
         """In-plane points (..., 2) to the rest frame (..., 3), mm."""
         return np.asarray(self.origin + points @ self.axes[:, :2].T)
@@ -132,10 +138,6 @@ def distinct(planes: Sequence[Plane]) -> list[Plane]:
     """One of each set of coincident planes: a body is cut there once."""
     out: list[Plane] = []
     for p in planes:
-        for q in out:
-            parallel = np.linalg.norm(np.cross(p.normal, q.normal)) < 1e-6
-            if parallel and abs((p.origin - q.origin) @ q.normal) < 1e-4:
-                break
-        else:
+        if not any(p.coincides(q) for q in out):
             out.append(p)
     return out

@@ -31,6 +31,16 @@ class Surface:
     def __post_init__(self) -> None:
         _check(self.vertices, self.faces, 3, "surface")
 
+    def scatter(self, count: int, rng: np.random.Generator) -> Float:
+        """Random points (count, 3) mm spread evenly over the area."""
+        corners = self.vertices[self.faces]
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.linalg.norm(cross, axis=1)
+        face = rng.choice(len(area), count, p=area / area.sum())
+        a, b = np.sqrt(rng.random(count)), rng.random(count)
+        weights = np.stack([1 - a, a * (1 - b), a * b], axis=1)
+        return np.asarray(np.einsum("ni,nij->nj", weights, corners[face]))
+
     @property
     def volume(self) -> float:
         """Signed enclosed volume, mm^3 (divergence theorem)."""

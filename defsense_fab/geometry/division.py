@@ -70,9 +70,7 @@ def plan(body: Any, cords: Sequence[tuple[Plane, Float]]) -> Plan:
     """
     planes = distinct([p for p, _ in cords])
     threads = [facets.tube(line, plane.normal, _THREAD, sides=8) for plane, line in cords]
-    own = [
-        [i for i, (p, _) in enumerate(cords) if len(distinct([plane, p])) == 1] for plane in planes
-    ]
+    own = [[i for i, (p, _) in enumerate(cords) if p.coincides(plane)] for plane in planes]
     count = len(planes)
     orders = itertools.permutations(range(count)) if count <= _ALL_ORDERS else [range(count)]
     plans = (_cut(body, planes, threads, own, order) for order in orders)

@@ -167,17 +167,29 @@ def neighbours(tets: Int) -> Int:
     return out.reshape(-1, 4)
 
 
-@numba.njit(cache=True, nogil=True)
-def walk_to_point(point, grid, across, hint, bary):  # type: ignore[no-untyped-def]
-    """Like `find_point`, for a point near the tet `hint`: from face to face to where it lies."""
-    cell = hint
-    for _ in range(8):
-        if _weights(point, cell, grid[5], grid[6], bary) >= 0.0:
-            return cell
-        cell = across[cell, np.argmin(bary)]
-        if cell < 0:
-            break
-    return find_point(point, grid, hint, bary)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def walk(points, grid, across, cells, bary):  # type: ignore[no-untyped-def]
+    """Like `find_point` for points (p, 3) of a path: from face to face to the tet (p,) of the next
+    one. Fills `cells` (p,) and the weights `bary` (p, 4)."""
+    origin, gradient = grid[5], grid[6]
+    at = 0
+    for p in range(len(points)):
+        e, inside = at, False
+        for _ in range(8):
+            x, y = points[p, 0] - origin[e, 0], points[p, 1] - origin[e, 1]
+            z = points[p, 2] - origin[e, 2]
+            bary[p, 0], lowest = 1.0, 0
+            for i in range(1, 4):
+                bary[p, i] = gradient[e, i, 0] * x + gradient[e, i, 1] * y + gradient[e, i, 2] * z
+                bary[p, 0] -= bary[p, i]
+            for i in range(1, 4):
+                lowest = i if bary[p, i] < bary[p, lowest] else lowest
+            inside = bary[p, lowest] >= 0.0
+            if inside or across[e, lowest] < 0:
+                break
+            e = across[e, lowest]
+        at = e if inside else find_point(points[p], grid, at, bary[p])
+        cells[p] = at
 
 
 @numba.njit(cache=True, nogil=True)

@@ -116,7 +116,7 @@ def build_pool(
     """Candidates that keep the limits, of all makers, and their signals; `keep_first` keeps the
     very first even if it does not. Makers run on all cores."""
     kept: list[Batch] = [None] * len(makers)  # type: ignore[list-item]
-    problem.grid, problem.depth  # noqa: B018 - made here, once, for all threads
+    problem.grid, problem.depth, problem.carrier  # noqa: B018 - made once, for all threads
 
     def work(start: int, stop: int) -> None:
         for n in range(start, stop):

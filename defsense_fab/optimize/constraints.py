@@ -28,20 +28,15 @@ _SLACK = 1.05  # the same for the radius of curvature
 _FAR = 1e3
 
 
-def extensions(sensors: Sequence[Sensor], surface: Surface) -> Float:
-    """How far (mm) each cord's two ends run on straight before they leave the body, (c, 2).
-
-    inf where an end does not leave.
-    """
-    out = np.full((len(sensors), 2), np.inf)
-    for i, s in enumerate(sensors):
-        ends = s.plane.to_world(s.curve.points[[0, -1]])
-        tangents = s.curve.tangents[[0, -1]] @ s.plane.axes[:, :2].T * np.array([[-1.0], [1.0]])
-        for end in range(2):
-            found = ray.hits(ends[end], tangents[end], surface)
-            if len(found):
-                out[i, end] = found[0]
-    return out
+def to_exits(sensor: Sensor, surface: Surface) -> Float:
+    """How far (mm) the path's two ends run on straight before they leave the body, (2,); inf where
+    an end does not leave."""
+    ends = sensor.plane.to_world(sensor.curve.points[[0, -1]])
+    tangents = sensor.curve.tangents[[0, -1]] @ sensor.plane.axes[:, :2].T
+    found = [
+        ray.hits(e, t, surface) for e, t in zip(ends, [-tangents[0], tangents[1]], strict=True)
+    ]
+    return np.array([hits[0] if len(hits) else np.inf for hits in found])
 
 
 def run_lengths(ends: Float) -> Float:
@@ -80,14 +75,14 @@ class _Inlets:
 
     @classmethod
     def of(cls, cord: CordFreedom, depth: DepthField, surface: Surface) -> _Inlets:
-        lengths = extensions([cord.sensor], surface)[0]
+        lengths = to_exits(cord.sensor, surface)
         runs = run_lengths(lengths)
-        track = Track.of(cord, np.zeros(cord.size), runs)
-        points = track.points
-        out = track.path[[0, -1]] - track.path[[1, -2]]
+        track = Track.of(cord.place(np.zeros(cord.size)), runs)
+        points, path = track.points, track.placed.points
+        out = path[[0, -1]] - path[[1, -2]]
         out /= np.linalg.norm(out, axis=1, keepdims=True)
         finite = np.isfinite(lengths)
-        exits = track.path[[0, -1]] + np.where(finite, lengths, 0.0)[:, None] * out
+        exits = path[[0, -1]] + np.where(finite, lengths, 0.0)[:, None] * out
         below = exits - 0.01 * out  # on the surface itself rounding decides what is inside
         normals = np.where(finite[:, None], -depth(below)[1], 0.0)
         step = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -104,15 +99,16 @@ class _Inlets:
         """How far the path's ends lie from the surface at the exits, (2,) mm, inf without one, and
         the derivatives (2, size)."""
         value, row = np.full(2, np.inf), np.zeros((2, size))
-        count, first = len(track.path), RUN * (self.runs[0] > 0)
+        path = track.placed.points
+        count, first = len(path), RUN * (self.runs[0] > 0)
         for e, (end, before) in enumerate(((0, 1), (count - 1, count - 2))):
-            step = track.path[end] - track.path[before]
+            step = path[end] - path[before]
             long = np.linalg.norm(step)
             out, n = step / long, self.normals[e]
             slant = n @ out
             if slant < 1e-3:
                 continue
-            value[e] = n @ (self.exits[e] - track.path[end]) / slant
+            value[e] = n @ (self.exits[e] - path[end]) / slant
             turn = value[e] / long * (n - slant * out) / slant
             samples = np.array([end, before]) + first
             rows = np.zeros((2, size))
@@ -145,7 +141,7 @@ class Constraints:
     def __call__(self, x: Float) -> tuple[Float, Float]:
         """Values (g,) and derivatives (g, size)."""
         tracks = [
-            Track.of(cord, x[columns], inlets.runs)
+            Track.of(cord.place(x[columns]), inlets.runs)
             for cord, columns, inlets in zip(self._cords, self._columns, self._inlets, strict=True)
         ]
         values, rows = [], []
@@ -159,9 +155,9 @@ class Constraints:
             values += found[0]
             rows += found[1]
         radius = self._limits.min_radius
-        for cord, columns in zip(self._cords, self._columns, strict=True):
-            if "path" in cord.sensor.free:
-                room, by = cord.turning(x[columns], _SLACK * radius)
+        for cord, track, columns in zip(self._cords, tracks, self._columns, strict=True):
+            if len(cord.rows):
+                room, by = track.placed.turning(_SLACK * radius)
                 wide = np.zeros((len(room), self._size))
                 wide[:, columns] = radius * by
                 values.append(radius * room)

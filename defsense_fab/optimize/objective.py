@@ -9,14 +9,16 @@ gradient by a parameter is 2 <dA beta, A beta - B>, and with Kaufman's Jacobian 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.arrays import Float
-from ..sensing.decoder import regular
+from ..sensing.elimination import expected_square, square_slopes
+from .carrier import Carried
 from .freedom import CordFreedom
+from .placed import Placed
 from .problem import Problem
 
 
@@ -35,34 +37,33 @@ class Objective:
     def __init__(self, problem: Problem, cords: Sequence[CordFreedom]) -> None:
         self.problem, self.cords = problem, cords
         self._outputs = problem.outputs
-        self._square = float((self._outputs**2).sum())
         self._features = problem.features(len(cords))
         self._bent = bool(self._features.second.any())
         self._noise = max(problem.noise, self._features.least_noise)
         self._ends = np.cumsum([0, *(c.size for c in cords)])
-        self._first = np.cumsum([0, *(len(c.points(np.zeros(c.size))) for c in cords)])
+        self._first = np.cumsum([0, *(len(c.basis) for c in cords)])
 
     def split(self, x: Float) -> list[Float]:
         return [x[a:b] for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
 
     def value(self, x: Float) -> float:
         """Value at parameters x (size,)."""
-        return self.of_signals(self._with_rest(self._tape(x)[0]))[0]
+        signals = _with_rest(self._carry(x)[1].signals)
+        square = expected_square(self._features, signals, self._outputs, self._noise)
+        return float(square) / len(signals)
 
     def __call__(self, x: Float) -> tuple[float, Float]:
         """Value and gradient (size,) at parameters x (size,)."""
-        signals, slopes = self._tape(x)
-        value, by_signals = self.of_signals(self._with_rest(signals))
-        jacobians = self._jacobians(x, slopes())
-        return value, np.concatenate(
-            [j @ w for j, w in zip(jacobians, by_signals[1:].T, strict=True)]
-        )
+        placed, carried = self._carry(x)
+        signals = _with_rest(carried.signals)
+        square, slopes = square_slopes(self._features, signals, self._outputs, self._noise)
+        by_points = carried.pull(slopes[1:] / len(signals))
+        pulled = [p.pull_one(by_points[a:b]) for p, a, b in self._parts(placed)]
+        return square / len(signals), np.concatenate(pulled)
 
     def model(self, x: Float) -> Model:
         """The quadratic model at parameters x (size,)."""
-        signals, slopes = self._tape(x)
-        S = self._with_rest(signals)
-        jacobians = self._jacobians(x, slopes())
+        S, jacobians = self.signals(x)
         n, m = S.shape
         phi, bend = self._features(S), self._features.slopes(S)
         A, B = phi - phi.mean(0), self._outputs
@@ -90,34 +91,23 @@ class Objective:
             float((residual**2).sum() / n), 2 / n * gradient, np.asarray(2 / n * flat @ flat.T)
         )
 
-    def of_signals(self, S: Float) -> tuple[float, Float]:
-        """Value and derivative (n, c) at signals (n, c)."""
-        n = len(S)
-        phi, slopes = self._features(S), self._features.slopes(S)
-        centred = phi - phi.mean(0)
-        flat = slopes.transpose(1, 0, 2).reshape(len(slopes[0]), -1)
-        variance = self._noise**2
-        normal = centred.T @ centred + variance * (flat @ flat.T)
-        right = centred.T @ self._outputs
-        beta = np.linalg.solve(regular(normal), right)
-        value = (self._square - (right * beta).sum()) / n
-        # Rows of the residual sum to zero: centring drops out.
-        by_phi = (centred @ beta - self._outputs) @ beta.T
-        by_signals = np.einsum("nf,nfc->nc", by_phi, slopes)
-        if self._bent:
-            by_slopes = variance * (beta @ beta.T @ slopes)
-            by_signals += np.einsum("nfd,fcd->nc", by_slopes, self._features.second)
-        return float(value), 2 / n * by_signals
+    def signals(self, x: Float) -> tuple[Float, list[Float]]:
+        """Signals (n, c) at parameters x (size,), rest first, and for each cord the derivatives
+        (own size, n - 1) of its signals in the other states by its own parameters."""
+        placed, carried = self._carry(x)
+        slopes = carried.slopes()
+        jacobians = [p.pull(slopes[a:b]) for p, a, b in self._parts(placed)]
+        return _with_rest(carried.signals), jacobians
 
-    def _tape(self, x: Float):  # type: ignore[no-untyped-def]
-        points = [c.points(part) for c, part in zip(self.cords, self.split(x), strict=True)]
-        return self.problem.carrier.tape(np.concatenate(points), self._first)
+    def _carry(self, x: Float) -> tuple[list[Placed], Carried]:
+        placed = [c.place(part) for c, part in zip(self.cords, self.split(x), strict=True)]
+        points = np.concatenate([p.points for p in placed])
+        return placed, self.problem.carrier.carry(points, self._first)
 
-    def _jacobians(self, x: Float, slopes: Float) -> list[Float]:
-        """Derivatives (size, s) of each cord's signals by its parameters."""
-        parts = zip(self.cords, self.split(x), self._first[:-1], self._first[1:], strict=True)
-        return [c.pull(part, slopes[a:b]) for c, part, a, b in parts]
+    def _parts(self, placed: list[Placed]) -> Iterator[tuple[Placed, int, int]]:
+        """Each cord with the first and the last of its points."""
+        return zip(placed, self._first[:-1].tolist(), self._first[1:].tolist(), strict=True)
 
-    @staticmethod
-    def _with_rest(signals: Float) -> Float:
-        return np.concatenate([np.zeros((1, signals.shape[1])), signals])
+
+def _with_rest(signals: Float) -> Float:
+    return np.concatenate([np.zeros((1, signals.shape[1])), signals])

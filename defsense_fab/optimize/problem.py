@@ -11,7 +11,8 @@ from ..core.arrays import Float
 from ..core.errors import LayoutError
 from ..core.mesh import Surface
 from ..mechanics.locate import PointLocator
-from ..sensing.decoder import expected_square, floor
+from ..sensing.decoder import floor
+from ..sensing.elimination import expected_square
 from ..sensing.features import KINDS, Features
 from .carrier import Carrier
 from .depth import DepthField, DepthGrid

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.sparse import coo_array
 
-from ..core.arrays import Float
 from ..core.curve import distinct
 from ..core.device import Sensor
 from ..core.errors import LayoutError
-from .candidates import Pool
-from .constraints import MARGIN, Constraints
-from .freedom import CordFreedom, sample_path, together
-from .objective import Model, Objective
+from .descent import descend, jitter
+from .freedom import sample_path
 from .problem import Problem
-from .seeds import Choice, Layout, choices, no_room, seeds
+from .seeds import Layout, choices, no_room, seeds
 from .slivers import Slivers
-from .sqp import minimise
 from .verify import verify
 
 Report = Callable[[float, str], None]
@@ -81,14 +76,14 @@ def optimise(
     Raises LayoutError where the drawing breaks a limit, and where there is no room for more cords.
     """
     drawn = tuple(drawn)
-    most = None if planes is None else max(planes, len(distinct([s.plane for s in drawn])))
-    best = _Best(problem, watch, most)
-    initial: Layout = ()
     check = verify(drawn, problem.surface, problem.limits)
     if check.problems:
         raise LayoutError(
             f"device.toml: sensors: {check.problems[0]}; move its control_points or plane"
         )
+    most = None if planes is None else max(planes, len(distinct([s.plane for s in drawn])))
+    best = _Best(problem, watch, most)
+    initial: Layout = ()
     if not extra:
         initial = drawn
         best.offer(drawn, trusted=True)
@@ -96,33 +91,12 @@ def optimise(
             return Optimised(drawn, *best.rank[::-1], (), drawn)
     reached: list[float] = []
     try:
-        report(0.0, "candidates")
-        cords = choices(problem, drawn, extra, candidates, rng)
-        if planes is not None:  # drawn cords wait for the descents: their planes are few already
-            cords[: len(drawn)] = [Choice(s.name, s.free, Pool.of(problem, s)) for s in drawn]
-        show = partial(part, report, 0.1, 0.25)
-        begun = seeds(problem, cords, starts, planes, best.slivers, rng, show)
-        for layout in begun:
-            best.offer(layout)
+        show = partial(part, report, 0.0, 0.25)
+        begun = _begin(problem, drawn, rng, show, extra, planes, starts, candidates, best)
         initial = initial or (begun[0] if begun else ())
-        if drawn and not extra and planes is None:
-            begun.append(tuple(_jitter(s, rng) for s in drawn))
-        short: list[Layout] = []
-        for i, layout in enumerate(begun):
-            low, high = (0.25 + 0.4 * (i + k) / len(begun) for k in (0, 1))
-            show = partial(part, report, low, high)
-            what = f"descent {i + 1} of {len(begun)}"
-            short.append(
-                _descend(problem, layout, _SHORT, _ROUGH, best.slivers, partial(_show, show, what))
-            )
-            reached.append(layout_error(problem, short[-1]))
-            best.offer(short[-1])
-        ranked = sorted(range(len(short)), key=lambda i: (best.slivers(short[i]), reached[i]))
-        for n, i in enumerate(_different(ranked, reached)[:finalists]):
-            low, high = (0.65 + 0.35 * (n + k) / finalists for k in (0, 1))
-            show = partial(part, report, low, high)
-            what = f"finishing {n + 1} of {finalists}"
-            reached.append(_finish(problem, short[i], best, partial(_show, show, what)))
+        show = partial(part, report, 0.25, 1.0)
+        for error in _improve(problem, begun, finalists, best, show):
+            reached.append(error)
         report(1.0, f"best {best.rank[1]:.3g} mm")
     except Cancelled:
         if not best.layout:
@@ -130,6 +104,51 @@ def optimise(
     if not best.layout:
         raise no_room(len(drawn) + extra)
     return Optimised(best.layout, *best.rank[::-1], tuple(reached), initial or best.layout)
+
+
+def _begin(
+    problem: Problem,
+    drawn: Layout,
+    rng: np.random.Generator,
+    report: Report,
+    extra: int,
+    planes: int | None,
+    starts: int,
+    candidates: int,
+    best: _Best,
+) -> list[Layout]:
+    """The layouts that descents set out from."""
+    if planes is not None and not extra:  # the planes are few already; candidates lie in others
+        return [drawn, *(jitter(drawn, rng, tied=True) for _ in range(starts - 1))]
+    report(0.0, "candidates")
+    cords = choices(problem, drawn, extra, candidates, rng, settled=planes is not None)
+    begun = seeds(problem, cords, starts, planes, best.slivers, rng, partial(part, report, 0.4, 1))
+    for layout in begun:
+        best.offer(layout)
+    if not extra:
+        begun.append(jitter(drawn, rng, tied=False))
+    return begun
+
+
+def _improve(
+    problem: Problem, begun: Sequence[Layout], finalists: int, best: _Best, report: Report
+) -> Iterator[float]:
+    """Short descents of all and finishes of the best, and the error (mm) that each comes to."""
+    short, reached = [], []
+    for i, layout in enumerate(begun):
+        low, high = (0.5 * (i + k) / len(begun) for k in (0, 1))
+        what = f"descent {i + 1} of {len(begun)}"
+        show = partial(_show, partial(part, report, low, high), what)
+        short.append(descend(problem, layout, _SHORT, _ROUGH, best.slivers, show))
+        reached.append(layout_error(problem, short[-1]))
+        best.offer(short[-1])
+        yield reached[-1]
+    ranked = sorted(range(len(short)), key=lambda i: (best.slivers(short[i]), reached[i]))
+    for n, i in enumerate(_different(ranked, reached)[:finalists]):
+        low, high = (0.5 + 0.5 * (n + k) / finalists for k in (0, 1))
+        what = f"finishing {n + 1} of {finalists}"
+        show = partial(_show, partial(part, report, low, high), what)
+        yield _finish(problem, short[i], best, show)
 
 
 def _different(ranked: Sequence[int], errors: Sequence[float]) -> list[int]:
@@ -175,13 +194,6 @@ class _Best:
         return not verify(layout, self._problem.surface, self._problem.limits).problems
 
 
-def _jitter(sensor: Sensor, rng: np.random.Generator) -> Sensor:
-    """A slight push off the drawing: symmetric drawings are saddle points, and cords that were
-    only drawn in one plane need not stay in it."""
-    freedom = CordFreedom(sensor)
-    return freedom.apply(rng.normal(0, 1.5, freedom.size))
-
-
 def _finish(
     problem: Problem, layout: Layout, best: _Best, show: Callable[[float, float], None]
 ) -> float:
@@ -191,49 +203,9 @@ def _finish(
     """
     error = layout_error(problem, layout)
     for _ in range(_ROUNDS):
-        layout = _descend(problem, layout, _LONG, _FINE, best.slivers, show)
+        layout = descend(problem, layout, _LONG, _FINE, best.slivers, show)
         before, error = error, layout_error(problem, layout)
         offered = best.offer(layout)
         if abs(before - error) < _STILL * error and (offered or error > best.rank[1]):
             break
     return error
-
-
-def _descend(
-    problem: Problem,
-    sensors: Layout,
-    iterations: int,
-    tolerance: float,
-    slivers: Slivers,
-    show: Callable[[float, float], None],
-) -> Layout:
-    cords, which = together(sensors)
-    objective = Objective(problem, cords)
-    constraints = Constraints(problem.surface, problem.depth, problem.limits, cords)
-    tied = coo_array((np.ones(len(which)), (np.arange(len(which)), which))).tocsr()
-
-    def model(y: Float) -> Model:
-        at = objective.model(y[which])
-        return Model(at.value, at.gradient @ tied, tied.T @ at.hessian @ tied)
-
-    def limits(y: Float) -> tuple[Float, Float]:
-        room, rows = constraints(y[which])
-        return room, rows @ tied
-
-    def guard(old: Float, new: Float) -> tuple[Float, Float] | None:
-        found = slivers.guard(cords, old[which], new[which])
-        return None if found is None else (found[0], found[1] @ tied)
-
-    found = minimise(
-        model,
-        lambda y: objective.value(y[which]),
-        limits,
-        np.zeros(tied.shape[1]),
-        iterations,
-        tolerance=tolerance,
-        loosest=0.95 * MARGIN,
-        guard=guard if not slivers(sensors) else None,
-        show=show,
-    )
-    moved = zip(cords, objective.split(found.x[which]), sensors, strict=True)
-    return tuple(replace(c.apply(x), free=s.free) for c, x, s in moved)

@@ -18,7 +18,7 @@ def risks(problem: Problem, sensors: Sequence[Sensor]) -> list[str]:
     """Warnings: cords whose signals do not change, or drown in noise; more features than states."""
     out = []
     for sensor in sensors:
-        change = float(np.ptp(problem.signals(sample_path(sensor))))
+        change = round(float(np.ptp(problem.signals(sample_path(sensor)))), 9)
         if change < max(problem.noise, _SILENT):
             out.append(
                 f"cord {sensor.name!r}: its signal changes by {change:.2g} over all states, less"

@@ -26,11 +26,18 @@ _HAND = 0.1  # kept from the clearance for what coarse samples miss, mm
 
 @dataclass(frozen=True)
 class Choice:
-    """The candidates of one cord, and the name and freedom that the chosen one takes."""
+    """The candidates of one cord, and the name and freedom that the chosen one takes. A `settled`
+    one has a single candidate, the cord itself."""
 
     name: str
     free: frozenset[str]
     pool: Pool
+    settled: bool = False
+
+    @classmethod
+    def of(cls, problem: Problem, sensor: Sensor) -> Choice:
+        """No other than the cord itself."""
+        return cls(sensor.name, sensor.free, Pool.of(problem, sensor), settled=True)
 
 
 def choices(
@@ -39,15 +46,21 @@ def choices(
     extra: int,
     candidates: int,
     rng: np.random.Generator,
+    settled: bool = False,
 ) -> list[Choice]:
     """For each drawn cord its variations and, where path and plane are free, paths of all
-    families; the latter alone for `extra` cords. Raises LayoutError where no candidate fits."""
+    families; the latter alone for `extra` cords. With `settled`, drawn cords stay as they are.
+
+    Raises LayoutError where no candidate fits.
+    """
     size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
-    families = (
-        _families(problem, candidates, rng) if extra or FREE in {s.free for s in drawn} else None
-    )
+    wanted = extra or (not settled and FREE in {s.free for s in drawn})
+    families = _families(problem, candidates, rng) if wanted else None
     out = []
     for s in drawn:
+        if settled or not s.free:
+            out.append(Choice.of(problem, s))
+            continue
         count = candidates // (8 if s.free == FREE else 2)
         own = build_pool(problem, [partial(vary, s, count, size / 2, rng)], keep_first=True)
         out.append(Choice(s.name, s.free, own.plus(families) if s.free == FREE else own))
@@ -108,24 +121,23 @@ def _in_planes(
     rng: np.random.Generator,
 ) -> Layout | None:
     """A selection in at most `planes` planes, or more only where drawn cords have them."""
-    drawn = [c for c in cords if len(c.pool) == 1]  # see `optimise`
-    new = [c for c in cords if len(c.pool) != 1]
+    drawn = [c for c in cords if c.settled]
+    new = [c for c in cords if not c.settled]
     room = planes - len(distinct([c.pool.sensor(0, c.name, c.free).plane for c in drawn]))
     first = [*drawn, *new[: max(room, 0)]]
     chosen = _select(problem, first, share, slivers, rng) if first else ()
     if chosen is None or len(first) == len(cords):
         return chosen
     makers = [
-        partial(within, problem, plane, _IN_PLANE, r)
+        partial(within, problem, plane, _IN_PLANE, rng.spawn(1)[0])
         for plane in distinct([s.plane for s in chosen])
-        for r in rng.spawn(1)
     ]
     pool = build_pool(problem, makers)
     if not len(pool):
         return None
-    fixed = [Choice(s.name, s.free, Pool.of(problem, s)) for s in chosen]
     rest = [replace(c, pool=pool) for c in new[max(room, 0) :]]
-    found = _select(problem, [*fixed, *rest], 1.0, slivers, rng)
+    settled = [Choice.of(problem, s) for s in chosen]
+    found = _select(problem, [*settled, *rest], 1.0, slivers, rng)
     if found is None:
         return None
     by_name = {s.name: s for s in found}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Float, Int
 from ..core.curve import distinct
 from ..core.device import Sensor
 from .freedom import CordFreedom, sample_path
@@ -24,9 +24,9 @@ _MARGIN = 1.2  # what the points may miss
 
 @dataclass(frozen=True)
 class Leaf:
-    """A part as the points (p,) that lie in it and the distinct planes that bound it."""
+    """A part: the cells that it is made of, and the distinct planes that bound it."""
 
-    inside: Bool
+    cells: int
     planes: tuple[int, ...]
 
 
@@ -36,11 +36,7 @@ class Slivers:
     def __init__(self, problem: Problem) -> None:
         rng = np.random.default_rng(0)
         volume, surface = evenly(problem, _VOLUME, rng), problem.surface
-        corners = surface.vertices[surface.faces]
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        area = np.linalg.norm(cross, axis=1)
-        face = rng.choice(len(area), _SURFACE, p=area / area.sum())
-        skin = np.einsum("ci,cij->cj", rng.dirichlet(np.ones(3), _SURFACE), corners[face])
+        skin = surface.scatter(_SURFACE, rng)
         self._points = np.concatenate([volume, surface.vertices[:_SURFACE], skin])
         depth = problem.depth(volume)[0]
         self._depth = np.concatenate([depth, np.zeros(len(self._points) - len(depth))])
@@ -58,18 +54,18 @@ class Slivers:
         others not to be."""
         ends = np.cumsum([0, *(c.size for c in cords)])
         parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
-        found = self._first([c.apply(new[p]) for c, p in zip(cords, parts, strict=True)])
+        placed = [c.place(new[p]) for c, p in zip(cords, parts, strict=True)]
+        found = self._first([at.sensor() for at in placed])
         if found is None:
             return None
         was, value, row = 0.0, 0.0, np.zeros(len(new))
         point, owners = found
         for owner in owners:
-            cord, part = cords[owner], parts[owner]
-            now, by = cord.height(new[part], point)
+            now, by = placed[owner].height(point)
             side = 1.0 if now >= 0 else -1.0
             value += side * now
-            was += side * cord.height(old[part], point)[0]
-            row[part] += side * by
+            was += side * cords[owner].place(old[parts[owner]]).height(point)[0]
+            row[parts[owner]] += side * by
         if was > value:
             return np.array([value - 1.5 * max(value, self._limits.wall)]), row[None]
         return np.array([-value - 1e-2]), -row[None]
@@ -78,73 +74,84 @@ class Slivers:
         """The point deepest inside the thinnest sliver of the best order of cuts, and the cords
         whose planes are the nearest two there."""
         planes = distinct([s.plane for s in sensors])
+        own = [[i for i, s in enumerate(sensors) if p.coincides(s.plane)] for p in planes]
         heights = np.stack([(self._points - p.origin) @ p.normal for p in planes])
-        own = [
-            [i for i, s in enumerate(sensors) if len(distinct([p, s.plane])) == 1] for p in planes
-        ]
+        cells = _cells(heights)
+        volume = np.bincount(cells[:_VOLUME], minlength=2 ** len(planes)) / _VOLUME
         paths = [sample_path(s)[::6] for s in sensors]
-        runs = [np.stack([(path - p.origin) @ p.normal for p in planes]) for path in paths]
+        along = [_set(_cells(np.stack([(t - p.origin) @ p.normal for p in planes]))) for t in paths]
         count = len(planes)
         orders = itertools.permutations(range(count)) if count <= _ALL_ORDERS else [range(count)]
-        best: tuple[int, float] | None = None
         parts: list[Leaf] = []
+        best: tuple[int, float] | None = None
         for order in orders:
-            everywhere = np.ones(len(self._points), bool)
-            along = [np.ones(r.shape[1], bool) for r in runs]
-            leaves = list(self._cut(everywhere, along, list(order), (), heights, runs, own))
-            smallest = min(leaf.inside[:_VOLUME].mean() for leaf in leaves)
-            if best is None or (len(leaves), -smallest) < best:
-                best = (len(leaves), -smallest)
-                parts = leaves
-        thin = [
-            (t, leaf)
-            for t, leaf in ((self._thickness(leaf, heights), leaf) for leaf in parts)
-            if t < _MARGIN * self._limits.wall
-            or leaf.inside[:_VOLUME].mean() < _MARGIN * self._limits.smallest_part
-        ]
+            leaves = list(_cut(_set(cells), along, list(order), (), own))
+            rank = (len(leaves), -min(float(volume[_members(x.cells)].sum()) for x in leaves))
+            if best is None or rank < best:
+                best, parts = rank, leaves
+        thin: list[tuple[float, Leaf, Int]] = []
+        for leaf in parts:
+            inside = np.flatnonzero(np.isin(np.arange(len(volume)), _members(leaf.cells))[cells])
+            thickness = self._thickness(inside[inside < _VOLUME], leaf, heights)
+            share = float(volume[_members(leaf.cells)].sum())
+            least = self._limits.wall, self._limits.smallest_part
+            if thickness < _MARGIN * least[0] or share < _MARGIN * least[1]:
+                thin.append((thickness, leaf, inside))
         if not thin:
             return None
-        leaf = min(thin, key=lambda x: x[0])[1]
-        inner = np.flatnonzero(leaf.inside)
-        near = np.abs(heights[list(leaf.planes)][:, inner])
-        k = int(np.minimum(self._depth[inner], near.min(axis=0)).argmax())
+        _, leaf, inside = min(thin, key=lambda x: x[0])
+        near = np.abs(heights[list(leaf.planes)][:, inside])
+        k = int(np.minimum(self._depth[inside], near.min(axis=0)).argmax())
         two = np.argsort(near[:, k])[:2]
-        return self._points[inner[k]], tuple(own[leaf.planes[i]][0] for i in two.tolist())
+        return self._points[inside[k]], tuple(own[leaf.planes[i]][0] for i in two.tolist())
 
-    def _thickness(self, leaf: Leaf, heights: Float) -> float:
+    def _thickness(self, inside: Int, leaf: Leaf, heights: Float) -> float:
         """Mean thickness, mm: four times the mean distance from the faces, as in a slab."""
-        inner = leaf.inside.copy()
-        inner[_VOLUME:] = False
-        if not inner.any():
+        if not len(inside):
             return 0.0
-        near = self._depth[inner]
+        near = self._depth[inside]
         for i in leaf.planes:
-            near = np.minimum(near, np.abs(heights[i, inner]))
+            near = np.minimum(near, np.abs(heights[i, inside]))
         return float(4 * near.mean())
 
-    def _cut(
-        self,
-        piece: Bool,
-        along: list[Bool],
-        todo: list[int],
-        planes: tuple[int, ...],
-        heights: Float,
-        runs: list[Float],
-        own: list[list[int]],
-    ) -> Iterator[Leaf]:
-        for n, i in enumerate(todo):
-            if not any(along[c].any() for c in own[i]):
-                continue
-            above = heights[i] > 0
-            low, high = piece & ~above, piece & above
-            if not (low.any() and high.any()):
-                continue
-            for side, half in ((-1, low), (1, high)):
-                # A plane's own cords run in both of its halves' skins, and cut no further.
-                rest = [
-                    a & (side * r[i] > 0) if c not in own[i] else a & False
-                    for c, (a, r) in enumerate(zip(along, runs, strict=True))
-                ]
-                yield from self._cut(half, rest, todo[n + 1 :], (*planes, i), heights, runs, own)
-            return
-        yield Leaf(piece, planes)
+
+def _cells(heights: Float) -> Int:
+    """All planes together divide space into cells: the number (p,) of the one that each point is
+    in, bit i saying whether it lies above plane i, from heights (i, p)."""
+    out = np.zeros(heights.shape[1], int)
+    for i, above in enumerate(heights > 0):
+        out |= above.astype(int) << i
+    return out
+
+
+def _set(cells: Int) -> int:
+    """A set of cells as the bits of one number."""
+    return sum(1 << c for c in np.flatnonzero(np.bincount(cells)).tolist())
+
+
+def _members(cells: int) -> list[int]:
+    return [c for c in range(cells.bit_length()) if cells >> c & 1]
+
+
+def _cut(
+    piece: int,
+    along: list[int],
+    todo: list[int],
+    planes: tuple[int, ...],
+    own: list[list[int]],
+) -> Iterator[Leaf]:
+    """The parts of a piece, a set of cells, for the planes still to cut; `along` are the cells that
+    each cord runs through there."""
+    for n, i in enumerate(todo):
+        if not any(along[c] for c in own[i]):
+            continue
+        above = sum(1 << c for c in range(1 << len(own)) if c >> i & 1)
+        low, high = piece & ~above, piece & above
+        if not (low and high):
+            continue
+        for half, side in ((low, ~above), (high, above)):
+            # A plane's own cords run in both of its halves' skins, and cut no further.
+            rest = [0 if c in own[i] else a & side for c, a in enumerate(along)]
+            yield from _cut(half, rest, todo[n + 1 :], (*planes, i), own)
+        return
+    yield Leaf(piece, planes)

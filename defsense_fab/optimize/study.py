@@ -15,6 +15,7 @@ from ..core.errors import LayoutError
 from .problem import Problem
 from .refine import Optimised, layout_error, optimise, part
 from .seeds import FREE, Layout, no_room
+from .slivers import Slivers
 
 _STARTS = 6  # of one cord; fewer the more cords there are, which take longer
 
@@ -55,10 +56,10 @@ def by_count(
     """The best layouts of up to so many cords, for rising numbers: the error never rises.
 
     Every number is searched for afresh and from the layout before with one cord more; where
-    neither is better, that layout stands again. `begin` is the layout of the number before the
+    neither is better, or better only with slivers, that layout stands again. `begin` is the layout of the number before the
     first, where it is known. Raises LayoutError where the body has no room for more.
     """
-    before = begin
+    before, slivers = begin, Slivers(problem)
     for n, count in enumerate(counts):
         low, high = n / len(counts), (n + 1) / len(counts)
         middle = (low + high) / 2
@@ -72,8 +73,9 @@ def by_count(
                 found.append(_grown(problem, before, rng, grown, starts // 2))
         if not found:
             raise no_room(count)
-        best = min(found, key=lambda f: f.rmse)
-        if not before or best.rmse < layout_error(problem, before):
+        best = min(found, key=lambda f: (f.slivers, f.rmse))
+        clean = not best.slivers or (bool(before) and slivers(before))
+        if not before or (clean and best.rmse < layout_error(problem, before)):
             before = best.sensors
         yield count, before
 

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from ..core.arrays import Float, Int
-from .freedom import CordFreedom
+from .placed import Placed
 
 RUN = 4  # samples of a straight run to the surface
 
@@ -17,24 +17,22 @@ RUN = 4  # samples of a straight run to the surface
 class Track:
     """Samples `points` (p, 3) mm in order: the run before the path's start, the path, the run
     after its end. Runs of `runs` (2,) mm follow the path's end tangents; a run of no length has
-    no samples. `motion` is what moves the path's samples, see `CordFreedom.motion`."""
+    no samples."""
 
     points: Float
-    path: Float
+    placed: Placed
     runs: Float
-    motion: tuple[Float, Float, Float, Float, Float]
 
     @classmethod
-    def of(cls, cord: CordFreedom, x: Float, runs: Float) -> Track:
-        """The cord at parameters x (size,)."""
-        path, motion = cord.motion(x)
-        return cls(_with_runs(path, runs), path, runs, motion)
+    def of(cls, placed: Placed, runs: Float) -> Track:
+        """The cord with runs of so many mm."""
+        return cls(_with_runs(placed.points, runs), placed, runs)
 
     def add_rows(self, samples: Int, directions: Float, out: Float) -> None:
         """Add to out (q, size) the derivatives of how far the samples (q,) move along the
         directions (q, 3)."""
-        if out.shape[1]:
-            _add_rows(samples, directions, self.runs, self.path, *self.motion, out)
+        rows, on, along = _on_path(samples, directions, self.runs, self.placed.points)
+        self.placed.add_moves(rows, on, along, out)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -54,14 +52,18 @@ def _with_runs(path, runs):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _add_rows(  # type: ignore[no-untyped-def]
-    samples, directions, runs, path, basis, axes, moves, turns, local, out
-):
+def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
+    """What moves the samples (q,) along the directions (q, 3), told by the path's own samples:
+    which of the q (m,), the path's sample (m,), its direction (m, 3)."""
     a, count = RUN * (runs[0] > 0), len(path)
+    rows, on = np.empty(2 * len(samples), np.int64), np.empty(2 * len(samples), np.int64)
+    along = np.empty((2 * len(samples), 3))
+    m = 0
     for q in range(len(samples)):
-        i, u = samples[q] - a, directions[q]
+        i = samples[q] - a
         if 0 <= i < count:
-            _add(i, u, basis, axes, moves, turns, local, out[q])
+            rows[m], on[m], along[m] = q, i, directions[q]
+            m += 1
             continue
         # A run's sample turns with the path's last step.
         if i < 0:
@@ -71,25 +73,8 @@ def _add_rows(  # type: ignore[no-untyped-def]
         step = path[end] - path[before]
         size = np.sqrt((step**2).sum())
         step /= size
-        across = (u - step * (step * u).sum()) * s / size
-        _add(end, u + across, basis, axes, moves, turns, local, out[q])
-        _add(before, -across, basis, axes, moves, turns, local, out[q])
-
-
-@numba.njit(cache=True, nogil=True)
-def _add(i, u, basis, axes, moves, turns, local, out):  # type: ignore[no-untyped-def]
-    x = u[0] * axes[0, 0] + u[1] * axes[1, 0] + u[2] * axes[2, 0]
-    y = u[0] * axes[0, 1] + u[1] * axes[1, 1] + u[2] * axes[2, 1]
-    rows = basis.shape[1]
-    for r in range(rows):
-        w = basis[i, r]
-        if w != 0.0:
-            out[2 * r] += w * x
-            out[2 * r + 1] += w * y
-    if len(turns):
-        for d in range(3):
-            for m in range(2):
-                out[2 * rows + m] += u[d] * moves[m, d]
-            for t in range(3):
-                moved = turns[t, d, 0] * local[i, 0] + turns[t, d, 1] * local[i, 1]
-                out[2 * rows + 2 + t] += u[d] * moved
+        across = (directions[q] - step * (step * directions[q]).sum()) * s / size
+        rows[m], on[m], along[m] = q, end, directions[q] + across
+        rows[m + 1], on[m + 1], along[m + 1] = q, before, -across
+        m += 2
+    return rows[:m], on[:m], along[:m]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -59,16 +59,8 @@ def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Fl
                 f" {outside[k]:.2g} mm off the body; move it onto the surface"
             )
         return spec, np.full(len(spec), 1 / len(spec))
-    corners = surface.vertices[surface.faces]
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    rng = np.random.default_rng(SEED)
     dense = 4000 if spec == "surface" else max(4000, 4 * spec)
-    face = rng.choice(len(area), dense, p=area / area.sum())
-    a, b = np.sqrt(rng.random(dense)), rng.random(dense)
-    weights = np.stack([1 - a, a * (1 - b), a * b], axis=1)
-    points = np.einsum("ni,nij->nj", weights, corners[face])
+    points = surface.scatter(dense, np.random.default_rng(SEED))
     if spec == "surface":
         return points, np.full(dense, 1 / dense)
     return _spread(points, spec), np.full(spec, 1 / spec)
@@ -97,7 +89,7 @@ class Task:
         """The same for another decoder."""
         return replace(self, everything=replace(self.everything, decoder=kind))
 
-    @property
+    @cached_property
     def design(self) -> Problem:
         """The problem on the states that the optimiser may see."""
         seen = np.flatnonzero(~self.held)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from ..core.arrays import Float
@@ -63,75 +62,6 @@ def regular(normal: Float) -> Float:
     all zero, as many features of few states are."""
     size = np.diag(normal)
     return np.asarray(normal + np.diag(1e-14 * size + 1e-20 * max(float(size.max()), 1e-300)))
-
-
-def expected_square(features: Features, signals: Float, outputs: Float, noise: float) -> Float:
-    """Expected squared error, summed over states, of the best map for each of many sets of
-    signals (..., n, c); `outputs` (n, r) are centred."""
-    sets = np.ascontiguousarray(signals, float).reshape(-1, *signals.shape[-2:])
-    explained = _explained(
-        sets, features.linear, features.second, outputs, max(noise, features.least_noise) ** 2
-    )
-    return np.asarray((outputs**2).sum() - explained.reshape(signals.shape[:-2]))
-
-
-@numba.njit(cache=True)
-def _explained(sets, linear, second, outputs, variance):  # type: ignore[no-untyped-def]
-    """Squares of the outputs that the best map explains, for each set of signals (k, n, c): the
-    normal equations by Cholesky's decomposition."""
-    count, n, c = sets.shape
-    f, r = len(linear), outputs.shape[1]
-    bent = np.any(second != 0.0)
-    out = np.zeros(count)
-    phi, slope = np.empty((n, f)), linear.copy()
-    A, B, size = np.empty((f, f)), np.empty((f, r)), np.empty(f)
-    for k in range(count):
-        A[:] = 0.0
-        B[:] = 0.0
-        for i in range(n):
-            s = sets[k, i]
-            for a in range(f):
-                phi[i, a] = 0.0
-                for d in range(c):
-                    if bent:
-                        slope[a, d] = linear[a, d]
-                        for e in range(c):
-                            slope[a, d] += second[a, d, e] * s[e]
-                    phi[i, a] += 0.5 * s[d] * (linear[a, d] + slope[a, d])
-            for a in range(f):
-                for b in range(a + 1):
-                    for d in range(c):
-                        A[a, b] += variance * slope[a, d] * slope[b, d]
-        for a in range(f):
-            mean = 0.0
-            for i in range(n):
-                mean += phi[i, a] / n
-            for i in range(n):
-                phi[i, a] -= mean
-        for i in range(n):
-            for a in range(f):
-                x = phi[i, a]
-                for b in range(a + 1):
-                    A[a, b] += x * phi[i, b]
-                for o in range(r):
-                    B[a, o] += x * outputs[i, o]
-        for a in range(f):
-            size[a] = A[a, a]
-        for a in range(f):
-            for b in range(a):
-                for d in range(b):
-                    A[a, b] -= A[a, d] * A[b, d]
-                A[a, b] /= A[b, b]
-            for d in range(a):
-                A[a, a] -= A[a, d] ** 2
-            # What is left of a feature that the others repeat is rounding: it explains nothing.
-            A[a, a] = np.sqrt(A[a, a]) if A[a, a] > 1e-13 * size[a] else 1e150
-            for o in range(r):
-                for d in range(a):
-                    B[a, o] -= A[a, d] * B[d, o]
-                B[a, o] /= A[a, a]
-                out[k] += B[a, o] ** 2
-    return out
 
 
 @dataclass(frozen=True)

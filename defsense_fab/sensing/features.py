@@ -12,6 +12,9 @@ import numpy as np
 
 from ..core.arrays import Float
 
+#: Of signals for decoders that bend: squares and products, kernels; (R - R0)/R0.
+LEAST_NOISE = 2e-4
+
 
 @dataclass(frozen=True)
 class Features:
@@ -50,7 +53,7 @@ def quadratic(channels: int) -> Features:
     linear[:channels] = np.eye(channels)
     second[k, i, j] += 1
     second[k, j, i] += 1
-    return Features("quadratic", linear, second, 3e-4)
+    return Features("quadratic", linear, second, LEAST_NOISE)
 
 
 #: What layouts are designed for, by the decoder that will be used: a kernel decoder sees more than

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 
 from ..core.arrays import Float, Int
+from .features import LEAST_NOISE
 from .folds import FOLDS, contiguous
 
 _WIDTHS = np.logspace(-2, 0.5, 6)  # gamma of exp(-gamma |a - b|^2), signals of unit spread
-#: As for squares and products, see `features.py`.
-LEAST_NOISE = 3e-4
 _PLAIN = 0.1, 1e-3  # width and weight where states are too few to choose by
 _WEIGHTS = np.logspace(-6, 1, 8)  # of the ridge
 

@@ -43,8 +43,10 @@ def test_fused_signals_are_those_of_the_arrays(problem, straight):
     rng = np.random.default_rng(0)
     paths = [p + rng.normal(0, 0.5, p.shape) for p in paths]
     ends = np.cumsum([0, *map(len, paths)])
-    found, slopes_of = problem.carrier.tape(np.concatenate(paths), ends)
-    by_points = slopes_of()
+    carried = problem.carrier.carry(np.concatenate(paths), ends)
+    found, by_points = carried.signals, carried.slopes()
+    weights = rng.normal(size=found.shape)
+    pulled = carried.pull(weights)
     for c, path in enumerate(paths):
         at = problem.locator.find(path)
         moved = path + problem.locator.displacement(at, problem.fields)
@@ -54,6 +56,7 @@ def test_fused_signals_are_those_of_the_arrays(problem, straight):
         assert problem.signals(path)[1:] == pytest.approx(expected, abs=1e-12)
         own = by_points[ends[c] : ends[c + 1]]
         assert own == pytest.approx(slopes.transpose(1, 2, 0), abs=1e-9)
+        assert pulled[ends[c] : ends[c + 1]] == pytest.approx(own @ weights[:, c], abs=1e-9)
 
 
 def test_constraint_derivatives_by_finite_differences(problem, straight):

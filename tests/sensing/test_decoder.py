@@ -6,7 +6,8 @@ from sklearn.linear_model import Ridge
 from sklearn.preprocessing import PolynomialFeatures
 
 from defsense_fab.core.device import DECODERS
-from defsense_fab.sensing.decoder import expected_square, fit, floor, measure
+from defsense_fab.sensing.decoder import fit, floor, measure
+from defsense_fab.sensing.elimination import expected_square
 from defsense_fab.sensing.features import KINDS, affine, quadratic
 
 

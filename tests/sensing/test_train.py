@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device import DECODERS
-from defsense_fab.sensing.decoder import expected_square, fit
+from defsense_fab.sensing.decoder import fit
+from defsense_fab.sensing.elimination import expected_square
 from defsense_fab.sensing.features import quadratic
 from defsense_fab.sensing.folds import contiguous, cross_validated
 from defsense_fab.sensing.train import train

@@ -1,0 +1,71 @@
+"""One descent from a layout: the objective under its constraints, by quadratic programmes."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ..core.arrays import Float
+from .constraints import MARGIN, Constraints
+from .freedom import CordFreedom, together
+from .objective import Model, Objective
+from .problem import Problem
+from .seeds import Layout
+from .slivers import Slivers
+from .sqp import minimise
+
+
+def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
+    """A slight push off a drawing: symmetric drawings are saddle points. Cords in one plane stay in
+    one if `tied`; otherwise they were only drawn there, and need not."""
+    cords, which = together(layout) if tied else ([CordFreedom(s) for s in layout], None)
+    ends = np.cumsum([0, *(c.size for c in cords)])
+    x = rng.normal(0, 1.5, ends[-1])
+    x = x if which is None else x[which]
+    moved = zip(cords, itertools.pairwise(ends.tolist()), layout, strict=True)
+    return tuple(replace(c.apply(x[a:b]), free=s.free) for c, (a, b), s in moved)
+
+
+def descend(
+    problem: Problem,
+    sensors: Layout,
+    iterations: int,
+    tolerance: float,
+    slivers: Slivers,
+    show: Callable[[float, float], None],
+) -> Layout:
+    """The layout after so many iterations, or fewer where they gain less than `tolerance` each;
+    `show` as in `minimise`. Coplanar cords stay so; no slivers come where none are."""
+    cords, which = together(sensors)
+    objective = Objective(problem, cords)
+    constraints = Constraints(problem.surface, problem.depth, problem.limits, cords)
+    tied = np.eye(int(which.max(initial=-1)) + 1)[which]
+
+    def model(y: Float) -> Model:
+        at = objective.model(y[which])
+        return Model(at.value, at.gradient @ tied, tied.T @ at.hessian @ tied)
+
+    def limits(y: Float) -> tuple[Float, Float]:
+        room, rows = constraints(y[which])
+        return room, rows @ tied
+
+    def guard(old: Float, new: Float) -> tuple[Float, Float] | None:
+        found = slivers.guard(cords, old[which], new[which])
+        return None if found is None else (found[0], found[1] @ tied)
+
+    found = minimise(
+        model,
+        lambda y: objective.value(y[which]),
+        limits,
+        np.zeros(tied.shape[1]),
+        iterations,
+        tolerance=tolerance,
+        loosest=0.95 * MARGIN,
+        guard=guard if not slivers(sensors) else None,
+        show=show,
+    )
+    moved = zip(cords, objective.split(found.x[which]), sensors, strict=True)
+    return tuple(replace(c.apply(x), free=s.free) for c, x, s in moved)
