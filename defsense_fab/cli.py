@@ -131,8 +131,9 @@ def _parser() -> argparse.ArgumentParser:
         "study",
         help="how many cords a device should have",
         description="Find the best layout of each number of cords and show how the predicted error"
-        " falls. Cords drawn in device.toml are left out of account. A study that was interrupted"
-        " goes on where it stood.",
+        " falls. Cords drawn in device.toml are left out of account; [design] planes holds; for the"
+        " decoder auto the affine one is studied. A study that was interrupted goes on where it"
+        " stood.",
         epilog="example:  defsense study fixtures/devices/bar --sensors 1..6",
     )
     _common(sub)
@@ -220,7 +221,8 @@ def _study(options: argparse.Namespace) -> int:
             rows = [
                 {k: v for k, v in vars(r).items() if k != "layout" and v == v} for r in found.rows
             ]
-            data = {"rows": rows, "knee": found.knee, "ended": found.ended}
+            data = {"rows": rows, "knee": found.knee, "decoder": found.decoder}
+            data["ended"] = found.ended
             files = {"file": str(found.file), "picture": str(found.picture)}
             sys.stdout.write(json.dumps({**data, **files}, indent=1) + "\n")
         else:
@@ -244,7 +246,7 @@ def _show_study(found: Any, options: argparse.Namespace) -> None:
 
     console = Console()
     console.on_broken_pipe = _leave  # type: ignore[method-assign]
-    table = Table(title="predicted RMSE, mm, by number of cords")
+    table = Table(title=f"predicted RMSE, mm, {found.decoder} decoder, by number of cords")
     for column in ("cords", "with noise", "without", "held out", "affine floor", ""):
         table.add_column(column, justify="right" if column else "left")
     for r in found.rows:

@@ -25,52 +25,58 @@ def next_cord(
     layout: Sequence[Sensor],
     rng: np.random.Generator,
     report: Callable[[float, str], None],
+    planes: int | None = None,
 ) -> Layout:
-    """The layout with one cord more where it helps most; the others stay.
+    """The layout with one cord more where it helps most; the others stay. At most `planes` planes.
 
     Raises LayoutError where there is no room for it.
     """
     locked = [replace(s, free=frozenset()) for s in layout]
-    found: Optimised | None = None
-    for planes in (None, 0):  # in a plane of its own, and in one of those that are there
-        try:
-            one = optimise(
-                problem, locked, rng, report, extra=1, planes=planes, starts=3, finalists=1
+    found: list[Optimised] = []
+    # In a plane of its own where that is allowed, and in one of those that are there.
+    for most in (planes, 0):
+        with suppress(LayoutError):
+            found.append(
+                optimise(problem, locked, rng, report, extra=1, planes=most, starts=3, finalists=1)
             )
-        except LayoutError:
-            continue
-        if found is None or (one.slivers, one.rmse) < (found.slivers, found.rmse):
-            found = one
-    if found is None:
+    if not found:
         raise no_room(len(layout) + 1)
-    return (*layout, *found.sensors[len(locked) :])
+    best = min(found, key=lambda f: (f.slivers, f.rmse))
+    return (*layout, *best.sensors[len(locked) :])
 
 
 def by_count(
     problem: Problem,
     counts: Sequence[int],
-    rng: np.random.Generator,
+    seed: int,
     report: Callable[[float, str], None],
+    *,
     begin: Layout = (),
+    planes: int | None = None,
 ) -> Iterator[tuple[int, Layout]]:
     """The best layouts of up to so many cords, for rising numbers: the error never rises.
 
     Every number is searched for afresh and from the layout before with one cord more; where
-    neither is better, or better only with slivers, that layout stands again. `begin` is the layout of the number before the
-    first, where it is known. Raises LayoutError where the body has no room for more.
+    neither is better, or better only with slivers, that layout stands again. `begin` is the layout
+    of the number before the first, where it is known; `planes` is the most planes.
+
+    Raises LayoutError where the body has no room for more.
     """
     before, slivers = begin, Slivers(problem)
     for n, count in enumerate(counts):
+        rng = np.random.default_rng((seed, count))  # the same wherever the study began
         low, high = n / len(counts), (n + 1) / len(counts)
         middle = (low + high) / 2
         fresh, grown = partial(part, report, low, middle), partial(part, report, middle, high)
         starts = max(_STARTS - count // 2, 2)
         found: list[Optimised] = []
         with suppress(LayoutError):
-            found.append(optimise(problem, (), rng, fresh, extra=count, starts=starts))
+            found.append(
+                optimise(problem, (), rng, fresh, extra=count, planes=planes, starts=starts)
+            )
         if before:
             with suppress(LayoutError):
-                found.append(_grown(problem, before, rng, grown, starts // 2))
+                found.append(_grown(problem, before, rng, grown, planes, starts // 2))
         if not found:
             raise no_room(count)
         best = min(found, key=lambda f: (f.slivers, f.rmse))
@@ -85,11 +91,13 @@ def _grown(
     before: Layout,
     rng: np.random.Generator,
     report: Callable[[float, str], None],
+    planes: int | None,
     starts: int,
 ) -> Optimised:
-    layout = next_cord(problem, before, rng, partial(part, report, 0.0, 0.5))
+    layout = next_cord(problem, before, rng, partial(part, report, 0.0, 0.5), planes)
     free = [replace(s, free=FREE) for s in layout]
-    return optimise(problem, free, rng, partial(part, report, 0.5, 1.0), starts=starts)
+    show = partial(part, report, 0.5, 1.0)
+    return optimise(problem, free, rng, show, planes=planes, starts=starts)
 
 
 def knee(counts: Sequence[int], errors: Float) -> int:

@@ -2,46 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..core.device import Device
 from ..core.errors import LayoutError
-from ..core.files import digest, storage_errors, write_json
+from ..core.files import digest, storage_errors
 from ..core.progress import Progress, silent
-from ..optimize.seeds import Layout
 from ..optimize.study import by_count, knee
 from .build import build
 from .layout_file import read_sensor, write_sensor
 from .stage_optimize import SEED, load_task, predict
-from .stages import keys, plain, read_json
+from .stages import keys, plain
+from .study_file import Row, chain, read_rows, write_rows
 
 FILE, PICTURE = "study.json", "study.png"
 
 
 @dataclass(frozen=True)
-class Row:
-    """RMSE in mm of the best layout of up to so many cords: on the states that it was designed on,
-    with the read-out's noise and without, on those held out (nan without any); the affine floor."""
-
-    sensors: int
-    rmse: float
-    rmse_noise_free: float
-    held_out: float
-    floor: float
-    layout: list[dict[str, Any]]
-
-
-@dataclass(frozen=True)
 class Study:
-    """Rows by number of cords, the number recommended, why it ends early if it does, the files."""
+    """Rows by number of cords, the number recommended, the decoder that they are for, why the study
+    ends early if it does, the files."""
 
     rows: tuple[Row, ...]
     knee: int
+    decoder: str
     ended: str
     file: Path
     picture: Path
@@ -58,67 +46,51 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     folder = device.source / "study"
     key = digest(
         keys(device)["simulate"],
-        plain((device.cord, device.fabrication, device.outputs, device.decoder)),
+        plain((device.cord, device.fabrication, device.outputs, device.decoder, device.planes)),
     )
     with storage_errors(folder):
         folder.mkdir(exist_ok=True)
-        rows = _read(folder / FILE, key)
-    counts = [n for n in range(least, most + 1) if n not in rows]
+        rows = read_rows(folder / FILE, key)
+    found = chain(rows, least)
+    begun = found[0].begun if found else least
+    counts = range(found[-1].sensors + 1 if found else least, most + 1)
+    search = by_count(
+        task.design,
+        counts,
+        SEED,
+        partial(progress, "study"),
+        begin=tuple(map(read_sensor, found[-1].layout)) if found else (),
+        planes=device.planes,
+    )
     ended = ""
-    while counts:
-        run = [n for i, n in enumerate(counts) if n == counts[0] + i]  # a gap begins anew
-        counts = counts[len(run) :]
-        before = rows.get(run[0] - 1)
-        begin: Layout = tuple(map(read_sensor, before.layout)) if before else ()
-        search = by_count(
-            task.design, run, np.random.default_rng(SEED), partial(progress, "study"), begin
-        )
-        try:
-            for count, layout in search:
-                prediction, _ = predict(task.everything, layout, task.names, task.held)
-                unseen = np.array(list(prediction.held_out.values()))
-                rows[count] = Row(
+    try:
+        for count, layout in search:
+            prediction, _ = predict(task.everything, layout, task.names, task.held)
+            unseen = np.array(list(prediction.held_out.values()))
+            found.append(
+                Row(
                     count,
                     prediction.rmse,
                     prediction.rmse_noise_free,
                     float(np.sqrt((unseen**2).mean())) if len(unseen) else float("nan"),
                     task.design.floor(count),
+                    begun,
                     [write_sensor(s) for s in layout],
                 )
-                with storage_errors(folder):
-                    _write(folder / FILE, key, rows)
-        except LayoutError as error:
-            if not rows:
-                raise
-            ended = str(error)
-            break
-    shown = tuple(rows[n] for n in sorted(rows) if least <= n <= most)
+            )
+            rows = [r for r in rows if (r.begun, r.sensors) != (begun, count)] + found[-1:]
+            with storage_errors(folder):
+                write_rows(folder / FILE, key, rows)
+    except LayoutError as error:
+        if not found:
+            raise
+        ended = str(error)
+    shown = tuple(r for r in found if least <= r.sensors <= most)
     best = knee([r.sensors for r in shown], np.array([r.rmse for r in shown]))
     with storage_errors(folder):
         _draw(shown, best, device.name, folder / PICTURE)
-    return Study(shown, best, ended, folder / FILE, folder / PICTURE)
-
-
-def _read(path: Path, key: str) -> dict[int, Row]:
-    try:
-        data = read_json(path)
-    except (FileNotFoundError, ValueError):
-        return {}
-    if not isinstance(data, dict) or data.get("key") != key or data.get("schema") != 1:
-        return {}
-    nan = float("nan")
-    rows = [
-        Row(**{**r, "held_out": nan if r["held_out"] is None else r["held_out"]})
-        for r in data["rows"]
-    ]
-    return {r.sensors: r for r in rows}
-
-
-def _write(path: Path, key: str, rows: dict[int, Row]) -> None:
-    out = [asdict(rows[n]) for n in sorted(rows)]
-    for r in out:
-        r["held_out"] = None if np.isnan(r["held_out"]) else r["held_out"]
-    write_json(path, {"schema": 1, "key": key, "rows": out})
+    kind = task.everything.decoder
+    return Study(shown, best, kind, ended, folder / FILE, folder / PICTURE)
 
 
 def _draw(rows: tuple[Row, ...], best: int, name: str, path: Path) -> None:

@@ -17,11 +17,19 @@ def quiet(fraction, message):
 
 
 def test_the_error_never_rises_with_the_number_of_cords(problem):
-    found = list(by_count(problem, [1, 2, 3], np.random.default_rng(0), quiet))
+    found = list(by_count(problem, [1, 2, 3], 0, quiet))
     errors = [layout_error(problem, layout) for _, layout in found]
     assert [n for n, _ in found] == [1, 2, 3]
     assert errors == sorted(errors, reverse=True)
     assert not any(verify(layout, problem.surface, LIMITS).problems for _, layout in found)
+
+
+def test_a_study_that_goes_on_finds_the_same(problem):
+    whole = list(by_count(problem, [1, 2], 0, quiet, planes=1))
+    ((count, layout),) = by_count(problem, [2], 0, quiet, begin=whole[0][1], planes=1)
+    assert count == 2
+    assert layout_error(problem, layout) == layout_error(problem, whole[1][1])
+    assert len(distinct([s.plane for s in layout])) == 1
 
 
 def test_the_next_cord_leaves_the_others(problem, straight):
