@@ -121,7 +121,8 @@ class OutputsSpec:
 
 @dataclass(frozen=True)
 class CordSpec:
-    """A piezoresistive cord; `noise` is the standard deviation of (R - R0)/R0."""
+    """A piezoresistive cord; `noise` is the standard deviation of (R - R0)/R0, `lengths` the least
+    and the greatest that a piece may have, free ends included, mm."""
 
     name: str
     diameter: float
@@ -130,6 +131,7 @@ class CordSpec:
     max_strain: float
     min_bend_radius: float
     noise: float
+    lengths: tuple[float, float] = (0.0, float("inf"))
 
 
 @dataclass(frozen=True)

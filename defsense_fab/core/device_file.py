@@ -230,8 +230,13 @@ def _cord(t: Table) -> CordSpec:
     t.choice("name", name, list(rows), "cord")
     row = {k: float(v) for k, v in rows[name].items() if k not in ("name", "source")}
     noise = t.number("noise", row.pop("noise"), low=0)
+    shortest, longest = 0.0, float("inf")
+    if t.has("length"):
+        shortest, longest = t.vector("length", 2).tolist()
+        if not 0 <= shortest < longest:
+            t.fail("length", "give the least and the greatest length of a piece, as in [100, 400]")
     t.done()
-    return CordSpec(name=name, noise=noise, **row)
+    return CordSpec(name=name, noise=noise, lengths=(shortest, longest), **row)
 
 
 def _fabrication(t: Table) -> FabricationSpec:

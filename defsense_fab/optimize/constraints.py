@@ -15,6 +15,7 @@ from ..geometry import ray
 from .depth import DepthField
 from .freedom import CordFreedom
 from .nearest import nearest, nearest_strand
+from .placed import Placed
 from .problem import Limits
 from .track import RUN, Track
 
@@ -173,7 +174,7 @@ class Constraints:
     def _walls(
         self, tracks: Sequence[Track], i: int, depth: Float, inward: Float
     ) -> tuple[list[Float], list[Float]]:
-        """What the depths (q,) of a cord's samples have in hand, and its inlets' lengths."""
+        """What the depths (q,) of a cord's samples have in hand, and inlets' and cord's lengths."""
         inlets, size = self._inlets[i], self._size
         lengths, by = inlets.lengths(tracks[i], self._cords[i].size)
         rest = lengths - inlets.runs
@@ -190,7 +191,16 @@ class Constraints:
         longer = np.zeros((int(leaves.sum()), size))
         longer[:, self._columns[i]] = by[leaves]
         values = [room[few], (lengths - inlets.least)[leaves], (inlets.most - lengths)[leaves]]
-        return values, [row - tilt, longer, -longer]
+        rows = [row - tilt, longer, -longer]
+        long, by_long = _length(tracks[i].placed)
+        long, by_long = long + lengths[leaves].sum(), by_long + by[leaves].sum(axis=0)
+        for bound, sign in ((self._limits.shortest, 1), (self._limits.longest, -1)):
+            if 0 < bound < np.inf:
+                wide = np.zeros((1, size))
+                wide[0, self._columns[i]] = sign * by_long
+                values.append(np.array([sign * (long - bound) - MARGIN]))
+                rows.append(wide)
+        return values, rows
 
     def _rows(self, tracks: Sequence[Track], count: int, *terms: tuple[int, Int, Float]) -> Float:
         """Sums (count, size) of how far samples move: terms of cord, samples (count,), and
@@ -216,6 +226,16 @@ class Constraints:
             tracks, len(p), (i, p, unit), (j, k, (w - 1) * unit), (j, k + 1, -w * unit)
         )
         return np.where(np.isfinite(best), best, _FAR) - self._limits.clearance - MARGIN, row
+
+
+def _length(placed: Placed) -> tuple[float, Float]:
+    """Length of the path, mm, and the derivative (size,)."""
+    step = np.diff(placed.points, axis=0)
+    size = np.linalg.norm(step, axis=1)
+    unit = step / np.maximum(size, 1e-12)[:, None]
+    none = np.zeros((1, 3))
+    by_points = np.concatenate([none, unit]) - np.concatenate([unit, none])
+    return float(size.sum()), placed.pull_one(by_points)
 
 
 def _worst_of_each(values: Float, count: int) -> Int:

@@ -22,7 +22,8 @@ _STILL = 1e-6  # mm
 
 @dataclass(frozen=True)
 class Limits:
-    """Least wall, radius of curvature and centre distance of cords; channel diameter; all mm."""
+    """Least wall, radius of curvature and centre distance of cords; channel diameter; least and
+    greatest length of a channel from surface to surface; all mm."""
 
     wall: float
     min_radius: float
@@ -30,6 +31,8 @@ class Limits:
     channel_diameter: float
     #: Smallest part as a fraction of the body: cord planes that nearly meet leave slivers.
     smallest_part: float = 0.01
+    shortest: float = 0.0
+    longest: float = np.inf
 
     @property
     def depth(self) -> float:
@@ -103,7 +106,7 @@ class Problem:
         """Signals (s + 1, ...) of polylines (..., p, 3), the zero of rest first."""
         shape = points.shape[:-2]
         moved = self.carrier.signals(points.reshape(-1, *points.shape[-2:]))
-        return np.concatenate([np.zeros((1, *shape)), moved.reshape(-1, *shape)])
+        return np.concatenate([np.zeros((1, *shape)), moved.reshape(len(self.fields), *shape)])
 
     def floor(self, sensors: int) -> float:
         return floor(self.outputs, sensors)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.arrays import Bool, Float, Int
 from ..core.curve import curvature
-from .constraints import LONGEST_INLET, depth_before_exit, run_lengths, separation
+from .constraints import LONGEST_INLET, MARGIN, depth_before_exit, run_lengths, separation
 from .depth import DepthField, DepthGrid
 from .nearest import self_gaps
 from .problem import Limits
@@ -52,6 +52,8 @@ def feasible(batch: Batch, depth: DepthField, grid: DepthGrid, limits: Limits) -
     need = depth_before_exit(to_exit, limits)
     found = grid(whole)
     good = np.asarray((found - need).min(axis=1) >= -grid.error)
+    length = along[:, -1] + rest.sum(axis=1)
+    good &= (length > limits.shortest + MARGIN) & (length < limits.longest - MARGIN)
     close = good[:, None] & (found - need < grid.error)
     found[close] = depth(whole[close])[0]
     good &= (found >= need).all(axis=1)

@@ -104,6 +104,14 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
             )
     inside = np.minimum(along, along[-1] - along) >= limits.depth / INLET_SLOPE
     wall_depth = depth[inside].min() if inside.any() else depth.max()
+    whole_length = length + sum(inlets)
+    if not problems and not (
+        limits.shortest - _TOLERANCE <= whole_length <= limits.longest + _TOLERANCE
+    ):
+        problems.append(
+            f"{name} takes a channel of {whole_length:.1f} mm; [cord] length allows"
+            f" {limits.shortest:.1f} to {limits.longest:.1f} mm without the free ends"
+        )
     radius = _radius(points)
     if radius.min() < limits.min_radius - _TOLERANCE:
         k = int(radius.argmin())

@@ -43,7 +43,20 @@ _OFF_BODY = 1.0
 
 def limits(device: Device) -> Limits:
     channel, wall = device.channel_diameter, device.fabrication.wall
-    return Limits(wall, device.cord.min_bend_radius, channel + wall, channel)
+    shortest, longest = (n - 2 * device.fabrication.lead for n in device.cord.lengths)
+    if longest <= 0:
+        raise DeviceError(
+            f"device.toml: cord.length: a piece of {device.cord.lengths[1]:g} mm is used up by its"
+            f" free ends of {device.fabrication.lead:g} mm each ([fabrication] lead)"
+        )
+    return Limits(
+        wall,
+        device.cord.min_bend_radius,
+        channel + wall,
+        channel,
+        shortest=max(shortest, 0.0),
+        longest=longest,
+    )
 
 
 def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Float, Float]:

@@ -62,6 +62,11 @@ def test_the_fixture_is_read(edit):
         ("edge_length = 6.0", 'edge_length = "six"', r"must be a number, not 'six'"),
         ('translate = "free"', 'translate = "fre"', r'must be "free" or'),
         ('name = "rubber-2mm"', 'name = "rubber"', r"unknown cord 'rubber'"),
+        (
+            'name = "rubber-2mm"',
+            'name = "rubber-2mm"\nlength = [400, 100]',
+            r"cord.length: give the least and the greatest length",
+        ),
         ("schema = 1", "schema = 9", r"reads schema 1, not 9"),
         (
             "axis = [0, 1, 0]",

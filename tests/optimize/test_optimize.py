@@ -8,6 +8,7 @@ import pytest
 
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import DECODERS, Sensor
+from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimize.candidates import Pool
 from defsense_fab.optimize.constraints import Constraints
 from defsense_fab.optimize.families import vary
@@ -61,7 +62,8 @@ def test_fused_signals_are_those_of_the_arrays(problem, straight):
 
 def test_constraint_derivatives_by_finite_differences(problem, straight):
     cords = [CordFreedom(straight("a", y=5)), CordFreedom(straight("b", y=-5))]
-    constraints = Constraints(problem.surface, problem.depth, LIMITS, cords)
+    limits = replace(LIMITS, shortest=100.0, longest=151.0)
+    constraints = Constraints(problem.surface, problem.depth, limits, cords)
     x = np.random.default_rng(4).normal(0, 1.0, sum(c.size for c in cords))
     _, jacobian = constraints(x)
     for i in range(len(x)):
@@ -155,6 +157,29 @@ def test_thin_slices_between_planes_are_slivers(problem, straight):
     slivers = Slivers(problem)
     assert not slivers(apart)
     assert slivers(close)
+
+
+def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
+    drawn = [straight("a", y=5)]
+    search = {"starts": 2, "candidates": 1000}
+    bounds = replace(LIMITS, shortest=140.0, longest=150.8)
+
+    def best(limits):
+        asked = replace(problem, limits=limits)
+        found = optimise(asked, drawn, np.random.default_rng(0), lambda f, m: None, **search)
+        (cord,) = verify(found.sensors, problem.surface, limits).cords
+        assert not cord.problems
+        return found, cord.length + sum(cord.inlets)
+
+    free, length = best(LIMITS)
+    assert not bounds.shortest < length < bounds.longest
+    problems = verify(free.sensors, problem.surface, bounds).problems
+    assert any("[cord] length allows 140.0 to 150.8 mm" in p for p in problems)
+    found, length = best(bounds)
+    assert bounds.shortest < length < bounds.longest
+    assert free.rmse < found.rmse < 0.8 * layout_error(problem, drawn)
+    with pytest.raises(LayoutError, match=r"'a' takes a channel of 150\.0 mm"):
+        best(replace(LIMITS, longest=120.0))
 
 
 def test_cords_that_cross_are_found(bar, straight):

@@ -101,6 +101,10 @@ def least_gap(a, b):
 def test_results_keep_the_limits_or_say_why_not(seed):
     rng = np.random.default_rng(seed)
     problem, size = device(rng)
+    if rng.random() < 0.3:  # the pieces of cord at hand are neither short nor long
+        lengths = sorted(rng.uniform(0.6, 1.4, 2) * size[0])
+        bounds = replace(problem.limits, shortest=lengths[0], longest=lengths[1])
+        problem = replace(problem, limits=bounds)
     drawn = drawing(rng, size, int(rng.integers(0, 3)))
     extra = int(rng.integers(0 if drawn else 1, 3))
     planes = [None, 1][int(rng.integers(2))] if extra and not drawn else None
@@ -120,6 +124,8 @@ def test_results_keep_the_limits_or_say_why_not(seed):
         wall=limits.wall - _TOLERANCE,
         min_radius=limits.min_radius - _TOLERANCE,
         clearance=limits.clearance - _TOLERANCE,
+        shortest=limits.shortest - _TOLERANCE,
+        longest=limits.longest + _TOLERANCE,
     )
     assert verify(found.sensors, problem.surface, slack).problems == ()
     assert len(found.sensors) == len(drawn) + extra
