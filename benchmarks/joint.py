@@ -27,7 +27,7 @@ def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # ty
     O = problem.outputs  # noqa: E741
     n, r, m = len(O), O.shape[1], len(cords)
     size = sum(c.size for c in cords)
-    ridge = max(problem.noise, problem.features(m).least_noise) * np.sqrt(n)
+    ridge = problem.features(m).uncertainty(problem.noise) * np.sqrt(n)
 
     def parts(v):  # type: ignore[no-untyped-def]
         x, beta = v[:size], v[size:].reshape(m, r)
@@ -43,7 +43,7 @@ def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # ty
         x, beta, S, by_cord = parts(v)
         room, rows = limits(x)
         by_x = []
-        for c, J in enumerate(by_cord):
+        for c, J in enumerate(by_cord()):
             by = np.concatenate([np.zeros((len(J), 1)), J], axis=1)
             by = by - by.mean(1, keepdims=True)
             by_x.append((by[:, :, None] * beta[c]).reshape(len(J), n * r))

@@ -74,6 +74,9 @@ def objective(problem: Problem) -> None:
     value, gradient = ours(x)
     fast = median(lambda: ours(x))
     print(f"  ours                {1e3 * fast:7.3f} ms")
+    limits = Constraints(problem.surface, problem.depth, problem.limits, cords)
+    model, bounds = median(lambda: ours.model(x)), median(lambda: limits(x))
+    print(f"  (a descent's step: model {1e3 * model:.2f} ms, limits {1e3 * bounds:.2f} ms)")
 
     def differences() -> np.ndarray:
         eye = 1e-5 * np.eye(len(x))
@@ -112,7 +115,7 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
         pieces.append((corner, mesh.bary_gradient[at.cell], local))
     edges = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
     O = jnp.asarray(problem.outputs)  # noqa: E741
-    noise = max(problem.noise, problem.features(len(cords)).least_noise)
+    noise = problem.features(len(cords)).uncertainty(problem.noise)
 
     def run(x):  # type: ignore[no-untyped-def]
         columns = []
@@ -226,7 +229,7 @@ def table(task: Task) -> None:
         everything = replace(task.everything, noise=noise)
         rows = {"manual": [baselines.manual(problem, 3)]}
         rngs = [np.random.default_rng(s) for s in range(5)]
-        rows["visual"] = [baselines.visual(problem, 3, r) for r in rngs]
+        rows["visual"] = [baselines.visual(problem, 3, np.random.default_rng(s)) for s in range(21)]
         rows["full"] = [optimise(problem, (), r, quiet, extra=3).sensors for r in rngs]
         best = 0.0
         for name in ("full", "visual", "manual"):

@@ -134,10 +134,18 @@ def curvature(points: Float, tangents: Float, per_span: int) -> Float:
     return np.asarray((d[..., 0] * dd[..., 1] - d[..., 1] * dd[..., 0]) / speed**3)
 
 
+def coincident(planes: Sequence[Plane]) -> list[list[int]]:
+    """Sets of coincident planes, as their indices."""
+    out: list[list[int]] = []
+    for i, p in enumerate(planes):
+        same = next((known for known in out if p.coincides(planes[known[0]])), None)
+        if same is None:
+            out.append([i])
+        else:
+            same.append(i)
+    return out
+
+
 def distinct(planes: Sequence[Plane]) -> list[Plane]:
     """One of each set of coincident planes: a body is cut there once."""
-    out: list[Plane] = []
-    for p in planes:
-        if not any(p.coincides(q) for q in out):
-            out.append(p)
-    return out
+    return [planes[same[0]] for same in coincident(planes)]

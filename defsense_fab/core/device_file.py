@@ -44,7 +44,8 @@ def load_device(
         top.fail("schema", f"this version reads schema {SCHEMA}, not {top.data['schema']!r}")
     regions = _regions(top.table("regions", required=False))
     poses = read_poses(top, list(regions), complete)
-    cord = _cord(top.table("cord"))
+    fabrication = _fabrication(top.table("fabrication"))
+    cord = _cord(top.table("cord"), fabrication.lead)
     sensors = _sensors(top)
     design = top.table("design", required=False)
     wanted = _count(design, "sensors")
@@ -67,7 +68,7 @@ def load_device(
         states=read_states(top.table("states", required=False), [p.name for p in poses]),
         outputs=_outputs(top.table("outputs"), list(regions)),
         cord=cord,
-        fabrication=_fabrication(top.table("fabrication")),
+        fabrication=fabrication,
         sensors=sensors,
         propose=(wanted or len(sensors)) - len(sensors),
         planes=planes,
@@ -224,7 +225,7 @@ def _outputs(t: Table, regions: Sequence[str]) -> OutputsSpec:
     return OutputsSpec(value, anchor)
 
 
-def _cord(t: Table) -> CordSpec:
+def _cord(t: Table, lead: float) -> CordSpec:
     name = t.string("name")
     rows = read_rows("cords.csv")
     t.choice("name", name, list(rows), "cord")
@@ -233,8 +234,14 @@ def _cord(t: Table) -> CordSpec:
     shortest, longest = 0.0, float("inf")
     if t.has("length"):
         shortest, longest = t.vector("length", 2).tolist()
-        if not 0 <= shortest < longest:
+        if not 0 <= shortest <= longest - 1:
             t.fail("length", "give the least and the greatest length of a piece, as in [100, 400]")
+        if longest < 2 * lead + 1:
+            t.fail(
+                "length",
+                f"a piece of {longest:g} mm is used up by its two free ends of {lead:g} mm"
+                " ([fabrication] lead)",
+            )
     t.done()
     return CordSpec(name=name, noise=noise, lengths=(shortest, longest), **row)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.curve import Plane, distinct
+from ..core.curve import Plane, coincident
 from ..core.device import Sensor
 from . import facets
 
@@ -68,9 +68,9 @@ def plan(body: Any, cords: Sequence[tuple[Plane, Float]]) -> Plan:
     plane cuts only those pieces through which its cords run. Of the orders of cuts that give
     equally few parts the one with the largest smallest part wins.
     """
-    planes = distinct([p for p, _ in cords])
+    own = coincident([p for p, _ in cords])
+    planes = [cords[same[0]][0] for same in own]
     threads = [facets.tube(line, plane.normal, _THREAD, sides=8) for plane, line in cords]
-    own = [[i for i, (p, _) in enumerate(cords) if p.coincides(plane)] for plane in planes]
     count = len(planes)
     orders = itertools.permutations(range(count)) if count <= _ALL_ORDERS else [range(count)]
     plans = (_cut(body, planes, threads, own, order) for order in orders)

@@ -26,7 +26,7 @@ def manual(problem: Problem, count: int) -> Layout:
     offsets = (np.arange(count) - (count - 1) / 2) * width / (count + 1)
     pool = _along(problem, plane.origin + offsets[:, None] * plane.axes[:, 1], plane)
     if len(pool) < count:
-        raise no_room(count)
+        raise no_room(problem, count)
     return _layout(pool, range(count))
 
 
@@ -46,7 +46,7 @@ def visual(problem: Problem, count: int, rng: np.random.Generator) -> Layout:
     for _ in range(count):
         worth = np.where(clear, np.linalg.norm(size, axis=0), -1.0)
         if not len(worth) or worth.max() < 0:
-            raise no_room(count)
+            raise no_room(problem, count)
         k = int(worth.argmax())
         chosen.append(k)
         one = size[:, k] / max(float(worth[k]), 1e-12)

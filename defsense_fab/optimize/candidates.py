@@ -91,6 +91,11 @@ class Pool:
         paths = batch.paths(COARSE)
         return cls((batch,), paths, problem.signals(paths))
 
+    @classmethod
+    def empty(cls, problem: Problem) -> Pool:
+        """A pool without candidates."""
+        return cls((), np.zeros((0, COARSE, 3)), np.zeros((len(problem.markers), 0)))
+
     def sensor(self, i: int, name: str, free: frozenset[str]) -> Sensor:
         """Candidate i."""
         for batch in self.batches:
@@ -99,10 +104,8 @@ class Pool:
             i -= len(batch)
         raise IndexError(i)
 
-    def plus(self, other: Pool | None) -> Pool:
+    def plus(self, other: Pool) -> Pool:
         """This pool and another."""
-        if other is None:
-            return self
         return Pool(
             self.batches + other.batches,
             np.concatenate([self.paths, other.paths]),

@@ -22,6 +22,7 @@ from ..mechanics.tet10 import EDGES
 from ..mechanics.threads import cores, over_chunks
 
 _CHUNK = 50  # paths; fewer are not worth a thread
+_NOTHING = 1e-300  # points that coincide pull nowhere
 #: For each corner of a tet: the nodes on its three edges, and the corners at their other ends.
 _SPOKES = [[(4 + e, a + b - i) for e, (a, b) in enumerate(EDGES) if i in (a, b)] for i in range(4)]
 _ON_EDGES, _BEYOND = (np.array([[s[k] for s in spokes] for spokes in _SPOKES]) for k in (0, 1))
@@ -129,7 +130,7 @@ def _apart(points, p):  # type: ignore[no-untyped-def]
     """How far point p lies from the one before."""
     x, y = points[p, 0] - points[p - 1, 0], points[p, 1] - points[p - 1, 1]
     z = points[p, 2] - points[p - 1, 2]
-    return np.sqrt(x * x + y * y + z * z)
+    return np.sqrt(x * x + y * y + z * z) + _NOTHING
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
@@ -144,7 +145,7 @@ def _measure(points, moved, first, last, steps, lengths):  # type: ignore[no-unt
             x = moved[p, s] - moved[p - 1, s]
             y = moved[p, states + s] - moved[p - 1, states + s]
             z = moved[p, 2 * states + s] - moved[p - 1, 2 * states + s]
-            steps[p, s] = np.sqrt(x * x + y * y + z * z)
+            steps[p, s] = np.sqrt(x * x + y * y + z * z) + _NOTHING
         for s in range(states):
             lengths[s] += steps[p, s]
 

@@ -192,13 +192,13 @@ class Constraints:
         longer[:, self._columns[i]] = by[leaves]
         values = [room[few], (lengths - inlets.least)[leaves], (inlets.most - lengths)[leaves]]
         rows = [row - tilt, longer, -longer]
-        long, by_long = _length(tracks[i].placed)
-        long, by_long = long + lengths[leaves].sum(), by_long + by[leaves].sum(axis=0)
         for bound, sign in ((self._limits.shortest, 1), (self._limits.longest, -1)):
             if 0 < bound < np.inf:
+                long, by_long = _length(tracks[i].placed)
+                left = long + lengths[leaves].sum() - bound
                 wide = np.zeros((1, size))
-                wide[0, self._columns[i]] = sign * by_long
-                values.append(np.array([sign * (long - bound) - MARGIN]))
+                wide[0, self._columns[i]] = sign * (by_long + by[leaves].sum(axis=0))
+                values.append(np.array([sign * left - MARGIN]))
                 rows.append(wide)
         return values, rows
 

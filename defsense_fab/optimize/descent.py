@@ -40,9 +40,11 @@ def descend(
     """The layout after so many iterations, or fewer where they gain less than `tolerance` each;
     `show` as in `minimise`. Coplanar cords stay so; no slivers come where none are."""
     cords, which = together(sensors)
+    if not len(which):  # a plane that another, locked cord holds is no freedom
+        return sensors
     objective = Objective(problem, cords)
     constraints = Constraints(problem.surface, problem.depth, problem.limits, cords)
-    tied = np.eye(int(which.max(initial=-1)) + 1)[which]
+    tied = np.eye(int(which.max()) + 1)[which]
 
     def model(y: Float) -> Model:
         at = objective.model(y[which])

@@ -9,7 +9,7 @@ gradient by a parameter is 2 <dA beta, A beta - B>, and with Kaufman's Jacobian 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +39,7 @@ class Objective:
         self._outputs = problem.outputs
         self._features = problem.features(len(cords))
         self._bent = bool(self._features.second.any())
-        self._noise = max(problem.noise, self._features.least_noise)
+        self._noise = self._features.uncertainty(problem.noise)
         self._ends = np.cumsum([0, *(c.size for c in cords)])
         self._first = np.cumsum([0, *(len(c.basis) for c in cords)])
 
@@ -53,7 +53,8 @@ class Objective:
         return float(square) / len(signals)
 
     def __call__(self, x: Float) -> tuple[float, Float]:
-        """Value and gradient (size,) at parameters x (size,)."""
+        """Value and gradient (size,) at parameters x (size,), for methods that need no more:
+        descents take the `model`."""
         placed, carried = self._carry(x)
         signals = _with_rest(carried.signals)
         square, slopes = square_slopes(self._features, signals, self._outputs, self._noise)
@@ -63,7 +64,8 @@ class Objective:
 
     def model(self, x: Float) -> Model:
         """The quadratic model at parameters x (size,)."""
-        S, jacobians = self.signals(x)
+        S, slopes = self.signals(x)
+        jacobians = slopes()
         n, m = S.shape
         phi, bend = self._features(S), self._features.slopes(S)
         A, B = phi - phi.mean(0), self._outputs
@@ -91,12 +93,16 @@ class Objective:
             float((residual**2).sum() / n), 2 / n * gradient, np.asarray(2 / n * flat @ flat.T)
         )
 
-    def signals(self, x: Float) -> tuple[Float, list[Float]]:
-        """Signals (n, c) at parameters x (size,), rest first, and for each cord the derivatives
-        (own size, n - 1) of its signals in the other states by its own parameters."""
+    def signals(self, x: Float) -> tuple[Float, Callable[[], list[Float]]]:
+        """Signals (n, c) at parameters x (size,), rest first, and the function that gives for each
+        cord the derivatives (own size, n - 1) of its signals in the other states by its own
+        parameters."""
         placed, carried = self._carry(x)
-        slopes = carried.slopes()
-        jacobians = [p.pull(slopes[a:b]) for p, a, b in self._parts(placed)]
+
+        def jacobians() -> list[Float]:
+            slopes = carried.slopes()
+            return [p.pull(slopes[a:b]) for p, a, b in self._parts(placed)]
+
         return _with_rest(carried.signals), jacobians
 
     def _carry(self, x: Float) -> tuple[list[Placed], Carried]:

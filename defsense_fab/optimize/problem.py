@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -72,6 +72,13 @@ class Problem:
                 "all states leave the markers where they are: there is nothing to sense; give"
                 " [[poses]] that move the body, or other [outputs] markers"
             )
+
+    def decoded_by(self, kind: str) -> Problem:
+        """The same for another decoder; what was made once is shared."""
+        out = replace(self, decoder=kind)
+        made = {"carrier", "depth", "grid", "outputs"} & vars(self).keys()
+        vars(out).update({k: vars(self)[k] for k in made})
+        return out
 
     def features(self, cords: int) -> Features:
         """What the decoder that will be used sees of the signals."""

@@ -68,8 +68,9 @@ def optimise(
     given (or as many as are drawn). Cords that are selected in one plane stay in it.
 
     Thousands of candidates for each cord are screened, and `starts` layouts selected from shares
-    of them; every selection and the drawing itself takes a short descent, and the best `finalists`
-    go on until they stand still. Only layouts that pass an independent check compete, and one
+    of them; with a limit on planes and no extra cords, pushed copies of the drawing take their
+    place. All these and the drawing itself take a short descent, and the best `finalists` go on
+    until they stand still. Only layouts that pass an independent check compete, and one
     whose planes leave slivers loses to any that leave none. A drawing, which must pass itself, is
     the result where nothing better was found. `report` and `watch` may raise Cancelled.
 
@@ -102,7 +103,7 @@ def optimise(
         if not best.layout:
             raise
     if not best.layout:
-        raise no_room(len(drawn) + extra)
+        raise no_room(problem, len(drawn) + extra)
     return Optimised(best.layout, *best.rank[::-1], tuple(reached), initial or best.layout)
 
 
@@ -121,7 +122,7 @@ def _begin(
     if planes is not None and not extra:  # the planes are few already; candidates lie in others
         return [drawn, *(jitter(drawn, rng, tied=True) for _ in range(starts - 1))]
     report(0.0, "candidates")
-    cords = choices(problem, drawn, extra, candidates, rng, settled=planes is not None)
+    cords = choices(problem, drawn, extra, candidates, rng, planes)
     begun = seeds(problem, cords, starts, planes, best.slivers, rng, partial(part, report, 0.4, 1))
     for layout in begun:
         best.offer(layout)

@@ -46,30 +46,34 @@ def choices(
     extra: int,
     candidates: int,
     rng: np.random.Generator,
-    settled: bool = False,
+    planes: int | None = None,
 ) -> list[Choice]:
     """For each drawn cord its variations and, where path and plane are free, paths of all
-    families; the latter alone for `extra` cords. With `settled`, drawn cords stay as they are.
+    families; the latter alone for `extra` cords. With a limit on `planes` drawn cords stay as they
+    are: descents come later, and their planes are few already.
 
     Raises LayoutError where no candidate fits.
     """
     size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
-    wanted = extra or (not settled and FREE in {s.free for s in drawn})
-    families = _families(problem, candidates, rng) if wanted else None
+    taken = len(distinct([s.plane for s in drawn]))
+    wanted = (extra and (planes is None or planes > taken)) or (
+        planes is None and FREE in {s.free for s in drawn}
+    )
+    families = _families(problem, candidates, rng) if wanted else Pool.empty(problem)
     out = []
     for s in drawn:
-        if settled or not s.free:
+        if planes is not None or not s.free:
             out.append(Choice.of(problem, s))
             continue
         count = candidates // (8 if s.free == FREE else 2)
         own = build_pool(problem, [partial(vary, s, count, size / 2, rng)], keep_first=True)
         out.append(Choice(s.name, s.free, own.plus(families) if s.free == FREE else own))
     if extra:
-        if not families or not len(families):
-            raise no_room(len(drawn) + extra)
-        taken = {s.name for s in drawn}
-        names = (f"cord-{i}" for i in range(1, len(drawn) + extra + 1 + len(taken)))
-        fresh = [n for n in names if n not in taken][:extra]
+        if wanted and not len(families):
+            raise no_room(problem, len(drawn) + extra)
+        used = {s.name for s in drawn}
+        names = (f"cord-{i}" for i in range(1, len(drawn) + extra + 1 + len(used)))
+        fresh = [n for n in names if n not in used][:extra]
         out += [Choice(n, FREE, families) for n in fresh]
     return out
 
@@ -81,10 +85,16 @@ def _families(problem: Problem, count: int, rng: np.random.Generator) -> Pool:
     return build_pool(problem, [*makers, partial(there_and_back, problem, count // 4, last)])
 
 
-def no_room(count: int) -> LayoutError:
+def no_room(problem: Problem, count: int) -> LayoutError:
+    limits, lengths = problem.limits, ""
+    if limits.shortest > 0 or limits.longest < np.inf:
+        lengths = (
+            f" and channels of {limits.shortest:g} to {limits.longest:g} mm, which [cord] length"
+            " leaves"
+        )
     return LayoutError(
-        f"[design] sensors = {count}: no room was found for {count} cords with their clearances;"
-        " ask for fewer, or draw them as [[sensors]]"
+        f"[design] sensors = {count}: no room was found for {count} cords with their clearances"
+        f"{lengths}; ask for fewer, or draw them as [[sensors]]"
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float, Int
-from ..core.curve import distinct
+from ..core.curve import coincident
 from ..core.device import Sensor
 from .freedom import CordFreedom, sample_path
 from .inside import evenly
@@ -20,6 +20,7 @@ _VOLUME, _SURFACE = 3000, 1500
 #: All orders of the cuts are tried for up to this many planes, as in `geometry/division.py`.
 _ALL_ORDERS = 4
 _MARGIN = 1.2  # what the points may miss
+_FEW = 64  # cells, beyond which those without points are worth leaving out
 
 
 @dataclass(frozen=True)
@@ -73,19 +74,24 @@ class Slivers:
     def _first(self, sensors: Sequence[Sensor]) -> tuple[Float, tuple[int, ...]] | None:
         """The point deepest inside the thinnest sliver of the best order of cuts, and the cords
         whose planes are the nearest two there."""
-        planes = distinct([s.plane for s in sensors])
-        own = [[i for i, s in enumerate(sensors) if p.coincides(s.plane)] for p in planes]
-        heights = np.stack([(self._points - p.origin) @ p.normal for p in planes])
-        cells = _cells(heights)
-        volume = np.bincount(cells[:_VOLUME], minlength=2 ** len(planes)) / _VOLUME
+        own = coincident([s.plane for s in sensors])
+        planes = [sensors[cords[0]].plane for cords in own]
         paths = [sample_path(s)[::6] for s in sensors]
-        along = [_set(_cells(np.stack([(t - p.origin) @ p.normal for p in planes]))) for t in paths]
+        points = np.concatenate([self._points, *paths])
+        heights = np.stack([(points - p.origin) @ p.normal for p in planes])
+        cells, *along = np.split(
+            _cells(heights), np.cumsum([len(self._points), *map(len, paths[:-1])])
+        )
+        heights = heights[:, : len(cells)]
+        volume = np.bincount(cells[:_VOLUME], minlength=int(cells.max()) + 1) / _VOLUME
+        above = [_cell_set(cells[h > 0]) for h in heights]
         count = len(planes)
         orders = itertools.permutations(range(count)) if count <= _ALL_ORDERS else [range(count)]
         parts: list[Leaf] = []
         best: tuple[int, float] | None = None
         for order in orders:
-            leaves = list(_cut(_set(cells), along, list(order), (), own))
+            runs = [_cell_set(a) for a in along]
+            leaves = list(_cut(_cell_set(cells), runs, list(order), (), own, above))
             rank = (len(leaves), -min(float(volume[_members(x.cells)].sum()) for x in leaves))
             if best is None or rank < best:
                 best, parts = rank, leaves
@@ -117,14 +123,16 @@ class Slivers:
 
 def _cells(heights: Float) -> Int:
     """All planes together divide space into cells: the number (p,) of the one that each point is
-    in, bit i saying whether it lies above plane i, from heights (i, p)."""
+    in, from its heights (i, p) above the planes. Only cells with points in them are numbered."""
     out = np.zeros(heights.shape[1], int)
-    for i, above in enumerate(heights > 0):
-        out |= above.astype(int) << i
+    for above in heights > 0:
+        out = 2 * out + above
+        if out.max() > _FEW:
+            out = np.unique(out, return_inverse=True)[1]
     return out
 
 
-def _set(cells: Int) -> int:
+def _cell_set(cells: Int) -> int:
     """A set of cells as the bits of one number."""
     return sum(1 << c for c in np.flatnonzero(np.bincount(cells)).tolist())
 
@@ -139,19 +147,19 @@ def _cut(
     todo: list[int],
     planes: tuple[int, ...],
     own: list[list[int]],
+    above: list[int],
 ) -> Iterator[Leaf]:
     """The parts of a piece, a set of cells, for the planes still to cut; `along` are the cells that
-    each cord runs through there."""
+    each cord runs through there, `own` each plane's cords and `above` the cells above it."""
     for n, i in enumerate(todo):
         if not any(along[c] for c in own[i]):
             continue
-        above = sum(1 << c for c in range(1 << len(own)) if c >> i & 1)
-        low, high = piece & ~above, piece & above
+        low, high = piece & ~above[i], piece & above[i]
         if not (low and high):
             continue
-        for half, side in ((low, ~above), (high, above)):
+        for half, side in ((low, ~above[i]), (high, above[i])):
             # A plane's own cords run in both of its halves' skins, and cut no further.
             rest = [0 if c in own[i] else a & side for c, a in enumerate(along)]
-            yield from _cut(half, rest, todo[n + 1 :], (*planes, i), own)
+            yield from _cut(half, rest, todo[n + 1 :], (*planes, i), own, above)
         return
     yield Leaf(piece, planes)

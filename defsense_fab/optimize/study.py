@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..core.arrays import Float
+from ..core.curve import distinct
 from ..core.device import Sensor
 from ..core.errors import LayoutError
 from .problem import Problem
@@ -33,14 +34,17 @@ def next_cord(
     """
     locked = [replace(s, free=frozenset()) for s in layout]
     found: list[Optimised] = []
-    # In a plane of its own where that is allowed, and in one of those that are there.
-    for most in (planes, 0):
+    # In one of the planes that are there, and in one of its own where that is allowed.
+    room = planes is None or planes > len(distinct([s.plane for s in locked]))
+    kinds = (0, planes) if room else (0,)
+    for n, most in enumerate(kinds):
+        show = partial(part, report, n / len(kinds), (n + 1) / len(kinds))
         with suppress(LayoutError):
             found.append(
-                optimise(problem, locked, rng, report, extra=1, planes=most, starts=3, finalists=1)
+                optimise(problem, locked, rng, show, extra=1, planes=most, starts=3, finalists=1)
             )
     if not found:
-        raise no_room(len(layout) + 1)
+        raise no_room(problem, len(layout) + 1)
     best = min(found, key=lambda f: (f.slivers, f.rmse))
     return (*layout, *best.sensors[len(locked) :])
 
@@ -78,7 +82,7 @@ def by_count(
             with suppress(LayoutError):
                 found.append(_grown(problem, before, rng, grown, planes, starts // 2))
         if not found:
-            raise no_room(count)
+            raise no_room(problem, count)
         best = min(found, key=lambda f: (f.slivers, f.rmse))
         clean = not best.slivers or (bool(before) and slivers(before))
         if not before or (clean and best.rmse < layout_error(problem, before)):

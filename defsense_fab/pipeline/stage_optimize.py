@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,11 +44,6 @@ _OFF_BODY = 1.0
 def limits(device: Device) -> Limits:
     channel, wall = device.channel_diameter, device.fabrication.wall
     shortest, longest = (n - 2 * device.fabrication.lead for n in device.cord.lengths)
-    if longest <= 0:
-        raise DeviceError(
-            f"device.toml: cord.length: a piece of {device.cord.lengths[1]:g} mm is used up by its"
-            f" free ends of {device.fabrication.lead:g} mm each ([fabrication] lead)"
-        )
     return Limits(
         wall,
         device.cord.min_bend_radius,
@@ -91,23 +86,19 @@ def _spread(points: Float, count: int) -> Float:
 
 @dataclass(frozen=True)
 class Task:
-    """Every state of the device, `names` (n,) with rest first, and which are `held` out (n,)."""
+    """Every state of the device, `names` (n,) with rest first, and which are `held` out (n,): the
+    layout is to be designed on the others. Marker positions `points` (k, 3) mm."""
 
     everything: Problem
+    design: Problem
     names: list[str]
     held: Bool
     points: Float
 
     def decoded_by(self, kind: str) -> Task:
         """The same for another decoder."""
-        return replace(self, everything=replace(self.everything, decoder=kind))
-
-    @cached_property
-    def design(self) -> Problem:
-        """The problem on the states that the optimiser may see."""
-        seen = np.flatnonzero(~self.held)
-        p = self.everything
-        return replace(p, fields=p.fields[seen[1:] - 1], markers=p.markers[seen])
+        both = self.everything.decoded_by(kind), self.design.decoded_by(kind)
+        return replace(self, everything=both[0], design=both[1])
 
 
 def load_task(device: Device, folder: Path) -> Task:
@@ -128,7 +119,11 @@ def load_task(device: Device, folder: Path) -> Task:
         limits(device),
         DECODERS[0] if device.decoder == "auto" else device.decoder,
     )
-    return Task(everything, ["rest", *names], np.array([False, *held]), points)
+    seen = np.flatnonzero(~np.array(held, bool))
+    design = replace(
+        everything, fields=fields[seen], markers=everything.markers[np.append(0, seen + 1)]
+    )
+    return Task(everything, design, ["rest", *names], np.array([False, *held]), points)
 
 
 def run(device: Device, folder: Path, report: Report) -> None:

@@ -14,7 +14,6 @@ from ..core.files import digest, storage_errors
 from ..core.progress import Progress, silent
 from ..optimize.study import by_count, knee
 from .build import build
-from .layout_file import read_sensor, write_sensor
 from .stage_optimize import SEED, load_task, predict
 from .stages import keys, plain
 from .study_file import Row, chain, read_rows, write_rows
@@ -59,7 +58,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
         counts,
         SEED,
         partial(progress, "study"),
-        begin=tuple(map(read_sensor, found[-1].layout)) if found else (),
+        begin=found[-1].layout if found else (),
         planes=device.planes,
     )
     ended = ""
@@ -75,7 +74,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
                     float(np.sqrt((unseen**2).mean())) if len(unseen) else float("nan"),
                     task.design.floor(count),
                     begun,
-                    [write_sensor(s) for s in layout],
+                    layout,
                 )
             )
             rows = [r for r in rows if (r.begun, r.sensors) != (begun, count)] + found[-1:]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+import operator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..core.curve import Plane
 from ..core.files import write_json
+from ..optimize.seeds import Layout
+from .layout_file import read_sensor, write_sensor
 from .stages import read_json
 
 
@@ -26,7 +30,7 @@ class Row:
     held_out: float
     floor: float
     begun: int
-    layout: list[dict[str, Any]]
+    layout: Layout
 
 
 def read_rows(path: Path, key: str) -> list[Row]:
@@ -35,31 +39,48 @@ def read_rows(path: Path, key: str) -> list[Row]:
         data = read_json(path)
         if data["schema"] != 1 or data["key"] != key:
             return []
-        nan = float("nan")
-        return [
-            Row(**{**r, "held_out": nan if r["held_out"] is None else r["held_out"]})
-            for r in data["rows"]
-        ]
-    except (FileNotFoundError, ValueError, KeyError, TypeError):
+        return [_read(r) for r in data["rows"]]
+    except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError):
         return []
 
 
 def write_rows(path: Path, key: str, rows: list[Row]) -> None:
-    out = [asdict(r) for r in rows]
-    for r in out:
-        r["held_out"] = None if np.isnan(r["held_out"]) else r["held_out"]
-    write_json(path, {"schema": 1, "key": key, "rows": out})
+    write_json(path, {"schema": 1, "key": key, "rows": [_write(r) for r in rows]})
+
+
+def _read(data: dict[str, Any]) -> Row:
+    # The axes as they were: to go on from rounded ones need not lead to the same layouts.
+    layout = tuple(
+        replace(s, plane=Plane(s.plane.origin, np.array(d["axes"])))
+        for s, d in ((read_sensor(d), d) for d in data["layout"])
+    )
+    return Row(
+        sensors=operator.index(data["sensors"]),
+        rmse=float(data["rmse"]),
+        rmse_noise_free=float(data["rmse_noise_free"]),
+        held_out=float("nan") if data["held_out"] is None else float(data["held_out"]),
+        floor=float(data["floor"]),
+        begun=operator.index(data["begun"]),
+        layout=layout,
+    )
+
+
+def _write(row: Row) -> dict[str, Any]:
+    layout = [{**write_sensor(s), "axes": s.plane.axes.tolist()} for s in row.layout]
+    held_out = None if np.isnan(row.held_out) else row.held_out
+    return {**vars(row), "held_out": held_out, "layout": layout}
 
 
 def chain(rows: list[Row], least: int) -> list[Row]:
-    """Of the chains without gaps that were begun at `least` or below and reach it, the longest:
-    a study of `least` and more goes on from its end."""
+    """Of the chains without gaps that were begun at `least` or below and reach it, the one that
+    goes furthest: a study of `least` and more goes on from its end."""
     best: list[Row] = []
-    for begun in {r.begun for r in rows if r.begun <= least}:
+    for begun in sorted({r.begun for r in rows if r.begun <= least}):
         own = {r.sensors: r for r in rows if r.begun == begun}
         run: list[Row] = []
         while begun + len(run) in own:
             run.append(own[begun + len(run)])
-        if begun + len(run) > least and len(run) > len(best):
+        last = best[-1].sensors if best else least - 1
+        if run and run[-1].sensors > last:
             best = run
     return best

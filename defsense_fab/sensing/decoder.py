@@ -44,7 +44,7 @@ def noise_weight(features: Features, signals: Float, noise: float) -> Float:
     """W (..., f, f) of signals (..., n, c)."""
     slopes = features.slopes(signals)
     return np.asarray(
-        max(noise, features.least_noise) ** 2 * np.einsum("...nfc,...ngc->...fg", slopes, slopes)
+        features.uncertainty(noise) ** 2 * np.einsum("...nfc,...ngc->...fg", slopes, slopes)
     )
 
 

@@ -15,10 +15,10 @@ from .features import Features
 
 
 def expected_square(features: Features, signals: Float, outputs: Float, noise: float) -> Float:
-    """Expected squared error, summed over states, of the best map for each of many sets of
-    signals (..., n, c); `outputs` (n, r) are centred."""
+    """Expected squared error, mm^2, summed over states, of the best map for each of many sets of
+    signals (..., n, c); `outputs` (n, r) mm are centred."""
     sets = np.ascontiguousarray(signals, float).reshape(-1, *signals.shape[-2:])
-    variance = max(noise, features.least_noise) ** 2
+    variance = features.uncertainty(noise) ** 2
     explained = _explained(sets, features.linear, features.second, outputs, variance)
     return np.asarray((outputs**2).sum() - explained.reshape(signals.shape[:-2]))
 
@@ -27,7 +27,7 @@ def square_slopes(
     features: Features, signals: Float, outputs: Float, noise: float
 ) -> tuple[float, Float]:
     """The same for one set of signals (n, c), and the derivative (n, c)."""
-    variance = max(noise, features.least_noise) ** 2
+    variance = features.uncertainty(noise) ** 2
     return _square_slopes(signals, features.linear, features.second, outputs, variance)  # type: ignore[no-any-return]
 
 

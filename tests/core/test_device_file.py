@@ -67,6 +67,11 @@ def test_the_fixture_is_read(edit):
             'name = "rubber-2mm"\nlength = [400, 100]',
             r"cord.length: give the least and the greatest length",
         ),
+        (
+            'name = "rubber-2mm"',
+            'name = "rubber-2mm"\nlength = [0, 40]',
+            r"device.toml:\d+: cord.length: a piece of 40 mm is used up by its two free ends of 20",
+        ),
         ("schema = 1", "schema = 9", r"reads schema 1, not 9"),
         (
             "axis = [0, 1, 0]",

@@ -1,10 +1,12 @@
 """Gradients, constraints, the independent check, and the saddle point of symmetric drawings."""
 
 import itertools
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import DECODERS, Sensor
@@ -86,14 +88,15 @@ def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, stra
 
 
 def test_locked_cords_stay(problem, straight):
-    drawn = [straight("a", y=6, free=[]), straight("b", y=-6, free=["path"])]
+    drawn = [straight("a", y=6, free=[]), straight("b", y=-6, z=5, free=["path"])]
     found = optimise(
         problem, drawn, np.random.default_rng(0), lambda f, m: None, starts=1, candidates=100
     )
     assert found.sensors[0].curve.points == pytest.approx(drawn[0].curve.points)
     assert found.sensors[0].plane.origin == pytest.approx(drawn[0].plane.origin)
     assert found.sensors[1].plane.axes == pytest.approx(drawn[1].plane.axes)
-    assert found.rmse <= layout_error(problem, drawn)
+    assert np.abs(found.sensors[1].curve.points - drawn[1].curve.points).max() > 1
+    assert found.rmse < layout_error(problem, drawn)
 
 
 def test_a_proposal_keeps_the_limits(problem):
@@ -159,6 +162,36 @@ def test_thin_slices_between_planes_are_slivers(problem, straight):
     assert slivers(close)
 
 
+def test_many_planes_are_looked_at_quickly(problem, straight):
+    layout = [straight(str(i), y=8 * np.sin(i), z=0.9 * i - 9) for i in range(20)]
+    turned = Rotation.from_euler("x", 0.3).as_matrix()
+    layout = [
+        replace(s, plane=Plane(s.plane.origin, turned @ s.plane.axes)) if i % 2 else s
+        for i, s in enumerate(layout)
+    ]
+    slivers = Slivers(problem)
+    begin = time.perf_counter()
+    assert slivers(layout)
+    assert time.perf_counter() - begin < 5  # seconds, where 2^20 cells would take minutes
+
+
+def test_a_plane_that_a_locked_cord_holds_is_no_freedom(problem, straight):
+    drawn = [straight("a", y=6, z=3, free=[]), straight("b", y=-6, z=3, free=["plane"])]
+    for planes in (None, 1):
+        found = optimise(
+            problem,
+            drawn,
+            np.random.default_rng(0),
+            lambda f, m: None,
+            planes=planes,
+            starts=2,
+            candidates=200,
+        )
+        assert found.rmse <= layout_error(problem, drawn)
+        assert not verify(found.sensors, problem.surface, LIMITS).problems
+    assert found.sensors[1].plane.coincides(drawn[0].plane)
+
+
 def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
     drawn = [straight("a", y=5)]
     search = {"starts": 2, "candidates": 1000}
@@ -180,6 +213,10 @@ def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
     assert free.rmse < found.rmse < 0.8 * layout_error(problem, drawn)
     with pytest.raises(LayoutError, match=r"'a' takes a channel of 150\.0 mm"):
         best(replace(LIMITS, longest=120.0))
+    drawn = []
+    search["extra"] = 1
+    with pytest.raises(LayoutError, match=r"channels of 500 to 600 mm, which .cord. length"):
+        best(replace(LIMITS, shortest=500.0, longest=600.0))
 
 
 def test_cords_that_cross_are_found(bar, straight):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom, distinct
 from defsense_fab.core.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.mesh import Surface, TetMesh
@@ -87,7 +87,7 @@ def drawing(rng, size, count):
         x = np.array([2, 10, *np.linspace(0.2, 0.8, 4) * size[0], size[0] - 10, size[0] - 2])
         points = np.stack([x, np.zeros(8)], axis=1)
         normal = rng.normal(size=3) * [0.05, 1, 1]
-        free = [["path"], ["path", "plane"], []][rng.integers(3)]
+        free = [["path"], ["path", "plane"], ["plane"], []][rng.integers(4)]
         plane = Plane.from_normal(at, normal, np.array([1.0, 0, 0]))
         out.append(Sensor(f"c{i}", plane, Hermite(points, catmull_rom(points)), frozenset(free)))
     return out
@@ -107,7 +107,7 @@ def test_results_keep_the_limits_or_say_why_not(seed):
         problem = replace(problem, limits=bounds)
     drawn = drawing(rng, size, int(rng.integers(0, 3)))
     extra = int(rng.integers(0 if drawn else 1, 3))
-    planes = [None, 1][int(rng.integers(2))] if extra and not drawn else None
+    planes = [None, 1][int(rng.integers(2))]
     search = {"extra": extra, "planes": planes, "starts": 2, "finalists": 1, "candidates": 1500}
     reason = ""
     try:
@@ -118,6 +118,8 @@ def test_results_keep_the_limits_or_say_why_not(seed):
     if broken or reason:
         assert broken[0] in reason if broken else "no room was found for" in reason
         return
+    allowed = max(planes or len(found.sensors), len(distinct([s.plane for s in drawn])))
+    assert len(distinct([s.plane for s in found.sensors])) <= allowed
     limits = problem.limits
     slack = replace(
         limits,

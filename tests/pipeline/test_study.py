@@ -5,16 +5,19 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from defsense_fab import cli
+from defsense_fab.core.curve import Plane
 from defsense_fab.pipeline.study_file import Row, chain, read_rows, write_rows
 
 BAR = Path(__file__).parents[2] / "fixtures" / "devices" / "bar"
 
 
 def row(begun, sensors):
-    return Row(sensors, 1.0, 0.9, float("nan"), 0.5, begun, [])
+    return Row(sensors, 1.0, 0.9, float("nan"), 0.5, begun, ())
 
 
 def test_chains_without_gaps():
@@ -24,6 +27,19 @@ def test_chains_without_gaps():
     assert chain(rows, 3) == []
     assert chain(rows, 5) == rows[2:4]
     assert chain([], 1) == []
+    rows = [row(3, 3), row(3, 4), row(3, 5), row(1, 1), row(1, 2), row(1, 3), row(1, 4)]
+    assert chain(rows, 3) == rows[:3]
+    assert chain(rows, 2) == rows[3:]
+
+
+def test_layouts_come_back_to_the_last_bit(tmp_path, straight):
+    path, axes = tmp_path / "study.json", Rotation.random(random_state=1).as_matrix()
+    drawn = replace(straight(free=()), plane=Plane(np.array([0.1, 1 / 3, 7.0]), axes))
+    write_rows(path, "key", [replace(row(1, 1), layout=(drawn,))])
+    (found,) = read_rows(path, "key")[0].layout
+    assert (found.plane.axes == axes).all()
+    assert (found.plane.origin == drawn.plane.origin).all()
+    assert (found.curve.points == drawn.curve.points).all()
 
 
 def test_damaged_files_are_no_rows(tmp_path):
@@ -39,7 +55,10 @@ def test_damaged_files_are_no_rows(tmp_path):
         [],
         {**data, "schema": 2},
         {**data, "rows": [{"sensors": 1}]},
-        {**data, "rows": [{**data["rows"][0], "more": 1}]},
+        {**data, "rows": [{**data["rows"][0], "begun": None}]},
+        {**data, "rows": [{**data["rows"][0], "rmse": None}]},
+        {**data, "rows": [{**data["rows"][0], "layout": None}]},
+        {**data, "rows": [{**data["rows"][0], "layout": [{}]}]},
         {"schema": 1, "key": "key"},
     ):
         path.write_text(json.dumps(damage))
