@@ -19,7 +19,7 @@ _INSIDE = 2.0  # a path begins so far below the surface, mm; its channel runs on
 _LEAD = 8.0  # the straight beginning of a path, mm
 _FEW = 16  # points at which waves look for the surface
 _SPREADS = (0.05, 0.15, 0.5)  # how far directions lie off an axis
-_KNOTS = 7  # control points of a path through the body
+_KNOTS = 8  # control points of a path through the body
 
 
 def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) -> Batch:

@@ -59,7 +59,7 @@ def optimise(
     *,
     extra: int = 0,
     planes: int | None = None,
-    starts: int = 8,
+    starts: int = 6,
     finalists: int = 2,
     candidates: int = 12000,
     watch: Watch | None = None,
