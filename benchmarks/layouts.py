@@ -254,7 +254,7 @@ def noise(task: Task) -> None:
     print("RMSE (mm) on unseen mixtures, noise included")
     surface = task.design.surface
     mesh = structured_bar([0, -15, -15], [150, 15, 15], [30, 6, 6])
-    for sigma in (0.0, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 1e-2):
+    for sigma in (0.0, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 4e-2):
         errors = {}
         for decoder in ("affine", "quadratic"):
             design, unseen = (
