@@ -20,6 +20,7 @@ from .slivers import Slivers
 Layout = tuple[Sensor, ...]
 FREE = frozenset({"path", "plane"})
 _SHARE = 0.3  # of the candidates that a start sees, so that starts differ
+_TRIES = 5  # planes, or sets of them, for a start
 _IN_PLANE = 3000  # candidates in a plane
 _HAND = 0.1  # kept from the clearance for what coarse samples miss, mm
 
@@ -116,7 +117,12 @@ def seeds(
         if planes is None:
             found = _select(problem, cords, share, slivers, rng)
         else:
-            found = _in_planes(problem, cords, planes, share, slivers, rng)
+            # The plane that is best for one cord may be too narrow for all: try others.
+            tries = (
+                _in_planes(problem, cords, planes, share * _SHARE**k, slivers, rng)
+                for k in range(_TRIES)
+            )
+            found = next((t for t in tries if t is not None), None)
         if found is not None:
             out.append(found)
     return out
