@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from . import __version__
+from . import __version__, cli_calibrate
 from .core.errors import DefsenseError, DeviceError, StorageError
 from .core.progress import Progress, silent
 
@@ -141,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
         "--sensors", default="1..6", metavar="A..B", help="numbers of cords to look at (1..6)"
     )
     sub.set_defaults(run=_study)
+    cli_calibrate.add(commands, _bars)
     return parser
 
 

@@ -1,4 +1,4 @@
-"""The OpenCascade kernel: the only module that imports build123d."""
+"""The OpenCascade kernel. Bodies and parts go through here; `specimen.py` models its own."""
 
 from __future__ import annotations
 

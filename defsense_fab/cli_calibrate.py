@@ -1,0 +1,108 @@
+"""The commands `defsense calibrate ...`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from .core.errors import DeviceError
+from .core.progress import Progress
+
+
+def add(commands: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) -> None:
+    """Add the commands; `bars` shows progress."""
+    parent = commands.add_parser(
+        "calibrate",
+        help="how the cord answers to strain: specimen and jigs",
+        description="Find out how the cord answers to strain.",
+    )
+    steps = parent.add_subparsers(dest="step", required=True, metavar="STEP")
+    sub = steps.add_parser(
+        "specimen",
+        help="write the bending specimen and its jigs for printing",
+        description="Write a bar with three channels (near the bottom, in the neutral plane, near"
+        " the top), split in two halves for the cords, and rigid jigs with end stops, on which it"
+        " is bent to known strains. Print the halves in the device's soft material, the jigs in a"
+        " rigid one.",
+        epilog="example:  defsense calibrate specimen my-specimen --length 150 --thickness 15"
+        " --offset 2",
+    )
+    sub.add_argument("folder", type=Path, metavar="OUT", help="the folder to write to")
+    for name, default, text in (
+        ("length", 150.0, "of the specimen"),
+        ("thickness", 15.0, "of the specimen"),
+        ("width", 20.0, "of the specimen"),
+        ("offset", 2.0, "of the outer cords from bottom and top"),
+    ):
+        sub.add_argument(
+            f"--{name}", type=float, default=default, metavar="MM", help=f"{text} ({default:g})"
+        )
+    sub.add_argument(
+        "--radii", metavar="R,R,...", help="of the jigs' surfaces, mm (75,87.5,...,250)"
+    )
+    sub.add_argument("--cord", default="rubber-2mm", metavar="NAME", help="(rubber-2mm)")
+    sub.add_argument("--process", default="fdm-tpu", metavar="NAME", help="(fdm-tpu)")
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=lambda options: _specimen(options, bars))
+
+
+def _specimen(
+    options: argparse.Namespace, bars: Callable[[Any], AbstractContextManager[Progress]]
+) -> int:
+    from .pipeline.specimen import RADII, write_specimen
+
+    with bars(options) as progress:
+        found = write_specimen(
+            options.folder,
+            length=options.length,
+            thickness=options.thickness,
+            width=options.width,
+            offset=options.offset,
+            radii=_radii(options.radii) if options.radii else RADII,
+            cord=options.cord,
+            process=options.process,
+            progress=progress,
+        )
+    if options.json:
+        sys.stdout.write(json.dumps(found.data, indent=1) + "\n")
+    else:
+        _show(found.data, options)
+    return 0
+
+
+def _radii(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise DeviceError(
+            f"--radii {text}: write numbers in mm with commas, as in 75,100,150"
+        ) from None
+
+
+def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    table = Table(title="strain of the cords, %")
+    for column in ("jig", "neutral radius, mm", *data["channels"]):
+        table.add_column(column, justify="left" if column == "jig" else "right")
+    for jig in data["jigs"]:
+        radius = "-" if jig["radius"] is None else f"{jig['neutral_radius']:g}"
+        table.add_row(jig["name"], radius, *(f"{100 * e + 0:.2f}" for e in jig["strains"]))
+    console.print(table)
+    for warning in data["warnings"]:
+        console.print(f"warning: {warning}", highlight=False, markup=False, soft_wrap=True)
+    console.print(
+        f"Look at: {options.folder}\nNext:    print the halves in the device's material and the"
+        " jigs in a rigid one; lay in the cords and glue the halves",
+        highlight=False,
+        markup=False,
+        soft_wrap=True,
+    )
