@@ -45,11 +45,33 @@ def add(commands: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) 
     sub.add_argument(
         "--radii", metavar="R,R,...", help="of the jigs' surfaces, mm (75,87.5,...,250)"
     )
-    sub.add_argument("--cord", default="rubber-2mm", metavar="NAME", help="(rubber-2mm)")
-    sub.add_argument("--process", default="fdm-tpu", metavar="NAME", help="(fdm-tpu)")
+    _common(sub)
+    sub.set_defaults(run=lambda options: _specimen(options, bars))
+    sub = steps.add_parser(
+        "coupon",
+        help="write the fit coupon, which finds your printer's clearance",
+        description="Write a plate with half a groove for the cord and a socket for each of several"
+        " clearances, and a peg. Print the plate twice and the peg once, as the device will be"
+        " printed.",
+        epilog="example:  defsense calibrate coupon my-coupon --clearances 0.1,0.2,0.3,0.4",
+    )
+    sub.add_argument("folder", type=Path, metavar="OUT", help="the folder to write to")
+    sub.add_argument(
+        "--clearances", metavar="C,C,...", help="on the diameter, mm (0,0.1,0.2,0.3,0.4,0.5)"
+    )
+    _common(sub)
+    sub.set_defaults(run=_coupon)
+
+
+def _common(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument(
+        "--cord", default="rubber-2mm", metavar="NAME", help="of data/cords.csv (rubber-2mm)"
+    )
+    sub.add_argument(
+        "--process", default="fdm-tpu", metavar="NAME", help="of data/printers.csv (fdm-tpu)"
+    )
     sub.add_argument("--json", action="store_true", help="print the result as JSON")
     sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
-    sub.set_defaults(run=lambda options: _specimen(options, bars))
 
 
 def _specimen(
@@ -64,7 +86,7 @@ def _specimen(
             thickness=options.thickness,
             width=options.width,
             offset=options.offset,
-            radii=_radii(options.radii) if options.radii else RADII,
+            radii=_numbers("--radii", options.radii) if options.radii else RADII,
             cord=options.cord,
             process=options.process,
             progress=progress,
@@ -76,12 +98,34 @@ def _specimen(
     return 0
 
 
-def _radii(text: str) -> list[float]:
+def _coupon(options: argparse.Namespace) -> int:
+    from .pipeline.coupon import CLEARANCES, write_coupon
+
+    asked = options.clearances
+    found = write_coupon(
+        options.folder,
+        clearances=_numbers("--clearances", asked) if asked else CLEARANCES,
+        cord=options.cord,
+        process=options.process,
+    )
+    if options.json:
+        sys.stdout.write(json.dumps(found.data, indent=1) + "\n")
+    else:
+        sys.stdout.write(
+            f"Look at: {options.folder}\n"
+            "Next:    print the plate twice and the peg once; close the plates over a piece of cord"
+            " and find the least number at which it slides and the peg goes in by hand; write it to"
+            " device.toml as [fabrication] clearance\n"
+        )
+    return 0
+
+
+def _numbers(option: str, text: str) -> list[float]:
     try:
         return [float(word) for word in text.split(",")]
     except ValueError:
         raise DeviceError(
-            f"--radii {text}: write numbers in mm with commas, as in 75,100,150"
+            f"{option} {text}: write numbers in mm with commas, as in 75,100,150"
         ) from None
 
 

@@ -168,3 +168,12 @@ def _divided(parts: list[Any], cuts: Sequence[tuple[Plane, Float]]) -> list[Any]
 def centroid(solid: Any) -> Float:
     c = bd.Solid(solid).center(bd.CenterOf.MASS)
     return np.array([c.X, c.Y, c.Z])
+
+
+def one_solid(shape: Any) -> Any:
+    """The TopoDS_Solid that a build123d shape consists of. Raises FabricationError where it is not
+    one valid solid."""
+    solids = list(shape.solids())
+    if len(solids) != 1 or not solids[0].is_valid or solids[0].volume <= 0:
+        raise FabricationError(f"the geometry kernel made {len(solids)} solids of one part")
+    return solids[0].wrapped

@@ -19,6 +19,7 @@ import build123d as bd
 import numpy as np
 
 from ..core.errors import FabricationError
+from .occ import one_solid
 
 _CHAMFER = 0.5  # mm, of the channels' mouths
 _PIN_LENGTH = 4.0
@@ -106,7 +107,7 @@ def halves(s: Specimen) -> dict[str, Any]:
         at = bd.Pos(share * s.length, 0, (low + high) / 2) * bd.Rot(-90, 0, 0)
         left += at * bd.Cylinder(s.pin / 2, 2 * _PIN_LENGTH)
         right -= at * bd.Cylinder((s.pin + s.clearance) / 2, 2 * (_PIN_LENGTH + 0.5))
-    return {"specimen-left": _one(left), "specimen-right": _one(right)}
+    return {"specimen-left": one_solid(left), "specimen-right": one_solid(right)}
 
 
 def jig(s: Specimen, radius: float | None) -> Any:
@@ -137,7 +138,7 @@ def jig(s: Specimen, radius: float | None) -> Any:
         origin=(0, -outer / 2, (radius or 0.0) - _SHELL / 2), x_dir=(1, 0, 0), z_dir=(0, -1, 0)
     )
     solid -= bd.extrude(at * text, amount=-0.6)
-    return _one(solid)
+    return one_solid(solid)
 
 
 def _frame(s: Specimen, radius: float | None) -> Any:
@@ -194,11 +195,3 @@ def _prism(face: Any, width: float) -> Any:
 def _along_x(radius: float, length: float, y: float, z: float) -> Any:
     tube = bd.Cylinder(radius, length + 2, align=(bd.Align.CENTER, bd.Align.CENTER, bd.Align.MIN))
     return bd.Pos(-1, y, z) * bd.Rot(0, 90, 0) * tube
-
-
-def _one(shape: Any) -> Any:
-    """The one solid of a shape. Raises FabricationError for none or several."""
-    solids = list(shape.solids())
-    if len(solids) != 1 or not solids[0].is_valid or solids[0].volume <= 0:
-        raise FabricationError(f"specimen: the geometry kernel made {len(solids)} solids of a part")
-    return solids[0].wrapped

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.catalogue import read_rows
 from ..core.errors import FabricationError
-from ..core.files import storage_errors, write_json
-from ..core.mesh import Surface
 from ..core.progress import Progress, silent
+from .prints import Print, Printer, Written, cord_diameter, write_prints
 
 if TYPE_CHECKING:
     from ..geometry.specimen import Specimen
@@ -21,15 +18,10 @@ if TYPE_CHECKING:
 FILE = "specimen.json"
 #: DefSense (CHI 2016): radii of the jigs' surfaces, mm.
 RADII = (75.0, 87.5, 100.0, 112.0, 150.0, 175.0, 200.0, 225.0, 250.0)
-_DEVIATION = 0.01  # mm, of facets from the solid
 
 
-@dataclass(frozen=True)
-class Written:
-    """What `specimen.json` holds, and where the files are."""
-
-    data: dict[str, Any]
-    folder: Path
+#: What points up on the bed: jigs lie on their side, halves on their outer one.
+UP = {"specimen-right": (0, -1, 0)}
 
 
 def write_specimen(
@@ -51,12 +43,12 @@ def write_specimen(
     """
     from ..geometry.specimen import Specimen, halves, jig
 
-    row, printer = _row("cords.csv", "cord", cord), _row("printers.csv", "process", process)
-    clearance, wall = float(printer["clearance"]), float(printer["wall"])
+    diameter, printer = cord_diameter(cord), Printer.named(process)
+    clearance, wall = printer.clearance, printer.wall
     good = all(np.isfinite(r) and r > 0 for r in radii)
     if not radii or not good or len({f"{r:g}" for r in radii}) < len(radii):
         raise FabricationError("jigs: give different radii above zero, in mm")
-    spec = Specimen(length, thickness, width, offset, float(row["diameter"]) + clearance, clearance)
+    spec = Specimen(length, thickness, width, offset, diameter + clearance, clearance)
     solids: dict[str, Any] = {}
     for n, radius in enumerate([None, *sorted(radii)]):
         name = "jig-flat" if radius is None else f"jig-{radius:g}"
@@ -64,10 +56,8 @@ def write_specimen(
         solids[name] = jig(spec, radius)
     progress("jigs", 1.0, "done")
     solids = halves(spec) | solids
-    bed = tuple(float(printer[f"bed_{a}"]) for a in "xyz")
-    parts = {name: _as_printed(name, solid) for name, solid in solids.items()}
-    for name, surface in parts.items():
-        _check_bed(name, surface, bed, process)
+    prints = {n: Print.of(n, solid, UP.get(n, (0, 1, 0))) for n, solid in solids.items()}
+    printer.check(prints)
     warnings = []
     skin = offset - spec.channel_diameter / 2
     if skin < wall:
@@ -75,50 +65,11 @@ def write_specimen(
             f"the outer channels leave a skin of {skin:.2f} mm, less than the wall of {wall:g} mm"
             f" for {process}; --offset {wall + spec.channel_diameter / 2:.1f} leaves one"
         )
-    data = _describe(spec, sorted(radii), cord, process, parts, warnings)
-    with storage_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        _write(folder, parts, solids)
-        write_json(folder / FILE, data)
-    return Written(data, folder)
+    data = _describe(spec, sorted(radii), warnings) | {"cord": cord, "process": process}
+    return write_prints(folder, prints, data, FILE)
 
 
-def _row(file: str, what: str, name: str) -> dict[str, str]:
-    rows = read_rows(file)
-    if name not in rows:
-        raise FabricationError(f"unknown {what} {name!r}; there are {', '.join(rows)}")
-    return rows[name]
-
-
-def _as_printed(name: str, solid: Any) -> Surface:
-    """The part's facets as it lies on the bed: halves on their outer side, jigs on theirs."""
-    from ..geometry import facets, occ
-
-    surface = facets.printable(facets.to_manifold(occ.tessellate(solid, _DEVIATION), name), name)
-    up = -1.0 if name == "specimen-right" else 1.0
-    turn = np.array([[1, 0, 0], [0, 0, -up], [0, up, 0]])  # y, or -y, points up
-    vertices = surface.vertices @ turn.T
-    low, high = vertices.min(0), vertices.max(0)
-    return Surface(vertices - np.append((low + high)[:2] / 2, low[2]), surface.faces)
-
-
-def _check_bed(name: str, surface: Surface, bed: Sequence[float], process: str) -> None:
-    x, y, z = np.ptp(surface.bounds, axis=0)
-    if z > bed[2] or not ((x <= bed[0] and y <= bed[1]) or (y <= bed[0] and x <= bed[1])):
-        raise FabricationError(
-            f"{name} measures {x:.0f} x {y:.0f} x {z:.0f} mm and does not fit the bed of {process}"
-            f" ({bed[0]:g} x {bed[1]:g} x {bed[2]:g} mm); give a shorter specimen, or other radii"
-        )
-
-
-def _describe(
-    spec: Specimen,
-    radii: Sequence[float],
-    cord: str,
-    process: str,
-    parts: dict[str, Surface],
-    warnings: list[str],
-) -> dict[str, Any]:
+def _describe(spec: Specimen, radii: Sequence[float], warnings: list[str]) -> dict[str, Any]:
     jigs: list[dict[str, Any]] = [
         {"name": "jig-flat", "radius": None, "neutral_radius": None, "strains": [0.0] * 3}
     ]
@@ -129,33 +80,11 @@ def _describe(
             {"name": f"jig-{r:g}", "radius": r, "neutral_radius": neutral, "strains": strains}
         )
     return {
-        "schema": 1,
-        "unit": "mm",
         "length": spec.length,
         "thickness": spec.thickness,
         "width": spec.width,
         "channel_diameter": spec.channel_diameter,
         "channels": dict(zip(("inner", "neutral", "outer"), spec.heights, strict=True)),
-        "cord": cord,
-        "process": process,
         "jigs": jigs,
-        "parts": [
-            {
-                "name": n,
-                "stl": f"{n}.stl",
-                "step": f"{n}.step",
-                "size": np.ptp(s.bounds, 0).tolist(),
-            }
-            for n, s in parts.items()
-        ],
         "warnings": warnings,
     }
-
-
-def _write(folder: Path, parts: dict[str, Surface], solids: dict[str, Any]) -> None:
-    from ..geometry import occ
-    from ..geometry.export import write_stl
-
-    for name, surface in parts.items():
-        write_stl(surface, folder / f"{name}.stl")
-        occ.write_step(solids[name], folder / f"{name}.step", name)
