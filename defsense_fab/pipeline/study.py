@@ -94,7 +94,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
 
 def _draw(rows: tuple[Row, ...], best: int, name: str, path: Path) -> None:
     from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator
 
     figure = Figure(figsize=(7, 4.5), dpi=120, layout="constrained")
     axis = figure.subplots()
@@ -112,7 +112,9 @@ def _draw(rows: tuple[Row, ...], best: int, name: str, path: Path) -> None:
     axis.set_ylim(bottom=min(r.rmse_noise_free for r in rows) / 3)
     axis.axvline(best, color="0.7", zorder=0, label=f"recommended: {best}")
     axis.set(xlabel="cords", ylabel="RMSE of the markers, mm", title=name, xticks=counts)
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    axis.yaxis.set_minor_locator(LogLocator(subs=(2, 5)))
+    for which in (axis.yaxis.set_major_formatter, axis.yaxis.set_minor_formatter):
+        which(FuncFormatter(lambda v, _: f"{v:g}"))
     axis.grid(True, which="both", alpha=0.25)
-    axis.legend()
+    figure.legend(loc="outside lower center", ncols=3)
     figure.savefig(path)
