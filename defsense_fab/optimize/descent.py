@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..core.arrays import Float
 from .constraints import MARGIN, Constraints
-from .freedom import CordFreedom, together
+from .freedom import CordFreedom, apart, together
 from .objective import Model, Objective
 from .problem import Problem
 from .seeds import Layout
@@ -21,12 +20,9 @@ from .sqp import minimise
 def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
     """A slight push off a drawing: symmetric drawings are saddle points. Cords in one plane stay in
     one if `tied`; otherwise they were only drawn there, and need not."""
-    cords, which = together(layout) if tied else ([CordFreedom(s) for s in layout], None)
-    ends = np.cumsum([0, *(c.size for c in cords)])
-    x = rng.normal(0, 1.5, ends[-1])
-    x = x if which is None else x[which]
-    moved = zip(cords, itertools.pairwise(ends.tolist()), layout, strict=True)
-    return tuple(replace(c.apply(x[a:b]), free=s.free) for c, (a, b), s in moved)
+    cords, which = together(layout) if tied else apart(layout)
+    x = rng.normal(0, 1.5, which.max(initial=-1) + 1)
+    return _applied(cords, x[which], layout)
 
 
 def descend(
@@ -69,5 +65,11 @@ def descend(
         guard=guard if not slivers(sensors) else None,
         show=show,
     )
-    moved = zip(cords, objective.split(found.x[which]), sensors, strict=True)
-    return tuple(replace(c.apply(x), free=s.free) for c, x, s in moved)
+    return _applied(cords, found.x[which], sensors)
+
+
+def _applied(cords: Sequence[CordFreedom], x: Float, layout: Layout) -> Layout:
+    """The layout with its cords at parameters x (size,), as free as before."""
+    parts = np.split(x, np.cumsum([c.size for c in cords[:-1]]))
+    moved = zip(cords, parts, layout, strict=True)
+    return tuple(replace(c.apply(part), free=s.free) for c, part, s in moved)

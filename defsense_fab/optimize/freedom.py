@@ -74,6 +74,12 @@ class CordFreedom:
         return self.place(x).sensor()
 
 
+def apart(sensors: Sequence[Sensor]) -> tuple[list[CordFreedom], Int]:
+    """Like `together`, for cords that go their own ways."""
+    cords = [CordFreedom(s) for s in sensors]
+    return cords, np.arange(sum(c.size for c in cords))
+
+
 def together(sensors: Sequence[Sensor]) -> tuple[list[CordFreedom], Int]:
     """Freedoms of a layout whose coplanar cords stay coplanar where their plane is free, and for
     each of their parameters (size,) which of the layout's own it is."""

@@ -1,8 +1,6 @@
 """The fit coupon as a printer gets it: measured on the exported facets."""
 
 import json
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
@@ -11,6 +9,7 @@ import trimesh
 from defsense_fab import cli
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry import facets
+from tests.geometry import slicer
 
 
 @pytest.fixture(scope="module")
@@ -77,14 +76,7 @@ def test_a_cord_passes_between_two_plates(folder):
 
 
 def test_a_slicer_takes_both(folder):
-    if shutil.which("prusa-slicer") is None:
-        pytest.skip("prusa-slicer is not installed")
-    for path in sorted(folder.glob("*.stl")):
-        said = subprocess.run(
-            ["prusa-slicer", "--info", str(path)], capture_output=True, text=True, check=True
-        ).stdout
-        assert "manifold = yes" in said
-        assert "open_edges" not in said
+    slicer.accept(folder)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,6 @@
 """The specimen and its jigs as a printer gets them: measured on the exported facets."""
 
 import json
-import shutil
-import subprocess
 
 import igl
 import numpy as np
@@ -15,6 +13,7 @@ from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry import facets
 from defsense_fab.geometry.specimen import Specimen
 from defsense_fab.pipeline.specimen import RADII
+from tests.geometry import slicer
 
 WITHIN = 0.05  # mm
 
@@ -104,15 +103,7 @@ def test_strains_are_those_of_the_paper(folder):
 
 
 def test_a_slicer_takes_all_parts(folder):
-    if shutil.which("prusa-slicer") is None:
-        pytest.skip("prusa-slicer is not installed")
-    for path in sorted(folder.glob("*.stl")):
-        said = subprocess.run(
-            ["prusa-slicer", "--info", str(path)], capture_output=True, text=True, check=True
-        ).stdout
-        assert "manifold = yes" in said
-        assert "open_edges" not in said
-        assert "facets_reversed" not in said
+    slicer.accept(folder)
 
 
 @pytest.mark.parametrize(
