@@ -122,7 +122,8 @@ class OutputsSpec:
 @dataclass(frozen=True)
 class CordSpec:
     """A piezoresistive cord; `noise` is the standard deviation of (R - R0)/R0, `lengths` the least
-    and the greatest that a piece may have, free ends included, mm."""
+    and the greatest that a piece may have, free ends included, and the outside of the `ferrule`
+    that joins it to a wire, mm."""
 
     name: str
     diameter: float
@@ -132,17 +133,25 @@ class CordSpec:
     min_bend_radius: float
     noise: float
     lengths: tuple[float, float] = (0.0, float("inf"))
+    ferrule_diameter: float = 2.6
+    ferrule_length: float = 7.0
 
 
 @dataclass(frozen=True)
 class FabricationSpec:
-    """Printing process: channel clearance on the diameter, least wall, free cord at each end."""
+    """Printing process: channel clearance on the diameter, least wall, free cord at each end, mm;
+    whether joints of cord and wire get `pockets` in the body, and cuts are limited (`limit_cuts`)
+    to what their cords need; `marker_seats`, how many flats for tags of `marker_size` mm."""
 
     process: str
     clearance: float
     wall: float
     lead: float
     bed: tuple[float, float, float]
+    pockets: bool = True
+    limit_cuts: bool = False
+    marker_seats: int = 0
+    marker_size: float = 10.0
 
 
 @dataclass(frozen=True)

@@ -257,6 +257,10 @@ def _fabrication(t: Table) -> FabricationSpec:
         wall=t.number("wall", float(row["wall"]), low=0),
         lead=t.number("lead", 20.0, low=-1e-9),
         bed=(float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"])),
+        pockets=t.boolean("pockets", True),
+        limit_cuts=t.boolean("limit_cuts", False),
+        marker_seats=_count(t, "marker_seats") or 0,
+        marker_size=t.number("marker_size", 10.0, low=0),
     )
     if max(spec.lead, spec.clearance, spec.wall) > 1000:
         t.fail(None, "clearance, wall and lead are in mm; one is more than 1000")

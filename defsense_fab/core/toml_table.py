@@ -73,6 +73,12 @@ class Table:
             self.fail(key, f"must be greater than {low:g}, not {value:g}")
         return float(value)
 
+    def boolean(self, key: str, default: bool) -> bool:
+        value = self._get(key, default)
+        if not isinstance(value, bool):
+            self.fail(key, f"must be true or false, not {_short(value)}")
+        return value
+
     def vector(self, key: str, size: int = 3) -> Float:
         return self.array(key, (size,))
 

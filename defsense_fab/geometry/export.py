@@ -25,23 +25,31 @@ def write_stl(surface: Surface, path: Path) -> None:
     path.write_bytes(head + np.uint32(len(corners)).tobytes() + record.tobytes())
 
 
-def write_3mf(parts: Mapping[str, Surface], path: Path, title: str) -> None:
-    """An assembly of named parts in mm (3MF core specification: object with components)."""
+def write_3mf(
+    parts: Mapping[str, Surface], path: Path, title: str, together: bool = True
+) -> None:
+    """Named parts in mm: one assembly (3MF core specification: object with components), or each
+    an item of its own that a slicer can move."""
     import lib3mf
 
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
-    assembly = model.AddComponentsObject()
-    assembly.SetName(title)
+    if together:
+        assembly = model.AddComponentsObject()
+        assembly.SetName(title)
     for name, surface in parts.items():
         mesh = model.AddMeshObject()
         mesh.SetName(name)
         vertices = [_filled(lib3mf.Position(), "Coordinates", v) for v in surface.vertices.tolist()]
         triangles = [_filled(lib3mf.Triangle(), "Indices", f) for f in surface.faces.tolist()]
         mesh.SetGeometry(vertices, triangles)
-        assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
-    model.AddBuildItem(assembly, wrapper.GetIdentityTransform())
+        if together:
+            assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
+        else:
+            model.AddBuildItem(mesh, wrapper.GetIdentityTransform())
+    if together:
+        model.AddBuildItem(assembly, wrapper.GetIdentityTransform())
     model.QueryWriter("3mf").WriteToFile(str(path))
 
 

@@ -11,6 +11,10 @@ import numpy as np
 from ..core.arrays import Float
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
+from .tools import Frustum, Tool, frame
+
+#: Facets around a round tool: its radius is that of the circle of the same area.
+SIDES = 48
 
 
 def to_manifold(surface: Surface, what: str) -> Any:
@@ -43,13 +47,38 @@ def printable(solid: Any, what: str) -> Surface:
     return surface
 
 
-def tube(points: Float, normal: Float, diameter: float, sides: int = 48) -> Any:
+def solid_of(tool: Tool) -> Any:
+    """A tool's manifold3d solid."""
+    if isinstance(tool, Frustum):
+        along = tool.end - tool.start
+        height = float(np.linalg.norm(along))
+        wide = _same_area(SIDES)
+        low, high = (wide * r for r in tool.radii)
+        made = m3.Manifold.cylinder(height, low, high, SIDES)
+        axes, origin = frame(along / height), tool.start
+    else:
+        made = m3.Manifold.extrude(m3.CrossSection([tool.polygon]), tool.height)
+        axes, origin = tool.axes, tool.origin
+    return made.transform(np.column_stack([axes, origin]))
+
+
+def without(solid: Any, tools: Sequence[Tool]) -> Any:
+    """The solid with tools cut out of it."""
+    return solid - union([solid_of(t) for t in tools]) if tools else solid
+
+
+def _same_area(sides: int) -> float:
+    """Circumradius of the polygon that has the area of the unit circle."""
+    return float(np.sqrt(2 * np.pi / (sides * np.sin(2 * np.pi / sides))))
+
+
+def tube(points: Float, normal: Float, diameter: float, sides: int = SIDES) -> Any:
     """Tube along a planar polyline (n, 3) whose plane has `normal`, of the round tube's area."""
     tangent = np.gradient(points, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     side = np.cross(normal, tangent)
     angle = np.arange(sides) * 2 * np.pi / sides
-    radius = diameter / 2 * np.sqrt(2 * np.pi / (sides * np.sin(2 * np.pi / sides)))
+    radius = diameter / 2 * _same_area(sides)
     ring = np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side[:, None, :]
     vertices = (points[:, None] + radius * ring).reshape(-1, 3)
     n = len(points)

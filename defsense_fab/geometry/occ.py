@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,13 @@ from ..core.biarc import arcs
 from ..core.curve import Hermite, Plane
 from ..core.errors import BodyError, FabricationError
 from ..core.mesh import Surface
+from .tools import Frustum, Prism, Tool, frame
 
 #: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
 ANGLE = 0.06
 #: Largest distance of a channel's arcs from the path, mm.
 PATH_TOLERANCE = 0.01
+_NOTHING = 1e-3  # mm^3
 
 
 def solids_of(result: Any) -> list[Any]:
@@ -65,6 +68,16 @@ def write_step(solid: Any, path: Path, label: str) -> None:
     shape = bd.Solid(solid)
     shape.label = label
     bd.export_step(shape, str(path))
+
+
+def write_assembly(solids: Mapping[str, Any], path: Path, label: str) -> None:
+    """One STEP file with the named solids in place."""
+    children = []
+    for name, solid in solids.items():
+        child = bd.Solid(solid)
+        child.label = name
+        children.append(child)
+    bd.export_step(bd.Compound(label=label, children=children), str(path))
 
 
 def volume(solid: Any) -> float:
@@ -125,44 +138,100 @@ def tube(plane: Plane, curve: Hermite, before: float, after: float, diameter: fl
     return solid.wrapped
 
 
-def carve_and_split(
-    solid: Any, tubes: Sequence[Any], cuts: Sequence[tuple[Plane, Float]], count: int
-) -> tuple[list[Any], float]:
-    """Cut the tubes out of the body and divide it into `count` parts: parts and removed mm^3.
+def solid_of(tool: Tool) -> Any:
+    """A tool as a build123d solid."""
+    if isinstance(tool, Frustum):
+        along = tool.end - tool.start
+        height = float(np.linalg.norm(along))
+        axes = frame(along / height)
+        low, high = tool.radii
+        place = _located(tool.start, axes)
+        if abs(low - high) < 1e-9:
+            return bd.Solid.make_cylinder(low, height, place)
+        return bd.Solid.make_cone(low, high, height, place)
+    outline = bd.Wire.make_polygon([tuple(p) for p in _in_space(tool)])
+    face = bd.Face(outline)
+    return bd.Solid.extrude(face, bd.Vector(*(tool.height * tool.axes[:, 2])))
 
-    Each of `cuts` divides the one piece whose centre of mass lies nearest to its point (3,).
+
+def _located(origin: Float, axes: Float) -> Any:
+    return bd.Plane(origin=tuple(origin), x_dir=tuple(axes[:, 0]), z_dir=tuple(axes[:, 2]))
+
+
+def _in_space(tool: Prism) -> Float:
+    return np.asarray(tool.origin + tool.polygon @ tool.axes[:, :2].T)
+
+
+def without(solid: Any, tools: Sequence[Tool]) -> Any:
+    """A TopoDS_Solid with tools cut out. Raises FabricationError where it falls apart."""
+    if not tools:
+        return solid
+    return one_solid(bd.Solid(solid).cut(*[solid_of(t) for t in tools]))
+
+
+@dataclass(frozen=True)
+class Knife:
+    """One cut of the one piece whose centre of mass is nearest to `center` (3,) mm: through and
+    through, or only the solids nearest to `taken` (each (3,) mm), within a `region`."""
+
+    plane: Plane
+    center: Float
+    taken: tuple[Float, ...] = ()
+    region: Prism | None = None
+
+
+def carve_and_split(
+    solid: Any, cutters: Sequence[Any], knives: Sequence[Knife], count: int
+) -> list[Any]:
+    """Cut solids out of the body and divide it into `count` parts (TopoDS_Solids).
+
     Raises FabricationError where OpenCascade loses a part or some volume on the way.
     """
-    body, cutters = bd.Solid(solid), [bd.Solid(t) for t in tubes]
-    removed = sum(float(s.volume) for t in cutters for s in (body & t).solids())
+    body, tools = bd.Solid(solid), [bd.Solid(t) for t in cutters]
+    channels = _solids(tools[0].fuse(*tools[1:])) if len(tools) > 1 else tools
+    removed = sum(float(s.volume) for t in channels for s in _solids(body & t))
     expected = float(body.volume) - removed
 
     def carved(pieces: list[Any]) -> list[Any]:
-        for t in cutters:
-            pieces = [s for p in pieces for s in (p - t).solids()]
-        return pieces
+        return [s for p in pieces for s in _solids(p.cut(*channels))]
 
-    for tubes_first in (True, False):  # now and then one order fails where the other works
-        made = _divided(carved([body]), cuts) if tubes_first else carved(_divided([body], cuts))
+    for channels_first in (True, False):  # now and then one order fails where the other works
+        made = _divided(carved([body]), knives) if channels_first else carved(_divided([body], knives))
         if len(made) == count and abs(sum(p.volume for p in made) / expected - 1) < 1e-4:
-            return [p.wrapped for p in made], removed
+            return [p.wrapped for p in made]
     raise FabricationError("OpenCascade could not divide the solid; move a cord plane slightly")
 
 
-def _divided(parts: list[Any], cuts: Sequence[tuple[Plane, Float]]) -> list[Any]:
+def _divided(parts: list[Any], knives: Sequence[Knife]) -> list[Any]:
     """The solids after planar cuts; a cut that fails leaves its piece whole."""
-    for plane, at in cuts:
-        nearest = min(parts, key=lambda p: float(np.linalg.norm(centroid(p.wrapped) - at)))
-        knife = bd.Plane(
-            origin=tuple(plane.origin), x_dir=tuple(plane.axes[:, 0]), z_dir=tuple(plane.normal)
-        )
+    for knife in knives:
+        nearest = _nearest(parts, knife.center)
+        plane = _located(knife.plane.origin, knife.plane.axes)
         try:
-            halves = list(bd.split(nearest, bisect_by=knife, keep=bd.Keep.BOTH).solids())
+            halves = _solids(bd.split(nearest, bisect_by=plane, keep=bd.Keep.BOTH))
         except ValueError:  # the splitter's result was null
             continue
+        if knife.region is not None:
+            halves = _solids(nearest & solid_of(knife.region))
+        if knife.taken and halves:
+            taken = [_nearest(halves, at) for at in knife.taken]
+            halves = taken + _solids(nearest.cut(*taken))
         if halves:
             parts = [p for p in parts if p is not nearest] + halves
     return parts
+
+
+def _nearest(solids: Sequence[Any], at: Float) -> Any:
+    return min(solids, key=lambda p: float(np.linalg.norm(centroid(p.wrapped) - at)))
+
+
+def _solids(result: Any) -> list[Any]:
+    """The solids in what a boolean operation gave: a shape, a list of them, or nothing; without
+    the empty ones that it leaves at times."""
+    if result is None:
+        return []
+    found = result if isinstance(result, list | tuple | bd.ShapeList) else [result]
+    return [s for r in found for s in r.solids() if s.volume > _NOTHING]
 
 
 def centroid(solid: Any) -> Float:

@@ -6,7 +6,7 @@ import base64
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +35,11 @@ def _poly(surface: Surface) -> Any:
     return pv.PolyData(surface.vertices, faces.ravel())
 
 
-def _finish(plotter: Any, view: Float) -> str:
+def _finish(plotter: Any, view: Float, up: Float | None = None) -> str:
     """PNG as a data URI; `view` is the direction from the object to the camera."""
-    plotter.view_vector(tuple(view), viewup=(0, 0, 1) if abs(view[2]) < 0.9 else (0, 1, 0))
+    if up is None:
+        up = np.array([0, 0, 1.0] if abs(view[2]) < 0.9 else [0, 1.0, 0])
+    plotter.view_vector(tuple(view), viewup=tuple(up))
     plotter.enable_parallel_projection()
     plotter.reset_camera()
     plotter.camera.zoom(1.25)
@@ -120,29 +122,57 @@ def error_map(surface: Surface, error: Float, name: str, view: Float, top: float
     return _finish(plotter, view)
 
 
-def exploded(parts: dict[str, Surface], view: Float) -> str:
-    """The parts moved apart from their common middle, with their names."""
+def exploded(parts: Mapping[str, Surface], shifts: Mapping[str, Float], view: Float) -> str:
+    """The parts, each moved by its shift (3,) mm, with their names."""
     plotter = _plotter()
-    middles = {n: s.bounds.mean(0) for n, s in parts.items()}
-    center = np.mean(list(middles.values()), axis=0)
-    size = float(np.linalg.norm(np.ptp([s.bounds for s in parts.values()], axis=(0, 1))))
     for i, (name, surface) in enumerate(parts.items()):
-        away = middles[name] - center
-        length = float(np.linalg.norm(away))
-        shift = away / length * (0.18 * size + 2 * length) if length > 1e-6 else away
-        moved = Surface(surface.vertices + shift, surface.faces)
-        plotter.add_mesh(_poly(moved), color=COLORS[i % len(COLORS)], split_sharp_edges=True)
-        plotter.add_point_labels(
-            [middles[name] + 1.2 * shift],
-            [name],
-            text_color="black",
-            font_size=18,
-            shape_color="white",
-            shape_opacity=0.7,
-            always_visible=True,
-            show_points=False,
-        )
+        _add_part(plotter, surface, shifts[name], COLORS[i % len(COLORS)], name)
     return _finish(plotter, view)
+
+
+def joining(
+    lower: Mapping[str, Surface],
+    upper: Mapping[str, Surface],
+    colors: Mapping[str, str],
+    opens: Float,
+    lift: float,
+    cords: Sequence[tuple[Float, str]],
+    pins: Sequence[tuple[Float, float, float]],
+    radius: float,
+) -> str:
+    """One step of the assembly: the `upper` parts `lift` mm above the `lower` ones along `opens`
+    (3,), cords (line (p, 3) mm, colour) in their grooves, pins (center (3,), diameter, length)."""
+    plotter = _plotter()
+    for name, surface in lower.items():
+        _add_part(plotter, surface, np.zeros(3), colors[name], name)
+    for name, surface in upper.items():
+        _add_part(plotter, surface, lift * opens, colors[name], name)
+    for line, color in cords:
+        plotter.add_mesh(pv.lines_from_points(line).tube(radius=radius), color=color)
+    for center, diameter, length in pins:
+        pin = pv.Cylinder(center=center, direction=opens, radius=diameter / 2, height=length)
+        plotter.add_mesh(pin, color="#f4f1de")
+    points = np.concatenate([s.vertices for s in [*lower.values(), *upper.values()]])
+    flat = points - points @ opens[:, None] * opens
+    short = np.linalg.svd(flat - flat.mean(0), full_matrices=False)[2][1]
+    side = short if short @ [0.3, -1.0, 0.1] > 0 else -short
+    long = np.cross(opens, side)
+    return _finish(plotter, 0.75 * side + 0.6 * opens + 0.2 * long, up=opens)
+
+
+def _add_part(plotter: Any, surface: Surface, shift: Float, color: str, name: str) -> None:
+    moved = Surface(surface.vertices + shift, surface.faces)
+    plotter.add_mesh(_poly(moved), color=color, split_sharp_edges=True)
+    plotter.add_point_labels(
+        [moved.bounds.mean(0)],
+        [name],
+        text_color="black",
+        font_size=18,
+        shape_color="white",
+        shape_opacity=0.7,
+        always_visible=True,
+        show_points=False,
+    )
 
 
 def modes(shapes: list[tuple[str, Float]], faces: Any, rest: Float, path: Path) -> None:

@@ -1,10 +1,8 @@
-"""Stage 5: grooved parts, the assembly, the cut list."""
+"""Stage 5: printable parts, the plates, the assembly, the cut list."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,199 +13,203 @@ from ..core.device import Device, Sensor
 from ..core.errors import FabricationError
 from ..core.files import write_json
 from ..core.mesh import Surface
-from ..geometry import facets, ray
-from ..geometry.division import Division, channel_line, divide
+from ..geometry import facets
+from ..geometry.ends import Pockets
 from ..geometry.export import write_3mf, write_stl
-from ..optimize.problem import Limits
+from ..geometry.parts import Made, Rules, make_parts
+from ..geometry.plate import Placed, arrange, laid, widest
+from ..optimize.verify import verify
+from .cut_list import bill, cut_list
 from .stage_body import is_cad, load_surface
-from .stage_optimize import load_sensors
+from .stage_optimize import limits, load_sensors
 from .stages import Report, read_json
 
-#: Largest relative difference between the body and its parts plus what was removed.
-CONSERVATION = 1e-3
 
-
-@dataclass(frozen=True)
-class Part:
-    """One printable piece; `solid` is its TopoDS_Solid where the body is CAD."""
-
-    surface: Surface
-    volume: float
-    center: Float
-    solid: Any = None
+def rules(device: Device) -> Rules:
+    """What the device's cord and process ask of its parts."""
+    f = device.fabrication
+    pocket = max(device.cord.ferrule_diameter + f.clearance, device.channel_diameter + 0.1)
+    return Rules(
+        device.cord.diameter,
+        device.channel_diameter,
+        f.clearance,
+        f.wall,
+        f.limit_cuts,
+        Pockets(pocket, device.cord.ferrule_length) if f.pockets else None,
+    )
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
     sensors = load_sensors(folder)
-    inlets = [s["inlets"] for s in read_json(folder / "layout.json")["sensors"]]
     surface = load_surface(folder)
-    ends = [
-        _overrun(s, (a, b), surface, 2 * device.channel_diameter)
-        for s, (a, b) in zip(sensors, inlets, strict=True)
-    ]
-    report(0.1, "cutting facets")
-    body = facets.to_manifold(surface, "the body")
-    cords = [(s.plane, channel_line(s, e)) for s, e in zip(sensors, ends, strict=True)]
-    division = divide(body, cords, device.channel_diameter)
-    parts, warnings = [], []
-    for piece in division.parts:
-        s = facets.printable(piece, "a part")
-        parts.append(Part(s, float(piece.volume()), facets.centroid(s)))
-    removed, body_volume = division.removed, float(body.volume())
+    solid = None
     if is_cad(folder):
-        report(0.3, "cutting the solid")
-        try:
-            solids, *volumes = _by_occ(folder, sensors, ends, division, device)
-            parts = _matched(parts, solids)
-            removed, body_volume = volumes
-        except FabricationError as error:  # the STL do not need it
-            warnings.append(f"no STEP parts: {error}")
-    total = sum(p.volume for p in parts) + removed
-    if abs(total / body_volume - 1) > CONSERVATION:
-        raise FabricationError(
-            f"parts and grooves add up to {total:.1f} mm^3 but the body has {body_volume:.1f};"
-            " the cut failed: move a cord plane slightly"
-        )
-    order = sorted(range(len(parts)), key=lambda i: tuple(np.round(parts[i].center[[2, 1, 0]], 3)))
-    names = [f"part-{order.index(i) + 1}" for i in range(len(parts))]
-    steps = [
-        {
-            "join": [[names[i] for i in side] for side in cut.sides],
-            "cords": [sensors[i].name for i in cut.cords],
-        }
-        for cut in reversed(division.cuts)
-    ]
-    named = {names[i]: parts[i] for i in order}
+        from ..geometry import occ
+
+        solid = occ.read_step(folder / "body" / "body.step")[0]
+    made = fabricate(device, surface, sensors, report, solid)
+    report(0.8, "writing parts")
+    write(device, made, folder, read_json(folder / "layout.json")["sensors"])
+
+
+def fabricate(
+    device: Device, surface: Surface, sensors: Sequence[Sensor], report: Report, solid: Any = None
+) -> Made:
+    """The device's parts. Raises FabricationError where a cord or a part fails a check."""
+    problems = verify(sensors, surface, limits(device)).problems
+    if problems:
+        raise FabricationError(problems[0])
+    return make_parts(surface, sensors, rules(device), report, solid)
+
+
+def write(device: Device, made: Made, folder: Path, layout: Sequence[Mapping[str, Any]]) -> None:
+    """Leave the parts in `folder`/parts; `layout` are the cords of `layout.json`."""
+    flat = {p.name: laid(p.surface, _down(made, i)) for i, p in enumerate(made.parts)}
+    pins = _pins(made)
+    names = [n for name, (_, count, _) in pins.items() for n in _copies(name, count)]
+    loose = {n: pins[n.split("_")[0]][0] for n in names}
+    placed = arrange({**flat, **loose}, device.fabrication.bed, device.fabrication.process)
     out = folder / "parts"
     out.mkdir()
-    report(0.7, "writing parts")
-    for name, part in named.items():
-        write_stl(part.surface, out / f"{name}.stl")
-        if part.solid is not None:
-            from ..geometry import occ
+    for part in made.parts:
+        write_stl(part.surface, out / f"{part.name}.stl")
+    for name, (surface, _, _) in pins.items():
+        write_stl(surface, out / f"{name}.stl")
+    solids = {p.name: p.solid for p in made.parts if p.solid is not None}
+    if solids:
+        from ..geometry import occ
 
-            occ.write_step(part.solid, out / f"{name}.step", name)
-    surfaces = {name: part.surface for name, part in named.items()}
-    write_3mf(surfaces, out / "assembly.3mf", device.name)
-    manifest = _manifest(device, folder, named, removed, body_volume, warnings)
-    write_json(out / "manifest.json", manifest | {"assembly": steps})
-
-
-def _overrun(
-    sensor: Sensor, inlets: tuple[float, float], surface: Surface, most: float
-) -> tuple[float, float]:
-    """How far the channel's tool runs on from the path's ends: past the surface by up to `most`
-    mm, but only half way to where the body begins again."""
-    line = channel_line(sensor, (1.0, 1.0))
-    out = []
-    for end, before, inlet in ((line[0], line[1], inlets[0]), (line[-1], line[-2], inlets[1])):
-        exit_at = end + (inlet - 1.0) * (end - before)
-        again = ray.hits(exit_at, end - before, surface)
-        gap = again[again > 0.1]
-        out.append(inlet + min(most, gap[0] / 2 if len(gap) else most))
-    return out[0], out[1]
+        for name, solid in solids.items():
+            occ.write_step(solid, out / f"{name}.step", name)
+        occ.write_assembly(solids, out / "assembly.step", device.name)
+    write_3mf({p.name: p.surface for p in made.parts}, out / "assembly.3mf", device.name)
+    plates = _write_plates(placed, out, device.name)
+    write_json(out / "manifest.json", _manifest(device, folder, made, pins, plates, layout))
 
 
-def _by_occ(
-    folder: Path,
-    sensors: Sequence[Sensor],
-    ends: Sequence[tuple[float, float]],
-    division: Division,
-    device: Device,
-) -> tuple[list[Any], float, float]:
-    from ..geometry import occ
-
-    solid = occ.read_step(folder / "body" / "body.step")[0]
-    tubes = [
-        occ.tube(s.plane, s.curve, *e, device.channel_diameter)
-        for s, e in zip(sensors, ends, strict=True)
+def _down(made: Made, i: int) -> Float | None:
+    """The outward normal (3,) of a part's largest cut face."""
+    faces = [
+        (c.area, c.plane.normal if c.lower == i else -c.plane.normal)
+        for c in made.contacts
+        if i in (c.lower, c.upper)
     ]
-    pieces, removed = occ.carve_and_split(
-        solid, tubes, [(c.plane, c.center) for c in division.cuts], len(division.parts)
-    )
-    return pieces, removed, occ.volume(solid)
+    return widest(faces)
 
 
-def _matched(parts: Sequence[Part], solids: Sequence[Any]) -> list[Part]:
-    """Each part of the facet kernel with its solid: the two kernels must tell the same story."""
-    from ..geometry import occ
+def _pins(made: Made) -> dict[str, tuple[Surface, int, dict[str, float]]]:
+    """Every kind of loose pin: its surface, how many are needed, its sizes."""
+    kinds: dict[str, tuple[Surface, int, dict[str, float]]] = {}
+    for pin in made.pins:
+        name = f"pin-{pin.diameter:g}x{pin.length:.1f}"
+        if name in kinds:
+            surface, count, sizes = kinds[name]
+            kinds[name] = (surface, count + 1, sizes)
+        else:
+            solid = facets.union([facets.solid_of(t) for t in pin.shape])
+            sizes = {"diameter": pin.diameter, "length": pin.length}
+            kinds[name] = (facets.printable(solid, name), 1, sizes)
+    return kinds
 
-    left = [(s, occ.volume(s), occ.centroid(s)) for s in solids]
-    total = sum(v for _, v, _ in left)
-    out = list(parts)
-    found = 0
-    for k in sorted(range(len(parts)), key=lambda k: -parts[k].volume):
-        part = parts[k]
-        near = [
-            (float(np.linalg.norm(c - part.center)) + abs(v - part.volume) / total, i)
-            for i, (_, v, c) in enumerate(left)
-        ]
-        i = min(near)[1] if near else -1
-        if i < 0 or abs(left[i][1] - part.volume) > 2e-3 * part.volume + 1e-4 * total:
-            break
-        solid, volume, center = left.pop(i)
-        out[k] = Part(part.surface, volume, center, solid)
-        found += 1
-    if left or found != len(parts):
-        raise FabricationError(
-            f"the two geometry kernels disagree ({len(parts)} and {len(solids)} parts); move a"
-            " cord plane slightly"
-        )
-    return out
+
+def _copies(name: str, count: int) -> list[str]:
+    return [f"{name}_{k + 1}" for k in range(count)]
+
+
+def _write_plates(placed: Mapping[str, Placed], out: Path, title: str) -> list[dict[str, Any]]:
+    plates = []
+    count = 1 + max(p.plate for p in placed.values())
+    for k in range(count):
+        on = {n: p.surface for n, p in placed.items() if p.plate == k}
+        file = "plate.3mf" if count == 1 else f"plate-{k + 1}.3mf"
+        write_3mf(on, out / file, title, together=False)
+        plates.append({"file": file, "parts": {n: s.bounds.tolist() for n, s in on.items()}})
+    return plates
 
 
 def _manifest(
     device: Device,
     folder: Path,
-    parts: Mapping[str, Part],
-    removed: float,
-    body_volume: float,
-    warnings: Sequence[str],
+    made: Made,
+    pins: Mapping[str, tuple[Surface, int, Mapping[str, float]]],
+    plates: Sequence[Mapping[str, Any]],
+    layout: Sequence[Mapping[str, Any]],
 ) -> dict[str, Any]:
-    layout = read_json(folder / "layout.json")["sensors"]
-    warned = list(warnings)
-    for name, part in parts.items():
-        size = np.ptp(part.surface.bounds, axis=0)
-        if part.volume < Limits.smallest_part * body_volume:
-            warned.append(f"{name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
-        if not any(
-            (np.array(turn) <= device.fabrication.bed).all()
-            for turn in itertools.permutations(size)
-        ):
-            warned.append(f"{name} does not fit the bed of {device.fabrication.process}")
-    cords = []
+    warnings = list(made.warnings)
     for s in layout:
-        cut = s["length"] + sum(s["inlets"]) + 2 * device.fabrication.lead
-        cords.append(
-            {
-                "sensor": s["name"],
-                "cut_length": cut,
-                "lead": device.fabrication.lead,
-                "channel_diameter": device.channel_diameter,
-                "resistance": cut * device.cord.ohm_per_mm,
-            }
-        )
         if s["peak_strain"] > device.cord.max_strain:
-            warned.append(
+            warnings.append(
                 f"cord {s['name']} is stretched by {s['peak_strain']:.0%}, more than its"
                 f" {device.cord.max_strain:.0%}"
             )
+    signals = np.array(read_json(folder / "prediction.json")["signals"])
+    cords = cut_list(device, made, signals)
     return {
-        "schema": 1,
+        "schema": 2,
         "device": device.name,
         "unit": "mm",
-        "parts": [
-            {
-                "name": name,
-                "stl": f"{name}.stl",
-                "step": f"{name}.step" if part.solid is not None else None,
-                "volume": part.volume,
-                "bbox": part.surface.bounds.tolist(),
-            }
-            for name, part in parts.items()
+        "parts": [_part(made, i) for i in range(len(made.parts))],
+        "pins": [
+            {"name": n, "stl": f"{n}.stl", "count": count, **sizes}
+            for n, (_, count, sizes) in pins.items()
         ],
+        "plates": plates,
         "cords": cords,
-        "removed_volume": removed,
-        "body_volume": body_volume,
-        "warnings": warned,
+        "bill": bill(device, made, cords, {n: count for n, (_, count, _) in pins.items()}),
+        "assembly": _assembly(made),
+        "checks": [vars(c) for c in made.checks],
+        "removed_volume": made.cut_out,
+        "body_volume": made.body_volume,
+        "warnings": warnings,
     }
+
+
+def _part(made: Made, i: int) -> dict[str, Any]:
+    part = made.parts[i]
+    out: dict[str, Any] = {
+        "name": part.name,
+        "number": i + 1,
+        "stl": f"{part.name}.stl",
+        "step": None,
+        "volume": part.volume,
+        "bbox": part.surface.bounds.tolist(),
+        "sockets": [
+            {"center": p.center.tolist(), "axis": p.axis.tolist(), "diameter": p.socket}
+            for p in made.pins
+            if i in (made.contacts[p.contact].lower, made.contacts[p.contact].upper)
+        ],
+    }
+    if part.solid is not None:
+        from ..geometry import occ
+
+        out["step"], out["step_volume"] = f"{part.name}.step", occ.volume(part.solid)
+    return out
+
+
+def _assembly(made: Made) -> list[dict[str, Any]]:
+    """The steps in which the device is closed: the cuts backwards."""
+    steps = []
+    for k in reversed(range(len(made.cuts))):
+        cut = made.cuts[k]
+        pins = [p for p in made.pins if made.contacts[p.contact].cut == k]
+        steps.append(
+            {
+                "join": [[made.parts[i].name for i in side] for side in cut.sides],
+                "cords": [made.channels[c].name for c in cut.cords],
+                "opens": cut.plane.normal.tolist(),
+                "pins": [
+                    {
+                        "name": f"pin-{p.diameter:g}x{p.length:.1f}",
+                        "center": p.center.tolist(),
+                        "socket": p.socket,
+                        "depth": p.depth,
+                        "between": [
+                            made.parts[made.contacts[p.contact].lower].name,
+                            made.parts[made.contacts[p.contact].upper].name,
+                        ],
+                    }
+                    for p in pins
+                ],
+            }
+        )
+    return steps

@@ -1,4 +1,4 @@
-"""Stage 6: one self-contained page with pictures, predicted errors and the cut list."""
+"""Stage 6: a self-contained page with pictures and predicted errors, and the assembly guide."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from ..core.device import Device
 from ..core.mesh import Surface
 from ..sensing.train import train
 from . import pictures
+from .guide import write_guide
 from .stage_body import load_surface
 from .stage_mesh import load_mesh
 from .stage_simulate import load_fields
@@ -40,7 +41,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     }
     report(0.2, "parts")
     parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
-    images["parts"] = pictures.exploded(parts, view)
+    images["parts"] = write_guide(device, folder, manifest, parts, view)
     images["poses"] = _poses(device, folder, view, report)
     text = (files("defsense_fab") / "pipeline" / "report.html").read_text(encoding="utf-8")
     page = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(text)

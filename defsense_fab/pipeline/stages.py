@@ -13,7 +13,7 @@ from ..core.device import Device
 from ..core.files import digest
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 9
+CODE_VERSION = 11
 
 Report = Callable[[float, str], None]
 
@@ -57,6 +57,11 @@ def _mesh_inputs(d: Device) -> Any:
     """With `accuracy` the poses choose the mesh, so it depends on them too."""
     poses = plain((d.material, d.poses)) if d.mesh.accuracy else None
     return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses)
+
+
+def _cord_room(d: Device) -> Any:
+    """What of the printing process bears on where cords may run."""
+    return (d.fabrication.clearance, d.fabrication.wall, d.fabrication.lead)
 
 
 def _regions(d: Device) -> Any:
@@ -107,12 +112,24 @@ STAGES = (
         "optimise the cords",
         ("layout.json", "prediction.json"),
         lambda d: plain(
-            (d.cord, d.fabrication, d.outputs, d.sensors, d.propose, d.planes, d.decoder)
+            (d.cord, _cord_room(d), d.outputs, d.sensors, d.propose, d.planes, d.decoder)
         ),
         _runner("optimize"),
     ),
-    Stage("fabricate", "make the parts", ("parts",), lambda d: d.name, _runner("fabricate")),
-    Stage("report", "write the report", ("report.html",), lambda d: d.name, _runner("report")),
+    Stage(
+        "fabricate",
+        "make the parts",
+        ("parts",),
+        lambda d: plain((d.name, d.fabrication)),
+        _runner("fabricate"),
+    ),
+    Stage(
+        "report",
+        "write report and guide",
+        ("report.html", "guide.html", "guide.pdf"),
+        lambda d: d.name,
+        _runner("report"),
+    ),
 )
 
 

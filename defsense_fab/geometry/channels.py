@@ -1,0 +1,133 @@
+"""The cords' channels from skin to skin, with their ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import igl
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.device import Sensor
+from ..core.errors import FabricationError
+from ..core.mesh import Surface
+from . import facets, ray
+from .ends import End, Pockets, end_tools, ends_of
+from .tools import Tool
+
+_STEP = 0.25  # mm, between samples of a channel
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A cord's channel. `line` (p, 3) mm is its centre line with the tool's runs out of the body,
+    `inside` (q, 3) the part of it from mouth to mouth; `inlets` are the straight runs from the
+    path's ends to the skin and `runs` how far the tool goes on from the path's ends, mm; `tools`
+    shape its `ends`; `solid` is all of it for manifold3d."""
+
+    sensor: Sensor
+    line: Float
+    inside: Float
+    inlets: tuple[float, float]
+    runs: tuple[float, float]
+    ends: tuple[End, End]
+    tools: tuple[Tool, ...]
+    solid: Any
+
+    @property
+    def name(self) -> str:
+        return self.sensor.name
+
+    @property
+    def length(self) -> float:
+        """From mouth to mouth, mm."""
+        return float(np.linalg.norm(np.diff(self.inside, axis=0), axis=1).sum())
+
+    def hollows(self, diameter: float, pockets: Pockets | None) -> list[tuple[Float, float]]:
+        """Points (n, 3) mm along what is hollow, and its radius there, mm."""
+        out = [(self.inside, diameter / 2)]
+        for end in self.ends:
+            if pockets and end.pocket:
+                along = np.linspace(0, end.pocket, int(end.pocket / _STEP) + 2)
+                out.append((end.mouth - along[:, None] * end.out, pockets.diameter / 2))
+        return out
+
+    def cord(self, diameter: float) -> Any:
+        """A solid of the cord itself in its channel."""
+        return facets.tube(self.line, self.sensor.plane.normal, diameter)
+
+
+def channels_of(
+    sensors: Sequence[Sensor],
+    body: Surface,
+    diameter: float,
+    wall: float,
+    pockets: Pockets | None,
+) -> list[Channel]:
+    """Every cord's channel of `diameter` mm. Raises FabricationError for a path that is not in
+    the body, or bends too tightly for a channel."""
+    traced = [_trace(s, body, diameter) for s in sensors]
+    ends = ends_of([t.inside for t in traced], diameter, wall, body, pockets)
+    out = []
+    for s, t, pair in zip(sensors, traced, ends, strict=True):
+        tools = tuple(tool for e in pair for tool in end_tools(e, diameter, wall, pockets))
+        tube = facets.tube(t.line, s.plane.normal, diameter)
+        solid = facets.union([tube, *(facets.solid_of(tool) for tool in tools)])
+        out.append(Channel(s, t.line, t.inside, t.inlets, t.runs, pair, tools, solid))
+    return out
+
+
+@dataclass(frozen=True)
+class _Trace:
+    line: Float
+    inside: Float
+    inlets: tuple[float, float]
+    runs: tuple[float, float]
+
+
+def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
+    path = sensor.plane.to_world(sensor.curve.sample(24))
+    _check_path(sensor, path, body, diameter)
+    tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
+    first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
+    found = [_run(path[0], -first, body, 2 * diameter), _run(path[-1], last, body, 2 * diameter)]
+    (start, before), (end, after) = found
+    line = np.concatenate([path[:1] - before * first, path, path[-1:] + after * last])
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    low, high = before - start, along[-1] - (after - end)
+    at = np.linspace(low, high, max(3, int((high - low) / _STEP) + 1))
+    inside = np.stack([np.interp(at, along, line[:, i]) for i in range(3)], axis=1)
+    return _Trace(line, inside, (start, end), (before, after))
+
+
+def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> None:
+    inside = np.asarray(igl.fast_winding_number(body.vertices, body.faces, path)) > 0.5
+    if not inside[1:-1].all():
+        outside = path[1:-1][~inside[1:-1]]
+        where = "misses the body" if not inside.any() else "leaves the body"
+        at = ", ".join(f"{x:.1f}" for x in outside[len(outside) // 2])
+        raise FabricationError(
+            f"cord {sensor.name!r} {where} near ({at}); move its plane or its path"
+        )
+    a, b, c = path[:-2], path[1:-1], path[2:]
+    sides = [np.linalg.norm(x, axis=1) for x in (b - a, c - b, c - a)]
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    radius = np.prod(sides, axis=0) / np.maximum(4 * area, 1e-12)
+    k = int(radius.argmin())
+    if radius[k] < 0.6 * diameter:
+        at = ", ".join(f"{x:.1f}" for x in b[k])
+        raise FabricationError(
+            f"cord {sensor.name!r} bends to a radius of {radius[k]:.2f} mm near ({at}), too tight"
+            f" for a channel of {diameter:.2f} mm; smooth the path"
+        )
+
+
+def _run(end: Float, out: Float, body: Surface, most: float) -> tuple[float, float]:
+    """From a path's end along `out`: how far to the skin, and how far the tool goes on, up to
+    `most` mm beyond it but only half way to where the body begins again."""
+    found = ray.hits(end, out, body)
+    inlet = float(found[0]) if len(found) else 0.0
+    again = found[found > inlet + 0.1]
+    return inlet, inlet + min(most, (again[0] - inlet) / 2 if len(again) else most)

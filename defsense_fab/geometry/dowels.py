@@ -1,0 +1,162 @@
+"""Pins between parts: where there is room, and so that no part fits where it does not belong.
+
+Every pair of parts that meet gets two sockets of different diameters in each of their faces, with
+loose pins between them. The two differ, so a part turned round does not fit; and no two faces of a
+device have their pins equally far apart, so a part does not fit another's place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float
+from .room import Contact
+from .tools import Frustum, Tool, cylinder
+
+#: Diameters of the two pins of a face and how many diameters they reach into each part: smaller
+#: and shorter ones where there is less room.
+SIZES = (
+    ((5.0, 4.0), 1.25), ((4.0, 3.0), 1.25), ((3.0, 2.0), 1.25),
+    ((3.0, 2.0), 0.7), ((2.2, 1.6), 1.0), ((2.2, 1.6), 0.6),
+)  # fmt: skip
+#: Distances between the pins of two faces differ by at least this, mm.
+APART = 1.0
+_END_GAP = 0.3  # mm, between a pin's end and the bottom of its socket
+_BEVEL = 0.4  # mm, of a pin's ends
+_CANDIDATES = 240
+_SLACK = 5e-3  # mm, of rounding in outlines that were moved inwards
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A pin of `diameter` and `length` mm through the contact (an index) at `center` (3,) mm, its
+    axis along the plane's normal; its sockets have the diameter `socket` and reach `depth` mm into
+    both parts."""
+
+    contact: int
+    center: Float
+    axis: Float
+    diameter: float
+    length: float
+    socket: float
+    depth: float
+
+    @property
+    def shape(self) -> list[Tool]:
+        """The loose pin itself, standing on z = 0: a cylinder with bevelled ends."""
+        up, r = np.array([0.0, 0.0, 1.0]), self.diameter / 2
+        low, high = _BEVEL * up, (self.length - _BEVEL) * up
+        thin = r - _BEVEL
+        return [
+            Frustum(0 * up, low, (thin, r)),
+            cylinder(low, high, self.diameter),
+            Frustum(high, self.length * up, (r, thin)),
+        ]
+
+    def socket_in(self, upper: bool) -> Tool:
+        """The hole in the part above the plane, or below it, a little longer than it is deep."""
+        out = self.axis if upper else -self.axis
+        return cylinder(self.center - 0.5 * out, self.center + self.depth * out, self.socket)
+
+
+def place(contacts: Sequence[Contact], clearance: float, wall: float) -> list[Pin]:
+    """Two pins for each contact where they have room, one or none where not.
+
+    `clearance` (on the diameter) and `wall` in mm. Larger contacts choose first. Pins lie as far
+    apart as they can.
+    """
+    pins: list[Pin] = []
+    taken: list[tuple[float, tuple[float, float]]] = []
+    for k in sorted(range(len(contacts)), key=lambda k: -contacts[k].area):
+        pins += _pair(contacts, k, clearance, wall, taken)
+    return pins
+
+
+def _pair(
+    contacts: Sequence[Contact],
+    k: int,
+    clearance: float,
+    wall: float,
+    taken: list[tuple[float, tuple[float, float]]],
+) -> list[Pin]:
+    contact = contacts[k]
+    single: list[Pin] = []
+    for sizes, reach in SIZES:
+        # A pin wider than a fifth of a small face would be most of it.
+        if sizes[0] > 0.4 * np.sqrt(contact.area) and sizes != SIZES[-1][0]:
+            continue
+        spots = [free_spots(contact, d, reach * d, clearance, wall) for d in sizes]
+        if not len(spots[1]):
+            continue
+        used = [d for d, s in taken if s == sizes]
+        chosen = _farthest(spots[0], spots[1], used, sum(sizes) / 2 + clearance + wall)
+        if chosen is not None:
+            taken.append((float(np.linalg.norm(chosen[0] - chosen[1])), sizes))
+            return [
+                _pin(contact, k, at, d, reach * d, clearance)
+                for at, d in zip(chosen, sizes, strict=True)
+            ]
+        if not single:
+            middle = spots[1].mean(axis=0)
+            at = spots[1][int(np.linalg.norm(spots[1] - middle, axis=1).argmin())]
+            single = [_pin(contact, k, at, sizes[1], reach * sizes[1], clearance)]
+    return single
+
+
+def _pin(
+    contact: Contact, k: int, at: Float, diameter: float, depth: float, clearance: float
+) -> Pin:
+    return Pin(
+        k,
+        contact.world(at[None])[0],
+        contact.plane.normal,
+        diameter,
+        2 * (depth - _END_GAP),
+        diameter + clearance,
+        depth,
+    )
+
+
+def free_spots(
+    contact: Contact, diameter: float, depth: float, clearance: float, wall: float
+) -> Float:
+    """Points (n, 2) of the plane around which sockets `depth` mm deep leave a wall on all sides."""
+    room = (diameter + clearance) / 2 + wall
+    spots = contact.spots(room)
+    if not len(spots):
+        return spots
+    # The ends of the sockets fail first: few spots are left for the rest of their length.
+    for heights in ([0.0], [-depth, depth], np.arange(-depth + 0.6, depth, 0.6).tolist()):
+        for height in heights:
+            spots = spots[contact.distance(contact.world(spots, height)) >= room - _SLACK]
+            if not len(spots):
+                return spots
+    return spots
+
+
+def _farthest(
+    first: Float, second: Float, used: Sequence[float], least: float
+) -> tuple[Float, Float] | None:
+    """The two points, one of each set (n, 2), that lie farthest apart at a distance that differs
+    from those used; None where there are none."""
+    if not len(first):
+        return None
+    a, b = _outer(first), _outer(second)
+    distance = np.linalg.norm(a[:, None] - b[None], axis=2)
+    allowed = distance >= least
+    for known in used:
+        allowed &= np.abs(distance - known) >= APART
+    if not allowed.any():
+        return None
+    i, j = np.unravel_index(np.where(allowed, distance, -1.0).argmax(), distance.shape)
+    return a[i], b[j]
+
+
+def _outer(points: Float) -> Float:
+    """At most `_CANDIDATES` of the points, a fair share of them."""
+    rng = np.random.default_rng(0)
+    few = rng.permutation(len(points))[:_CANDIDATES]
+    return points[np.sort(few)]

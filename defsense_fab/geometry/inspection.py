@@ -1,0 +1,189 @@
+"""What finished parts are measured for before anything is written.
+
+Every check returns its measurement; one that fails raises an error that names the cord or part and
+the place (mm). The numbers come from the parts' facets and from samples of the channels, not from
+the values that the parts were made with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..core.arrays import Float
+from ..core.errors import FabricationError
+from ..core.mesh import Surface
+from . import facets
+from .division import Cut
+from .dowels import Pin
+from .tools import frame
+from .channels import Channel
+
+if TYPE_CHECKING:
+    from .parts import Made, Rules
+
+#: Largest relative difference between the body and its parts plus what was removed.
+CONSERVATION = 1e-3
+#: mm^3 of solid that a cord may touch: rounding of facets.
+_TOUCH = 0.02
+_OPENED = (0.3, 1.0, 3.0, 8.0, 20.0)  # mm between two halves
+#: Walls of a channel may thin out as steeply as this towards a mouth, as the optimiser
+#: keeps it.
+MOUTH_SLOPE = 0.6
+_TOLERANCE = 0.02  # mm
+
+
+@dataclass(frozen=True)
+class Check:
+    """`value` as measured, the `limit` that it keeps (below it for "at most"), and where."""
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    at: str
+
+
+def inspect(made: Made, pieces: Sequence[Any], body: Surface, rules: Rules) -> list[Check]:
+    """All checks of the parts, whose manifold3d solids are `pieces`, of a `body`."""
+    return [
+        _volumes(made),
+        *_walls(made.channels, body, rules),
+        *_sockets(made, body, rules),
+        _insertion(made, pieces, rules.cord),
+    ]
+
+
+def _volumes(made: Made) -> Check:
+    """Conservation of volume."""
+    total = sum(p.volume for p in made.parts) + made.cut_out
+    error = abs(total / made.body_volume - 1)
+    if not error <= CONSERVATION:
+        raise FabricationError(
+            f"parts and what was cut out add up to {total:.1f} mm^3 but the body has"
+            f" {made.body_volume:.1f}; the cut failed: move a cord plane slightly"
+        )
+    return Check("volume lost or gained, of the body", error, CONSERVATION, "", "")
+
+
+def _walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
+    """Walls between channels and the skin, and between channels."""
+    tree = igl.AABB()
+    tree.init(body.vertices, body.faces)
+    radius, out = rules.channel / 2, []
+    for i, channel in enumerate(channels):
+        depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, channel.inside)[0])
+        along = np.linspace(0, channel.length, len(channel.inside))
+        to_mouth = np.minimum(along, along[-1] - along)
+        needed = np.minimum(radius + rules.wall, MOUTH_SLOPE * to_mouth)
+        k = int((depth - needed).argmin())
+        if depth[k] < needed[k] - _TOLERANCE:
+            raise FabricationError(
+                f"cord {channel.name!r} leaves a wall of {depth[k] - radius:.2f} mm to the skin near"
+                f" {place(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards"
+            )
+        whole = np.where(needed >= radius + rules.wall - 1e-9, depth, np.inf)
+        k = int(whole.argmin())
+        if np.isfinite(whole[k]):
+            out.append(
+                Check(
+                    f"wall from cord {channel.name} to the skin", float(whole[k]) - radius,
+                    rules.wall, "mm", place(channel.inside[k]),
+                )  # fmt: skip
+            )
+        for other in channels[i + 1 :]:
+            gap, _ = cKDTree(other.inside).query(channel.inside)
+            k = int(gap.argmin())
+            wall = float(gap[k]) - 2 * radius
+            name = f"wall from cord {channel.name} to cord {other.name}"
+            if wall < rules.wall - 2 * _TOLERANCE:
+                raise FabricationError(
+                    f"cords {channel.name!r} and {other.name!r} leave a wall of {wall:.2f} mm near"
+                    f" {place(channel.inside[k])}; {rules.wall:.2f} mm is needed: move them apart"
+                )
+            out.append(Check(name, wall, rules.wall, "mm", place(channel.inside[k])))
+    return out
+
+
+def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
+    """Walls from sockets to grooves and to the skin, sampled on the sockets' surface."""
+    if not made.pins:
+        return []
+    tree = igl.AABB()
+    tree.init(body.vertices, body.faces)
+    skin, groove = np.inf, np.inf
+    where = ["", ""]
+    lines = [(c.name, cKDTree(c.inside)) for c in made.channels]
+    for pin in made.pins:
+        hull = _shell(pin)
+        depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, hull)[0])
+        if depth.min() < skin:
+            skin, where[0] = float(depth.min()), place(pin.center)
+        for name, line in lines:
+            gap = float(line.query(hull)[0].min()) - rules.channel / 2
+            if gap < groove:
+                groove, where[1] = gap, f"{place(pin.center)}, cord {name}"
+    least = rules.inner_wall
+    out = [
+        Check("wall from socket to skin", skin, least, "mm", where[0]),
+        Check("wall from socket to groove", groove, least, "mm", where[1]),
+    ]
+    for check in out:
+        if check.value < least - 3 * _TOLERANCE:
+            raise FabricationError(
+                f"{check.name}: {check.value:.2f} mm near {check.at}; {least:.2f} mm is needed"
+            )
+    return out
+
+
+def _shell(pin: Pin) -> Float:
+    """Points (n, 3) on both sockets of a pin."""
+    x, y = frame(pin.axis)[:, :2].T
+    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    ring = pin.socket / 2 * (np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * y)
+    heights = np.linspace(-pin.depth, pin.depth, 9)
+    return np.asarray((pin.center + ring[None] + heights[:, None, None] * pin.axis).reshape(-1, 3))
+
+
+def _insertion(made: Made, pieces: Sequence[Any], diameter: float) -> Check:
+    """Whether every cord lies in its groove and can be laid in: closed it touches no part; with
+    the two sides of a cut apart, those of the cut touch neither."""
+    worst = 0.0
+    cords = [c.cord(diameter) for c in made.channels]
+    for channel, cord in zip(made.channels, cords, strict=True):
+        for piece in pieces:
+            worst = max(worst, _touch(cord, piece, f"cord {channel.name!r} in its closed groove"))
+    for cut in made.cuts:
+        low, high = (facets.union([pieces[i] for i in side]) for side in cut.sides)
+        for c in cut.cords:
+            what = f"cord {made.channels[c].name!r} as its groove is closed"
+            for gap in _OPENED:
+                away = gap * cut.plane.normal
+                worst = max(worst, _touch(cords[c], high.translate(away), what))
+                worst = max(worst, _touch(cords[c], low.translate(-away), what))
+    return Check("cord in solid, closed and opened", worst, _TOUCH, "mm3", "")
+
+
+def _touch(cord: Any, piece: Any, what: str) -> float:
+    common = cord ^ piece
+    volume = float(common.volume())
+    if volume > _TOUCH:
+        at = facets.centroid(facets.to_surface(common))
+        raise FabricationError(
+            f"{what} meets {volume:.2f} mm^3 of solid near {place(at)}; move the cord or its plane"
+        )
+    return volume
+
+
+def cut_name(cut: Cut, channels: Sequence[Channel]) -> str:
+    """The cords that a cut is for."""
+    return " and ".join(repr(channels[c].name) for c in cut.cords)
+
+
+def place(p: Float) -> str:
+    return "(" + ", ".join(f"{x:.1f}" for x in p) + ")"

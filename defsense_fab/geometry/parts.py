@@ -1,0 +1,195 @@
+"""From a body and its cords to printable parts: grooved, pinned, numbered and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.device import Sensor
+from ..core.errors import FabricationError
+from ..core.mesh import Surface
+from . import dowels, facets, inspection, labels
+from .channels import Channel, channels_of
+from .division import Cut, Division, divide
+from .ends import Pockets
+from .inspection import Check
+from .labels import Label
+from .names import names as names_of
+from .room import Contact, contacts
+from .tools import Tool
+
+#: Parts smaller than this part of the body are warned of: hard to print and to handle.
+SMALL = 0.01
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What the cord and the printing process ask for, mm: diameters of the `cord` and its
+    `channel`, `clearance` of pins on the diameter, least `wall` to the skin; whether to `limit` cuts to what their cords
+    need; the `pockets` at cords' ends, or None."""
+
+    cord: float
+    channel: float
+    clearance: float
+    wall: float
+    limit: bool = False
+    pockets: Pockets | None = None
+
+    @property
+    def inner_wall(self) -> float:
+        """Least wall between two hollows in one part, which the glue closes later, mm."""
+        return 2 * self.wall / 3
+
+
+@dataclass(frozen=True)
+class Part:
+    """One printable piece in the rest frame: `surface` is what its STL holds, `volume` (mm^3) and
+    `center` (3,) mm are those facets'; `solid` is its TopoDS_Solid where the body is CAD."""
+
+    name: str
+    surface: Surface
+    volume: float
+    center: Float
+    solid: Any = None
+
+
+@dataclass(frozen=True)
+class Made:
+    """The parts, in the order of their numbers, and how they are held together. Cuts come in the
+    order in which the body was divided: it is closed in the opposite one. `cut_out` is the volume
+    of all that was removed, mm^3."""
+
+    parts: tuple[Part, ...]
+    cuts: tuple[Cut, ...]
+    contacts: tuple[Contact, ...]
+    pins: tuple[dowels.Pin, ...]
+    labels: tuple[Label, ...]
+    channels: tuple[Channel, ...]
+    checks: tuple[Check, ...]
+    warnings: tuple[str, ...]
+    cut_out: float
+    body_volume: float
+
+
+def make_parts(
+    surface: Surface,
+    sensors: Sequence[Sensor],
+    rules: Rules,
+    report: Callable[[float, str], None] = lambda *_: None,
+    solid: Any = None,
+) -> Made:
+    """Divide the body along its cords' planes into parts that can be printed and put together.
+
+    The facets are cut by manifold3d; with `solid` (the body's TopoDS_Solid) OpenCascade makes the
+    same parts, and both must agree. Raises FabricationError where a part cannot be made or fails
+    a check, with the cord or part and the place.
+    """
+    report(0.05, "cutting facets")
+    body = facets.to_manifold(surface, "the body")
+    channels = channels_of(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
+    division, names = _named(
+        divide(body, channels, rules.channel / 2, rules.inner_wall, rules.limit), surface
+    )
+    for cut in division.cuts:
+        if not all(cut.sides):
+            raise FabricationError(
+                f"the plane of {inspection.cut_name(cut, channels)} leaves no part on one of its"
+                " sides; move it into the body"
+            )
+    report(0.25, "pins and numbers")
+    hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
+    meeting = contacts(division, hollows)
+    pins = dowels.place(meeting, rules.clearance, rules.inner_wall)
+    marks = labels.engrave(meeting, pins, len(names), rules.inner_wall)
+    own = _own_tools(len(names), meeting, pins, marks)
+    pieces = [facets.without(p, tools) for p, tools in zip(division.parts, own, strict=True)]
+    removed = division.removed + sum(
+        float((p ^ facets.union([facets.solid_of(t) for t in tools])).volume())
+        for p, tools in zip(division.parts, own, strict=True)
+        if tools
+    )
+    parts = [_part(n, p) for n, p in zip(names, pieces, strict=True)]
+    report(0.4, "checking")
+    made = Made(
+        tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(channels),
+        (), (), removed, float(body.volume()),
+    )  # fmt: skip
+    made = replace(
+        made,
+        checks=tuple(inspection.inspect(made, pieces, surface, rules)),
+        warnings=tuple(_warnings(made, division)),
+    )
+    if solid is None:
+        return made
+    report(0.6, "cutting the solid")
+    from .solids import solid_parts
+
+    try:
+        parts = solid_parts(solid, made, division, own, rules.channel)
+    except FabricationError as error:  # the STL do not need it
+        return replace(made, warnings=(*made.warnings, f"no STEP parts: {error}"))
+    return replace(made, parts=tuple(parts))
+
+
+def _named(division: Division, surface: Surface) -> tuple[Division, list[str]]:
+    """The parts in the order of their numbers, with their names."""
+    centers = [facets.centroid(facets.to_surface(p)) for p in division.parts]
+    names = names_of(centers, surface.bounds)
+    order = sorted(range(len(names)), key=lambda i: int(names[i].split("-")[0]))
+    index = np.argsort(order).tolist()
+    cuts = tuple(
+        replace(c, sides=tuple(tuple(sorted(index[i] for i in side)) for side in c.sides))
+        for c in division.cuts
+    )
+    parts, leaves = (tuple(of[i] for i in order) for of in (division.parts, division.leaves))
+    return replace(division, parts=parts, leaves=leaves, cuts=cuts), [names[i] for i in order]
+
+
+def _part(name: str, piece: Any) -> Part:
+    surface = facets.printable(piece, name)
+    return Part(name, surface, float(piece.volume()), facets.centroid(surface))
+
+
+def _own_tools(
+    count: int, meeting: Sequence[Contact], pins: Sequence[dowels.Pin], marks: Sequence[Label]
+) -> list[list[Tool]]:
+    """What is cut out of each part alone: sockets and its number."""
+    own: list[list[Tool]] = [[] for _ in range(count)]
+    for pin in pins:
+        contact = meeting[pin.contact]
+        own[contact.lower].append(pin.socket_in(upper=False))
+        own[contact.upper].append(pin.socket_in(upper=True))
+    for mark in marks:
+        own[mark.part] += mark.tools
+    return own
+
+
+def _warnings(made: Made, division: Division) -> list[str]:
+    """What a maker should know of the parts."""
+    out = []
+    for g in division.grazes:
+        cut = inspection.cut_name(made.cuts[g.cut], made.channels)
+        what = "opens into" if g.wall <= 0 else f"leaves {g.wall:.1f} mm of wall to"
+        out.append(
+            f"the channel of cord {made.channels[g.line].name} {what} the joint of {cut} over"
+            f" {g.length:.0f} mm near {inspection.place(g.at)}: keep glue away from it there"
+        )
+    marked = {m.part for m in made.labels}
+    for i, part in enumerate(made.parts):
+        if part.volume < SMALL * made.body_volume:
+            out.append(f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
+        if len(made.parts) > 1 and i not in marked:
+            out.append(f"{part.name} has no room for its number; write it on")
+    for k, cut in enumerate(made.cuts):
+        held = [p for p in made.pins if made.contacts[p.contact].cut == k]
+        if len(held) < 2:
+            a, b = (" + ".join(made.parts[i].name for i in side) for side in cut.sides)
+            out.append(
+                f"{a} and {b} have room for {len(held)} pins only: hold them by their outline as"
+                " the glue sets"
+            )
+    return out

@@ -1,0 +1,127 @@
+"""What to cut and to buy: cords with slack and expected resistance, and the bill of materials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.device import Device
+from ..geometry.parts import Made
+
+#: Longer by this much than needed, mm: cords are trimmed when they lie in their grooves.
+SLACK = 5.0
+#: Preferred values of a decade (IEC 60063, E24).
+E24 = (
+    1.0, 1.1, 1.2, 1.3, 1.5, 1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 3.0,
+    3.3, 3.6, 3.9, 4.3, 4.7, 5.1, 5.6, 6.2, 6.8, 7.5, 8.2, 9.1,
+)  # fmt: skip
+
+
+def cut_list(device: Device, made: Made, signals: Float) -> list[dict[str, Any]]:
+    """One row a cord; `signals` (n, c) are (R - R0)/R0 in the states that it is to sense.
+
+    A cord ends in the middle of the ferrule that joins it to a wire: in a pocket of the body, or
+    outside, behind a free end of `[fabrication] lead` mm. Its resistance counts between the
+    ferrules.
+    """
+    ferrule, lead = device.cord.ferrule_length, device.fabrication.lead
+    out = []
+    for k, channel in enumerate(made.channels):
+        pocketed = [e.pocket > 0 for e in channel.ends]
+        sensing = channel.length + sum(-e.pocket if e.pocket else lead for e in channel.ends)
+        cut = sensing + ferrule + SLACK
+        rest = sensing * device.cord.ohm_per_mm
+        low, high = float(signals[:, k].min()), float(signals[:, k].max())
+        out.append(
+            {
+                "sensor": channel.name,
+                "cut_length": cut,
+                "slack": SLACK,
+                "channel_length": channel.length,
+                "between_ferrules": sensing,
+                "ends": [
+                    {
+                        "joint": "pocket" if inside else "free",
+                        "at": e.mouth.tolist(),
+                        "lead": 0.0 if inside else lead,
+                        **({"why": e.reason} if e.reason else {}),
+                    }
+                    for e, inside in zip(channel.ends, pocketed, strict=True)
+                ],
+                "channel_diameter": device.channel_diameter,
+                "resistance": rest,
+                "range": [rest * (1 + low), rest * (1 + high)],
+                "reference_resistor": reference(rest * (1 + low), rest * (1 + high)),
+            }
+        )
+    return out
+
+
+def reference(low: float, high: float) -> float:
+    """The E24 resistor (ohm) next to the geometric mean of a range of resistances.
+
+    In a divider that gives the largest swing of voltage over the range: its derivative by the
+    reference vanishes where that is sqrt(low * high).
+    """
+    wanted = float(np.sqrt(low * high))
+    decade = 10.0 ** np.floor(np.log10(wanted))
+    values = np.array([v * d for d in (decade / 10, decade, decade * 10) for v in E24])
+    return float(values[np.abs(np.log(values / wanted)).argmin()])
+
+
+def bill(
+    device: Device, made: Made, cords: Sequence[Mapping[str, Any]], pins: Mapping[str, int]
+) -> list[dict[str, Any]]:
+    """Bill of materials: what, how much, and what for."""
+    solid = sum(p.volume for p in made.parts) / 1000
+    rows: list[dict[str, Any]] = [
+        {
+            "item": f"{device.material.name}, printed",
+            "amount": f"{solid:.0f} cm3",
+            "use": f"{len(made.parts)} parts, about {solid * device.material.density:.0f} g if"
+            " printed solid, as the prediction assumes",
+        },
+        {
+            "item": f"cord {device.cord.name}, {device.cord.diameter:g} mm",
+            "amount": f"{sum(c['cut_length'] for c in cords):.0f} mm",
+            "use": f"{len(cords)} pieces, see the cut list",
+        },
+        {
+            "item": f"ferrule, {device.cord.ferrule_diameter:g} mm outside,"
+            f" {device.cord.ferrule_length:g} mm long",
+            "amount": str(2 * len(cords)),
+            "use": "crimped onto cord and wire at both ends of every cord",
+        },
+        {
+            "item": "stranded wire, 0.14 mm2",
+            "amount": f"{2 * len(cords)} pieces",
+            "use": "from the ferrules to the read-out",
+        },
+    ]
+    rows += [
+        {"item": f"{name}, printed", "amount": str(count), "use": "loose pins between parts"}
+        for name, count in pins.items()
+    ]
+    for value in sorted({c["reference_resistor"] for c in cords}):
+        count = sum(c["reference_resistor"] == value for c in cords)
+        rows.append(
+            {
+                "item": f"resistor {value:g} ohm, 1 %",
+                "amount": str(count),
+                "use": "reference of the voltage divider of "
+                + ", ".join(c["sensor"] for c in cords if c["reference_resistor"] == value),
+            }
+        )
+    if len(made.parts) > 1:
+        area = sum(c.area for c in made.contacts) / 100
+        rows.append(
+            {
+                "item": "flexible glue",
+                "amount": f"{area:.0f} cm2 of faces",
+                "use": f"one that stays as soft as {device.material.name}",
+            }
+        )
+    return rows
