@@ -435,12 +435,12 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             console.print(f"note: {warning}", highlight=False)
     where = f"{folder}/report.html" if options.until == "report" else folder
     following = {
-        "build": f"slice {folder}/parts/*.stl, or change device.toml and build again",
+        "build": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
         "mesh": f"defsense simulate {options.folder}",
         "simulate": f"defsense optimize {options.folder}",
         "optimize": f"defsense fabricate {options.folder}",
         "fabricate": f"defsense report {options.folder}",
-        "report": f"slice {folder}/parts/*.stl",
+        "report": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
     }[options.command]
     console.print(f"Look at: {where}\nNext:    {following}", highlight=False, soft_wrap=True)
 

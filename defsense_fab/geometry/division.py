@@ -101,9 +101,7 @@ def plan(
     """
     own = coincident([c.sensor.plane for c in channels])
     planes = [channels[same[0]].sensor.plane for same in own]
-    threads = [
-        facets.tube(c.line, c.sensor.plane.normal, _THREAD, sides=8) for c in channels
-    ]
+    threads = [facets.tube(c.line, c.sensor.plane.normal, _THREAD, sides=8) for c in channels]
     count = len(planes)
     orders = list(itertools.permutations(range(count))) if count <= _ALL_ORDERS else [range(count)]
     margin = 2 * radius + 2 * wall + _PIN
@@ -118,8 +116,8 @@ def plan(
                 continue
             cost += sum(g.length for g in made.grazes(lines, radius, wall)) / _WORTH
             tried.append((cost, -made.smallest, m, order))
-    _, _, best, order = min(tried, key=lambda t: t[:2])
-    return _cut(body, planes, threads, own, order, best)
+    _, _, best, chosen = min(tried, key=lambda t: t[:2])
+    return _cut(body, planes, threads, own, chosen, best)
 
 
 def divide(
@@ -238,10 +236,9 @@ def _options(piece: Any, plane: Plane, line: Any, margin: float | None) -> Itera
         if rest is None or rest.is_empty() or not _comes_out(facets.union(taken), rest, out):
             continue
         found = True
-        pair = (taken, rest.decompose()) if s == 0 else (rest.decompose(), taken)
-        size = sum(float(t.volume()) for t in taken)
-        region = prism[s] if prism else None
-        yield _Halves(*pair, rank=1.0 + size / float(piece.volume()), taken=tuple(taken), by=region)
+        lower, upper = (taken, rest.decompose()) if s == 0 else (rest.decompose(), taken)
+        share = sum(float(t.volume()) for t in taken) / float(piece.volume())
+        yield _Halves(lower, upper, 1.0 + share, tuple(taken), prism[s] if prism else None)
     if margin is not None and not found:
         yield _Halves(*sides, rank=0.0)
 

@@ -25,9 +25,7 @@ def write_stl(surface: Surface, path: Path) -> None:
     path.write_bytes(head + np.uint32(len(corners)).tobytes() + record.tobytes())
 
 
-def write_3mf(
-    parts: Mapping[str, Surface], path: Path, title: str, together: bool = True
-) -> None:
+def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bool = True) -> None:
     """Named parts in mm: one assembly (3MF core specification: object with components), or each
     an item of its own that a slicer can move."""
     import lib3mf

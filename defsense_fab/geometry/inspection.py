@@ -19,10 +19,10 @@ from ..core.arrays import Float
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import facets
+from .channels import Channel
 from .division import Cut
 from .dowels import Pin
 from .tools import frame
-from .channels import Channel
 
 if TYPE_CHECKING:
     from .parts import Made, Rules
@@ -84,17 +84,20 @@ def _walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Che
         k = int((depth - needed).argmin())
         if depth[k] < needed[k] - _TOLERANCE:
             raise FabricationError(
-                f"cord {channel.name!r} leaves a wall of {depth[k] - radius:.2f} mm to the skin near"
-                f" {place(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards"
+                f"cord {channel.name!r} leaves a wall of {depth[k] - radius:.2f} mm to the skin"
+                f" near {place(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards"
             )
         whole = np.where(needed >= radius + rules.wall - 1e-9, depth, np.inf)
         k = int(whole.argmin())
         if np.isfinite(whole[k]):
             out.append(
                 Check(
-                    f"wall from cord {channel.name} to the skin", float(whole[k]) - radius,
-                    rules.wall, "mm", place(channel.inside[k]),
-                )  # fmt: skip
+                    f"wall from cord {channel.name} to the skin",
+                    float(whole[k]) - radius,
+                    rules.wall,
+                    "mm",
+                    place(channel.inside[k]),
+                )
             )
         for other in channels[i + 1 :]:
             gap, _ = cKDTree(other.inside).query(channel.inside)

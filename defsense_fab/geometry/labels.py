@@ -69,7 +69,7 @@ def _best(
     if not len(spots):
         return []
     points = (spots[:, None] + box).reshape(-1, 2)
-    enclosed = inside(points, contact.polygons).reshape(len(spots), -1).all(axis=1)
+    enclosed = np.all(inside(points, contact.polygons).reshape(len(spots), -1), axis=1)
     world = contact.world(points)
     spare = contact.distance(world)
     for pin in pins:
@@ -77,14 +77,12 @@ def _best(
             spare = np.minimum(spare, np.linalg.norm(world - pin.center, axis=1) - pin.socket / 2)
     spare = np.minimum(spare.reshape(len(spots), -1).min(axis=1), 3 * wall) - wall
     near = np.linalg.norm(spots - spots.mean(axis=0), axis=1)
-    rank = np.where(enclosed, spare - 1e-3 * near, -np.inf)
+    rank = np.where(enclosed & (spare >= 0), spare - 1e-3 * near, -np.inf)
     best = int(rank.argmax())
-    return [(float(rank[best]), spots[best])] if enclosed[best] and spare[best] >= 0 else []
+    return [(float(rank[best]), spots[best])] if np.isfinite(rank[best]) else []
 
 
-def _label(
-    contact: Contact, k: int, part: int, at: Float, turned: bool, text: Number
-) -> Label:
+def _label(contact: Contact, k: int, part: int, at: Float, turned: bool, text: Number) -> Label:
     axes = contact.plane.axes
     if turned:
         axes = np.stack([axes[:, 1], -axes[:, 0], axes[:, 2]], axis=1)

@@ -196,7 +196,9 @@ def carve_and_split(
         return [s for p in pieces for s in _solids(p.cut(*channels))]
 
     for channels_first in (True, False):  # now and then one order fails where the other works
-        made = _divided(carved([body]), knives) if channels_first else carved(_divided([body], knives))
+        made = (
+            _divided(carved([body]), knives) if channels_first else carved(_divided([body], knives))
+        )
         if len(made) == count and abs(sum(p.volume for p in made) / expected - 1) < 1e-4:
             return [p.wrapped for p in made]
     raise FabricationError("OpenCascade could not divide the solid; move a cord plane slightly")

@@ -12,7 +12,7 @@ from ..core.arrays import Float
 from ..core.device import Sensor
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
-from . import dowels, facets, inspection, labels
+from . import dowels, facets, inspection, labels, seats
 from .channels import Channel, channels_of
 from .division import Cut, Division, divide
 from .ends import Pockets
@@ -29,8 +29,9 @@ SMALL = 0.01
 @dataclass(frozen=True)
 class Rules:
     """What the cord and the printing process ask for, mm: diameters of the `cord` and its
-    `channel`, `clearance` of pins on the diameter, least `wall` to the skin; whether to `limit` cuts to what their cords
-    need; the `pockets` at cords' ends, or None."""
+    `channel`, `clearance` of pins on the diameter, least `wall` to the skin;
+    whether to `limit` cuts to what their cords need; the `pockets` at cords' ends, or None;
+    how many `seats` for square tags of `tag` mm the skin gets."""
 
     cord: float
     channel: float
@@ -38,6 +39,8 @@ class Rules:
     wall: float
     limit: bool = False
     pockets: Pockets | None = None
+    seats: int = 0
+    tag: float = 10.0
 
     @property
     def inner_wall(self) -> float:
@@ -68,6 +71,7 @@ class Made:
     contacts: tuple[Contact, ...]
     pins: tuple[dowels.Pin, ...]
     labels: tuple[Label, ...]
+    seats: tuple[seats.Seat, ...]
     channels: tuple[Channel, ...]
     checks: tuple[Check, ...]
     warnings: tuple[str, ...]
@@ -91,6 +95,13 @@ def make_parts(
     report(0.05, "cutting facets")
     body = facets.to_manifold(surface, "the body")
     channels = channels_of(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
+    body_volume = float(body.volume())
+    hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
+    flats = seats.place(surface, rules.seats, rules.tag, hollows, rules.wall)
+    flattening = [t for s in flats for t in s.tools]
+    if flattening:
+        body = facets.without(body, flattening)
+        surface = facets.to_surface(body)
     division, names = _named(
         divide(body, channels, rules.channel / 2, rules.inner_wall, rules.limit), surface
     )
@@ -101,13 +112,13 @@ def make_parts(
                 " sides; move it into the body"
             )
     report(0.25, "pins and numbers")
-    hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
     meeting = contacts(division, hollows)
     pins = dowels.place(meeting, rules.clearance, rules.inner_wall)
     marks = labels.engrave(meeting, pins, len(names), rules.inner_wall)
     own = _own_tools(len(names), meeting, pins, marks)
     pieces = [facets.without(p, tools) for p, tools in zip(division.parts, own, strict=True)]
-    removed = division.removed + sum(
+    removed = body_volume - float(body.volume()) + division.removed
+    removed += sum(
         float((p ^ facets.union([facets.solid_of(t) for t in tools])).volume())
         for p, tools in zip(division.parts, own, strict=True)
         if tools
@@ -115,13 +126,13 @@ def make_parts(
     parts = [_part(n, p) for n, p in zip(names, pieces, strict=True)]
     report(0.4, "checking")
     made = Made(
-        tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(channels),
-        (), (), removed, float(body.volume()),
+        tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(flats),
+        tuple(channels), (), (), removed, body_volume,
     )  # fmt: skip
     made = replace(
         made,
         checks=tuple(inspection.inspect(made, pieces, surface, rules)),
-        warnings=tuple(_warnings(made, division)),
+        warnings=tuple(_warnings(made, division, rules)),
     )
     if solid is None:
         return made
@@ -129,6 +140,9 @@ def make_parts(
     from .solids import solid_parts
 
     try:
+        from . import occ
+
+        solid = occ.without(solid, flattening)
         parts = solid_parts(solid, made, division, own, rules.channel)
     except FabricationError as error:  # the STL do not need it
         return replace(made, warnings=(*made.warnings, f"no STEP parts: {error}"))
@@ -141,10 +155,11 @@ def _named(division: Division, surface: Surface) -> tuple[Division, list[str]]:
     names = names_of(centers, surface.bounds)
     order = sorted(range(len(names)), key=lambda i: int(names[i].split("-")[0]))
     index = np.argsort(order).tolist()
-    cuts = tuple(
-        replace(c, sides=tuple(tuple(sorted(index[i] for i in side)) for side in c.sides))
-        for c in division.cuts
-    )
+
+    def moved(side: tuple[int, ...]) -> tuple[int, ...]:
+        return tuple(sorted(index[i] for i in side))
+
+    cuts = tuple(replace(c, sides=(moved(c.sides[0]), moved(c.sides[1]))) for c in division.cuts)
     parts, leaves = (tuple(of[i] for i in order) for of in (division.parts, division.leaves))
     return replace(division, parts=parts, leaves=leaves, cuts=cuts), [names[i] for i in order]
 
@@ -168,14 +183,19 @@ def _own_tools(
     return own
 
 
-def _warnings(made: Made, division: Division) -> list[str]:
+def _warnings(made: Made, division: Division, rules: Rules) -> list[str]:
     """What a maker should know of the parts."""
     out = []
+    if len(made.seats) < rules.seats:
+        out.append(
+            f"there is room for {len(made.seats)} of {rules.seats} marker seats of"
+            f" {rules.tag:g} mm: the rest of the skin is curved, near an edge or thin above a cord"
+        )
     for g in division.grazes:
-        cut = inspection.cut_name(made.cuts[g.cut], made.channels)
+        joint = inspection.cut_name(made.cuts[g.cut], made.channels)
         what = "opens into" if g.wall <= 0 else f"leaves {g.wall:.1f} mm of wall to"
         out.append(
-            f"the channel of cord {made.channels[g.line].name} {what} the joint of {cut} over"
+            f"the channel of cord {made.channels[g.line].name} {what} the joint of {joint} over"
             f" {g.length:.0f} mm near {inspection.place(g.at)}: keep glue away from it there"
         )
     marked = {m.part for m in made.labels}

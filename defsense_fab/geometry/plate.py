@@ -80,9 +80,7 @@ def arrange(
     return out
 
 
-def _fitting(
-    name: str, surface: Surface, bed: tuple[float, float, float], printer: str
-) -> Surface:
+def _fitting(name: str, surface: Surface, bed: tuple[float, float, float], printer: str) -> Surface:
     """The surface as it is, or turned about the vertical until the bed holds it."""
     for angle in np.radians([0, 90, *range(3, 90, 3)]):
         xy = surface.vertices[:, :2] @ _turn(angle)

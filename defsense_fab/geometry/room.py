@@ -117,7 +117,7 @@ def _walls(surfaces: Sequence[Surface], plane: Plane) -> Surface:
 
 def _centred(low: float, high: float, step: float) -> Float:
     count = max(1, int((high - low) / step))
-    return (low + high) / 2 + step * (np.arange(count) - (count - 1) / 2)
+    return np.asarray((low + high) / 2 + step * (np.arange(count) - (count - 1) / 2))
 
 
 def _along(polygon: Float, step: float) -> Float:

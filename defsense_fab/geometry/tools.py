@@ -69,7 +69,7 @@ class Number:
         low = np.array([-wide / 2 + w / 2, -high / 2 + 2 * w + w / 2])
         lines = [((-wide / 2 + w / 2, -high / 2 + w / 2), (wide / 2 - w / 2, -high / 2 + w / 2))]
         for n, digit in enumerate(self.digits):
-            corner = low + [n * (cell + 2 * w), 0]
+            corner = low + np.array([n * (cell + 2 * w), 0])
             for stroke in _STROKES[digit]:
                 a, b = (corner + cell * np.array(end) for end in _ENDS[stroke])
                 lines.append((tuple(a), tuple(b)))
@@ -86,7 +86,9 @@ def _bar(a: Float, b: Float, width: float) -> Float:
     """The rectangle (4, 2) around a segment, half a width longer at both ends."""
     along = (b - a) / np.linalg.norm(b - a) * width / 2
     across = np.array([-along[1], along[0]])
-    return np.array([a - along - across, b + along - across, b + along + across, a - along + across])
+    return np.array(
+        [a - along - across, b + along - across, b + along + across, a - along + across]
+    )
 
 
 def frame(normal: Float) -> Float:

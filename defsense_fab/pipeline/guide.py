@@ -97,9 +97,10 @@ def _content(
         warnings=tuple(manifest["warnings"]),
         exploded=exploded,
         tables=(_parts(manifest), _cuts(manifest), _bill(manifest)),
-        steps=tuple(
-            [*_preparation(device, manifest), *_joints(device, folder, manifest, parts)]
-            + [_wiring(manifest)]
+        steps=(
+            *_preparation(device, manifest),
+            *_joints(device, folder, manifest, parts),
+            _wiring(manifest),
         ),
         checks=_checks(manifest),
     )

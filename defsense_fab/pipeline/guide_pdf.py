@@ -69,12 +69,14 @@ def _table(table: TableOf, style: Any) -> list[Any]:
     rows = [[Paragraph(f"<b>{escape(h)}</b>", small) for h in table.header]]
     rows += [[Paragraph(escape(cell), small) for cell in row] for row in table.rows]
     longest = [
-        max(len(c) for c in column) ** 0.7
-        for column in zip(table.header, *table.rows, strict=True)
+        max(len(c) for c in column) ** 0.7 for column in zip(table.header, *table.rows, strict=True)
     ]
     widths = [_WIDTH * n / sum(longest) for n in longest]
     made = Table(rows, colWidths=widths, repeatRows=1)
     made.setStyle(
-        [("LINEBELOW", (0, 0), (-1, -1), 0.4, colors.lightgrey), ("VALIGN", (0, 0), (-1, -1), "TOP")]
+        [
+            ("LINEBELOW", (0, 0), (-1, -1), 0.4, colors.lightgrey),
+            ("VALIGN", (0, 0), (-1, -1), "TOP"),
+        ]
     )
     return [Paragraph(escape(table.title), style["Heading2"]), made]

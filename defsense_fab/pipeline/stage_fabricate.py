@@ -24,6 +24,9 @@ from .stage_body import is_cad, load_surface
 from .stage_optimize import limits, load_sensors
 from .stages import Report, read_json
 
+#: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
+LYING = "print"
+
 
 def rules(device: Device) -> Rules:
     """What the device's cord and process ask of its parts."""
@@ -36,6 +39,8 @@ def rules(device: Device) -> Rules:
         f.wall,
         f.limit_cuts,
         Pockets(pocket, device.cord.ferrule_length) if f.pockets else None,
+        f.marker_seats,
+        f.marker_size,
     )
 
 
@@ -71,10 +76,12 @@ def write(device: Device, made: Made, folder: Path, layout: Sequence[Mapping[str
     placed = arrange({**flat, **loose}, device.fabrication.bed, device.fabrication.process)
     out = folder / "parts"
     out.mkdir()
+    (out / LYING).mkdir()
     for part in made.parts:
         write_stl(part.surface, out / f"{part.name}.stl")
+        write_stl(flat[part.name], out / LYING / f"{part.name}.stl")
     for name, (surface, _, _) in pins.items():
-        write_stl(surface, out / f"{name}.stl")
+        write_stl(surface, out / LYING / f"{name}.stl")
     solids = {p.name: p.solid for p in made.parts if p.solid is not None}
     if solids:
         from ..geometry import occ
@@ -150,13 +157,23 @@ def _manifest(
         "unit": "mm",
         "parts": [_part(made, i) for i in range(len(made.parts))],
         "pins": [
-            {"name": n, "stl": f"{n}.stl", "count": count, **sizes}
+            {"name": n, "stl": f"{LYING}/{n}.stl", "count": count, **sizes}
             for n, (_, count, sizes) in pins.items()
         ],
         "plates": plates,
         "cords": cords,
         "bill": bill(device, made, cords, {n: count for n, (_, count, _) in pins.items()}),
         "assembly": _assembly(made),
+        "marker_seats": [
+            {
+                "marker": s.number,
+                "center": s.center.tolist(),
+                "x_axis": s.axes[:, 0].tolist(),
+                "normal": s.axes[:, 2].tolist(),
+                "tag": device.fabrication.marker_size,
+            }
+            for s in made.seats
+        ],
         "checks": [vars(c) for c in made.checks],
         "removed_volume": made.cut_out,
         "body_volume": made.body_volume,
@@ -170,6 +187,7 @@ def _part(made: Made, i: int) -> dict[str, Any]:
         "name": part.name,
         "number": i + 1,
         "stl": f"{part.name}.stl",
+        "print": f"{LYING}/{part.name}.stl",
         "step": None,
         "volume": part.volume,
         "bbox": part.surface.bounds.tolist(),

@@ -1,0 +1,130 @@
+"""Flats on the skin for camera tags, with the tag's number engraved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..core.arrays import Float
+from ..core.mesh import Surface
+from .tools import Number, Prism, Tool, frame
+
+#: A seat lies at least this far below the skin around it, and at most that far, mm.
+SHALLOW, DEEP = 0.3, 1.6
+_PLAY = 0.4  # mm, that a seat is wider than its tag
+_STROKE, _ENGRAVED = 0.8, 0.4  # mm
+_APART = 2.0  # mm, between two seats
+_LEAN = np.cos(np.radians(40))  # of the skin's normals within a seat
+_SAMPLES = 3000
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A square flat for tag `number`, `size` mm wide: its middle (3,) mm and `axes` (3, 3): the
+    tag's x and y, and the normal out of the body."""
+
+    number: int
+    center: Float
+    axes: Float
+    size: float
+
+    @property
+    def tools(self) -> list[Tool]:
+        """What is cut out of the body."""
+        half = self.size / 2
+        square = half * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+        text = Number(str(self.number), 0.5 * self.size, _STROKE)
+        flat: Tool = Prism(self.center, self.axes, square, 2 * DEEP)
+        return [flat, *text.engraved(self.center, self.axes, _ENGRAVED)]
+
+
+def place(
+    body: Surface, count: int, tag: float, hollows: Sequence[tuple[Float, float]], wall: float
+) -> list[Seat]:
+    """Up to `count` seats for square tags of `tag` mm, spread over the skin where it is nearly
+    flat, at least `wall` mm of material between them and the `hollows`: points (n, 3) mm and the
+    radius of what is hollow there."""
+    size = tag + _PLAY
+    points, normals = _skin(body)
+    tree = cKDTree(points)
+    round_ = size / np.sqrt(2)
+    rng = np.random.default_rng(0)
+    found: list[tuple[Float, Float]] = []
+    for k in rng.permutation(len(points)):
+        near = tree.query_ball_point(points[k], 1.6 * round_)
+        normal = normals[near].mean(axis=0)
+        normal /= np.linalg.norm(normal)
+        offset = points[near] - points[k]
+        height = offset @ normal
+        aside = np.linalg.norm(offset - height[:, None] * normal, axis=1)
+        under = aside < round_
+        if (normals[near][under] @ normal).min() < _LEAN or not _covered(offset[under], normal):
+            continue
+        low, high = float(height[under].min()) - SHALLOW, float(height[under].max())
+        if high - low > DEEP:
+            continue
+        center = points[k] + low * normal
+        if all(_gap(p, center, normal, round_) - r >= wall + _ENGRAVED for p, r in hollows):
+            found.append((center, normal))
+    return [
+        Seat(n + 1, center, _upright(normal), size)
+        for n, (center, normal) in enumerate(_spread(found, count, 2 * round_ + _APART))
+    ]
+
+
+def _skin(body: Surface) -> tuple[Float, Float]:
+    """Points (n, 3) mm spread over the skin and its normals there (n, 3)."""
+    points = body.scatter(_SAMPLES, np.random.default_rng(1))
+    _, face, _ = igl.point_mesh_squared_distance(points, body.vertices, body.faces)
+    a, b, c = (body.vertices[body.faces[np.asarray(face)][:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    return points, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
+def _covered(offset: Float, normal: Float) -> bool:
+    """Whether points lie on all sides: not at the rim of a flat face."""
+    x, y = frame(normal)[:, :2].T
+    reach = np.linalg.norm(offset, axis=1).max()
+    outer = offset[np.linalg.norm(offset, axis=1) > 0.6 * reach]
+    angle = np.sort(np.arctan2(outer @ y, outer @ x))
+    if len(angle) < 4:
+        return False
+    gaps = np.diff(np.concatenate([angle, angle[:1] + 2 * np.pi]))
+    return bool(gaps.max() < np.radians(75))
+
+
+def _gap(points: Float, center: Float, normal: Float, radius: float) -> float:
+    """Least distance, mm, of points (n, 3) from a disc."""
+    offset = points - center
+    height = offset @ normal
+    aside = np.linalg.norm(offset - height[:, None] * normal, axis=1)
+    return float(np.hypot(height, np.maximum(aside - radius, 0.0)).min())
+
+
+def _upright(normal: Float) -> Float:
+    """Axes (3, 3) of a tag: y as far up as the normal allows, z the normal."""
+    up = np.array([0, 0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0, 1.0, 0])
+    x = np.cross(up, normal)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(normal, x), normal], axis=1)
+
+
+def _spread(
+    found: Sequence[tuple[Float, Float]], count: int, apart: float
+) -> list[tuple[Float, Float]]:
+    """Farthest-point sampling of at most `count`, no two nearer than `apart` mm."""
+    if not found:
+        return []
+    points = np.array([c for c, _ in found])
+    chosen = [int(np.linalg.norm(points - points.mean(0), axis=1).argmax())]
+    while len(chosen) < min(count, len(found)):
+        gap = np.linalg.norm(points[:, None] - points[chosen][None], axis=2).min(axis=1)
+        best = int(gap.argmax())
+        if gap[best] < apart:
+            break
+        chosen.append(best)
+    return [found[i] for i in chosen]
