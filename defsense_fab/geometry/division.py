@@ -129,7 +129,7 @@ def divide(
     """
     planned = plan(body, channels, radius, wall, limit)
     hollow = facets.union([c.solid for c in channels])
-    parts = [_whole(leaf - hollow) for leaf in planned.leaves]
+    parts = [_whole(leaf - hollow, channels) for leaf in planned.leaves]
     cuts = tuple(
         Cut(
             c.plane,
@@ -146,15 +146,16 @@ def divide(
     return Division(tuple(parts), tuple(planned.leaves), cuts, removed, tuple(found))
 
 
-def _whole(leaf: Any) -> Any:
-    """A leaf without its channels; refused where they cut it in two."""
+def _whole(leaf: Any, channels: Sequence[Channel]) -> Any:
+    """A leaf that was rid of its channels; refused where they cut it in two."""
     pieces = sorted(leaf.decompose(), key=lambda p: -float(p.volume()))
     if len(pieces) > 1 and pieces[1].volume() > _DUST:
         chip = pieces[1]
         at = ", ".join(f"{x:.1f}" for x in facets.centroid(facets.to_surface(chip)))
+        near = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
         raise FabricationError(
-            f"a channel cuts a piece of {chip.volume():.1f} mm^3 off its part near ({at}); move the"
-            " cord there away from the other cords' planes"
+            f"the channel of cord {' and '.join(near)} cuts a piece of {chip.volume():.1f} mm^3 off"
+            f" its part near ({at}); move it away from the other cords' planes"
         )
     if not pieces:
         raise FabricationError("a channel takes up a whole part; move the cords' planes apart")

@@ -71,7 +71,7 @@ def place(contacts: Sequence[Contact], clearance: float, wall: float) -> list[Pi
     pins: list[Pin] = []
     taken: list[tuple[float, tuple[float, float]]] = []
     for k in sorted(range(len(contacts)), key=lambda k: -contacts[k].area):
-        pins += _pair(contacts, k, clearance, wall, taken)
+        pins += _pair(contacts, k, clearance, wall, taken, pins)
     return pins
 
 
@@ -81,6 +81,7 @@ def _pair(
     clearance: float,
     wall: float,
     taken: list[tuple[float, tuple[float, float]]],
+    known: Sequence[Pin],
 ) -> list[Pin]:
     contact = contacts[k]
     single: list[Pin] = []
@@ -88,7 +89,7 @@ def _pair(
         # A pin wider than a fifth of a small face would be most of it.
         if sizes[0] > 0.4 * np.sqrt(contact.area) and sizes != SIZES[-1][0]:
             continue
-        spots = [free_spots(contact, d, reach * d, clearance, wall) for d in sizes]
+        spots = [free_spots(contact, d, reach * d, clearance, wall, known) for d in sizes]
         if not len(spots[1]):
             continue
         used = [d for d, s in taken if s == sizes]
@@ -121,9 +122,15 @@ def _pin(
 
 
 def free_spots(
-    contact: Contact, diameter: float, depth: float, clearance: float, wall: float
+    contact: Contact,
+    diameter: float,
+    depth: float,
+    clearance: float,
+    wall: float,
+    known: Sequence[Pin] = (),
 ) -> Float:
-    """Points (n, 2) of the plane around which sockets `depth` mm deep leave a wall on all sides."""
+    """Points (n, 2) of the plane around which sockets `depth` mm deep leave a wall on all sides,
+    to the sockets of `known` pins too."""
     room = (diameter + clearance) / 2 + wall
     spots = contact.spots(room)
     if not len(spots):
@@ -131,10 +138,22 @@ def free_spots(
     # The ends of the sockets fail first: few spots are left for the rest of their length.
     for heights in ([0.0], [-depth, depth], np.arange(-depth + 0.6, depth, 0.6).tolist()):
         for height in heights:
-            spots = spots[contact.distance(contact.world(spots, height)) >= room - _SLACK]
+            points = contact.world(spots, height)
+            free = np.minimum(contact.distance(points), gap(points, known))
+            spots = spots[free >= room - _SLACK]
             if not len(spots):
                 return spots
     return spots
+
+
+def gap(points: Float, pins: Sequence[Pin]) -> Float:
+    """Distance (n,) mm of points (n, 3) from the nearest socket."""
+    out = np.full(len(points), np.inf)
+    for pin in pins:
+        along = np.clip((points - pin.center) @ pin.axis, -pin.depth, pin.depth)
+        nearest = pin.center + along[:, None] * pin.axis
+        out = np.minimum(out, np.linalg.norm(points - nearest, axis=1) - pin.socket / 2)
+    return out
 
 
 def _farthest(

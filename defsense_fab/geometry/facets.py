@@ -102,8 +102,8 @@ def union(solids: Sequence[Any]) -> Any:
 
 def to_surface(solid: Any) -> Surface:
     mesh = solid.to_mesh64()
-    vertices = np.asarray(mesh.vert_properties, float)[:, :3]
-    return Surface(vertices, np.asarray(mesh.tri_verts, np.int64))
+    vertices = np.array(mesh.vert_properties, float)[:, :3]
+    return Surface(vertices, np.array(mesh.tri_verts, np.int64))
 
 
 def thickness(solid: Any) -> float:

@@ -21,7 +21,7 @@ from ..core.mesh import Surface
 from . import facets
 from .channels import Channel
 from .division import Cut
-from .dowels import Pin
+from .dowels import Pin, gap
 from .tools import frame
 
 if TYPE_CHECKING:
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 CONSERVATION = 1e-3
 #: mm^3 of solid that a cord may touch: rounding of facets.
 _TOUCH = 0.02
+#: Most of a part that may be thinner than two lines: such places print as gaps.
+THIN = 0.1
+_LAYERS = 30
 _OPENED = (0.3, 1.0, 3.0, 8.0, 20.0)  # mm between two halves
 #: Walls of a channel may thin out as steeply as this towards a mouth, as the optimiser
 #: keeps it.
@@ -53,8 +56,8 @@ def inspect(made: Made, pieces: Sequence[Any], body: Surface, rules: Rules) -> l
     """All checks of the parts, whose manifold3d solids are `pieces`, of a `body`."""
     return [
         _volumes(made),
-        *_walls(made.channels, body, rules),
         *_sockets(made, body, rules),
+        *_features(made, pieces, rules),
         _insertion(made, pieces, rules.cord),
     ]
 
@@ -71,7 +74,7 @@ def _volumes(made: Made) -> Check:
     return Check("volume lost or gained, of the body", error, CONSERVATION, "", "")
 
 
-def _walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
+def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
     """Walls between channels and the skin, and between channels."""
     tree = igl.AABB()
     tree.init(body.vertices, body.faces)
@@ -100,9 +103,9 @@ def _walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Che
                 )
             )
         for other in channels[i + 1 :]:
-            gap, _ = cKDTree(other.inside).query(channel.inside)
-            k = int(gap.argmin())
-            wall = float(gap[k]) - 2 * radius
+            away, _ = cKDTree(other.inside).query(channel.inside)
+            k = int(away.argmin())
+            wall = float(away[k]) - 2 * radius
             name = f"wall from cord {channel.name} to cord {other.name}"
             if wall < rules.wall - 2 * _TOLERANCE:
                 raise FabricationError(
@@ -120,22 +123,28 @@ def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
     tree = igl.AABB()
     tree.init(body.vertices, body.faces)
     skin, groove = np.inf, np.inf
-    where = ["", ""]
+    where = ["", "", ""]
     lines = [(c.name, cKDTree(c.inside)) for c in made.channels]
-    for pin in made.pins:
+    apart = np.inf
+    for k, pin in enumerate(made.pins):
         hull = _shell(pin)
+        between = float(gap(hull, made.pins[:k]).min())
+        if between < apart:
+            apart, where[2] = between, place(pin.center)
         depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, hull)[0])
         if depth.min() < skin:
             skin, where[0] = float(depth.min()), place(pin.center)
         for name, line in lines:
-            gap = float(line.query(hull)[0].min()) - rules.channel / 2
-            if gap < groove:
-                groove, where[1] = gap, f"{place(pin.center)}, cord {name}"
+            wall = float(line.query(hull)[0].min()) - rules.channel / 2
+            if wall < groove:
+                groove, where[1] = wall, f"{place(pin.center)}, cord {name}"
     least = rules.inner_wall
     out = [
         Check("wall from socket to skin", skin, least, "mm", where[0]),
         Check("wall from socket to groove", groove, least, "mm", where[1]),
     ]
+    if np.isfinite(apart):
+        out.append(Check("wall from socket to socket", apart, least, "mm", where[2]))
     for check in out:
         if check.value < least - 3 * _TOLERANCE:
             raise FabricationError(
@@ -153,6 +162,41 @@ def _shell(pin: Pin) -> Float:
     return np.asarray((pin.center + ring[None] + heights[:, None, None] * pin.axis).reshape(-1, 3))
 
 
+def _features(made: Made, pieces: Sequence[Any], rules: Rules) -> list[Check]:
+    """How much of each part is thinner than two lines of the printer, in the layers in which it is
+    printed: what is lost when their outlines are opened by that width."""
+    width, out = rules.inner_wall, []
+    for i, (part, piece) in enumerate(zip(made.parts, pieces, strict=True)):
+        axes = frame(-made.down(i))
+        lying = piece.transform(np.column_stack([axes.T, np.zeros(3)]))
+        low, high = lying.bounding_box()[2], lying.bounding_box()[5]
+        whole, thin, at, most = 0.0, 0.0, part.center, 0.0
+        for z in low + (np.arange(_LAYERS) + 0.5) / _LAYERS * (high - low):
+            layer = lying.slice(z)
+            whole += float(layer.area())
+            lost = layer - layer.offset(-width / 2).offset(width / 2 + 0.01)
+            for shape in lost.decompose():
+                area = float(shape.area())
+                if area > width**2:  # not just a corner
+                    thin += area
+                    if area > most:
+                        most = area
+                        x = np.asarray(shape.to_polygons()[0]).mean(axis=0)
+                        at = axes @ np.array([*x, z])
+        share = thin / whole if whole else 1.0
+        if share > THIN:
+            near = {c for cut in made.cuts for c in cut.cords if any(i in s for s in cut.sides)}
+            cords = " and ".join(repr(made.channels[c].name) for c in sorted(near))
+            raise FabricationError(
+                f"{part.name} is thinner than {width:.1f} mm in {share:.0%} of it, near"
+                f" {place(at)}, between the planes of {cords}"
+                " and the skin: move a plane"
+            )
+        name = f"{part.name}: share thinner than {width:.1f} mm"
+        out.append(Check(name, share, THIN, "", place(at) if thin else ""))
+    return out
+
+
 def _insertion(made: Made, pieces: Sequence[Any], diameter: float) -> Check:
     """Whether every cord lies in its groove and can be laid in: closed it touches no part; with
     the two sides of a cut apart, those of the cut touch neither."""
@@ -165,8 +209,8 @@ def _insertion(made: Made, pieces: Sequence[Any], diameter: float) -> Check:
         low, high = (facets.union([pieces[i] for i in side]) for side in cut.sides)
         for c in cut.cords:
             what = f"cord {made.channels[c].name!r} as its groove is closed"
-            for gap in _OPENED:
-                away = gap * cut.plane.normal
+            for lift in _OPENED:
+                away = lift * cut.plane.normal
                 worst = max(worst, _touch(cords[c], high.translate(away), what))
                 worst = max(worst, _touch(cords[c], low.translate(-away), what))
     return Check("cord in solid, closed and opened", worst, _TOUCH, "mm3", "")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
-from .dowels import Pin
+from .dowels import Pin, gap
 from .room import Contact, inside
 from .tools import Number, Tool
 
@@ -43,7 +43,7 @@ def engrave(
                 (spare, k, at, turned)
                 for k in mine
                 for turned in (False, True)
-                for spare, at in _best(contacts[k], k, pins, _box(text, turned), wall)
+                for spare, at in _best(contacts[k], pins, _box(text, turned), wall)
             ]
             if free:
                 _, k, at, turned = max(free, key=lambda f: f[0])
@@ -59,7 +59,7 @@ def _box(text: Number, turned: bool) -> tuple[float, float]:
 
 
 def _best(
-    contact: Contact, k: int, pins: Sequence[Pin], half: tuple[float, float], wall: float
+    contact: Contact, pins: Sequence[Pin], half: tuple[float, float], wall: float
 ) -> list[tuple[float, Float]]:
     """The spot (2,) around which a box has the most room, and how much beyond the wall: one, or
     none where there is no room."""
@@ -71,10 +71,7 @@ def _best(
     points = (spots[:, None] + box).reshape(-1, 2)
     enclosed = np.all(inside(points, contact.polygons).reshape(len(spots), -1), axis=1)
     world = contact.world(points)
-    spare = contact.distance(world)
-    for pin in pins:
-        if pin.contact == k:
-            spare = np.minimum(spare, np.linalg.norm(world - pin.center, axis=1) - pin.socket / 2)
+    spare = np.minimum(contact.distance(world), gap(world, pins))
     spare = np.minimum(spare.reshape(len(spots), -1).min(axis=1), 3 * wall) - wall
     near = np.linalg.norm(spots - spots.mean(axis=0), axis=1)
     rank = np.where(enclosed & (spare >= 0), spare - 1e-3 * near, -np.inf)

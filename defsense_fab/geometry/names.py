@@ -29,14 +29,17 @@ def names(centers: Sequence[Float], bounds: Float) -> list[str]:
 
 
 def _told_apart(rows: Sequence[tuple[str, ...]], i: int) -> tuple[str, ...]:
-    """As few of a part's words as tell it from all others, or all of them."""
+    """As few of a part's words as tell it from all others, or all of them; "middle" where no
+    other word does."""
     if len(rows) == 1:
         return ("whole",)
-    axes = range(3)
-    for some in (c for size in (1, 2, 3) for c in itertools.combinations(axes, size)):
-        own = tuple(rows[i][a] for a in some)
-        if "" not in own and sum(own == tuple(r[a] for a in some) for r in rows) == 1:
-            return own
+    sets = [c for size in (1, 2, 3) for c in itertools.combinations(range(3), size)]
+    for vague in (("", "middle"), ("",)):
+        for some in sets:
+            own = tuple(rows[i][a] for a in some)
+            alone = sum(own == tuple(r[a] for a in some) for r in rows) == 1
+            if alone and not set(own) & set(vague):
+                return own
     return tuple(w for w in rows[i] if w) or ("middle",)
 
 

@@ -19,6 +19,7 @@ from .ends import Pockets
 from .inspection import Check
 from .labels import Label
 from .names import names as names_of
+from .plate import resting
 from .room import Contact, contacts
 from .tools import Tool
 
@@ -78,6 +79,16 @@ class Made:
     cut_out: float
     body_volume: float
 
+    def down(self, i: int) -> Float:
+        """The direction (3,) in which part i lies as it is printed: the outward normal of its
+        largest cut face on which it can lie, or else of the largest flat side of its hull."""
+        faces = [
+            (c.area, c.plane.normal if c.lower == i else -c.plane.normal)
+            for c in self.contacts
+            if i in (c.lower, c.upper)
+        ]
+        return resting(self.parts[i].surface, [n for _, n in sorted(faces, key=lambda f: -f[0])])
+
 
 def make_parts(
     surface: Surface,
@@ -95,6 +106,7 @@ def make_parts(
     report(0.05, "cutting facets")
     body = facets.to_manifold(surface, "the body")
     channels = channels_of(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
+    walls = inspection.walls(channels, surface, rules)
     body_volume = float(body.volume())
     hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
     flats = seats.place(surface, rules.seats, rules.tag, hollows, rules.wall)
@@ -131,7 +143,7 @@ def make_parts(
     )  # fmt: skip
     made = replace(
         made,
-        checks=tuple(inspection.inspect(made, pieces, surface, rules)),
+        checks=(*walls, *inspection.inspect(made, pieces, surface, rules)),
         warnings=tuple(_warnings(made, division, rules)),
     )
     if solid is None:

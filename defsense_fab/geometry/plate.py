@@ -12,6 +12,7 @@ from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from .tools import frame
 
+_FOOTHOLD = 20.0  # mm^2, of a face that a part can lie on
 GAP = 5.0  # mm, between parts and along the bed's edge
 
 
@@ -24,18 +25,42 @@ class Placed:
     surface: Surface
 
 
-def laid(surface: Surface, down: Float | None) -> Surface:
+def resting(surface: Surface, preferred: Sequence[Float]) -> Float:
+    """The first of the `preferred` directions (3,) in which the surface ends in a flat, or else
+    that of the largest flat side of its convex hull: the side that it lies on."""
+    for normal in preferred:
+        if _flat_end(surface, normal) >= _FOOTHOLD:
+            return normal
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(surface.vertices)
+    corners = hull.points[hull.simplices]
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    normals, own = np.unique(np.round(hull.equations[:, :3], 3), axis=0, return_inverse=True)
+    best = normals[np.bincount(own.reshape(-1), area).argmax()]
+    return np.asarray(best / np.linalg.norm(best))
+
+
+def _flat_end(surface: Surface, normal: Float) -> float:
+    """Area, mm^2, of the facets at the surface's very end in a direction (3,)."""
+    height = surface.vertices @ normal
+    end = (height > height.max() - 1e-3)[surface.faces].all(axis=1)
+    a, b, c = (surface.vertices[surface.faces[end, i]] for i in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def laid(surface: Surface, down: Float) -> Surface:
     """The surface with the direction `down` (3,) below, turned about the vertical so that the
     rectangle around it is least, its middle at x = y = 0, on z = 0."""
-    vertices = surface.vertices
-    if down is not None:
-        vertices = vertices @ frame(-down)
+    vertices = surface.vertices @ frame(-down)
     from scipy.spatial import ConvexHull
 
     flat = vertices[:, :2]
     hull = flat[ConvexHull(flat).vertices]
     edges = np.roll(hull, -1, axis=0) - hull
-    turns = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 4))
+    turns = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 7))
     sizes = np.array([np.ptp(hull @ _turn(a), axis=0) for a in turns])
     best = turns[int(np.round(sizes.prod(axis=1), 3).argmin())]
     xy = flat @ _turn(best)
@@ -94,8 +119,3 @@ def _fitting(name: str, surface: Surface, bed: tuple[float, float, float], print
         f" of {printer} ({bed[0]:g} x {bed[1]:g} x {bed[2]:g} mm): divide it by one more cord"
         " plane, make the body smaller, or choose another process"
     )
-
-
-def widest(faces: Sequence[tuple[float, Float]]) -> Float | None:
-    """The direction (3,) of the largest of faces (area mm^2, outward normal), or None."""
-    return max(faces, key=lambda f: f[0])[1] if faces else None

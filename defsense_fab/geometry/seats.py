@@ -56,7 +56,7 @@ def place(
     found: list[tuple[Float, Float]] = []
     for k in rng.permutation(len(points)):
         near = tree.query_ball_point(points[k], 1.6 * round_)
-        normal = normals[near].mean(axis=0)
+        normal = normals[tree.query_ball_point(points[k], round_)].mean(axis=0)
         normal /= np.linalg.norm(normal)
         offset = points[near] - points[k]
         height = offset @ normal

@@ -195,6 +195,7 @@ def _joints(
     layout = {s["name"]: s for s in read_json(folder / "layout.json")["sensors"]}
     colors = {n: pictures.COLORS[i % len(pictures.COLORS)] for i, n in enumerate(parts)}
     cut_to = {c["sensor"]: c for c in manifest["cords"]}
+    left = [c for step in manifest["assembly"] for c in step["cords"]]
     laid: set[str] = set()
     out = []
     for step in manifest["assembly"]:
@@ -206,7 +207,7 @@ def _joints(
         if volumes[1] > volumes[0]:
             low, high, lower, upper, normal = high, low, upper, lower, -normal
         size = np.ptp([s.bounds for s in (*lower.values(), *upper.values())], axis=(0, 1))
-        lift = 0.25 * float(np.linalg.norm(size))
+        lift = 0.4 * float(np.linalg.norm(size))
         cords = [np.array(layout[c]["points"]) for c in step["cords"]]
         picture = pictures.joining(
             lower,
@@ -219,21 +220,34 @@ def _joints(
             device.cord.diameter / 2,
         )
         out.append(
-            Step(f"Join {_all(low)} and {_all(high)}", tuple(_joint(step, cut_to, laid)), picture)
+            Step(
+                f"Join {_all(low)} and {_all(high)}",
+                tuple(_joint(step, cut_to, laid, left)),
+                picture,
+            )
         )
-        laid |= set(step["cords"])
     return out
 
 
 def _joint(
-    step: Mapping[str, Any], cut_to: Mapping[str, Mapping[str, Any]], laid: set[str]
+    step: Mapping[str, Any],
+    cut_to: Mapping[str, Mapping[str, Any]],
+    laid: set[str],
+    left: list[str],
 ) -> list[str]:
+    """What to do; cords move from those `left` to lay to those `laid`."""
     lines = []
     if step["pins"]:
         lines.append(f"Put in {_counted([p['name'] for p in step['pins']])}.")
     for name in step["cords"]:
-        if name in laid:
-            lines.append(f"Lay cord {name}, which comes out of another joint, into its groove.")
+        left.remove(name)
+        begun, goes_on = name in laid, name in left
+        laid.add(name)
+        if begun or goes_on:
+            lines.append(
+                f"Lay {'the next' if begun else 'the first'} stretch of cord {name} into its groove"
+                + ("; the rest hangs out until a later joint." if goes_on else ", its last.")
+            )
             continue
         start, end = (
             f"{what} in its pocket" if e["joint"] == "pocket" else f"{what} {e['lead']:.0f} mm out"

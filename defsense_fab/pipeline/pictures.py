@@ -35,14 +35,14 @@ def _poly(surface: Surface) -> Any:
     return pv.PolyData(surface.vertices, faces.ravel())
 
 
-def _finish(plotter: Any, view: Float, up: Float | None = None) -> str:
+def _finish(plotter: Any, view: Float, up: Float | None = None, zoom: float = 1.25) -> str:
     """PNG as a data URI; `view` is the direction from the object to the camera."""
     if up is None:
         up = np.array([0, 0, 1.0] if abs(view[2]) < 0.9 else [0, 1.0, 0])
     plotter.view_vector(tuple(view), viewup=tuple(up))
     plotter.enable_parallel_projection()
     plotter.reset_camera()
-    plotter.camera.zoom(1.25)
+    plotter.camera.zoom(zoom)
     plotter.add_axes()
     image = plotter.screenshot(return_img=True)
     plotter.close()
@@ -157,7 +157,7 @@ def joining(
     short = np.linalg.svd(flat - flat.mean(0), full_matrices=False)[2][1]
     side = short if short @ [0.3, -1.0, 0.1] > 0 else -short
     long = np.cross(opens, side)
-    return _finish(plotter, 0.75 * side + 0.6 * opens + 0.2 * long, up=opens)
+    return _finish(plotter, 0.75 * side + 0.6 * opens + 0.2 * long, up=opens, zoom=1.0)
 
 
 def _add_part(plotter: Any, surface: Surface, shift: Float, color: str, name: str) -> None:

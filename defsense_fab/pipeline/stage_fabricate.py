@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..core.arrays import Float
 from ..core.device import Device, Sensor
 from ..core.errors import FabricationError
 from ..core.files import write_json
@@ -17,7 +16,7 @@ from ..geometry import facets
 from ..geometry.ends import Pockets
 from ..geometry.export import write_3mf, write_stl
 from ..geometry.parts import Made, Rules, make_parts
-from ..geometry.plate import Placed, arrange, laid, widest
+from ..geometry.plate import Placed, arrange, laid
 from ..optimize.verify import verify
 from .cut_list import bill, cut_list
 from .stage_body import is_cad, load_surface
@@ -69,7 +68,7 @@ def fabricate(
 
 def write(device: Device, made: Made, folder: Path, layout: Sequence[Mapping[str, Any]]) -> None:
     """Leave the parts in `folder`/parts; `layout` are the cords of `layout.json`."""
-    flat = {p.name: laid(p.surface, _down(made, i)) for i, p in enumerate(made.parts)}
+    flat = {p.name: laid(p.surface, made.down(i)) for i, p in enumerate(made.parts)}
     pins = _pins(made)
     names = [n for name, (_, count, _) in pins.items() for n in _copies(name, count)]
     loose = {n: pins[n.split("_")[0]][0] for n in names}
@@ -92,16 +91,6 @@ def write(device: Device, made: Made, folder: Path, layout: Sequence[Mapping[str
     write_3mf({p.name: p.surface for p in made.parts}, out / "assembly.3mf", device.name)
     plates = _write_plates(placed, out, device.name)
     write_json(out / "manifest.json", _manifest(device, folder, made, pins, plates, layout))
-
-
-def _down(made: Made, i: int) -> Float | None:
-    """The outward normal (3,) of a part's largest cut face."""
-    faces = [
-        (c.area, c.plane.normal if c.lower == i else -c.plane.normal)
-        for c in made.contacts
-        if i in (c.lower, c.upper)
-    ]
-    return widest(faces)
 
 
 def _pins(made: Made) -> dict[str, tuple[Surface, int, dict[str, float]]]:

@@ -1,17 +1,13 @@
-"""Bodies: what is repaired, what is refused, and conservation when cutting."""
-
-from dataclasses import replace
+"""Bodies: what is repaired, and what is refused."""
 
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import Plane
 from defsense_fab.core.device import BodySpec
 from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry import facets, occ
+from defsense_fab.geometry import occ
 from defsense_fab.geometry.body import load_body
-from defsense_fab.geometry.division import channel_line, divide
 from defsense_fab.geometry.export import write_3mf, write_stl
 from defsense_fab.geometry.mesh_repair import read_mesh, repair
 from defsense_fab.geometry.tetrahedra import tetrahedralise
@@ -148,46 +144,6 @@ def test_edge_length_that_does_not_fit_is_refused(bar):
         tetrahedralise(bar, 0.05)
     with pytest.raises(MeshingError, match="more than the body's size"):
         tetrahedralise(bar, 500)
-
-
-def _bar_division(bar, sensors):
-    cords = [(s.plane, channel_line(s, (6, 6))) for s in sensors]
-    return divide(facets.to_manifold(bar, "bar"), cords, 2.2)
-
-
-def test_both_kernels_conserve_volume_and_agree(bar, straight):
-    sensors = [straight("a", y=6, z=4), straight("b", y=-6, z=-4)]
-    sensors[0].curve.points[3:5, 1] += 4
-    division = _bar_division(bar, sensors)
-    volumes = sorted(p.volume() for p in division.parts)
-    assert len(volumes) == 3
-    assert sum(volumes) + division.removed == pytest.approx(135000, rel=1e-9)
-    import build123d as bd
-
-    solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
-    cutters = [occ.tube(s.plane, s.curve, 6, 6, 2.2) for s in sensors]
-    cuts = [(c.plane, c.center) for c in division.cuts]
-    exact, taken = occ.carve_and_split(solid, cutters, cuts, 3)
-    assert sorted(occ.volume(p) for p in exact) == pytest.approx(volumes, rel=1e-3)
-    assert sum(occ.volume(p) for p in exact) + taken == pytest.approx(135000, rel=1e-6)
-    assert taken == pytest.approx(division.removed, rel=1e-2)
-    for p in exact:
-        assert occ.volume(p) > 0
-
-
-def test_a_plane_cuts_only_what_its_cord_runs_through(bar, straight):
-    """Two crossed planes would make four parts; the upright one's cord lies below the other."""
-    flat, upright = straight("flat", z=5), straight("upright", y=-8)
-    axes = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]).T
-    upright = replace(upright, plane=Plane(np.array([0, 0, -6.0]), axes))
-    division = _bar_division(bar, [flat, upright])
-    assert len(division.parts) == 3
-    assert [c.cords for c in division.cuts] == [(0,), (1,)]
-    below, above = division.cuts[0].sides
-    assert division.cuts[1].sides[0] + division.cuts[1].sides[1] == below
-    assert [p.volume() for p in division.parts][above[0]] == pytest.approx(
-        150 * 30 * 10 - 150 * np.pi * 1.1**2 / 2, rel=1e-6
-    )
 
 
 def test_mesh_invariants(bar_mesh, bar):

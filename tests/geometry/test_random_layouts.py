@@ -1,0 +1,56 @@
+"""Random layouts are made and pass every check, or are refused with a cord and a place.
+
+`DEFSENSE_RANDOM_LAYOUTS=100` runs as many on each body.
+"""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device_file import load_device
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.geometry import facets
+from defsense_fab.geometry.body import load_body
+from defsense_fab.geometry.export import write_stl
+from defsense_fab.geometry.plate import laid
+from defsense_fab.pipeline.stage_fabricate import fabricate
+from defsense_fab.pipeline.stage_optimize import limits
+from tests.geometry import slicer
+from tests.geometry.random_layouts import random_layout
+
+COUNT = int(os.environ.get("DEFSENSE_RANDOM_LAYOUTS", "8"))
+DEVICES = Path(__file__).parents[2] / "fixtures" / "devices"
+
+
+@pytest.fixture(scope="module", params=["bar", "blob"])
+def device(request):
+    found = load_device(DEVICES / request.param)
+    return found, load_body(found.body).surface
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(COUNT))
+def test_a_random_layout_is_made_well_or_refused(device, seed, tmp_path):
+    device, surface = device
+    sensors = random_layout(surface, limits(device), seed)
+    refusal = ""
+    try:
+        made = fabricate(device, surface, sensors, lambda *_: None)
+    except FabricationError as error:
+        refusal = str(error)
+    if refusal:
+        assert re.search(r"cords? 'c\d'|\d-[a-z-]+|plane", refusal)
+        assert re.search(r"near \(|lies .* mm from", refusal)
+        return
+    for check in made.checks:
+        assert np.isfinite(check.value)
+    total = 0.0
+    for i, part in enumerate(made.parts):
+        solid = facets.to_manifold(laid(part.surface, made.down(i)), part.name)
+        total += solid.volume()
+        write_stl(part.surface, tmp_path / f"{part.name}.stl")
+    assert total + made.cut_out == pytest.approx(surface.volume, rel=1e-4)
+    slicer.accept(tmp_path)
