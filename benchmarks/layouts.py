@@ -233,7 +233,10 @@ def table(task: Task) -> None:
         rows["full"] = [optimise(problem, (), r, quiet, extra=3).sensors for r in rngs]
         best = 0.0
         for name in ("full", "visual", "manual"):
-            found = [predict(everything, x, task.names, task.held)[0] for x in rows[name]]
+            found = [
+                predict(everything, [sample_path(s) for s in x], task.names, task.held)[0]
+                for x in rows[name]
+            ]
             rmse = statistics.median(f.rmse for f in found)
             held = statistics.median(
                 float(np.sqrt(np.mean(np.square(list(f.held_out.values()))))) for f in found

@@ -10,6 +10,7 @@ import igl
 import numpy as np
 
 from ..core.arrays import Float
+from ..core.curve import Hermite, hermite_basis
 from ..core.device import Sensor
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
@@ -18,6 +19,7 @@ from .ends import End, Pockets, end_tools, ends_of
 from .tools import Tool
 
 _STEP = 0.25  # mm, between samples of a channel
+_SAG = 0.004  # mm, between a channel's chords and the path
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,13 @@ class Channel:
         return out
 
     def cord(self, diameter: float) -> Any:
-        """A solid of the cord itself in its channel."""
-        return facets.tube(self.line, self.sensor.plane.normal, diameter)
+        """A solid of the cord itself, along the path and its straight runs out of the body; finer
+        than the channel that it is checked in."""
+        path = self.sensor.plane.to_world(
+            self.sensor.curve.sample(2 * _per_span(self.sensor.curve))
+        )
+        line = np.concatenate([self.line[:1], path, self.line[-1:]])
+        return facets.tube(line, self.sensor.plane.normal, diameter, sides=24)
 
 
 def channels_of(
@@ -88,7 +95,7 @@ class _Trace:
 
 
 def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
-    path = sensor.plane.to_world(sensor.curve.sample(24))
+    path = sensor.plane.to_world(sensor.curve.sample(_per_span(sensor.curve)))
     _check_path(sensor, path, body, diameter)
     tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
     first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
@@ -102,7 +109,16 @@ def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
     return _Trace(line, inside, (start, end), (before, after))
 
 
+def _per_span(curve: Hermite) -> int:
+    """Samples of a span whose chords lie within `_SAG` of the curve."""
+    second = hermite_basis(len(curve.points), 4)[2]
+    bend = np.linalg.norm(second @ np.concatenate([curve.points, curve.tangents]), axis=1).max()
+    return int(np.clip(np.ceil(np.sqrt(bend / (8 * _SAG))), 8, 400))
+
+
 def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> None:
+    if (np.linalg.norm(sensor.curve.tangents[[0, -1]], axis=1) < 1e-9).any():
+        raise FabricationError(f"cord {sensor.name!r}: a tangent at its ends is zero; give it one")
     inside = np.asarray(igl.fast_winding_number(body.vertices, body.faces, path)) > 0.5
     if not inside[1:-1].all():
         outside = path[1:-1][~inside[1:-1]]
@@ -115,6 +131,7 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
     sides = [np.linalg.norm(x, axis=1) for x in (b - a, c - b, c - a)]
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     radius = np.prod(sides, axis=0) / np.maximum(4 * area, 1e-12)
+    radius[np.einsum("ij,ij->i", b - a, c - b) <= 0] = 0.0  # it turns back
     k = int(radius.argmin())
     if radius[k] < 0.6 * diameter:
         at = ", ".join(f"{x:.1f}" for x in b[k])

@@ -21,12 +21,12 @@ from .tools import Prism
 #: All orders of the cuts are tried for up to this many planes.
 _ALL_ORDERS = 4
 _THREAD = 0.05  # mm, diameter of the line that stands for a cord
-_BLOCKED = 0.01  # mm^3, of overlap that stops a part on its way out
+_BLOCKED = 0.1  # mm^2, by which parts may cover each other and still come apart
 _PIN = 6.0  # mm, kept for a pin beside a cord where a cut is limited
 _WORTH = 15.0  # mm of channel along another cut's face weigh as much as one part
 _LIMITED = 0.5  # parts that a limited cut has to save
 _ROUGH = 0.3  # mm, by which the body may differ where plans are compared
-_DUST = 0.05  # mm^3; less than a printer can lay down is left out
+_CRUMB = 0.5  # mm^3; what a cut leaves of less than that is not a part, and is left out
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Cut:
     run in it there, and the final parts below and above it (by index).
 
     Where the plane does not divide the whole piece, `taken` are the centres of mass of the solids
-    that come off it and `region` what bounds them: the plane and, for a limited cut, the prism
-    around its cords.
+    that come off it. Of a limited cut, `region` are the prisms around its cords that bound what is
+    cut off and, a play smaller, the lid that goes in its place.
     """
 
     plane: Plane
@@ -44,7 +44,7 @@ class Cut:
     cords: tuple[int, ...]
     sides: tuple[tuple[int, ...], tuple[int, ...]]
     taken: tuple[Float, ...] = ()
-    region: Prism | None = None
+    region: tuple[Prism, Prism] | None = None
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,8 @@ class Planned:
     cords: tuple[int, ...]
     span: tuple[int, int, int]
     taken: tuple[Any, ...]
-    region: Prism | None
+    region: tuple[Prism, Prism] | None
+    gap: Any
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,10 @@ class Plan:
 
     def grazes(self, lines: Sequence[Float], radius: float, wall: float) -> list[Graze]:
         """Where channels run along the faces of others' cuts."""
-        faces = [borders(c.plane.normal, c.plane.origin, c.region) for c in self.cuts]
+        faces = [
+            borders(c.plane.normal, c.plane.origin, c.region[0] if c.region else None)
+            for c in self.cuts
+        ]
         return grazes(self.leaves, faces, lines, radius, wall)
 
     @property
@@ -90,7 +94,12 @@ class Plan:
 
 
 def plan(
-    body: Any, channels: Sequence[Channel], radius: float, wall: float, limit: bool = False
+    body: Any,
+    channels: Sequence[Channel],
+    radius: float,
+    wall: float,
+    play: float,
+    limit: bool = False,
 ) -> Plan:
     """The cuts that divide the body into few parts that print well.
 
@@ -98,10 +107,11 @@ def plan(
     what a cord touches. Orders of cuts are compared, and cuts that go through with those that end
     a little beyond their cords (only these with `limit`), by how many parts result and how far
     channels (of `radius` mm) run along the faces of others' cuts, with less than `wall` mm between.
+    The lid of a limited cut is `play` mm smaller than what was cut off.
     """
     own = coincident([c.sensor.plane for c in channels])
     planes = [channels[same[0]].sensor.plane for same in own]
-    threads = [facets.tube(c.line, c.sensor.plane.normal, _THREAD, sides=8) for c in channels]
+    threads = [facets.tube(c.line, c.sensor.plane.normal, _THREAD, sides=4) for c in channels]
     count = len(planes)
     orders = list(itertools.permutations(range(count))) if count <= _ALL_ORDERS else [range(count)]
     margin = 2 * radius + 2 * wall + _PIN
@@ -110,24 +120,29 @@ def plan(
     tried: list[tuple[float, float, float | None, Sequence[int]]] = []
     for m in (margin,) if limit else (None, margin):
         for order in orders:
-            made = _cut(rough, planes, threads, own, order, m)
+            made = _cut(rough, planes, threads, own, order, m, play)
             cost = len(made.leaves) + (_LIMITED if m and not limit else 0.0)
             if tried and cost > min(t[0] for t in tried):
                 continue
             cost += sum(g.length for g in made.grazes(lines, radius, wall)) / _WORTH
             tried.append((cost, -made.smallest, m, order))
     _, _, best, chosen = min(tried, key=lambda t: t[:2])
-    return _cut(body, planes, threads, own, chosen, best)
+    return _cut(body, planes, threads, own, chosen, best, play)
 
 
 def divide(
-    body: Any, channels: Sequence[Channel], radius: float, wall: float, limit: bool = False
+    body: Any,
+    channels: Sequence[Channel],
+    radius: float,
+    wall: float,
+    play: float,
+    limit: bool = False,
 ) -> Division:
     """Cut the channels out of the body and divide it as `plan` says.
 
     Raises FabricationError where a channel cuts a part in two.
     """
-    planned = plan(body, channels, radius, wall, limit)
+    planned = plan(body, channels, radius, wall, play, limit)
     hollow = facets.union([c.solid for c in channels])
     parts = [_whole(leaf - hollow, channels) for leaf in planned.leaves]
     cuts = tuple(
@@ -141,15 +156,16 @@ def divide(
         )
         for c in planned.cuts
     )
-    removed = float((body ^ hollow).volume())
+    gaps = [c.gap for c in planned.cuts if c.gap is not None]
+    removed = float((body ^ facets.union([hollow, *gaps])).volume())
     found = planned.grazes([c.inside for c in channels], radius, wall)
     return Division(tuple(parts), tuple(planned.leaves), cuts, removed, tuple(found))
 
 
 def _whole(leaf: Any, channels: Sequence[Channel]) -> Any:
     """A leaf that was rid of its channels; refused where they cut it in two."""
-    pieces = sorted(leaf.decompose(), key=lambda p: -float(p.volume()))
-    if len(pieces) > 1 and pieces[1].volume() > _DUST:
+    pieces = sorted(_solids(leaf), key=lambda p: -float(p.volume()))
+    if len(pieces) > 1:
         chip = pieces[1]
         at = ", ".join(f"{x:.1f}" for x in facets.centroid(facets.to_surface(chip)))
         near = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
@@ -169,6 +185,7 @@ def _cut(
     own: Sequence[Sequence[int]],
     order: Sequence[int],
     margin: float | None,
+    play: float,
 ) -> Plan:
     """Cut depth first, so that the parts of a piece stay neighbours in the list."""
     out = Plan([], [])
@@ -180,26 +197,33 @@ def _cut(
                 continue
             line = facets.union([threads[c] for c in inside])
             halves = min(
-                _options(piece, planes[i], line, margin),
+                _options(piece, planes[i], line, margin, play),
                 key=lambda h: (len(h.below) + len(h.above), h.rank),
                 default=None,
             )
             if halves is None:
                 continue
             at, a = len(out.cuts), len(out.leaves)
-            out.cuts.append(Planned(planes[i], piece, inside, (a, a, a), halves.taken, halves.by))
+            out.cuts.append(Planned(planes[i], piece, inside, (a, a, a), (), None, None))
             for solid in halves.below:
                 descend(solid, todo[n + 1 :])
             b = len(out.leaves)
             for solid in halves.above:
                 descend(solid, todo[n + 1 :])
             span = (a, b, len(out.leaves))
-            out.cuts[at] = Planned(planes[i], piece, inside, span, halves.taken, halves.by)
+            out.cuts[at] = Planned(
+                planes[i], piece, inside, span, halves.taken, halves.by, halves.gap
+            )
             return
         out.leaves.append(piece)
 
     descend(body, order)
     return out
+
+
+def _solids(solid: Any) -> list[Any]:
+    """The separate solids of one, without crumbs."""
+    return [p for p in solid.decompose() if p.volume() > _CRUMB]
 
 
 def _runs_in(thread: Any, piece: Any) -> bool:
@@ -214,53 +238,79 @@ class _Halves:
     above: list[Any]
     rank: float
     taken: tuple[Any, ...] = ()
-    by: Prism | None = None
+    by: tuple[Prism, Prism] | None = None
+    gap: Any = None
 
 
-def _options(piece: Any, plane: Plane, line: Any, margin: float | None) -> Iterator[_Halves]:
+def _options(
+    piece: Any, plane: Plane, line: Any, margin: float | None, play: float
+) -> Iterator[_Halves]:
     """Ways to open the piece along the plane for the cords of `line`: through and through, or only
     what they touch on one side, where that comes out."""
     above, below = piece.split_by_plane(plane.normal, float(plane.normal @ plane.origin))
     if above.is_empty() or below.is_empty():
         return
-    sides = (below.decompose(), above.decompose())
+    sides = (_solids(below), _solids(above))
+    if not all(sides):
+        return
     if margin is None:
         yield _Halves(*sides, rank=0.0)
         if len(sides[0]) + len(sides[1]) == 2:
             return
-    prism = None if margin is None else _around(piece, plane, line, margin)
+    prisms = None if margin is None else _around(piece, plane, line, margin, play)
     found = False
-    for s, (side, out) in enumerate(((below, -plane.normal), (above, plane.normal))):
-        whole = side if prism is None else side ^ facets.solid_of(prism[s])
-        taken = [c for c in whole.decompose() if _runs_in(line, c)]
-        rest = piece - facets.union(taken) if taken else None
-        if rest is None or rest.is_empty() or not _comes_out(facets.union(taken), rest, out):
+    for s, side in enumerate((below, above)):
+        column = _solids(side if prisms is None else side ^ facets.solid_of(prisms[s][0]))
+        touched = [c for c in column if _runs_in(line, c)]
+        others = [c for c in column if not _runs_in(line, c)]
+        if not touched or _blocked(touched, others, plane):
+            continue
+        loose = facets.union(touched)
+        rest = _solids(piece - loose)
+        lid = loose if prisms is None else loose ^ facets.solid_of(prisms[s][1])
+        taken = _solids(lid)
+        if not rest or not taken:
             continue
         found = True
-        lower, upper = (taken, rest.decompose()) if s == 0 else (rest.decompose(), taken)
-        share = sum(float(t.volume()) for t in taken) / float(piece.volume())
-        yield _Halves(lower, upper, 1.0 + share, tuple(taken), prism[s] if prism else None)
+        share = float(lid.volume() / piece.volume())
+        yield _Halves(
+            *((taken, rest) if s == 0 else (rest, taken)),
+            rank=1.0 + share,
+            taken=tuple(taken),
+            by=prisms[s] if prisms else None,
+            gap=loose - lid if prisms else None,
+        )
     if margin is not None and not found:
         yield _Halves(*sides, rank=0.0)
 
 
-def _around(piece: Any, plane: Plane, line: Any, margin: float) -> tuple[Prism, Prism]:
-    """The prisms below and above the plane that reach `margin` mm beyond the cords in it."""
+def _around(
+    piece: Any, plane: Plane, line: Any, margin: float, play: float
+) -> list[tuple[Prism, Prism]]:
+    """The prisms below and above the plane that reach `margin` mm beyond the cords in it, each
+    with the one `play` mm smaller across."""
     corners = facets.to_surface(piece ^ line).vertices
     flat = (corners - plane.origin) @ plane.axes[:, :2]
-    grown = m3.CrossSection.hull_points(flat).offset(margin, m3.JoinType.Miter, 2.0)
-    polygon = np.asarray(grown.simplify(0.05).to_polygons()[0], float)
+    grown = m3.CrossSection.hull_points(flat).offset(margin, m3.JoinType.Miter, 2.0).simplify(0.05)
+    polygons = [
+        np.asarray(c.to_polygons()[0], float)
+        for c in (grown, grown.offset(-play / 2, m3.JoinType.Miter, 2.0))
+    ]
     box = facets.to_surface(piece).vertices @ plane.normal - plane.normal @ plane.origin
     low, high = 1.0 - float(box.min()), 1.0 + float(box.max())
-    down = Prism(plane.origin - low * plane.normal, plane.axes, polygon, low)
-    return down, Prism(plane.origin, plane.axes, polygon, high)
-
-
-def _comes_out(taken: Any, rest: Any, direction: Float) -> bool:
-    """Whether nothing of the rest lies in the way of what is taken off along the direction."""
-    low, high = np.reshape(rest.bounding_box(), (2, 3))
-    far = float(np.linalg.norm(high - low))
-    return all(
-        float((rest ^ taken.translate(direction * far * t)).volume()) < _BLOCKED
-        for t in (0.01, 0.03, 0.06, 0.1, 0.2, 0.4, 0.7, 1.0)
+    bottom = plane.origin - low * plane.normal
+    below, above = (
+        [Prism(origin, plane.axes, p, height) for p in polygons]
+        for origin, height in ((bottom, low), (plane.origin, high))
     )
+    return [(below[0], below[1]), (above[0], above[1])]
+
+
+def _blocked(taken: Sequence[Any], others: Sequence[Any], plane: Plane) -> bool:
+    """Whether what stays on the same side of the plane lies in the way of what comes off along
+    its normal: whether they cover each other, seen along it."""
+    if not others:
+        return False
+    turn = np.column_stack([plane.axes.T, np.zeros(3)])
+    a, b = (facets.union(list(s)).transform(turn).project() for s in (taken, others))
+    return float((a ^ b).area()) > _BLOCKED

@@ -69,7 +69,7 @@ def place(contacts: Sequence[Contact], clearance: float, wall: float) -> list[Pi
     apart as they can.
     """
     pins: list[Pin] = []
-    taken: list[tuple[float, tuple[float, float]]] = []
+    taken: list[float] = []
     for k in sorted(range(len(contacts)), key=lambda k: -contacts[k].area):
         pins += _pair(contacts, k, clearance, wall, taken, pins)
     return pins
@@ -80,7 +80,7 @@ def _pair(
     k: int,
     clearance: float,
     wall: float,
-    taken: list[tuple[float, tuple[float, float]]],
+    taken: list[float],
     known: Sequence[Pin],
 ) -> list[Pin]:
     contact = contacts[k]
@@ -92,10 +92,9 @@ def _pair(
         spots = [free_spots(contact, d, reach * d, clearance, wall, known) for d in sizes]
         if not len(spots[1]):
             continue
-        used = [d for d, s in taken if s == sizes]
-        chosen = _farthest(spots[0], spots[1], used, sum(sizes) / 2 + clearance + wall)
+        chosen = _farthest(spots[0], spots[1], taken, sum(sizes) / 2 + clearance + wall)
         if chosen is not None:
-            taken.append((float(np.linalg.norm(chosen[0] - chosen[1])), sizes))
+            taken.append(float(np.linalg.norm(chosen[0] - chosen[1])))
             return [
                 _pin(contact, k, at, d, reach * d, clearance)
                 for at, d in zip(chosen, sizes, strict=True)
@@ -131,19 +130,30 @@ def free_spots(
 ) -> Float:
     """Points (n, 2) of the plane around which sockets `depth` mm deep leave a wall on all sides,
     to the sockets of `known` pins too."""
-    room = (diameter + clearance) / 2 + wall
-    spots = contact.spots(room)
-    if not len(spots):
-        return spots
-    # The ends of the sockets fail first: few spots are left for the rest of their length.
-    for heights in ([0.0], [-depth, depth], np.arange(-depth + 0.6, depth, 0.6).tolist()):
-        for height in heights:
-            points = contact.world(spots, height)
-            free = np.minimum(contact.distance(points), gap(points, known))
-            spots = spots[free >= room - _SLACK]
-            if not len(spots):
-                return spots
+    radius = (diameter + clearance) / 2
+    spots = _few(contact.spots(radius + wall))
+    # The middle of the face and the bottoms' centres fail first: few spots are left for the rest.
+    shell = _octagons(radius, depth)
+    for points, room in (
+        (np.zeros((1, 3)), radius + wall),
+        (np.array([[0, 0, -depth], [0, 0, depth]]), wall),
+        (shell, wall),
+    ):
+        if not len(spots):
+            break
+        world = contact.world(spots)[:, None] + points @ contact.plane.axes.T
+        flat = world.reshape(-1, 3)
+        free = np.minimum(contact.distance(flat), gap(flat, known)).reshape(len(spots), -1)
+        spots = spots[free.min(axis=1) >= room - _SLACK]
     return spots
+
+
+def _octagons(radius: float, depth: float) -> Float:
+    """Corners (32, 3) mm of octagons around a socket pair, half way down and at both bottoms."""
+    turn = np.arange(8) * np.pi / 4
+    around = radius / np.cos(np.pi / 8) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    heights = np.array([-1.0, -0.5, 0.5, 1.0]) * depth
+    return np.concatenate([np.column_stack([around, np.full(8, h)]) for h in heights])
 
 
 def gap(points: Float, pins: Sequence[Pin]) -> Float:
@@ -163,19 +173,17 @@ def _farthest(
     from those used; None where there are none."""
     if not len(first):
         return None
-    a, b = _outer(first), _outer(second)
-    distance = np.linalg.norm(a[:, None] - b[None], axis=2)
+    distance = np.linalg.norm(first[:, None] - second[None], axis=2)
     allowed = distance >= least
     for known in used:
         allowed &= np.abs(distance - known) >= APART
     if not allowed.any():
         return None
     i, j = np.unravel_index(np.where(allowed, distance, -1.0).argmax(), distance.shape)
-    return a[i], b[j]
+    return first[i], second[j]
 
 
-def _outer(points: Float) -> Float:
+def _few(points: Float) -> Float:
     """At most `_CANDIDATES` of the points, a fair share of them."""
     rng = np.random.default_rng(0)
-    few = rng.permutation(len(points))[:_CANDIDATES]
-    return points[np.sort(few)]
+    return points[np.sort(rng.permutation(len(points))[:_CANDIDATES])]

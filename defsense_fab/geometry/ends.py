@@ -112,7 +112,9 @@ def _refusal(
         at = axis[int((depth - needed).argmin())]
         return f"too little wall near ({', '.join(f'{x:.1f}' for x in at)})"
     for other in others:
-        gap = np.linalg.norm(axis[:, None] - other[None, ::2], axis=2)
-        if gap.min() < radius + channel / 2 + wall:
+        gap = np.linalg.norm(axis[:, None] - other[None], axis=2).min(axis=0)
+        place = np.arange(len(other))
+        pocketed = np.minimum(place, place[::-1]) <= count + 2  # it may have pockets of its own
+        if (gap < radius + np.where(pocketed, radius, channel / 2) + wall).any():
             return "another cord lies too near"
     return ""

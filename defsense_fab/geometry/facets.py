@@ -32,18 +32,30 @@ def to_manifold(surface: Surface, what: str) -> Any:
 
 
 def printable(solid: Any, what: str) -> Surface:
-    """A solid's facets as an STL file can hold them: single precision, still closed.
+    """A solid's facets as an STL file can hold them: in single precision, where no two vertices
+    coincide that were apart, so that whoever reads the file finds the same edges again.
 
-    Edges shorter than 0.002 mm are collapsed first, so that rounding joins no separate vertices.
-    Raises FabricationError where the rounded surface is not closed.
+    Raises FabricationError where the result is not closed, or not in one piece.
     """
-    mesh = solid.simplify(2e-3).to_mesh64()
-    vertices = np.asarray(mesh.vert_properties, float)[:, :3].astype(np.float32)
-    unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
-    faces = inverse.reshape(-1)[np.asarray(mesh.tri_verts, np.int64)]
-    a, b, c = faces.T
-    surface = Surface(unique.astype(float), faces[(a != b) & (b != c) & (c != a)])
-    to_manifold(surface, what)
+    mesh = solid.to_mesh64()
+    exact = np.array(mesh.vert_properties, float)[:, :3]
+    faces = np.array(mesh.tri_verts, np.int64)
+    step = 16 * float(np.spacing(np.float32(np.abs(exact).max())))
+    rng = np.random.default_rng(0)
+    vertices = exact.astype(np.float32)
+    for _ in range(50):
+        _, first = np.unique(vertices, axis=0, return_index=True)
+        again = np.setdiff1d(np.arange(len(vertices)), first)
+        if not len(again):
+            break
+        moved = exact[again] + rng.uniform(-step, step, (len(again), 3))
+        vertices[again] = moved.astype(np.float32)
+    surface = Surface(vertices.astype(float), faces)
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    if (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
+        raise FabricationError(f"{what}: an edge of its facets does not have two of them")
+    if len(to_manifold(surface, what).decompose()) != 1:
+        raise FabricationError(f"{what}: is not in one piece")
     return surface
 
 
@@ -104,11 +116,6 @@ def to_surface(solid: Any) -> Surface:
     mesh = solid.to_mesh64()
     vertices = np.array(mesh.vert_properties, float)[:, :3]
     return Surface(vertices, np.array(mesh.tri_verts, np.int64))
-
-
-def thickness(solid: Any) -> float:
-    """Mean thickness of a slab of this volume and surface, mm."""
-    return float(2 * solid.volume() / solid.surface_area())
 
 
 def centroid(surface: Surface) -> Float:

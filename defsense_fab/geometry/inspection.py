@@ -29,12 +29,14 @@ if TYPE_CHECKING:
 
 #: Largest relative difference between the body and its parts plus what was removed.
 CONSERVATION = 1e-3
+#: Of the body's volume, that two parts may overlap: rounding to single precision.
+_OVERLAP = 1e-5
 #: mm^3 of solid that a cord may touch: rounding of facets.
 _TOUCH = 0.02
 #: Most of a part that may be thinner than two lines: such places print as gaps.
 THIN = 0.1
 _LAYERS = 30
-_OPENED = (0.3, 1.0, 3.0, 8.0, 20.0)  # mm between two halves
+_OPENED = (0.3, 2.0, 10.0)  # mm between two halves
 #: Walls of a channel may thin out as steeply as this towards a mouth, as the optimiser
 #: keeps it.
 MOUTH_SLOPE = 0.6
@@ -56,6 +58,7 @@ def inspect(made: Made, pieces: Sequence[Any], body: Surface, rules: Rules) -> l
     """All checks of the parts, whose manifold3d solids are `pieces`, of a `body`."""
     return [
         _volumes(made),
+        _apart(made),
         *_sockets(made, body, rules),
         *_features(made, pieces, rules),
         _insertion(made, pieces, rules.cord),
@@ -72,6 +75,24 @@ def _volumes(made: Made) -> Check:
             f" {made.body_volume:.1f}; the cut failed: move a cord plane slightly"
         )
     return Check("volume lost or gained, of the body", error, CONSERVATION, "", "")
+
+
+def _apart(made: Made) -> Check:
+    """No two exported parts overlap."""
+    solids = [facets.to_manifold(p.surface, p.name) for p in made.parts]
+    worst, at = 0.0, ""
+    for i, a in enumerate(solids):
+        for j in range(i):
+            common = a ^ solids[j]
+            volume = float(common.volume())
+            if volume > worst:
+                worst, at = volume, place(facets.centroid(facets.to_surface(common)))
+            if volume > _OVERLAP * made.body_volume:
+                raise FabricationError(
+                    f"{made.parts[j].name} and {made.parts[i].name} overlap by {volume:.1f} mm^3"
+                    f" near {at}; the cut failed: move a cord plane slightly"
+                )
+    return Check("overlap of two parts", worst, _OVERLAP * made.body_volume, "mm3", at)
 
 
 def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:

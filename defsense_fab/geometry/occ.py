@@ -26,6 +26,7 @@ from .tools import Frustum, Prism, Tool, frame
 ANGLE = 0.06
 #: Largest distance of a channel's arcs from the path, mm.
 PATH_TOLERANCE = 0.01
+_LOST = 2e-3  # of the parts' volume
 _NOTHING = 1e-3  # mm^3
 
 
@@ -172,34 +173,34 @@ def without(solid: Any, tools: Sequence[Tool]) -> Any:
 @dataclass(frozen=True)
 class Knife:
     """One cut of the one piece whose centre of mass is nearest to `center` (3,) mm: through and
-    through, or only the solids nearest to `taken` (each (3,) mm), within a `region`."""
+    through, or only the solids nearest to `taken` (each (3,) mm); of a limited cut, `region` are
+    the prisms of what is cut off and of the lid."""
 
     plane: Plane
     center: Float
     taken: tuple[Float, ...] = ()
-    region: Prism | None = None
+    region: tuple[Prism, Prism] | None = None
 
 
 def carve_and_split(
-    solid: Any, cutters: Sequence[Any], knives: Sequence[Knife], count: int
+    solid: Any, cutters: Sequence[Any], knives: Sequence[Knife], count: int, expected: float
 ) -> list[Any]:
-    """Cut solids out of the body and divide it into `count` parts (TopoDS_Solids).
+    """Cut solids out of the body and divide it into `count` parts (TopoDS_Solids) whose volumes
+    should add up to about `expected` mm^3.
 
     Raises FabricationError where OpenCascade loses a part or some volume on the way.
     """
     body, tools = bd.Solid(solid), [bd.Solid(t) for t in cutters]
     channels = _solids(tools[0].fuse(*tools[1:])) if len(tools) > 1 else tools
-    removed = sum(float(s.volume) for t in channels for s in _solids(body & t))
-    expected = float(body.volume) - removed
 
     def carved(pieces: list[Any]) -> list[Any]:
         return [s for p in pieces for s in _solids(p.cut(*channels))]
 
-    for channels_first in (True, False):  # now and then one order fails where the other works
+    for channels_first in (False, True):  # now and then one order fails where the other works
         made = (
             _divided(carved([body]), knives) if channels_first else carved(_divided([body], knives))
         )
-        if len(made) == count and abs(sum(p.volume for p in made) / expected - 1) < 1e-4:
+        if len(made) == count and abs(sum(p.volume for p in made) / expected - 1) < _LOST:
             return [p.wrapped for p in made]
     raise FabricationError("OpenCascade could not divide the solid; move a cord plane slightly")
 
@@ -214,10 +215,13 @@ def _divided(parts: list[Any], knives: Sequence[Knife]) -> list[Any]:
         except ValueError:  # the splitter's result was null
             continue
         if knife.region is not None:
-            halves = _solids(nearest & solid_of(knife.region))
+            halves = _solids(nearest & solid_of(knife.region[0]))
         if knife.taken and halves:
             taken = [_nearest(halves, at) for at in knife.taken]
-            halves = taken + _solids(nearest.cut(*taken))
+            rest = _solids(nearest.cut(*taken))
+            if knife.region is not None:
+                taken = [s for t in taken for s in _solids(t & solid_of(knife.region[1]))]
+            halves = taken + rest
         if halves:
             parts = [p for p in parts if p is not nearest] + halves
     return parts

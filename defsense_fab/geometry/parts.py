@@ -105,6 +105,7 @@ def make_parts(
     """
     report(0.05, "cutting facets")
     body = facets.to_manifold(surface, "the body")
+    _one_solid(body)
     channels = channels_of(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
     walls = inspection.walls(channels, surface, rules)
     body_volume = float(body.volume())
@@ -115,14 +116,9 @@ def make_parts(
         body = facets.without(body, flattening)
         surface = facets.to_surface(body)
     division, names = _named(
-        divide(body, channels, rules.channel / 2, rules.inner_wall, rules.limit), surface
+        divide(body, channels, rules.channel / 2, rules.inner_wall, rules.clearance, rules.limit),
+        surface,
     )
-    for cut in division.cuts:
-        if not all(cut.sides):
-            raise FabricationError(
-                f"the plane of {inspection.cut_name(cut, channels)} leaves no part on one of its"
-                " sides; move it into the body"
-            )
     report(0.25, "pins and numbers")
     meeting = contacts(division, hollows)
     pins = dowels.place(meeting, rules.clearance, rules.inner_wall)
@@ -161,6 +157,17 @@ def make_parts(
     return replace(made, parts=tuple(parts))
 
 
+def _one_solid(body: Any) -> None:
+    pieces = body.decompose()
+    for piece in sorted(pieces, key=lambda p: float(p.volume()))[:-1]:
+        at = inspection.place(facets.centroid(facets.to_surface(piece)))
+        raise FabricationError(
+            f"the body has a closed cavity near {at}; open it to the outside or fill it"
+            if piece.volume() < 0
+            else f"the body has a separate piece near {at}; unite the pieces or remove it"
+        )
+
+
 def _named(division: Division, surface: Surface) -> tuple[Division, list[str]]:
     """The parts in the order of their numbers, with their names."""
     centers = [facets.centroid(facets.to_surface(p)) for p in division.parts]
@@ -178,7 +185,7 @@ def _named(division: Division, surface: Surface) -> tuple[Division, list[str]]:
 
 def _part(name: str, piece: Any) -> Part:
     surface = facets.printable(piece, name)
-    return Part(name, surface, float(piece.volume()), facets.centroid(surface))
+    return Part(name, surface, surface.volume, facets.centroid(surface))
 
 
 def _own_tools(

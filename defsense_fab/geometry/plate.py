@@ -95,6 +95,7 @@ def arrange(
         if y > GAP and y + deep + GAP > bed[1]:
             plate, x, y, row = plate + 1, GAP, GAP, 0.0
         if x + wide + GAP > bed[0] or y + deep + GAP > bed[1]:  # alone, nearer than GAP to the edge
+            plate += any(p.plate == plate for p in out.values())
             middle = np.array([bed[0] / 2, bed[1] / 2, 0.0])
             x, y, row = bed[0], GAP, bed[1]
         else:

@@ -19,7 +19,7 @@ _PLAY = 0.4  # mm, that a seat is wider than its tag
 _STROKE, _ENGRAVED = 0.8, 0.4  # mm
 _APART = 2.0  # mm, between two seats
 _LEAN = np.cos(np.radians(40))  # of the skin's normals within a seat
-_SAMPLES = 3000
+_WITHIN = 20  # points of the skin within a seat, about
 
 
 @dataclass(frozen=True)
@@ -48,15 +48,20 @@ def place(
     """Up to `count` seats for square tags of `tag` mm, spread over the skin where it is nearly
     flat, at least `wall` mm of material between them and the `hollows`: points (n, 3) mm and the
     radius of what is hollow there."""
+    if not count:
+        return []
     size = tag + _PLAY
-    points, normals = _skin(body)
+    points, normals = _skin(body, size)
     tree = cKDTree(points)
     round_ = size / np.sqrt(2)
     rng = np.random.default_rng(0)
     found: list[tuple[Float, Float]] = []
     for k in rng.permutation(len(points)):
         near = tree.query_ball_point(points[k], 1.6 * round_)
-        normal = normals[tree.query_ball_point(points[k], round_)].mean(axis=0)
+        # A thin body's other skin is near too: only what looks the same way counts.
+        near = [j for j in near if normals[j] @ normals[k] > 0]
+        close = [j for j in near if np.linalg.norm(points[j] - points[k]) <= round_]
+        normal = normals[close].mean(axis=0)
         normal /= np.linalg.norm(normal)
         offset = points[near] - points[k]
         height = offset @ normal
@@ -76,9 +81,13 @@ def place(
     ]
 
 
-def _skin(body: Surface) -> tuple[Float, Float]:
-    """Points (n, 3) mm spread over the skin and its normals there (n, 3)."""
-    points = body.scatter(_SAMPLES, np.random.default_rng(1))
+def _skin(body: Surface, size: float) -> tuple[Float, Float]:
+    """Points (n, 3) mm spread over the skin, enough of them for seats of a size, and its normals
+    there (n, 3)."""
+    a, b, c = (body.vertices[body.faces[:, i]] for i in range(3))
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    count = int(np.clip(_WITHIN * area / size**2, 1000, 30_000))
+    points = body.scatter(count, np.random.default_rng(1))
     _, face, _ = igl.point_mesh_squared_distance(points, body.vertices, body.faces)
     a, b, c = (body.vertices[body.faces[np.asarray(face)][:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)

@@ -29,15 +29,27 @@ def solid_parts(
     `solid` is the body's, `own` what is cut out of each part besides the channels of `diameter`
     mm. Raises FabricationError where OpenCascade fails or its parts differ from the facets'.
     """
+    try:
+        return _solid_parts(solid, made, division, own, diameter)
+    except FabricationError:
+        raise
+    except Exception as error:  # OCP's own exceptions carry no common base
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise FabricationError(f"OpenCascade failed: {text}") from None
+
+
+def _solid_parts(
+    solid: Any, made: Made, division: Division, own: Sequence[Sequence[Tool]], diameter: float
+) -> list[Part]:
     cutters = []
     for c in made.channels:
         cutters.append(occ.tube(c.sensor.plane, c.sensor.curve, *c.runs, diameter))
         cutters += [occ.solid_of(t).wrapped for t in c.tools]
     knives = [occ.Knife(c.plane, c.center, c.taken, c.region) for c in division.cuts]
-    pieces = occ.carve_and_split(solid, cutters, knives, len(made.parts))
+    bare = [float(p.volume()) for p in division.parts]
+    pieces = occ.carve_and_split(solid, cutters, knives, len(made.parts), sum(bare))
     left = [(p, occ.volume(p), occ.centroid(p)) for p in pieces]
     out = list(made.parts)
-    bare = [float(p.volume()) for p in division.parts]
     for k in sorted(range(len(out)), key=lambda k: -bare[k]):
         part = out[k]
         near = [

@@ -170,9 +170,9 @@ def _checks(manifest: Mapping[str, Any]) -> TableOf:
 def _preparation(device: Device, manifest: Mapping[str, Any]) -> list[Step]:
     plates = ", ".join(p["file"] for p in manifest["plates"])
     printing = [
-        f"Print {plates} ({device.fabrication.process}, {device.material.name}): parts lie on their"
-        " largest cut face and need no support in grooves or sockets.",
-        "Every part carries its number in a face that vanishes in the device.",
+        f"Print {plates} ({device.fabrication.process}, {device.material.name}): parts lie on a cut"
+        " face where they have one to lie on; grooves and sockets need no support.",
+        "A part's number is engraved in a face that vanishes in the device, where there is room.",
     ]
     if manifest["pins"]:
         printing.append(

@@ -8,23 +8,29 @@ from typing import Any
 
 import numpy as np
 
+from ..core.arrays import Float
 from ..core.device import Device, Sensor
 from ..core.errors import FabricationError
 from ..core.files import write_json
 from ..core.mesh import Surface
+from ..core.prediction import Prediction
 from ..geometry import facets
+from ..geometry.channels import Channel
 from ..geometry.ends import Pockets
 from ..geometry.export import write_3mf, write_stl
 from ..geometry.parts import Made, Rules, make_parts
 from ..geometry.plate import Placed, arrange, laid
+from ..optimize.freedom import sample_path
 from ..optimize.verify import verify
 from .cut_list import bill, cut_list
 from .stage_body import is_cad, load_surface
-from .stage_optimize import limits, load_sensors
+from .stage_optimize import limits, load_sensors, load_task, predict
 from .stages import Report, read_json
 
 #: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
 LYING = "print"
+#: Predicted errors that grow by more than this with the pockets are told.
+_WORSE = 1.05
 
 
 def rules(device: Device) -> Rules:
@@ -52,8 +58,11 @@ def run(device: Device, folder: Path, report: Report) -> None:
 
         solid = occ.read_step(folder / "body" / "body.step")[0]
     made = fabricate(device, surface, sensors, report, solid)
+    report(0.75, "predicting with joints")
+    layout = read_json(folder / "layout.json")
+    prediction = as_made(device, folder, made, layout["prediction"]["decoder"])
     report(0.8, "writing parts")
-    write(device, made, folder, read_json(folder / "layout.json")["sensors"])
+    write(device, made, folder, layout, prediction)
 
 
 def fabricate(
@@ -66,8 +75,31 @@ def fabricate(
     return make_parts(surface, sensors, rules(device), report, solid)
 
 
-def write(device: Device, made: Made, folder: Path, layout: Sequence[Mapping[str, Any]]) -> None:
-    """Leave the parts in `folder`/parts; `layout` are the cords of `layout.json`."""
+def as_made(device: Device, folder: Path, made: Made, decoder: str) -> Prediction:
+    """What the device is predicted to sense without the ends of cords that lie in pockets."""
+    task = load_task(device, folder).decoded_by(decoder)
+    paths = [_sensing(c) for c in made.channels]
+    return predict(task.everything, paths, task.names, task.held)[0]
+
+
+def _sensing(channel: Channel) -> Float:
+    """The stretch of a cord's path (p, 3) mm outside of its pockets."""
+    path = sample_path(channel.sensor)
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    hidden = [max(0.0, e.pocket - i) for e, i in zip(channel.ends, channel.inlets, strict=True)]
+    at = np.linspace(hidden[0], along[-1] - hidden[1], len(path))
+    return np.stack([np.interp(at, along, path[:, i]) for i in range(3)], axis=1)
+
+
+def write(
+    device: Device,
+    made: Made,
+    folder: Path,
+    layout: Mapping[str, Any],
+    prediction: Prediction | None = None,
+) -> None:
+    """Leave the parts in `folder`/parts; `layout` is what `layout.json` holds, `prediction` that
+    for the cords as they are built in."""
     flat = {p.name: laid(p.surface, made.down(i)) for i, p in enumerate(made.parts)}
     pins = _pins(made)
     names = [n for name, (_, count, _) in pins.items() for n in _copies(name, count)]
@@ -90,7 +122,9 @@ def write(device: Device, made: Made, folder: Path, layout: Sequence[Mapping[str
         occ.write_assembly(solids, out / "assembly.step", device.name)
     write_3mf({p.name: p.surface for p in made.parts}, out / "assembly.3mf", device.name)
     plates = _write_plates(placed, out, device.name)
-    write_json(out / "manifest.json", _manifest(device, folder, made, pins, plates, layout))
+    write_json(
+        out / "manifest.json", _manifest(device, folder, made, pins, plates, layout, prediction)
+    )
 
 
 def _pins(made: Made) -> dict[str, tuple[Surface, int, dict[str, float]]]:
@@ -129,10 +163,17 @@ def _manifest(
     made: Made,
     pins: Mapping[str, tuple[Surface, int, Mapping[str, float]]],
     plates: Sequence[Mapping[str, Any]],
-    layout: Sequence[Mapping[str, Any]],
+    layout: Mapping[str, Any],
+    prediction: Prediction | None,
 ) -> dict[str, Any]:
     warnings = list(made.warnings)
-    for s in layout:
+    if prediction and prediction.rmse > _WORSE * layout["prediction"]["rmse"]:
+        warnings.append(
+            f"the ends of cords in pockets do not sense: the predicted error rises from"
+            f" {layout['prediction']['rmse']:.2f} to {prediction.rmse:.2f} mm; pockets = false in"
+            " [fabrication] avoids it"
+        )
+    for s in layout["sensors"]:
         if s["peak_strain"] > device.cord.max_strain:
             warnings.append(
                 f"cord {s['name']} is stretched by {s['peak_strain']:.0%}, more than its"
@@ -164,6 +205,7 @@ def _manifest(
             for s in made.seats
         ],
         "checks": [vars(c) for c in made.checks],
+        "prediction": prediction.to_json() if prediction else None,
         "removed_volume": made.cut_out,
         "body_volume": made.body_volume,
         "warnings": warnings,

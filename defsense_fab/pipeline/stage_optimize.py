@@ -147,8 +147,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     chosen = min(tried, key=lambda k: tried[k][0])
     task, found = task.decoded_by(chosen), tried[chosen][1]
     problem = task.design
-    initial, _ = predict(task.everything, found.initial, task.names, task.held)
-    final, extra = predict(task.everything, found.sensors, task.names, task.held)
+    initial, _ = predict(task.everything, _paths(found.initial), task.names, task.held)
+    final, extra = predict(task.everything, _paths(found.sensors), task.names, task.held)
     check = verify(found.sensors, surface, problem.limits)
     if check.problems:
         raise LayoutError(f"the optimised layout fails its check: {check.problems[0]}")
@@ -179,9 +179,13 @@ def run(device: Device, folder: Path, report: Report) -> None:
     write_json(folder / "prediction.json", {"markers": task.points.tolist(), **extra})
 
 
+def _paths(sensors: Sequence[Sensor]) -> list[Float]:
+    return [sample_path(s) for s in sensors]
+
+
 def unseen_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
     """Expected RMSE (mm) of decoders on runs of states that they were not trained on."""
-    signals = np.stack([problem.signals(sample_path(s)) for s in sensors], axis=1)
+    signals = np.stack([problem.signals(path) for path in _paths(sensors)], axis=1)
     return cross_validated(
         lambda seen, told: train(problem.decoder, seen, told, problem.noise),
         signals,
@@ -191,10 +195,11 @@ def unseen_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
 
 
 def predict(
-    problem: Problem, sensors: Sequence[Sensor], names: Sequence[str], held: Bool
+    problem: Problem, paths: Sequence[Float], names: Sequence[str], held: Bool
 ) -> tuple[Prediction, dict[str, Any]]:
-    """Fit on the states not held out and score all; also the decoder and marker errors."""
-    signals = np.stack([problem.signals(sample_path(s)) for s in sensors], axis=1)
+    """Fit on the states not held out and score all, for cords along `paths`, each (p, 3) mm; also
+    the decoder and marker errors."""
+    signals = np.stack([problem.signals(path) for path in paths], axis=1)
     n, k = problem.markers.shape[:2]
     flat = problem.markers.reshape(n, -1)
     seen_by = ~held
@@ -214,7 +219,7 @@ def predict(
         rmse_noise_free=seen.rmse,
         peak=seen.peak,
         average_peak=seen.average_peak,
-        floor=only.floor(len(sensors)),
+        floor=only.floor(len(paths)),
         per_state={m: rmse[m] for m, h in zip(names, held, strict=True) if not h},
         held_out={m: rmse[m] for m, h in zip(names, held, strict=True) if h},
     )

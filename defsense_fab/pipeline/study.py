@@ -12,6 +12,7 @@ from ..core.device import Device
 from ..core.errors import LayoutError
 from ..core.files import digest, storage_errors
 from ..core.progress import Progress, silent
+from ..optimize.freedom import sample_path
 from ..optimize.study import by_count, knee
 from .build import build
 from .stage_optimize import SEED, load_task, predict
@@ -64,7 +65,9 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     ended = ""
     try:
         for count, layout in search:
-            prediction, _ = predict(task.everything, layout, task.names, task.held)
+            prediction, _ = predict(
+                task.everything, [sample_path(s) for s in layout], task.names, task.held
+            )
             unseen = np.array(list(prediction.held_out.values()))
             found.append(
                 Row(

@@ -42,7 +42,7 @@ def folder(cube, tmp_path_factory):
     signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
     (out / "prediction.json").write_text(json.dumps({"signals": signals.tolist()}))
     (out / "layout.json").write_text(json.dumps({"sensors": layout}))
-    write(device, made, out, layout)
+    write(device, made, out, {"sensors": layout})
     return out
 
 
@@ -162,7 +162,7 @@ def test_a_part_that_no_bed_holds_is_refused(cube):
     with pytest.raises(
         FabricationError, match=r"\d-[a-z-]+ measures .* does not fit the bed of fdm"
     ):
-        write(small, made, Path("/nonexistent"), [])
+        write(small, made, Path("/nonexistent"), {})
 
 
 @pytest.mark.parametrize(
