@@ -254,4 +254,4 @@ def cut_name(cut: Cut, channels: Sequence[Channel]) -> str:
 
 
 def place(p: Float) -> str:
-    return "(" + ", ".join(f"{x:.1f}" for x in p) + ")"
+    return "(" + ", ".join(f"{x:.1f}" for x in np.round(p, 1) + 0.0) + ")"

@@ -138,13 +138,10 @@ def test_no_part_fits_turned_round_or_in_another_place(made):
         faces.setdefault(pin.contact, []).append(pin)
     pairs = [f for f in faces.values() if len(f) == 2]
     assert len(pairs) >= 4
-    kinds = []
     for a, b in pairs:
         assert abs(a.diameter - b.diameter) >= 0.5  # turned round, the thick pin meets a thin hole
-        kinds.append((max(a.diameter, b.diameter), np.linalg.norm(a.center - b.center)))
-    for i, (size, apart) in enumerate(kinds):
-        for other, further in kinds[:i]:
-            assert size != other or abs(apart - further) >= 0.99
+    apart = np.sort([np.linalg.norm(a.center - b.center) for a, b in pairs])
+    assert np.diff(apart).min() >= 0.99
 
 
 def test_every_part_is_numbered_readably(made, exported):
@@ -242,6 +239,85 @@ def test_what_no_cord_touches_is_not_cut_off():
     made = make_parts(body, [sensor], replace(RULES, pockets=None))
     assert len(made.parts) == 2
     assert min(p.volume for p in made.parts) == pytest.approx(40 * 10 * 30, rel=0.05)
+
+
+def test_what_is_written_is_closed_when_read_again(bar, tmp_path):
+    """Oblique ends put near-duplicate vertices where tube, pocket and chamfer meet."""
+    points = [[2, -4], [10, -3], [50, 2], [100, -3], [140, 2], [148, 4]]
+    made = make_parts(bar, [cord("c", [0, 0.1, 1], [0, 0, 0], [1, 0, 0], points)], RULES)
+    for part in made.parts:
+        write_stl(part.surface, tmp_path / "part.stl")
+        mesh = trimesh.load(tmp_path / "part.stl", force="mesh")
+        edges = np.sort(mesh.edges, axis=1)
+        assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+        assert mesh.is_watertight
+        assert mesh.body_count == 1
+        assert mesh.volume == pytest.approx(part.volume, rel=1e-6)
+
+
+def test_a_lid_has_play_in_its_recess(bar):
+    points = [[-13, 0], [-10, 0], [-4, 1], [4, -1], [10, 0], [13, 0]]
+    across = cord("c", [0, 0, 1], [75, 0, 5], [0, 1, 0], points)
+    made = make_parts(bar, [across], replace(RULES, limit=True))
+    rest, lid = (facets.to_manifold(p.surface, p.name) for p in made.parts)
+    assert lid.volume() < rest.volume()
+    for way in ([0.09, 0, 0], [-0.09, 0, 0]):
+        assert (rest ^ lid.translate(way)).volume() < 1e-3
+    assert (rest ^ lid.translate([0.12, 0, 0])).volume() > 1
+
+
+def test_a_lid_under_a_roof_is_not_cut_out():
+    """A jaw above the plate: its piece of the plate cannot come off upwards."""
+    boxes = [([0, 0, 0], [100, 40, 20]), ([0, 0, 0], [10, 40, 60]), ([0, 0, 50], [100, 40, 60])]
+    jaw = facets.union([facets.to_manifold(Surface(*trimesh_box(b)), "jaw") for b in boxes])
+    points = [[-18, 0], [-14, 0], [-5, 0], [5, 0], [14, 0], [18, 0]]
+    sensor = cord("c", [0, 0, 1], [60, 20, 14], [0, 1, 0], points)
+    made = make_parts(facets.to_surface(jaw), [sensor], replace(RULES, limit=True, pockets=None))
+    low, high = (facets.union([facets.to_manifold(made.parts[i].surface, "p") for i in side])
+                 for side in made.cuts[0].sides)  # fmt: skip
+    for lift in np.arange(1.0, 80.0):
+        assert (low ^ high.translate([0, 0, lift])).volume() < 0.01
+
+
+def test_pockets_side_by_side_keep_their_wall(bar):
+    straight = [[2, 0], [10, 0], [50, 0], [100, 0], [140, 0], [148, 0]]
+    for apart, length in ((3.4, 0.0), (3.8, 7.0)):
+        sensors = [cord(f"c{y:g}", [0, 0, 1], [0, y, 0], [1, 0, 0], straight)
+                   for y in (-apart / 2, apart / 2)]  # fmt: skip
+        made = make_parts(bar, sensors, RULES)
+        assert {e.pocket for c in made.channels for e in c.ends} == {length}
+
+
+def test_a_wide_curve_is_followed_closely():
+    """Few control points far apart: the cord's true path keeps its clearance all along."""
+    body = Surface(*trimesh_box([[0, 0, -10], [210, 210, 10]]))
+    points = np.array([[2, 105], [60, 105], [150, 105], [208, 105]], float)
+    tangents = np.array([[60, 0], [60, 300], [60, -300], [60, 0]], float)
+    plane = Plane.from_normal(np.zeros(3), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+    made = make_parts(body, [Sensor("c", plane, Hermite(points, tangents))], RULES)
+    path = plane.to_world(Hermite(points, tangents).sample(3000))
+    assert min(distance(p.surface, path).min() for p in made.parts) >= 1.09
+
+
+def test_a_hollow_body_and_a_body_in_pieces_are_refused(bar):
+    outer = facets.to_manifold(bar, "bar")
+    hole = facets.to_manifold(Surface(*trimesh_box([[60, -5, -12], [90, 5, -8]])), "hole")
+    straight = cord("c", [0, 0, 1], [0, 0, 4], [1, 0, 0], STRAIGHT)
+    with pytest.raises(FabricationError, match=r"closed cavity near \(75.0, 0.0, -10.0\)"):
+        make_parts(facets.to_surface(outer - hole), [straight], RULES)
+    with pytest.raises(FabricationError, match="a separate piece near"):
+        make_parts(facets.to_surface(outer + hole.translate([0, 100, 0])), [straight], RULES)
+
+
+def test_no_seats_unless_asked_for_and_thin_bodies_take_them(bar):
+    straight = [cord("c", [0, 0, 1], [0, 0, 0], [1, 0, 0], STRAIGHT)]
+    assert make_parts(bar, straight, RULES).seats == ()
+    plate = Surface(*trimesh_box([[0, -30, -2.75], [150, 30, 2.75]]))
+    across = [cord("c", [0, 0, 1], [0, 20, 0], [1, 0, 0], STRAIGHT)]
+    made = make_parts(plate, across, replace(RULES, seats=4, pockets=None))
+    assert len(made.seats) == 4
+    small = make_parts(bar, straight, replace(RULES, seats=2, tag=3.0))
+    assert len(small.seats) == 2
 
 
 def test_parts_are_named_by_where_they_lie():

@@ -56,6 +56,14 @@ def test_plates_hold_all_parts_side_by_side():
     assert max(plate for plate, _ in boxes) > 0
 
 
+def test_a_part_that_fills_the_bed_has_a_plate_of_its_own():
+    down = np.array([0, 0, -1.0])
+    sizes = {"a": [205, 110, 5], "b": [215, 30, 5], "c": [50, 50, 5]}
+    parts = {n: laid(box_surface([0, 0, 0], s), down) for n, s in sizes.items()}
+    plates = {n: p.plate for n, p in arrange(parts, BED, "printer").items()}
+    assert plates["b"] not in (plates["a"], plates["c"])
+
+
 def test_a_long_part_lies_across_the_corners_and_a_longer_one_is_refused():
     long = laid(box_surface([0, 0, 0], [270, 20, 20]), np.array([0, 0, -1.0]))
     across = arrange({"rod": long}, BED, "fdm-tpu")["rod"].surface
