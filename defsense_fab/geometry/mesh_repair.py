@@ -12,6 +12,7 @@ from ..core.mesh import Surface
 
 #: Holes wider than this part of the bounding box's diagonal are not guessed at.
 LARGEST_HOLE = 0.1
+_STEP_OFF = 1e-5  # of the bounding box's diagonal
 _3MF_UNITS = {
     "MicroMeter": 1e-3,
     "MilliMeter": 1.0,
@@ -28,7 +29,8 @@ def read_mesh(
     """The closed surface in `path` times `scale`, and what was repaired.
 
     Raises BodyError for an unreadable file, a size outside `sizes` mm, holes too wide to close,
-    edges with more than two faces, several separate pieces, or no enclosed volume.
+    edges with more than two faces, several separate pieces, a surface that passes through itself,
+    or no enclosed volume.
     """
     vertices, faces = _read(path)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -131,7 +133,32 @@ def repair(vertices: Float, faces: Int, where: str) -> tuple[Float, Int, list[st
     if volume < 0:
         faces = faces[:, ::-1].copy()
         done.append("turned the surface inside out")
+    _refuse_crossed(vertices, faces, size, where)
     return vertices, faces, done
+
+
+def _refuse_crossed(vertices: Float, faces: Int, size: float, where: str) -> None:
+    """Refuse a surface that passes through itself: just inside of every facet the winding number
+    must be 1, just outside 0."""
+    import igl
+
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1)
+    whole = length > (_STEP_OFF * size) ** 2
+    middle = ((a + b + c) / 3)[whole]
+    step = _STEP_OFF * size * normal[whole] / length[whole, None]
+    surface = (np.ascontiguousarray(vertices), np.ascontiguousarray(faces))
+    within, outside = (
+        np.asarray(igl.fast_winding_number(*surface, np.ascontiguousarray(p)))
+        for p in (middle - step, middle + step)
+    )
+    wrong = (np.abs(within - 1) > 0.5) | (np.abs(outside) > 0.5)
+    if wrong.any():
+        raise BodyError(
+            f"{where}: the surface passes through itself, in {wrong.sum()} places such as"
+            f" {_point(middle[wrong][0])}; unite the overlapping parts in a mesh editor"
+        )
 
 
 def _edges(faces: Int) -> tuple[Int, Int]:

@@ -53,6 +53,18 @@ def test_two_pieces_are_refused(bar):
         repair(v, f, "x")
 
 
+def test_a_surface_that_passes_through_itself_is_refused_with_its_place(bar):
+    """One end of the bar is folded back through its side."""
+    vertices, faces = fine(bar)
+    end = vertices[:, 0] > 120
+    folded = vertices.copy()
+    folded[end] += (vertices[end, :1] - 120) * np.array([-2.2, 0, 1.0])
+    with pytest.raises(BodyError, match=r"x: the surface passes through itself, .* such as \("):
+        repair(folded, faces, "x")
+    bent = vertices + np.where(end[:, None], (vertices[:, :1] - 120) * np.array([-0.4, 0, 1]), 0)
+    assert repair(bent, faces, "x")[2] == []
+
+
 @pytest.mark.parametrize("kind", ["stl", "3mf", "obj"])
 def test_mesh_files_round_trip(bar, tmp_path, kind):
     path = tmp_path / f"bar.{kind}"
