@@ -26,6 +26,8 @@ _PIN = 6.0  # mm, kept for a pin beside a cord where a cut is limited
 _WORTH = 15.0  # mm of channel along another cut's face weigh as much as one part
 _LIMITED = 0.5  # parts that a limited cut has to save
 _ROUGH = 0.3  # mm, by which the body may differ where plans are compared
+#: Parts smaller than this part of the body are hard to print and to handle.
+SMALL = 0.01
 _CRUMB = 0.5  # mm^3; what a cut leaves of less than that is not a part, and is left out
 
 
@@ -88,6 +90,13 @@ class Plan:
         return grazes(self.leaves, faces, lines, radius, wall)
 
     @property
+    def burden(self) -> float:
+        """The number of pieces; one that is too small to handle well counts up to twice."""
+        volumes = np.array([float(p.volume()) for p in self.leaves])
+        small = np.clip(1 - volumes / (SMALL * volumes.sum()), 0, None)
+        return len(volumes) + float(small.sum())
+
+    @property
     def smallest(self) -> float:
         """Volume of the smallest piece, mm^3."""
         return min(float(p.volume()) for p in self.leaves)
@@ -121,7 +130,7 @@ def plan(
     for m in (margin,) if limit else (None, margin):
         for order in orders:
             made = _cut(rough, planes, threads, own, order, m, play)
-            cost = len(made.leaves) + (_LIMITED if m and not limit else 0.0)
+            cost = made.burden + (_LIMITED if m and not limit else 0.0)
             if tried and cost > min(t[0] for t in tried):
                 continue
             cost += sum(g.length for g in made.grazes(lines, radius, wall)) / _WORTH

@@ -14,7 +14,7 @@ from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import dowels, facets, inspection, labels, seats
 from .channels import Channel, channels_of
-from .division import Cut, Division, divide
+from .division import SMALL, Cut, Division, divide
 from .ends import Pockets
 from .inspection import Check
 from .labels import Label
@@ -22,9 +22,6 @@ from .names import names as names_of
 from .plate import resting
 from .room import Contact, contacts
 from .tools import Tool
-
-#: Parts smaller than this part of the body are warned of: hard to print and to handle.
-SMALL = 0.01
 
 
 @dataclass(frozen=True)
