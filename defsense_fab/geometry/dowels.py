@@ -132,12 +132,14 @@ def free_spots(
     to the sockets of `known` pins too."""
     radius = (diameter + clearance) / 2
     spots = _few(contact.spots(radius + wall))
-    # The middle of the face and the bottoms' centres fail first: few spots are left for the rest.
-    shell = _octagons(radius, depth)
+    # Distances have no sign: points lie so close that none can step through a skin unnoticed.
+    heights = np.linspace(-depth, depth, 2 * int(np.ceil(depth / wall)) + 1)
+    axis = np.column_stack([np.zeros((len(heights), 2)), heights])
+    # The middle of the face and the axis fail first: few spots are left for the rest.
     for points, room in (
         (np.zeros((1, 3)), radius + wall),
-        (np.array([[0, 0, -depth], [0, 0, depth]]), wall),
-        (shell, wall),
+        (axis, wall),
+        (_octagons(radius, heights), wall),
     ):
         if not len(spots):
             break
@@ -148,11 +150,10 @@ def free_spots(
     return spots
 
 
-def _octagons(radius: float, depth: float) -> Float:
-    """Corners (32, 3) mm of octagons around a socket pair, half way down and at both bottoms."""
+def _octagons(radius: float, heights: Float) -> Float:
+    """Corners (8 n, 3) mm of octagons around a socket pair at heights (n,) mm."""
     turn = np.arange(8) * np.pi / 4
     around = radius / np.cos(np.pi / 8) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    heights = np.array([-1.0, -0.5, 0.5, 1.0]) * depth
     return np.concatenate([np.column_stack([around, np.full(8, h)]) for h in heights])
 
 

@@ -179,7 +179,7 @@ def _shell(pin: Pin) -> Float:
     x, y = frame(pin.axis)[:, :2].T
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     ring = pin.socket / 2 * (np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * y)
-    heights = np.linspace(-pin.depth, pin.depth, 9)
+    heights = np.linspace(-pin.depth, pin.depth, 2 * int(np.ceil(pin.depth / 0.5)) + 1)
     return np.asarray((pin.center + ring[None] + heights[:, None, None] * pin.axis).reshape(-1, 3))
 
 
@@ -188,7 +188,7 @@ def _features(made: Made, pieces: Sequence[Any], rules: Rules) -> list[Check]:
     printed: what is lost when their outlines are opened by that width."""
     width, out = rules.inner_wall, []
     for i, (part, piece) in enumerate(zip(made.parts, pieces, strict=True)):
-        axes = frame(-made.down(i))
+        axes = frame(-part.down)
         lying = piece.transform(np.column_stack([axes.T, np.zeros(3)]))
         low, high = lying.bounding_box()[2], lying.bounding_box()[5]
         whole, thin, at, most = 0.0, 0.0, part.center, 0.0

@@ -19,7 +19,7 @@ from .ends import Pockets
 from .inspection import Check
 from .labels import Label
 from .names import names as names_of
-from .plate import resting
+from .plate import FOOTHOLD, footing, resting
 from .room import Contact, contacts
 from .tools import Tool
 
@@ -49,12 +49,14 @@ class Rules:
 @dataclass(frozen=True)
 class Part:
     """One printable piece in the rest frame: `surface` is what its STL holds, `volume` (mm^3) and
-    `center` (3,) mm are those facets'; `solid` is its TopoDS_Solid where the body is CAD."""
+    `center` (3,) mm are those facets', `down` (3,) points to the bed as it is printed; `solid` is
+    its TopoDS_Solid where the body is CAD."""
 
     name: str
     surface: Surface
     volume: float
     center: Float
+    down: Float
     solid: Any = None
 
 
@@ -75,16 +77,6 @@ class Made:
     warnings: tuple[str, ...]
     cut_out: float
     body_volume: float
-
-    def down(self, i: int) -> Float:
-        """The direction (3,) in which part i lies as it is printed: the outward normal of its
-        largest cut face on which it can lie, or else of the largest flat side of its hull."""
-        faces = [
-            (c.area, c.plane.normal if c.lower == i else -c.plane.normal)
-            for c in self.contacts
-            if i in (c.lower, c.upper)
-        ]
-        return resting(self.parts[i].surface, [n for _, n in sorted(faces, key=lambda f: -f[0])])
 
 
 def make_parts(
@@ -128,7 +120,7 @@ def make_parts(
         for p, tools in zip(division.parts, own, strict=True)
         if tools
     )
-    parts = [_part(n, p) for n, p in zip(names, pieces, strict=True)]
+    parts = [_part(i, n, p, meeting) for i, (n, p) in enumerate(zip(names, pieces, strict=True))]
     report(0.4, "checking")
     made = Made(
         tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(flats),
@@ -180,9 +172,15 @@ def _named(division: Division, surface: Surface) -> tuple[Division, list[str]]:
     return replace(division, parts=parts, leaves=leaves, cuts=cuts), [names[i] for i in order]
 
 
-def _part(name: str, piece: Any) -> Part:
+def _part(i: int, name: str, piece: Any, meeting: Sequence[Contact]) -> Part:
     surface = facets.printable(piece, name)
-    return Part(name, surface, surface.volume, facets.centroid(surface))
+    faces = [
+        (c.area, c.plane.normal if c.lower == i else -c.plane.normal)
+        for c in meeting
+        if i in (c.lower, c.upper)
+    ]
+    down = resting(surface, [n for _, n in sorted(faces, key=lambda f: -f[0])])
+    return Part(name, surface, surface.volume, facets.centroid(surface), down)
 
 
 def _own_tools(
@@ -218,6 +216,9 @@ def _warnings(made: Made, division: Division, rules: Rules) -> list[str]:
     for i, part in enumerate(made.parts):
         if part.volume < SMALL * made.body_volume:
             out.append(f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
+        solid = facets.to_manifold(part.surface, part.name)
+        if footing(solid, part.down) < FOOTHOLD:
+            out.append(f"{part.name} has no flat to stand on: print it with a brim and supports")
         if len(made.parts) > 1 and i not in marked:
             out.append(f"{part.name} has no room for its number; write it on")
     for k, cut in enumerate(made.cuts):

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..core.arrays import Float
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
+from . import facets
 from .tools import frame
 
-_FOOTHOLD = 20.0  # mm^2, of a face that a part can lie on
+#: First layer that holds a part on the bed, mm^2.
+FOOTHOLD = 20.0
+_LAYER, _LINE, _TRIED = 0.15, 0.4, 40  # mm above the bed, width of a line, sides of the hull
 GAP = 5.0  # mm, between parts and along the bed's edge
 
 
@@ -26,29 +30,31 @@ class Placed:
 
 
 def resting(surface: Surface, preferred: Sequence[Float]) -> Float:
-    """The first of the `preferred` directions (3,) in which the surface ends in a flat, or else
-    that of the largest flat side of its convex hull: the side that it lies on."""
-    for normal in preferred:
-        if _flat_end(surface, normal) >= _FOOTHOLD:
-            return normal
+    """The direction (3,) that points down as a part is printed: the first of the `preferred` ones
+    in which it ends in a flat, or else, of these, the sides of its convex hull and its main axes,
+    the one with the largest first layer."""
     from scipy.spatial import ConvexHull
 
+    solid = facets.to_manifold(surface, "a part")
+    for normal in preferred:
+        if footing(solid, normal) >= FOOTHOLD:
+            return normal
     hull = ConvexHull(surface.vertices)
-    corners = hull.points[hull.simplices]
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    normals, own = np.unique(np.round(hull.equations[:, :3], 3), axis=0, return_inverse=True)
-    best = normals[np.bincount(own.reshape(-1), area).argmax()]
-    return np.asarray(best / np.linalg.norm(best))
+    a, b, c = (hull.points[hull.simplices[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    normals, own = np.unique(np.round(hull.equations[:, :3], 2), axis=0, return_inverse=True)
+    widest = np.argsort(-np.bincount(own.reshape(-1), area))[:_TRIED]
+    around = np.linalg.svd(hull.points - hull.points.mean(0), full_matrices=False)[2]
+    flats = normals[widest] / np.linalg.norm(normals[widest], axis=1)[:, None]
+    sides = [*preferred, *flats, *around, *-around]
+    return max(sides, key=lambda normal: footing(solid, normal))
 
 
-def _flat_end(surface: Surface, normal: Float) -> float:
-    """Area, mm^2, of the facets at the surface's very end in a direction (3,)."""
-    height = surface.vertices @ normal
-    end = (height > height.max() - 1e-3)[surface.faces].all(axis=1)
-    a, b, c = (surface.vertices[surface.faces[end, i]] for i in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+def footing(solid: Any, down: Float) -> float:
+    """Area, mm^2, of a part's first layer (manifold3d solid) that two lines of the printer fill."""
+    lying = solid.transform(np.column_stack([frame(-down).T, np.zeros(3)]))
+    layer = lying.slice(lying.bounding_box()[2] + _LAYER)
+    return float(layer.offset(-_LINE).offset(_LINE).area())
 
 
 def laid(surface: Surface, down: Float) -> Surface:

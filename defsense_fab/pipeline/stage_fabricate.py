@@ -100,7 +100,7 @@ def write(
 ) -> None:
     """Leave the parts in `folder`/parts; `layout` is what `layout.json` holds, `prediction` that
     for the cords as they are built in."""
-    flat = {p.name: laid(p.surface, made.down(i)) for i, p in enumerate(made.parts)}
+    flat = {p.name: laid(p.surface, p.down) for p in made.parts}
     pins = _pins(made)
     names = [n for name, (_, count, _) in pins.items() for n in _copies(name, count)]
     loose = {n: pins[n.split("_")[0]][0] for n in names}

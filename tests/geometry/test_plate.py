@@ -5,7 +5,8 @@ import pytest
 
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.plate import arrange, laid, resting
+from defsense_fab.geometry import facets
+from defsense_fab.geometry.plate import arrange, footing, laid, resting
 from tests.conftest import box_surface
 
 BED = (220.0, 220.0, 250.0)
@@ -39,6 +40,22 @@ def test_a_face_in_a_hollow_is_no_foot():
     flat = laid(surface, down)
     low = flat.vertices[:, 2] < 1e-9
     assert low[flat.faces].all(axis=1).sum() >= 2
+
+
+def test_a_body_without_flats_stands_on_its_widest_end():
+    """An egg with a notch: the hull's largest side spans the notch and touches at its rims only."""
+    import trimesh
+
+    egg = trimesh.creation.icosphere(subdivisions=4)
+    egg.apply_scale([40, 20, 20])
+    knife = trimesh.creation.box([90, 4, 30])
+    knife.apply_translation([0, 0, -20])
+    notched = egg.difference(knife, engine="manifold")
+    surface = Surface(np.asarray(notched.vertices), np.asarray(notched.faces, np.int64))
+    down = resting(surface, [])
+    solid = facets.to_manifold(surface, "egg")
+    assert footing(solid, down) > 20
+    assert footing(solid, np.array([0, 0, -1.0])) < footing(solid, down)
 
 
 def test_plates_hold_all_parts_side_by_side():
