@@ -33,8 +33,9 @@ CONSERVATION = 1e-3
 _OVERLAP = 1e-5
 #: mm^3 of solid that a cord may touch: rounding of facets.
 _TOUCH = 0.02
-#: Most of a part that may be thinner than two lines: such places print as gaps.
-THIN = 0.1
+#: Most of a part that may be thinner than two lines: such places print as gaps. Wedges between
+#: planes that cross at small angles are told of long before that.
+THIN, TOLD = 0.5, 0.05
 _LAYERS = 30
 _OPENED = (0.3, 2.0, 10.0)  # mm between two halves
 #: Walls of a channel may thin out as steeply as this towards a mouth, as the optimiser

@@ -126,11 +126,9 @@ def make_parts(
         tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(flats),
         tuple(channels), (), (), removed, body_volume,
     )  # fmt: skip
-    made = replace(
-        made,
-        checks=(*walls, *inspection.inspect(made, pieces, surface, rules)),
-        warnings=tuple(_warnings(made, division, rules)),
-    )
+    found = inspection.inspect(made, pieces, surface, rules)
+    made = replace(made, checks=(*walls, *found))
+    made = replace(made, warnings=tuple(_warnings(made, division, rules)))
     if solid is None:
         return made
     report(0.6, "cutting the solid")
@@ -200,6 +198,9 @@ def _own_tools(
 def _warnings(made: Made, division: Division, rules: Rules) -> list[str]:
     """What a maker should know of the parts."""
     out = []
+    for check in made.checks:
+        if "share thinner" in check.name and check.value > inspection.TOLD:
+            out.append(f"{check.name}: {check.value:.0%}, near {check.at}: it may print with gaps")
     if len(made.seats) < rules.seats:
         out.append(
             f"there is room for {len(made.seats)} of {rules.seats} marker seats of"
