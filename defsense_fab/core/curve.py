@@ -134,6 +134,16 @@ def curvature(points: Float, tangents: Float, per_span: int) -> Float:
     return np.asarray((d[..., 0] * dd[..., 1] - d[..., 1] * dd[..., 0]) / speed**3)
 
 
+def bend_radius(points: Float) -> Float:
+    """Radius of the circle through each three neighbours, (p - 2,) mm."""
+    a, b, c = points[:-2], points[1:-1], points[2:]
+    sides = [np.linalg.norm(x, axis=1) for x in (b - a, c - b, c - a)]
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    radius = np.prod(sides, axis=0) / np.maximum(4 * area, 1e-12)
+    turned_back = np.einsum("ij,ij->i", b - a, c - b) <= 0
+    return np.asarray(np.where(turned_back, 0.0, radius))
+
+
 def coincident(planes: Sequence[Plane]) -> list[list[int]]:
     """Sets of coincident planes, as their indices."""
     out: list[list[int]] = []

@@ -9,8 +9,8 @@ from typing import Any
 import igl
 import numpy as np
 
-from ..core.arrays import Float
-from ..core.curve import Hermite, hermite_basis
+from ..core.arrays import Float, place
+from ..core.curve import Hermite, bend_radius, hermite_basis
 from ..core.device import Sensor
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
@@ -123,20 +123,16 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
     if not inside[1:-1].all():
         outside = path[1:-1][~inside[1:-1]]
         where = "misses the body" if not inside.any() else "leaves the body"
-        at = ", ".join(f"{x:.1f}" for x in outside[len(outside) // 2])
+        at = place(outside[len(outside) // 2])
         raise FabricationError(
-            f"cord {sensor.name!r} {where} near ({at}); move its plane or its path"
+            f"cord {sensor.name!r} {where} near {at}; move its plane or its path"
         )
-    a, b, c = path[:-2], path[1:-1], path[2:]
-    sides = [np.linalg.norm(x, axis=1) for x in (b - a, c - b, c - a)]
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    radius = np.prod(sides, axis=0) / np.maximum(4 * area, 1e-12)
-    radius[np.einsum("ij,ij->i", b - a, c - b) <= 0] = 0.0  # it turns back
+    radius = bend_radius(path)
     k = int(radius.argmin())
     if radius[k] < 0.6 * diameter:
-        at = ", ".join(f"{x:.1f}" for x in b[k])
+        at = place(path[k + 1])
         raise FabricationError(
-            f"cord {sensor.name!r} bends to a radius of {radius[k]:.2f} mm near ({at}), too tight"
+            f"cord {sensor.name!r} bends to a radius of {radius[k]:.2f} mm near {at}, too tight"
             f" for a channel of {diameter:.2f} mm; smooth the path"
         )
 

@@ -10,7 +10,7 @@ from typing import Any
 import manifold3d as m3
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Float, place
 from ..core.curve import Plane, coincident
 from ..core.errors import FabricationError
 from . import facets
@@ -51,14 +51,13 @@ class Cut:
 
 @dataclass(frozen=True)
 class Division:
-    """The parts (manifold3d solids), the same without channels, the cuts in order, the volume of
-    the channels, mm^3, and where channels open into the faces of others' cuts."""
+    """The parts (manifold3d solids), the same without channels, the cuts in order, and the volume
+    of the channels, mm^3."""
 
     parts: tuple[Any, ...]
     leaves: tuple[Any, ...]
     cuts: tuple[Cut, ...]
     removed: float
-    grazes: tuple[Graze, ...]
 
 
 @dataclass(frozen=True)
@@ -139,19 +138,11 @@ def plan(
     return _cut(body, planes, threads, own, chosen, best, play)
 
 
-def divide(
-    body: Any,
-    channels: Sequence[Channel],
-    radius: float,
-    wall: float,
-    play: float,
-    limit: bool = False,
-) -> Division:
-    """Cut the channels out of the body and divide it as `plan` says.
+def divide(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
+    """Cut the channels out of the body and divide it as planned.
 
     Raises FabricationError where a channel cuts a part in two.
     """
-    planned = plan(body, channels, radius, wall, play, limit)
     hollow = facets.union([c.solid for c in channels])
     parts = [_whole(leaf - hollow, channels) for leaf in planned.leaves]
     cuts = tuple(
@@ -167,8 +158,7 @@ def divide(
     )
     gaps = [c.gap for c in planned.cuts if c.gap is not None]
     removed = float((body ^ facets.union([hollow, *gaps])).volume())
-    found = planned.grazes([c.inside for c in channels], radius, wall)
-    return Division(tuple(parts), tuple(planned.leaves), cuts, removed, tuple(found))
+    return Division(tuple(parts), tuple(planned.leaves), cuts, removed)
 
 
 def _whole(leaf: Any, channels: Sequence[Channel]) -> Any:
@@ -176,11 +166,11 @@ def _whole(leaf: Any, channels: Sequence[Channel]) -> Any:
     pieces = sorted(_solids(leaf), key=lambda p: -float(p.volume()))
     if len(pieces) > 1:
         chip = pieces[1]
-        at = ", ".join(f"{x:.1f}" for x in facets.centroid(facets.to_surface(chip)))
+        at = place(facets.centroid(facets.to_surface(chip)))
         near = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
         raise FabricationError(
             f"the channel of cord {' and '.join(near)} cuts a piece of {chip.volume():.1f} mm^3 off"
-            f" its part near ({at}); move it away from the other cords' planes"
+            f" its part near {at}; move it away from the other cords' planes"
         )
     if not pieces:
         raise FabricationError("a channel takes up a whole part; move the cords' planes apart")

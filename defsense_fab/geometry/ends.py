@@ -9,14 +9,14 @@ from typing import Any
 import igl
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Float, place
 from ..core.mesh import Surface
 from .tools import Frustum, Tool, cylinder
 
 #: The pocket's axis and the path within it differ by no more than this, rad.
 _STRAIGHT = np.radians(25)
-#: As near the mouth a pocket's wall may thin out: wall per mm of distance from it.
-_SLOPE = 0.6
+#: A channel may enter at up to this slope: depth gained per length of channel.
+INLET_SLOPE = 0.6
 
 
 @dataclass(frozen=True)
@@ -107,14 +107,14 @@ def _refusal(
     axis = line[0] - np.linspace(0, pockets.length, count)[:, None] * out
     radius = pockets.diameter / 2
     depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, axis)[0])
-    needed = np.minimum(radius + wall, _SLOPE * np.linspace(0, pockets.length, count))
+    needed = np.minimum(radius + wall, INLET_SLOPE * np.linspace(0, pockets.length, count))
     if (depth < needed).any():
         at = axis[int((depth - needed).argmin())]
-        return f"too little wall near ({', '.join(f'{x:.1f}' for x in at)})"
+        return f"too little wall near {place(at)}"
     for other in others:
         gap = np.linalg.norm(axis[:, None] - other[None], axis=2).min(axis=0)
-        place = np.arange(len(other))
-        pocketed = np.minimum(place, place[::-1]) <= count + 2  # it may have pockets of its own
+        steps = np.arange(len(other))
+        pocketed = np.minimum(steps, steps[::-1]) <= count + 2  # it may have pockets of its own
         if (gap < radius + np.where(pocketed, radius, channel / 2) + wall).any():
             return "another cord lies too near"
     return ""

@@ -15,13 +15,14 @@ import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..core.arrays import Float
+from ..core.arrays import Float, place
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import facets
 from .channels import Channel
 from .division import Cut
 from .dowels import Pin, gap
+from .ends import INLET_SLOPE
 from .tools import frame
 
 if TYPE_CHECKING:
@@ -38,21 +39,20 @@ _TOUCH = 0.02
 THIN, TOLD = 0.5, 0.05
 _LAYERS = 30
 _OPENED = (0.3, 2.0, 10.0)  # mm between two halves
-#: Walls of a channel may thin out as steeply as this towards a mouth, as the optimiser
-#: keeps it.
-MOUTH_SLOPE = 0.6
 _TOLERANCE = 0.02  # mm
 
 
 @dataclass(frozen=True)
 class Check:
-    """`value` as measured, the `limit` that it keeps (below it for "at most"), and where."""
+    """`value` as measured, the `limit` that it keeps (below it for "at most"), where, and what a
+    maker should be told of it, if anything."""
 
     name: str
     value: float
     limit: float
     unit: str
     at: str
+    note: str = ""
 
 
 def inspect(made: Made, pieces: Sequence[Any], body: Surface, rules: Rules) -> list[Check]:
@@ -105,7 +105,7 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
         depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, channel.inside)[0])
         along = np.linspace(0, channel.length, len(channel.inside))
         to_mouth = np.minimum(along, along[-1] - along)
-        needed = np.minimum(radius + rules.wall, MOUTH_SLOPE * to_mouth)
+        needed = np.minimum(radius + rules.wall, INLET_SLOPE * to_mouth)
         k = int((depth - needed).argmin())
         if depth[k] < needed[k] - _TOLERANCE:
             raise FabricationError(
@@ -215,7 +215,10 @@ def _features(made: Made, pieces: Sequence[Any], rules: Rules) -> list[Check]:
                 " and the skin: move a plane"
             )
         name = f"{part.name}: share thinner than {width:.1f} mm"
-        out.append(Check(name, share, THIN, "", place(at) if thin else ""))
+        told = f"{name}: {share:.0%}, near {place(at)}: it may print with gaps"
+        out.append(
+            Check(name, share, THIN, "", place(at) if thin else "", told if share > TOLD else "")
+        )
     return out
 
 
@@ -252,7 +255,3 @@ def _touch(cord: Any, piece: Any, what: str) -> float:
 def cut_name(cut: Cut, channels: Sequence[Channel]) -> str:
     """The cords that a cut is for."""
     return " and ".join(repr(channels[c].name) for c in cut.cords)
-
-
-def place(p: Float) -> str:
-    return "(" + ", ".join(f"{x:.1f}" for x in np.round(p, 1) + 0.0) + ")"

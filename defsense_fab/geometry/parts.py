@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Float, place
 from ..core.device import Sensor
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import dowels, facets, inspection, labels, seats
 from .channels import Channel, channels_of
-from .division import SMALL, Cut, Division, divide
+from .division import SMALL, Cut, Division, divide, plan
 from .ends import Pockets
+from .grazing import Graze
 from .inspection import Check
 from .labels import Label
 from .names import names as names_of
@@ -104,10 +105,10 @@ def make_parts(
     if flattening:
         body = facets.without(body, flattening)
         surface = facets.to_surface(body)
-    division, names = _named(
-        divide(body, channels, rules.channel / 2, rules.inner_wall, rules.clearance, rules.limit),
-        surface,
-    )
+    radius, inner = rules.channel / 2, rules.inner_wall
+    planned = plan(body, channels, radius, inner, rules.clearance, rules.limit)
+    grazing = planned.grazes([c.inside for c in channels], radius, inner)
+    division, names = _named(divide(body, channels, planned), surface)
     report(0.25, "pins and numbers")
     meeting = contacts(division, hollows)
     pins = dowels.place(meeting, rules.clearance, rules.inner_wall)
@@ -128,7 +129,7 @@ def make_parts(
     )  # fmt: skip
     found = inspection.inspect(made, pieces, surface, rules)
     made = replace(made, checks=(*walls, *found))
-    made = replace(made, warnings=tuple(_warnings(made, division, rules)))
+    made = replace(made, warnings=tuple(_warnings(made, grazing, rules)))
     if solid is None:
         return made
     report(0.6, "cutting the solid")
@@ -147,7 +148,7 @@ def make_parts(
 def _one_solid(body: Any) -> None:
     pieces = body.decompose()
     for piece in sorted(pieces, key=lambda p: float(p.volume()))[:-1]:
-        at = inspection.place(facets.centroid(facets.to_surface(piece)))
+        at = place(facets.centroid(facets.to_surface(piece)))
         raise FabricationError(
             f"the body has a closed cavity near {at}; open it to the outside or fill it"
             if piece.volume() < 0
@@ -195,23 +196,20 @@ def _own_tools(
     return own
 
 
-def _warnings(made: Made, division: Division, rules: Rules) -> list[str]:
+def _warnings(made: Made, grazing: Sequence[Graze], rules: Rules) -> list[str]:
     """What a maker should know of the parts."""
-    out = []
-    for check in made.checks:
-        if "share thinner" in check.name and check.value > inspection.TOLD:
-            out.append(f"{check.name}: {check.value:.0%}, near {check.at}: it may print with gaps")
+    out = [check.note for check in made.checks if check.note]
     if len(made.seats) < rules.seats:
         out.append(
             f"there is room for {len(made.seats)} of {rules.seats} marker seats of"
             f" {rules.tag:g} mm: the rest of the skin is curved, near an edge or thin above a cord"
         )
-    for g in division.grazes:
+    for g in grazing:
         joint = inspection.cut_name(made.cuts[g.cut], made.channels)
         what = "opens into" if g.wall <= 0 else f"leaves {g.wall:.1f} mm of wall to"
         out.append(
             f"the channel of cord {made.channels[g.line].name} {what} the joint of {joint} over"
-            f" {g.length:.0f} mm near {inspection.place(g.at)}: keep glue away from it there"
+            f" {g.length:.0f} mm near {place(g.at)}: keep glue away from it there"
         )
     marked = {m.part for m in made.labels}
     for i, part in enumerate(made.parts):

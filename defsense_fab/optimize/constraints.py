@@ -12,6 +12,7 @@ from ..core.arrays import Float, Int
 from ..core.device import Sensor
 from ..core.mesh import Surface
 from ..geometry import ray
+from ..geometry.ends import INLET_SLOPE
 from .depth import DepthField
 from .freedom import CordFreedom
 from .nearest import nearest, nearest_strand
@@ -19,8 +20,6 @@ from .placed import Placed
 from .problem import Limits
 from .track import RUN, Track
 
-#: A channel may enter at up to this slope: depth gained per length of channel.
-INLET_SLOPE = 0.6
 #: An end further than this from the surface leaves cord that the signal does not count, mm.
 LONGEST_INLET = 12.0
 #: Part of the limits that the optimiser keeps in hand for what its samples miss, mm.

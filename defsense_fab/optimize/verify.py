@@ -14,11 +14,13 @@ import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..core.arrays import Float
+from ..core.arrays import Float, place
+from ..core.curve import bend_radius
 from ..core.device import Sensor
 from ..core.mesh import Surface
 from ..geometry import ray
-from .constraints import INLET_SLOPE, LONGEST_INLET
+from ..geometry.ends import INLET_SLOPE
+from .constraints import LONGEST_INLET
 from .problem import Limits
 
 _TOLERANCE = 1e-3
@@ -59,7 +61,8 @@ def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> Layou
             if gap[k] < limits.clearance - _TOLERANCE:
                 problems.append(
                     f"cords {sensors[i].name!r} and {sensors[j].name!r} come within"
-                    f" {gap[k]:.2f} mm near {_at(dense[i][k])}; {limits.clearance:.2f} mm is needed"
+                    f" {gap[k]:.2f} mm near {place(dense[i][k])}; {limits.clearance:.2f} mm is"
+                    " needed"
                 )
     return LayoutCheck(cords, closest, tuple(problems))
 
@@ -81,7 +84,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
     if path_depth.min() < -_TOLERANCE:
         k = int(path_depth.argmin())
         problems.append(
-            f"{name} leaves the body near {_at(points[k])}, {-path_depth[k]:.2f} mm outside"
+            f"{name} leaves the body near {place(points[k])}, {-path_depth[k]:.2f} mm outside"
         )
     for inlet, which in zip(inlets, ("start", "end"), strict=True):
         if inlet > LONGEST_INLET and not problems:
@@ -99,7 +102,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
         if slack[k] < -_TOLERANCE:
             wall = depth[k] - limits.channel_diameter / 2
             problems.append(
-                f"{name} leaves a wall of {wall:.2f} mm near {_at(whole[k])};"
+                f"{name} leaves a wall of {wall:.2f} mm near {place(whole[k])};"
                 f" {limits.wall:.2f} mm is needed"
             )
     inside = np.minimum(along, along[-1] - along) >= limits.depth / INLET_SLOPE
@@ -112,11 +115,11 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
             f"{name} takes a channel of {whole_length:.1f} mm; [cord] length allows"
             f" {limits.shortest:.1f} to {limits.longest:.1f} mm without the free ends"
         )
-    radius = _radius(points)
+    radius = bend_radius(points)
     if radius.min() < limits.min_radius - _TOLERANCE:
         k = int(radius.argmin())
         problems.append(
-            f"{name} bends to a radius of {radius[k]:.2f} mm near {_at(points[k + 1])};"
+            f"{name} bends to a radius of {radius[k]:.2f} mm near {place(points[k + 1])};"
             f" {limits.min_radius:.2f} mm is needed"
         )
     far = np.pi * max(limits.min_radius, limits.clearance / 2)
@@ -127,7 +130,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
     if gap.min() < limits.clearance - _TOLERANCE:
         k = int(np.unravel_index(gap.argmin(), gap.shape)[0])
         problems.append(
-            f"{name} comes within {gap.min():.2f} mm of itself near {_at(a[k])};"
+            f"{name} comes within {gap.min():.2f} mm of itself near {place(a[k])};"
             f" {limits.clearance:.2f} mm is needed"
         )
     return CordCheck(
@@ -164,17 +167,3 @@ def _depth(points: Float, surface: Surface) -> Float:
     distance = np.sqrt(np.asarray(igl.point_mesh_squared_distance(points, v, f)[0]))
     inside = np.asarray(igl.fast_winding_number(v, f, np.ascontiguousarray(points))) > 0.5
     return np.asarray(np.where(inside, distance, -distance))
-
-
-def _radius(points: Float) -> Float:
-    """Radius of the circle through each three neighbours, (p - 2,) mm."""
-    a, b, c = points[:-2], points[1:-1], points[2:]
-    sides = [np.linalg.norm(x, axis=1) for x in (b - a, c - b, c - a)]
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    radius = np.prod(sides, axis=0) / np.maximum(4 * area, 1e-12)
-    turned_back = np.einsum("ij,ij->i", b - a, c - b) <= 0
-    return np.asarray(np.where(turned_back, 0.0, radius))
-
-
-def _at(p: Float) -> str:
-    return "(" + ", ".join(f"{x:.1f}" for x in p) + ")"
