@@ -17,13 +17,24 @@ BodyKind = Literal["script", "step", "mesh"]
 
 
 @dataclass(frozen=True)
+class BaySpec:
+    """A connector bay: the point `at` (3,) mm of the skin around which it opens, and its width,
+    height and depth, mm."""
+
+    at: Float
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class BodySpec:
-    """Where the body comes from; `scale` turns a mesh's unit into mm."""
+    """Where the body comes from; `scale` turns a mesh's unit into mm; the connector `bay` that is
+    cut into it."""
 
     kind: BodyKind
     path: Path
     parameters: Mapping[str, float | int | str | bool] = field(default_factory=dict)
     scale: float = 1.0
+    bay: BaySpec | None = None
 
 
 @dataclass(frozen=True)
@@ -141,7 +152,8 @@ class CordSpec:
 class FabricationSpec:
     """Printing process: channel clearance on the diameter, least wall, free cord at each end, mm;
     whether joints of cord and wire get `pockets` in the body, and cuts are limited (`limit_cuts`)
-    to what their cords need; `marker_seats`, how many flats for tags of `marker_size` mm."""
+    to what their cords need; whether wires leave their pockets by a bend (`strain_relief`), and
+    their `wire_diameter`; `marker_seats`, how many flats for tags of `marker_size` mm."""
 
     process: str
     clearance: float
@@ -150,6 +162,8 @@ class FabricationSpec:
     bed: tuple[float, float, float]
     pockets: bool = True
     limit_cuts: bool = False
+    strain_relief: bool = True
+    wire_diameter: float = 1.1
     marker_seats: int = 0
     marker_size: float = 10.0
 

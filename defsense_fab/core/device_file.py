@@ -12,6 +12,7 @@ from .catalogue import read_rows
 from .curve import Hermite, Plane, catmull_rom
 from .device import (
     DECODERS,
+    BaySpec,
     BodyKind,
     BodySpec,
     CordSpec,
@@ -28,6 +29,8 @@ from .shore import from_shore
 from .toml_table import Table, is_number, load_toml
 
 SCHEMA = 1
+#: Width, height and depth of a connector bay, mm: a row of header pins or a JST-XH of 4 ways.
+BAY = (14.0, 7.0, 8.0)
 
 
 def load_device(
@@ -105,8 +108,18 @@ def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
         if isinstance(value, int | float) and not isinstance(value, bool) and not is_number(value):
             t.fail("parameters", f"{name} must be a finite number, not {value!r}")
     scale = t.number("scale", 1.0, low=0) if kind == "mesh" else 1.0
+    bay = _bay(t.table("bay")) if t.has("bay") else None
     t.done()
-    return BodySpec(kind, path, parameters, scale)
+    return BodySpec(kind, path, parameters, scale, bay)
+
+
+def _bay(t: Table) -> BaySpec:
+    at = t.vector("at")
+    width, height, depth = t.vector("size").tolist() if t.has("size") else BAY
+    if min(width, height, depth) < 2:
+        t.fail("size", "is width, height and depth, each at least 2 mm")
+    t.done()
+    return BaySpec(at, (width, height, depth))
 
 
 def _mesh(t: Table) -> MeshSpec:
@@ -259,6 +272,8 @@ def _fabrication(t: Table) -> FabricationSpec:
         bed=(float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"])),
         pockets=t.boolean("pockets", True),
         limit_cuts=t.boolean("limit_cuts", False),
+        strain_relief=t.boolean("strain_relief", True),
+        wire_diameter=t.number("wire_diameter", 1.1, low=0),
         marker_seats=_count(t, "marker_seats") or 0,
         marker_size=t.number("marker_size", 10.0, low=0),
     )

@@ -14,6 +14,9 @@ from typing import Any
 from ..core.device import BodySpec
 from ..core.errors import BodyError
 from ..core.mesh import Surface
+from . import facets
+from .bay import recess
+from .tools import Prism
 
 #: Largest distance of a facet from the true surface of a CAD body, mm.
 TESSELLATION = 0.05
@@ -23,16 +26,35 @@ SIZES = (1.0, 1e4)
 
 @dataclass(frozen=True)
 class Body:
-    """`surface` bounds the body; `solid` is its OpenCascade TopoDS_Solid where it is CAD."""
+    """`surface` bounds the body; `solid` is its OpenCascade TopoDS_Solid where it is CAD; `bay` is
+    the recess for a connector that both have."""
 
     surface: Surface
     volume: float
     solid: Any = None
     repairs: tuple[str, ...] = ()
+    bay: Prism | None = None
 
 
 def load_body(spec: BodySpec) -> Body:
-    """Load the body that `spec` names. Raises BodyError where it is not one closed solid."""
+    """Load the body that `spec` names, with its bay. Raises BodyError where it is not one closed
+    solid, or has no room for the bay."""
+    body = _load(spec)
+    if spec.bay is None:
+        return body
+    bay = recess(spec.bay, body.surface)
+    if body.solid is None:
+        rest = facets.without(facets.to_manifold(body.surface, str(spec.path)), [bay])
+        surface, solid, volume = facets.to_surface(rest), None, float(rest.volume())
+    else:
+        from . import occ
+
+        solid = occ.without(body.solid, [bay])
+        surface, volume = occ.tessellate(solid, TESSELLATION), occ.volume(solid)
+    return Body(surface, volume, solid, body.repairs, bay)
+
+
+def _load(spec: BodySpec) -> Body:
     if spec.kind == "mesh":
         from .mesh_repair import read_mesh
 

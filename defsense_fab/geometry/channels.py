@@ -16,6 +16,7 @@ from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import facets, ray
 from .ends import End, Pockets, end_tools, ends_of
+from .leads import Lead
 from .tools import Tool
 
 _STEP = 0.25  # mm, between samples of a channel
@@ -27,7 +28,7 @@ class Channel:
     """A cord's channel. `line` (p, 3) mm is its centre line with the tool's runs out of the body,
     `inside` (q, 3) the part of it from mouth to mouth; `inlets` are the straight runs from the
     path's ends to the skin and `runs` how far the tool goes on from the path's ends, mm; `tools`
-    shape its `ends`; `solid` is all of it for manifold3d."""
+    shape its `ends`; `solid` is all of it for manifold3d, with the wires' leads."""
 
     sensor: Sensor
     line: Float
@@ -54,7 +55,24 @@ class Channel:
             if pockets and end.pocket:
                 along = np.linspace(0, end.pocket, int(end.pocket / _STEP) + 2)
                 out.append((end.mouth - along[:, None] * end.out, pockets.diameter / 2))
+            if pockets and pockets.wires and end.lead:
+                out.append((end.lead.inside, pockets.wires.diameter / 2))
         return out
+
+    @property
+    def leads(self) -> list[Lead]:
+        """Those that there are."""
+        return [end.lead for end in self.ends if end.lead]
+
+    @property
+    def insides(self) -> list[Float]:
+        """Centre lines of the channel and its leads in the body, each (p, 3) mm."""
+        return [self.inside, *(lead.inside for lead in self.leads)]
+
+    @property
+    def lines(self) -> list[Float]:
+        """Centre lines of the channel and its leads with the tools' runs, each (p, 3) mm."""
+        return [self.line, *(lead.line for lead in self.leads)]
 
     def cord(self, diameter: float) -> Any:
         """A solid of the cord itself, along the path and its straight runs out of the body; finer
@@ -64,6 +82,11 @@ class Channel:
         )
         line = np.concatenate([self.line[:1], path, self.line[-1:]])
         return facets.tube(line, self.sensor.plane.normal, diameter, sides=24)
+
+    def wires(self, diameter: float) -> list[Any]:
+        """Solids of the wires in their leads."""
+        normal = self.sensor.plane.normal
+        return [facets.tube(lead.inside, normal, diameter, sides=24) for lead in self.leads]
 
 
 def channels_of(
@@ -76,12 +99,16 @@ def channels_of(
     """Every cord's channel of `diameter` mm. Raises FabricationError for a path that is not in
     the body, or bends too tightly for a channel."""
     traced = [_trace(s, body, diameter) for s in sensors]
-    ends = ends_of([t.inside for t in traced], diameter, wall, body, pockets)
+    planes = [s.plane for s in sensors]
+    ends = ends_of(planes, [t.inside for t in traced], diameter, wall, body, pockets)
     out = []
     for s, t, pair in zip(sensors, traced, ends, strict=True):
         tools = tuple(tool for e in pair for tool in end_tools(e, diameter, wall, pockets))
-        tube = facets.tube(t.line, s.plane.normal, diameter)
-        solid = facets.union([tube, *(facets.solid_of(tool) for tool in tools)])
+        tubes = [facets.tube(t.line, s.plane.normal, diameter)]
+        if pockets and pockets.wires:
+            wide = pockets.wires.diameter
+            tubes += [facets.tube(e.lead.line, s.plane.normal, wide) for e in pair if e.lead]
+        solid = facets.union([*tubes, *(facets.solid_of(tool) for tool in tools)])
         out.append(Channel(s, t.line, t.inside, t.inlets, t.runs, pair, tools, solid))
     return out
 
@@ -99,7 +126,10 @@ def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
     _check_path(sensor, path, body, diameter)
     tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
     first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
-    found = [_run(path[0], -first, body, 2 * diameter), _run(path[-1], last, body, 2 * diameter)]
+    found = [
+        ray.way_out(path[0], -first, body, 2 * diameter),
+        ray.way_out(path[-1], last, body, 2 * diameter),
+    ]
     (start, before), (end, after) = found
     line = np.concatenate([path[:1] - before * first, path, path[-1:] + after * last])
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
@@ -135,12 +165,3 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
             f"cord {sensor.name!r} bends to a radius of {radius[k]:.2f} mm near {at}, too tight"
             f" for a channel of {diameter:.2f} mm; smooth the path"
         )
-
-
-def _run(end: Float, out: Float, body: Surface, most: float) -> tuple[float, float]:
-    """From a path's end along `out`: how far to the skin, and how far the tool goes on, up to
-    `most` mm beyond it but only half way to where the body begins again."""
-    found = ray.hits(end, out, body)
-    inlet = float(found[0]) if len(found) else 0.0
-    again = found[found > inlet + 0.1]
-    return inlet, inlet + min(most, (again[0] - inlet) / 2 if len(again) else most)

@@ -80,12 +80,13 @@ class Plan:
     leaves: list[Any]
     cuts: list[Planned]
 
-    def grazes(self, lines: Sequence[Float], radius: float, wall: float) -> list[Graze]:
-        """Where channels run along the faces of others' cuts."""
+    def grazes(self, channels: Sequence[Channel], radius: float, wall: float) -> list[Graze]:
+        """Where channels and their leads run along the faces of others' cuts."""
         faces = [
             borders(c.plane.normal, c.plane.origin, c.region[0] if c.region else None)
             for c in self.cuts
         ]
+        lines = [(k, line) for k, c in enumerate(channels) for line in c.insides]
         return grazes(self.leaves, faces, lines, radius, wall)
 
     @property
@@ -119,12 +120,14 @@ def plan(
     """
     own = coincident([c.sensor.plane for c in channels])
     planes = [channels[same[0]].sensor.plane for same in own]
-    threads = [facets.tube(c.line, c.sensor.plane.normal, _THREAD, sides=4) for c in channels]
+    threads = [
+        facets.union([facets.tube(x, c.sensor.plane.normal, _THREAD, sides=4) for x in c.lines])
+        for c in channels
+    ]
     count = len(planes)
     orders = list(itertools.permutations(range(count))) if count <= _ALL_ORDERS else [range(count)]
     margin = 2 * radius + 2 * wall + _PIN
     rough = body.simplify(_ROUGH)  # good enough to compare plans on
-    lines = [c.inside for c in channels]
     tried: list[tuple[float, float, float | None, Sequence[int]]] = []
     for m in (margin,) if limit else (None, margin):
         for order in orders:
@@ -132,7 +135,7 @@ def plan(
             cost = made.burden + (_LIMITED if m and not limit else 0.0)
             if tried and cost > min(t[0] for t in tried):
                 continue
-            cost += sum(g.length for g in made.grazes(lines, radius, wall)) / _WORTH
+            cost += sum(g.length for g in made.grazes(channels, radius, wall)) / _WORTH
             tried.append((cost, -made.smallest, m, order))
     _, _, best, chosen = min(tried, key=lambda t: t[:2])
     return _cut(body, planes, threads, own, chosen, best, play)
@@ -148,10 +151,10 @@ def divide(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
     cuts = tuple(
         Cut(
             c.plane,
-            facets.centroid(facets.to_surface(c.piece - hollow)),
+            facets.centroid(facets.to_surface(c.piece)),
             c.cords,
             (tuple(range(*c.span[:2])), tuple(range(*c.span[1:]))),
-            tuple(facets.centroid(facets.to_surface(t - hollow)) for t in c.taken),
+            tuple(facets.centroid(facets.to_surface(t)) for t in c.taken),
             c.region,
         )
         for c in planned.cuts

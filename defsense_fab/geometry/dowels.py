@@ -145,7 +145,7 @@ def free_spots(
             break
         world = contact.world(spots)[:, None] + points @ contact.plane.axes.T
         flat = world.reshape(-1, 3)
-        free = np.minimum(contact.distance(flat), gap(flat, known)).reshape(len(spots), -1)
+        free = np.minimum(contact.distance(flat, room), gap(flat, known)).reshape(len(spots), -1)
         spots = spots[free.min(axis=1) >= room - _SLACK]
     return spots
 

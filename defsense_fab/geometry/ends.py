@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import igl
 import numpy as np
 
 from ..core.arrays import Float, place
+from ..core.curve import Plane
 from ..core.mesh import Surface
+from .bay import inside
+from .leads import Hollow, Lead, Pit, Router, Wires
 from .tools import Frustum, Tool, cylinder
 
 #: The pocket's axis and the path within it differ by no more than this, rad.
@@ -20,25 +23,35 @@ INLET_SLOPE = 0.6
 
 
 @dataclass(frozen=True)
+class Pockets:
+    """Room for a crimp ferrule or solder joint at each end of a cord: mm; and for their `wires`,
+    or None where these come out of the cords' mouths."""
+
+    diameter: float
+    length: float
+    wires: Wires | None = None
+
+    def depth(self, wall: float) -> float:
+        """From the skin to the bottom of a pocket whose wire turns aside, mm."""
+        return self.length + (self.wires.room(wall) if self.wires else 0.0)
+
+
+@dataclass(frozen=True)
 class End:
     """One end of a cord: its `mouth` (3,) mm on the skin, the unit direction `out` (3,), the
-    pocket's length from the mouth (0: none) and why there is none."""
+    pocket's length from the mouth (0: none) and why there is none; its wire's `lead`, or None and
+    why it comes out of the mouth."""
 
     mouth: Float
     out: Float
     pocket: float
     reason: str
-
-
-@dataclass(frozen=True)
-class Pockets:
-    """Room for a crimp ferrule or solder joint at each end of a cord: mm."""
-
-    diameter: float
-    length: float
+    lead: Lead | None = None
+    unled: str = ""
 
 
 def ends_of(
+    planes: Sequence[Plane],
     paths: Sequence[Float],
     channel: float,
     wall: float,
@@ -46,22 +59,87 @@ def ends_of(
     pockets: Pockets | None,
 ) -> list[tuple[End, End]]:
     """Both ends of every channel of diameter `channel` mm; `paths` are the channels' centre lines
-    from mouth to mouth, each (q, 3) mm in steps of at most 0.25 mm."""
+    from mouth to mouth, each (q, 3) mm in steps of at most 0.25 mm, in their `planes`."""
     tree = igl.AABB()
     tree.init(body.vertices, body.faces)
-    out = []
+    deep = pockets.depth(wall) if pockets else 0.0
+    ends = []
     for k, own in enumerate(paths):
         others = [p for j, p in enumerate(paths) if j != k]
-        pair = []
         for line in (own, own[::-1]):
             outward = line[0] - line[1]
             outward /= np.linalg.norm(outward)
             pocket, reason = 0.0, ""
             if pockets is not None:
-                reason = _refusal(line, outward, others, channel, wall, body, tree, pockets)
-                pocket = 0.0 if reason else pockets.length
-            pair.append(End(line[0], outward, pocket, reason))
-        out.append((pair[0], pair[1]))
+                for length in dict.fromkeys((deep, pockets.length)):
+                    reason = _refusal(
+                        line, outward, others, channel, wall, body, tree, pockets, length, deep
+                    )
+                    if not reason:
+                        pocket = length
+                        break
+            ends.append(End(line[0], outward, pocket, reason))
+    if pockets and pockets.wires:
+        ends = _led(ends, planes, paths, channel, wall, body, pockets, pockets.wires)
+    return list(zip(ends[::2], ends[1::2], strict=True))
+
+
+def _led(
+    ends: list[End],
+    planes: Sequence[Plane],
+    paths: Sequence[Float],
+    channel: float,
+    wall: float,
+    body: Surface,
+    pockets: Pockets,
+    wires: Wires,
+) -> list[End]:
+    """The ends with their wires' leads: first those to the bay, the nearest first, then those that
+    come out beside their mouths. Without a lead a pocket is no deeper than its ferrule."""
+    router = Router(body, wires, wall)
+    deep, out = pockets.depth(wall), list(ends)
+
+    def hollows(owner: int) -> list[Hollow]:
+        found = [(paths[owner], channel / 2)]
+        for end in (out[2 * owner], out[2 * owner + 1]):
+            if end.pocket:
+                along = np.linspace(0, end.pocket, int(end.pocket / 0.25) + 2)
+                found.append((end.mouth - along[:, None] * end.out, pockets.diameter / 2))
+            if end.lead:
+                found.append((end.lead.inside, wires.diameter / 2))
+        return found
+
+    def pit(end: End) -> Pit:
+        flare = pockets.diameter / 2 + 2 * chamfer(wall)
+        return Pit(end.mouth, end.out, pockets.diameter / 2, flare, wires.room(wall))
+
+    waiting = [k for k, end in enumerate(ends) if end.pocket == deep]
+    if wires.bay is not None:
+        bay = wires.bay
+        waiting.sort(key=lambda k: float(np.linalg.norm(ends[k].mouth - bay.origin)))
+    for to_bay in (True, False):
+        for k in list(waiting):
+            owner = k // 2
+            others = [h for j in range(len(paths)) if j != owner for h in hollows(j)]
+            lead: Lead | str | None = None
+            if to_bay and wires.bay is not None:
+                if inside(ends[k].mouth[None], wires.bay, -0.1)[0]:
+                    out[k] = replace(out[k], pocket=pockets.length)
+                    waiting.remove(k)
+                    continue
+                lead = router.to_bay(planes[owner], pit(ends[k]), hollows(owner), others)
+            elif not to_bay and wires.relief:
+                twin = out[k ^ 1].lead
+                own = [(twin.inside, wires.diameter / 2)] if twin else []
+                lead = router.to_skin(planes[owner], pit(ends[k]), [*own, *others])
+            if isinstance(lead, str):
+                out[k] = replace(out[k], unled=lead)
+            elif lead is not None:
+                out[k] = replace(out[k], lead=lead)
+                waiting.remove(k)
+    for k in waiting:
+        why = out[k].unled or ("there is no room for a bend beside it" if wires.relief else "")
+        out[k] = replace(out[k], pocket=pockets.length, unled=why)
     return out
 
 
@@ -78,6 +156,9 @@ def end_tools(end: End, channel: float, wall: float, pockets: Pockets | None) ->
         inner = end.mouth - end.pocket * end.out
         step = (wide - channel) / 2
         tools.append(Frustum(inner - step * end.out, inner, (channel / 2, wide / 2)))
+    if pockets and pockets.wires and end.lead and not end.lead.to_bay:
+        at, r = end.lead.exit, pockets.wires.diameter / 2
+        tools.append(Frustum(at - c * end.lead.out, at + c * end.lead.out, (r, r + 2 * c)))
     return tools
 
 
@@ -95,26 +176,28 @@ def _refusal(
     body: Surface,
     tree: Any,
     pockets: Pockets,
+    length: float,
+    longest: float,
 ) -> str:
-    """Why the pocket cannot be, or nothing."""
+    """Why a pocket `length` mm deep cannot be where others' reach the `longest`, or nothing."""
     step = float(np.linalg.norm(line[1] - line[0]))
-    count = int(pockets.length / step) + 1
+    count, most = int(length / step) + 1, int(longest / step) + 1
     if 2 * count > 0.6 * len(line):
-        return f"the channel is too short for two pockets of {pockets.length:g} mm"
+        return f"the channel is too short for two pockets of {length:g} mm"
     inner = line[count - 1] - line[count + 3]
     if out @ inner < np.cos(_STRAIGHT) * np.linalg.norm(inner):
-        return f"the cord bends within {pockets.length:g} mm of its end"
-    axis = line[0] - np.linspace(0, pockets.length, count)[:, None] * out
+        return f"the cord bends within {length:g} mm of its end"
+    axis = line[0] - np.linspace(0, length, count)[:, None] * out
     radius = pockets.diameter / 2
     depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, axis)[0])
-    needed = np.minimum(radius + wall, INLET_SLOPE * np.linspace(0, pockets.length, count))
+    needed = np.minimum(radius + wall, INLET_SLOPE * np.linspace(0, length, count))
     if (depth < needed).any():
         at = axis[int((depth - needed).argmin())]
         return f"too little wall near {place(at)}"
     for other in others:
         gap = np.linalg.norm(axis[:, None] - other[None], axis=2).min(axis=0)
         steps = np.arange(len(other))
-        pocketed = np.minimum(steps, steps[::-1]) <= count + 2  # it may have pockets of its own
+        pocketed = np.minimum(steps, steps[::-1]) <= most + 2  # it may have pockets of its own
         if (gap < radius + np.where(pocketed, radius, channel / 2) + wall).any():
             return "another cord lies too near"
     return ""

@@ -50,11 +50,11 @@ def borders(normal: Float, origin: Float, region: Prism | None) -> list[tuple[Fl
 def grazes(
     leaves: Sequence[Any],
     faces: Sequence[Sequence[tuple[Float, float]]],
-    lines: Sequence[Float],
+    lines: Sequence[tuple[int, Float]],
     radius: float,
     wall: float,
 ) -> list[Graze]:
-    """All stretches of the channels (centre lines (p, 3) mm in the body, of `radius` mm) that keep
+    """All stretches of the channels (index and centre line (p, 3) mm, of `radius` mm) that keep
     less than `wall` mm from a face of another cord's cut and do not just cross it.
 
     `leaves` are the parts (manifold3d solids) without channels, `faces` each cut's planes.
@@ -67,7 +67,7 @@ def grazes(
             continue
         index = np.arange(3 * len(triangles)).reshape(-1, 3)
         normal, offset = planes[0]
-        for i, line in enumerate(lines):
+        for i, line in lines:
             if np.abs(line @ normal - offset).max() < 1e-3:
                 continue  # its own plane
             square = igl.point_mesh_squared_distance(line, triangles.reshape(-1, 3), index)[0]

@@ -19,10 +19,12 @@ from ..core.arrays import Float, place
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import facets
+from .bay import without_bay
 from .channels import Channel
 from .division import Cut
 from .dowels import Pin, gap
 from .ends import INLET_SLOPE
+from .leads import SLOPE
 from .tools import frame
 
 if TYPE_CHECKING:
@@ -62,7 +64,7 @@ def inspect(made: Made, pieces: Sequence[Any], body: Surface, rules: Rules) -> l
         _apart(made),
         *_sockets(made, body, rules),
         *_features(made, pieces, rules),
-        _insertion(made, pieces, rules.cord),
+        _insertion(made, pieces, rules),
     ]
 
 
@@ -138,6 +140,47 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
     return out
 
 
+def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
+    """Walls between the wires' leads and the skin, and between them and all other channels."""
+    if not rules.pockets or not rules.pockets.wires:
+        return []
+    wires, out = rules.pockets.wires, []
+    skin = without_bay(body, wires.bay) if wires.bay else body
+    radius, least = wires.diameter / 2, rules.inner_wall
+    for channel in channels:
+        others = [
+            (cKDTree(points), r)
+            for c in channels
+            if c is not channel
+            for points, r in c.hollows(rules.channel, rules.pockets)
+        ]
+        for lead in channel.leads:
+            steps = np.linalg.norm(np.diff(lead.inside, axis=0), axis=1)
+            left = np.append(steps[::-1].cumsum()[::-1], 0.0)
+            whole = lead.inside[left > (radius + least) / SLOPE]
+            square = igl.point_mesh_squared_distance(whole, skin.vertices, skin.faces)[0]
+            for what, walls, points in (
+                ("the skin", np.sqrt(np.asarray(square)) - radius, whole),
+                *(("the other cords", t.query(lead.inside)[0] - r - radius, lead.inside)
+                  for t, r in others),
+            ):  # fmt: skip
+                if not len(walls):
+                    continue
+                name, k = (
+                    f"wall from the wire of cord {channel.name} to {what}",
+                    int(walls.argmin()),
+                )
+                if walls[k] < least - 2 * _TOLERANCE:
+                    raise FabricationError(
+                        f"{name}: {walls[k]:.2f} mm near {place(points[k])}; {least:.2f} mm is"
+                        " needed: move the cord, or set strain_relief = false in [fabrication]"
+                    )
+                out.append(Check(name, float(walls[k]), least, "mm", place(points[k])))
+    # One row a cord and neighbour: the thinnest of them.
+    thinnest = {c.name: c for c in sorted(out, key=lambda c: -c.value)}
+    return list(thinnest.values())
+
+
 def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
     """Walls from sockets to grooves and to the skin, sampled on the sockets' surface."""
     if not made.pins:
@@ -146,7 +189,11 @@ def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
     tree.init(body.vertices, body.faces)
     skin, groove = np.inf, np.inf
     where = ["", "", ""]
-    lines = [(c.name, cKDTree(c.inside)) for c in made.channels]
+    hollows = [
+        (c.name, cKDTree(points), radius)
+        for c in made.channels
+        for points, radius in c.hollows(rules.channel, rules.pockets)
+    ]
     apart = np.inf
     for k, pin in enumerate(made.pins):
         hull = _shell(pin)
@@ -156,8 +203,8 @@ def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
         depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, hull)[0])
         if depth.min() < skin:
             skin, where[0] = float(depth.min()), place(pin.center)
-        for name, line in lines:
-            wall = float(line.query(hull)[0].min()) - rules.channel / 2
+        for name, line, radius in hollows:
+            wall = float(line.query(hull)[0].min()) - radius
             if wall < groove:
                 groove, where[1] = wall, f"{place(pin.center)}, cord {name}"
     least = rules.inner_wall
@@ -222,11 +269,12 @@ def _features(made: Made, pieces: Sequence[Any], rules: Rules) -> list[Check]:
     return out
 
 
-def _insertion(made: Made, pieces: Sequence[Any], diameter: float) -> Check:
-    """Whether every cord lies in its groove and can be laid in: closed it touches no part; with
-    the two sides of a cut apart, those of the cut touch neither."""
+def _insertion(made: Made, pieces: Sequence[Any], rules: Rules) -> Check:
+    """Whether every cord with its wires lies in its groove and can be laid in: closed it touches no
+    part; with the two sides of a cut apart, those of the cut touch neither."""
     worst = 0.0
-    cords = [c.cord(diameter) for c in made.channels]
+    wire = rules.pockets.wires.wire if rules.pockets and rules.pockets.wires else 0.0
+    cords = [facets.union([c.cord(rules.cord), *c.wires(wire)]) for c in made.channels]
     for channel, cord in zip(made.channels, cords, strict=True):
         for piece in pieces:
             worst = max(worst, _touch(cord, piece, f"cord {channel.name!r} in its closed groove"))

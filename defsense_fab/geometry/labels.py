@@ -71,7 +71,7 @@ def _best(
     points = (spots[:, None] + box).reshape(-1, 2)
     enclosed = np.all(inside(points, contact.polygons).reshape(len(spots), -1), axis=1)
     world = contact.world(points)
-    spare = np.minimum(contact.distance(world), gap(world, pins))
+    spare = np.minimum(contact.distance(world, 4 * wall), gap(world, pins))
     spare = np.minimum(spare.reshape(len(spots), -1).min(axis=1), 3 * wall) - wall
     near = np.linalg.norm(spots - spots.mean(axis=0), axis=1)
     rank = np.where(enclosed & (spare >= 0), spare - 1e-3 * near, -np.inf)

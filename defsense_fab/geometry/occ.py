@@ -16,15 +16,14 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
 from ..core.arrays import Float
-from ..core.biarc import arcs
-from ..core.curve import Hermite, Plane
+from ..core.curve import Plane
 from ..core.errors import BodyError, FabricationError
 from ..core.mesh import Surface
 from .tools import Frustum, Prism, Tool, frame
 
 #: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
 ANGLE = 0.06
-#: Largest distance of a channel's arcs from the path, mm.
+#: Largest distance of a channel's arcs (`core/biarc.py`) from the path, mm.
 PATH_TOLERANCE = 0.01
 _LOST = 2e-3  # of the parts' volume
 _NOTHING = 1e-3  # mm^3
@@ -104,14 +103,17 @@ def tessellate(solid: Any, tolerance: float) -> Surface:
     return Surface(v[first], f)
 
 
-def tube(plane: Plane, curve: Hermite, before: float, after: float, diameter: float) -> Any:
-    """Round tube along a planar Hermite path, lengthened by straight ends, as a TopoDS_Solid.
+def tube(
+    plane: Plane, pieces: Float, ends: Float, before: float, after: float, diameter: float
+) -> Any:
+    """Round tube along arcs (n, 3, 2) mm of a plane, each by start, middle and end, lengthened by
+    straight runs along the directions `ends` (2, 2) of its first and last point; a TopoDS_Solid.
 
-    The path becomes arcs, so that all faces are tori and cylinders, whose cuts with the cord
-    plane are exact. Along Bezier curves they are splines, which OCC cut wrongly or never ended.
+    All its faces are tori and cylinders, whose cuts with the cord plane are exact. Along Bezier
+    curves they are splines, which OCC cut wrongly or never ended.
     """
-    world = plane.to_world(arcs(curve, PATH_TOLERANCE))
-    ends = curve.tangents[[0, -1]] @ plane.axes[:, :2].T
+    world = plane.to_world(pieces)
+    ends = ends @ plane.axes[:, :2].T
     first, last = ends / np.linalg.norm(ends, axis=1, keepdims=True)
     start, end = world[0, 0] - before * first, world[-1, 2] + after * last
     edges = [bd.Line(tuple(start), tuple(world[0, 0]))] if before > 1e-6 else []

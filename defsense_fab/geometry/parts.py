@@ -97,7 +97,10 @@ def make_parts(
     body = facets.to_manifold(surface, "the body")
     _one_solid(body)
     channels = channels_of(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
-    walls = inspection.walls(channels, surface, rules)
+    walls = [
+        *inspection.walls(channels, surface, rules),
+        *inspection.wire_walls(channels, surface, rules),
+    ]
     body_volume = float(body.volume())
     hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
     flats = seats.place(surface, rules.seats, rules.tag, hollows, rules.wall)
@@ -107,7 +110,7 @@ def make_parts(
         surface = facets.to_surface(body)
     radius, inner = rules.channel / 2, rules.inner_wall
     planned = plan(body, channels, radius, inner, rules.clearance, rules.limit)
-    grazing = planned.grazes([c.inside for c in channels], radius, inner)
+    grazing = planned.grazes(channels, radius, inner)
     division, names = _named(divide(body, channels, planned), surface)
     report(0.25, "pins and numbers")
     meeting = contacts(division, hollows)
@@ -139,7 +142,7 @@ def make_parts(
         from . import occ
 
         solid = occ.without(solid, flattening)
-        parts = solid_parts(solid, made, division, own, rules.channel)
+        parts = solid_parts(solid, made, division, own, rules)
     except FabricationError as error:  # the STL do not need it
         return replace(made, warnings=(*made.warnings, f"no STEP parts: {error}"))
     return replace(made, parts=tuple(parts))

@@ -26,3 +26,12 @@ def hits(origin: Float, direction: Float, surface: Surface) -> Float:
     hit = ok & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (t > -1e-9)
     found = np.sort(t[hit])
     return np.asarray(found[np.diff(found, prepend=-np.inf) > 1e-6])
+
+
+def way_out(start: Float, out: Float, body: Surface, most: float) -> tuple[float, float]:
+    """From a point in the body along `out`: how far to the skin, and how far a tool may go on, up
+    to `most` mm beyond it but only half way to where the body begins again."""
+    found = hits(start, out, body)
+    inlet = float(found[0]) if len(found) else 0.0
+    again = found[found > inlet + 0.1]
+    return inlet, inlet + min(most, (again[0] - inlet) / 2 if len(again) else most)

@@ -55,14 +55,18 @@ class Contact:
         tree.init(self.walls.vertices, self.walls.faces)
         return tree
 
-    def distance(self, points: Float) -> Float:
+    def distance(self, points: Float, most: float) -> Float:
         """Distances (n,) mm of points (n, 3) from the two parts' surfaces, their common face left
-        out: skin, channels and other cuts. Below zero within a channel."""
+        out: skin, channels and other cuts. Below zero within a channel; up to `most` mm, beyond
+        which it does not matter."""
         square = self._tree.squared_distance(
             self.walls.vertices, self.walls.faces, np.ascontiguousarray(points)
         )[0]
-        near = [np.sqrt(square)] + [tree.query(points)[0] - r for tree, r in self.hollows]
-        return np.asarray(np.min(near, axis=0))
+        out = np.minimum(np.sqrt(square), most)
+        for tree, radius in self.hollows:
+            away = tree.query(points, distance_upper_bound=most + radius)[0] - radius
+            out = np.minimum(out, away)
+        return np.asarray(out)
 
     def spots(self, room: float, most: int = 250) -> Float:
         """Points (n, 2) of the face that keep `room` mm from its outline: a grid, and points along

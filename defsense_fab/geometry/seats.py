@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..core.arrays import Float
 from ..core.mesh import Surface
-from .tools import Number, Prism, Tool, frame
+from . import skin
+from .tools import Number, Prism, Tool, frame, upright
 
 #: A seat lies at least this far below the skin around it, and at most that far, mm.
 SHALLOW, DEEP = 0.3, 1.6
@@ -19,7 +19,6 @@ _PLAY = 0.4  # mm, that a seat is wider than its tag
 _STROKE, _ENGRAVED = 0.8, 0.4  # mm
 _APART = 2.0  # mm, between two seats
 _LEAN = np.cos(np.radians(40))  # of the skin's normals within a seat
-_WITHIN = 20  # points of the skin within a seat, about
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ def place(
     if not count:
         return []
     size = tag + _PLAY
-    points, normals = _skin(body, size)
+    points, normals = skin.samples(body, size)
     tree = cKDTree(points)
     round_ = size / np.sqrt(2)
     rng = np.random.default_rng(0)
@@ -76,22 +75,9 @@ def place(
         if all(_gap(p, center, normal, round_) - r >= wall + _ENGRAVED for p, r in hollows):
             found.append((center, normal))
     return [
-        Seat(n + 1, center, _upright(normal), size)
+        Seat(n + 1, center, upright(normal), size)
         for n, (center, normal) in enumerate(_spread(found, count, 2 * round_ + _APART))
     ]
-
-
-def _skin(body: Surface, size: float) -> tuple[Float, Float]:
-    """Points (n, 3) mm spread over the skin, enough of them for seats of a size, and its normals
-    there (n, 3)."""
-    a, b, c = (body.vertices[body.faces[:, i]] for i in range(3))
-    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-    count = int(np.clip(_WITHIN * area / size**2, 1000, 30_000))
-    points = body.scatter(count, np.random.default_rng(1))
-    _, face, _ = igl.point_mesh_squared_distance(points, body.vertices, body.faces)
-    a, b, c = (body.vertices[body.faces[np.asarray(face)][:, i]] for i in range(3))
-    normal = np.cross(b - a, c - a)
-    return points, normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
 def _covered(offset: Float, normal: Float) -> bool:
@@ -112,14 +98,6 @@ def _gap(points: Float, center: Float, normal: Float, radius: float) -> float:
     height = offset @ normal
     aside = np.linalg.norm(offset - height[:, None] * normal, axis=1)
     return float(np.hypot(height, np.maximum(aside - radius, 0.0)).min())
-
-
-def _upright(normal: Float) -> Float:
-    """Axes (3, 3) of a tag: y as far up as the normal allows, z the normal."""
-    up = np.array([0, 0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0, 1.0, 0])
-    x = np.cross(up, normal)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(normal, x), normal], axis=1)
 
 
 def _spread(

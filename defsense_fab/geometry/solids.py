@@ -9,28 +9,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.biarc import arcs
 from ..core.errors import FabricationError
 from . import occ
 from .division import Division
 from .tools import Tool
 
 if TYPE_CHECKING:
-    from .parts import Made, Part
+    from .parts import Made, Part, Rules
 
 #: Largest difference of a part's volume between the kernels: of the part, and of the body.
 PART, BODY = 2e-3, 1e-4
 
 
 def solid_parts(
-    solid: Any, made: Made, division: Division, own: Sequence[Sequence[Tool]], diameter: float
+    solid: Any, made: Made, division: Division, own: Sequence[Sequence[Tool]], rules: Rules
 ) -> list[Part]:
     """The parts of `made` with their TopoDS_Solids.
 
-    `solid` is the body's, `own` what is cut out of each part besides the channels of `diameter`
-    mm. Raises FabricationError where OpenCascade fails or its parts differ from the facets'.
+    `solid` is the body's, `own` what is cut out of each part besides the channels. Raises
+    FabricationError where OpenCascade fails or its parts differ from the facets'.
     """
     try:
-        return _solid_parts(solid, made, division, own, diameter)
+        return _solid_parts(solid, made, division, own, rules)
     except FabricationError:
         raise
     except Exception as error:  # OCP's own exceptions carry no common base
@@ -39,11 +40,18 @@ def solid_parts(
 
 
 def _solid_parts(
-    solid: Any, made: Made, division: Division, own: Sequence[Sequence[Tool]], diameter: float
+    solid: Any, made: Made, division: Division, own: Sequence[Sequence[Tool]], rules: Rules
 ) -> list[Part]:
     cutters = []
     for c in made.channels:
-        cutters.append(occ.tube(c.sensor.plane, c.sensor.curve, *c.runs, diameter))
+        plane, curve = c.sensor.plane, c.sensor.curve
+        path = arcs(curve, occ.PATH_TOLERANCE)
+        cutters.append(occ.tube(plane, path, curve.tangents[[0, -1]], *c.runs, rules.channel))
+        if rules.pockets and rules.pockets.wires:
+            wide = rules.pockets.wires.diameter
+            for lead in c.leads:
+                way = lead.way
+                cutters.append(occ.tube(plane, way.arcs, way.directions, 0.0, lead.run, wide))
         cutters += [occ.solid_of(t).wrapped for t in c.tools]
     knives = [occ.Knife(c.plane, c.center, c.taken, c.region) for c in division.cuts]
     bare = [float(p.volume()) for p in division.parts]

@@ -99,5 +99,13 @@ def frame(normal: Float) -> Float:
     return np.stack([x, np.cross(normal, x), normal], axis=1)
 
 
+def upright(normal: Float) -> Float:
+    """Axes (3, 3) of something on the skin: y as far up as the normal allows, z the normal."""
+    up = np.array([0, 0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0, 1.0, 0])
+    x = np.cross(up, normal)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(normal, x), normal], axis=1)
+
+
 def cylinder(start: Float, end: Float, diameter: float) -> Frustum:
     return Frustum(start, end, (diameter / 2, diameter / 2))

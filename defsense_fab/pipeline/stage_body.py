@@ -10,7 +10,8 @@ from ..core.device import Device
 from ..core.files import write_json
 from ..core.mesh import Surface
 from ..geometry.body import load_body
-from .stages import Report, read_json
+from ..geometry.tools import Prism
+from .stages import Report, plain, read_json
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
@@ -30,6 +31,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             "cad": body.solid is not None,
             "repairs": list(body.repairs),
             "bounds": body.surface.bounds.tolist(),
+            "bay": dict(plain(vars(body.bay))) if body.bay else None,
         },
     )
     for line in body.repairs:
@@ -43,3 +45,12 @@ def load_surface(folder: Path) -> Surface:
 
 def is_cad(folder: Path) -> bool:
     return bool(read_json(folder / "body" / "body.json")["cad"])
+
+
+def load_bay(folder: Path) -> Prism | None:
+    """The connector bay that the body has, if any."""
+    bay = read_json(folder / "body" / "body.json")["bay"]
+    if bay is None:
+        return None
+    origin, axes, polygon = (np.array(bay[k]) for k in ("origin", "axes", "polygon"))
+    return Prism(origin, axes, polygon, bay["height"])

@@ -18,12 +18,14 @@ from ..geometry import facets
 from ..geometry.channels import Channel
 from ..geometry.ends import Pockets
 from ..geometry.export import write_3mf, write_stl
+from ..geometry.leads import Wires
 from ..geometry.parts import Made, Rules, make_parts
 from ..geometry.plate import Placed, arrange, laid
+from ..geometry.tools import Prism
 from ..optimize.freedom import sample_path
 from ..optimize.verify import verify
 from .cut_list import bill, cut_list
-from .stage_body import is_cad, load_surface
+from .stage_body import is_cad, load_bay, load_surface
 from .stage_optimize import limits, load_sensors, load_task, predict
 from .stages import Report, read_json
 
@@ -33,9 +35,10 @@ LYING = "print"
 _WORSE = 1.05
 
 
-def rules(device: Device) -> Rules:
-    """What the device's cord and process ask of its parts."""
+def rules(device: Device, bay: Prism | None = None) -> Rules:
+    """What the device's cord and process ask of its parts, whose wires end in the `bay`."""
     f = device.fabrication
+    wires = Wires(f.wire_diameter, f.wire_diameter + f.clearance, bay, f.strain_relief)
     pocket = max(device.cord.ferrule_diameter + f.clearance, device.channel_diameter + 0.1)
     return Rules(
         device.cord.diameter,
@@ -43,7 +46,9 @@ def rules(device: Device) -> Rules:
         f.clearance,
         f.wall,
         f.limit_cuts,
-        Pockets(pocket, device.cord.ferrule_length) if f.pockets else None,
+        Pockets(pocket, device.cord.ferrule_length, wires if bay or f.strain_relief else None)
+        if f.pockets
+        else None,
         f.marker_seats,
         f.marker_size,
     )
@@ -57,7 +62,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         from ..geometry import occ
 
         solid = occ.read_step(folder / "body" / "body.step")[0]
-    made = fabricate(device, surface, sensors, report, solid)
+    made = fabricate(device, surface, sensors, report, solid, load_bay(folder))
     report(0.75, "predicting with joints")
     layout = read_json(folder / "layout.json")
     prediction = as_made(device, folder, made, layout["prediction"]["decoder"])
@@ -66,13 +71,18 @@ def run(device: Device, folder: Path, report: Report) -> None:
 
 
 def fabricate(
-    device: Device, surface: Surface, sensors: Sequence[Sensor], report: Report, solid: Any = None
+    device: Device,
+    surface: Surface,
+    sensors: Sequence[Sensor],
+    report: Report,
+    solid: Any = None,
+    bay: Prism | None = None,
 ) -> Made:
     """The device's parts. Raises FabricationError where a cord or a part fails a check."""
     problems = verify(sensors, surface, limits(device)).problems
     if problems:
         raise FabricationError(problems[0])
-    return make_parts(surface, sensors, rules(device), report, solid)
+    return make_parts(surface, sensors, rules(device, bay), report, solid)
 
 
 def as_made(device: Device, folder: Path, made: Made, decoder: str) -> Prediction:

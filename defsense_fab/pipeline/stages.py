@@ -13,7 +13,7 @@ from ..core.device import Device
 from ..core.files import digest
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 12
+CODE_VERSION = 13
 
 Report = Callable[[float, str], None]
 
@@ -49,6 +49,7 @@ def _body_inputs(d: Device) -> Any:
         d.body.kind,
         sorted(d.body.parameters.items()),
         d.body.scale,
+        plain(d.body.bay),
         [(p.name, digest(p)) for p in files],
     )
 

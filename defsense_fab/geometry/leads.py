@@ -1,0 +1,258 @@
+"""Channels for the wires: from the joint with the cord by a bend to the connector bay, or to the
+skin beside the mouth.
+
+A wire that leaves its pocket by a bend cannot pull its ferrule out: that is its strain relief. All
+of it lies in the cord's plane, so that it is laid into the same open joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..core.arrays import Float
+from ..core.curve import Plane
+from ..core.mesh import Surface
+from . import ray
+from .bay import inside, without_bay
+from .tools import Prism
+from .turns import HEADINGS, Grid, Way, search
+
+_SPACING = 0.25  # mm, between points of a lead
+_CELL, _CELLS = 0.3, 400  # mm, of the grid that ways are sought on, and most of them across
+#: A lead may come out at the skin as flat as this: depth gained per length.
+SLOPE = 0.45
+_WITHIN = 0.6  # mm, from the bay's walls to where a lead ends
+_TOLERANCE = 0.02  # mm
+_LONGEST = 15.0  # mm, of a lead to the skin
+_TURNS = range(HEADINGS // 8, HEADINGS // 2 + 1)  # moves of the first bend: 45 to 180 degrees
+_BEND = 2.0  # diameters of a wire's channel, the radius of its bends
+
+
+@dataclass(frozen=True)
+class Wires:
+    """The diameters of the `wire` and its channel, mm, the connector `bay` or None, and whether
+    wires that do not reach it come out of the skin by a bend (`relief`)."""
+
+    wire: float
+    diameter: float
+    bay: Prism | None = None
+    relief: bool = True
+
+    @property
+    def bend(self) -> float:
+        """Radius of a bend, mm."""
+        return _BEND * self.diameter
+
+    def room(self, wall: float) -> float:
+        """From the skin to a ferrule behind whose end the wire turns aside, mm."""
+        return self.bend + self.diameter / 2 + wall
+
+
+@dataclass(frozen=True)
+class Lead:
+    """A wire's channel in `plane` along a `way` and straight on to its `exit` (3,) mm in the bay or
+    the skin; `run` is how far its tool goes on from the way's end, mm."""
+
+    plane: Plane
+    way: Way
+    exit: Float
+    run: float
+    to_bay: bool
+
+    @cached_property
+    def inside(self) -> Float:
+        """Its centre line (p, 3) mm from the ferrule to its exit."""
+        line = self.plane.to_world(self.way.sample(_SPACING))
+        return line if self.to_bay else np.concatenate([line, self.exit[None]])
+
+    @property
+    def length(self) -> float:
+        """From the ferrule to the exit, mm."""
+        return float(np.linalg.norm(np.diff(self.inside, axis=0), axis=1).sum())
+
+    @property
+    def line(self) -> Float:
+        """The same with the tool's run (p, 3) mm."""
+        end = self.plane.to_world(self.way.arcs[-1:, 2])
+        line = self.inside if self.to_bay else self.inside[:-1]
+        return np.concatenate([line, end + self.run * self.out]) if self.run else line
+
+    @property
+    def out(self) -> Float:
+        """Direction (3,) at its end."""
+        return _direction(self.plane, self.way)
+
+
+@dataclass(frozen=True)
+class Pit:
+    """The pocket that a lead begins in: its `mouth` (3,) mm, the unit direction `out` (3,), its
+    `radius`, that of its mouth's chamfer, and how deep below its mouth the ferrule ends, mm."""
+
+    mouth: Float
+    out: Float
+    radius: float
+    flare: float
+    ferrule: float
+
+
+#: Points (n, 3) mm along what is hollow, and the radius around them.
+Hollow = tuple[Float, float]
+
+
+class Router:
+    """Finds room for leads in one body."""
+
+    def __init__(self, body: Surface, wires: Wires, wall: float) -> None:
+        self._wires, self._wall, self._body = wires, wall, body
+        self._skin = without_bay(body, wires.bay) if wires.bay else body
+        self._tree = igl.AABB()
+        self._tree.init(self._skin.vertices, self._skin.faces)
+        self._grids: dict[int, tuple[Float, float, Float, Any]] = {}
+
+    def to_bay(
+        self, plane: Plane, pit: Pit, own: Sequence[Hollow], others: Sequence[Hollow]
+    ) -> Lead | str:
+        """A lead from the pit to the bay, or why there is none; `own` are the hollows of its cord,
+        `others` all others."""
+        low, cell, skin, goal = self._grid(plane)
+        if not goal.any():
+            return "its plane misses the connector bay"
+        near, away = _trees(own), _trees(others)
+        solid = ~goal & (skin > 0)
+        cells = plane.to_world(low + cell * np.argwhere(solid))
+        room = skin.copy()
+        gaps = np.minimum(_gap(cells, near), _gap(cells, away)) - self._least
+        room[solid] = np.minimum(skin[solid], gaps)
+        begun = [w for w in self._bends(plane, pit) if self._clear(plane, w, away)]
+        if not begun:
+            return "there is no room for the wire to turn aside"
+        way = search(begun, Grid(low, cell, room, goal))
+        if way is None:
+            return "no way through its plane to the connector bay has room"
+        lead = Lead(plane, way, plane.to_world(way.arcs[-1, 2]), 0.0, to_bay=True)
+        return lead if self._clear(plane, way, away) else "the way to the connector bay is narrow"
+
+    def to_skin(self, plane: Plane, pit: Pit, others: Sequence[Hollow]) -> Lead | None:
+        """The shortest lead from the pit by a bend to the skin beside its mouth, if there is
+        room."""
+        away = _trees(others)
+        found = []
+        for way in self._bends(plane, pit, straight=False):
+            lead = self._out(plane, way, pit)
+            if lead is not None and self._emerges(lead, away):
+                found.append(lead)
+        return min(found, key=lambda w: w.way.length, default=None)
+
+    @property
+    def _least(self) -> float:
+        return self._wires.diameter / 2 + self._wall
+
+    def _grid(self, plane: Plane) -> tuple[Float, float, Float, Any]:
+        """Cells of the plane: the lower corner, their size, room to the skin beyond a lead's wall
+        (below zero outside) and whether they are in the bay."""
+        if id(plane) not in self._grids:
+            flat = (self._body.vertices - plane.origin) @ plane.axes[:, :2]
+            low, high = flat.min(axis=0), flat.max(axis=0)
+            cell = max(_CELL, float((high - low).max()) / _CELLS)
+            nx, ny = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
+            cells = np.indices((nx, ny)).reshape(2, -1).T
+            points = np.ascontiguousarray(plane.to_world(low + cell * cells))
+            bay = self._wires.bay
+            assert bay is not None
+            goal, within = inside(points, bay, _WITHIN), inside(points, bay)
+            wind = igl.fast_winding_number(self._body.vertices, self._body.faces, points)
+            room = np.full(len(points), -1.0)
+            free = (np.asarray(wind) > 0.5) | within
+            room[free] = self._depth(points[free]) - self._least
+            self._grids[id(plane)] = (low, cell, room.reshape(nx, ny), goal.reshape(nx, ny))
+        return self._grids[id(plane)]
+
+    def _depth(self, points: Float) -> Float:
+        square = self._tree.squared_distance(
+            self._skin.vertices, self._skin.faces, np.ascontiguousarray(points)
+        )[0]
+        return np.asarray(np.sqrt(square))
+
+    def _bends(self, plane: Plane, pit: Pit, straight: bool = True) -> Iterator[Way]:
+        """First bends to either side, and straight on from there until the pit is a wall away."""
+        start = (pit.mouth - pit.ferrule * pit.out - plane.origin) @ plane.axes[:, :2]
+        x, y = (pit.out @ plane.axes[:, :2]).tolist()
+        heading, across = float(np.arctan2(y, x)), np.array([-y, x])
+        for side in (1, -1):
+            for turns in _TURNS:
+                moves: tuple[int, ...] = (side,) * turns
+                way = Way(start, heading, self._wires.bend, moves)
+                while straight and len(moves) < 60:
+                    aside = abs(float((way.arcs[-1, 2] - start) @ across))
+                    if aside >= pit.radius + self._least + _CELL:
+                        break
+                    moves = (*moves, 0)
+                    way = Way(start, heading, self._wires.bend, moves)
+                yield way
+
+    def _clear(self, plane: Plane, way: Way, away: Sequence[tuple[Any, float]]) -> bool:
+        """Whether a way keeps its walls to the skin and to others' hollows."""
+        points = plane.to_world(way.sample(_SPACING))
+        bay = self._wires.bay
+        if bay is not None:
+            points = points[~inside(points, bay)]
+        if not len(points):
+            return False
+        least = self._least - _TOLERANCE
+        wind = igl.fast_winding_number(self._body.vertices, self._body.faces, points)
+        if (np.asarray(wind) < 0.5).any() or (self._depth(points) < least).any():
+            return False
+        return bool((_gap(points, away) >= least).all())
+
+    def _out(self, plane: Plane, way: Way, pit: Pit) -> Lead | None:
+        """A bend that goes straight on to the skin, where that is not far and apart from the
+        mouth."""
+        end = plane.to_world(way.arcs[-1, 2])
+        out = _direction(plane, way)
+        depth, run = ray.way_out(end, out, self._body, 2 * self._wires.diameter)
+        if not 0 < depth <= _LONGEST:
+            return None
+        exit_ = end + depth * out
+        if np.linalg.norm(exit_ - pit.mouth) < pit.flare + self._wall + self._wires.diameter:
+            return None
+        # The way is in whole moves: the tool runs on from the last of them.
+        count = int(depth / way.step)
+        way = Way(way.start, way.heading, way.radius, (*way.moves, *(0,) * count))
+        return Lead(plane, way, exit_, run - count * way.step, to_bay=False)
+
+    def _emerges(self, lead: Lead, away: Sequence[tuple[Any, float]]) -> bool:
+        """Whether a lead to the skin keeps its walls, fading out where it comes out."""
+        points = lead.inside
+        wind = igl.fast_winding_number(self._body.vertices, self._body.faces, points[:-1])
+        if (np.asarray(wind) < 0.5).any():
+            return False
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        left = np.append(steps[::-1].cumsum()[::-1], 0.0)
+        needed = np.minimum(self._least, SLOPE * left) - _TOLERANCE
+        if (self._depth(points) < needed).any():
+            return False
+        return bool((_gap(points, away) >= self._least - _TOLERANCE).all())
+
+
+def _direction(plane: Plane, way: Way) -> Float:
+    angle = way.end_heading
+    return np.asarray(plane.axes[:, :2] @ [np.cos(angle), np.sin(angle)])
+
+
+def _trees(hollows: Sequence[Hollow]) -> list[tuple[Any, float]]:
+    return [(cKDTree(points), radius) for points, radius in hollows]
+
+
+def _gap(points: Float, trees: Sequence[tuple[Any, float]]) -> Float:
+    """Distance (n,) mm of points (n, 3) from the nearest hollow."""
+    out = np.full(len(points), np.inf)
+    for tree, radius in trees:
+        out = np.minimum(out, tree.query(points)[0] - radius)
+    return out
