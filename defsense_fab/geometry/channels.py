@@ -17,7 +17,7 @@ from ..core.mesh import Surface
 from . import facets, ray
 from .ends import End, Pockets, end_tools, ends_of
 from .leads import Lead
-from .tools import Tool
+from .tools import Tool, cylinder
 
 _STEP = 0.25  # mm, between samples of a channel
 _SAG = 0.004  # mm, between a channel's chords and the path
@@ -56,7 +56,7 @@ class Channel:
                 along = np.linspace(0, end.pocket, int(end.pocket / _STEP) + 2)
                 out.append((end.mouth - along[:, None] * end.out, pockets.diameter / 2))
             if pockets and pockets.wires and end.lead:
-                out.append((end.lead.inside, pockets.wires.diameter / 2))
+                out.append((end.lead.whole, pockets.wires.diameter / 2))
         return out
 
     @property
@@ -86,7 +86,12 @@ class Channel:
     def wires(self, diameter: float) -> list[Any]:
         """Solids of the wires in their leads."""
         normal = self.sensor.plane.normal
-        return [facets.tube(lead.inside, normal, diameter, sides=24) for lead in self.leads]
+        out = [facets.tube(lead.line, normal, diameter, sides=24) for lead in self.leads]
+        return out + [
+            facets.solid_of(cylinder(lead.exit, lead.exit + lead.drop, diameter))
+            for lead in self.leads
+            if lead.drop is not None
+        ]
 
 
 def channels_of(

@@ -106,7 +106,7 @@ def _led(
                 along = np.linspace(0, end.pocket, int(end.pocket / 0.25) + 2)
                 found.append((end.mouth - along[:, None] * end.out, pockets.diameter / 2))
             if end.lead:
-                found.append((end.lead.inside, wires.diameter / 2))
+                found.append((end.lead.whole, wires.diameter / 2))
         return found
 
     def pit(end: End) -> Pit:
@@ -130,7 +130,7 @@ def _led(
                 lead = router.to_bay(planes[owner], pit(ends[k]), hollows(owner), others)
             elif not to_bay and wires.relief:
                 twin = out[k ^ 1].lead
-                own = [(twin.inside, wires.diameter / 2)] if twin else []
+                own = [(twin.whole, wires.diameter / 2)] if twin else []
                 lead = router.to_skin(planes[owner], pit(ends[k]), [*own, *others])
             if isinstance(lead, str):
                 out[k] = replace(out[k], unled=lead)
@@ -159,6 +159,9 @@ def end_tools(end: End, channel: float, wall: float, pockets: Pockets | None) ->
     if pockets and pockets.wires and end.lead and not end.lead.to_bay:
         at, r = end.lead.exit, pockets.wires.diameter / 2
         tools.append(Frustum(at - c * end.lead.out, at + c * end.lead.out, (r, r + 2 * c)))
+    if pockets and pockets.wires and end.lead and end.lead.drop is not None:
+        at, drop = end.lead.exit, end.lead.drop
+        tools.append(cylinder(at, at + drop, pockets.wires.diameter))
     return tools
 
 

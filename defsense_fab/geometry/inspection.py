@@ -19,7 +19,7 @@ from ..core.arrays import Float, place
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import facets
-from .bay import without_bay
+from .bay import inside, without_bay
 from .channels import Channel
 from .division import Cut
 from .dowels import Pin, gap
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 CONSERVATION = 1e-3
 #: Of the body's volume, that two parts may overlap: rounding to single precision.
 _OVERLAP = 1e-5
+_ROUNDING = 1e-4  # mm
 #: mm^3 of solid that a cord may touch: rounding of facets.
 _TOUCH = 0.02
 #: Most of a part that may be thinner than two lines: such places print as gaps. Wedges between
@@ -82,7 +83,9 @@ def _volumes(made: Made) -> Check:
 
 def _apart(made: Made) -> Check:
     """No two exported parts overlap."""
-    solids = [facets.to_manifold(p.surface, p.name) for p in made.parts]
+    # Faces of one cut are rounded apart by 1e-5 mm: without a tolerance what they have in common
+    # comes out as anything.
+    solids = [facets.to_manifold(p.surface, p.name).set_tolerance(_ROUNDING) for p in made.parts]
     worst, at = 0.0, ""
     for i, a in enumerate(solids):
         for j in range(i):
@@ -155,13 +158,16 @@ def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list
             for points, r in c.hollows(rules.channel, rules.pockets)
         ]
         for lead in channel.leads:
-            steps = np.linalg.norm(np.diff(lead.inside, axis=0), axis=1)
-            left = np.append(steps[::-1].cumsum()[::-1], 0.0)
-            whole = lead.inside[left > (radius + least) / SLOPE]
+            whole = lead.whole
+            if wires.bay is not None:
+                whole = whole[~inside(whole, wires.bay)]
+            if not lead.to_bay:
+                away = np.linalg.norm(lead.inside - lead.exit, axis=1)
+                whole = lead.inside[away > (radius + least) / SLOPE]
             square = igl.point_mesh_squared_distance(whole, skin.vertices, skin.faces)[0]
             for what, walls, points in (
                 ("the skin", np.sqrt(np.asarray(square)) - radius, whole),
-                *(("the other cords", t.query(lead.inside)[0] - r - radius, lead.inside)
+                *(("the other cords", t.query(lead.whole)[0] - r - radius, lead.whole)
                   for t, r in others),
             ):  # fmt: skip
                 if not len(walls):

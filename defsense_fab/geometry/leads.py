@@ -31,6 +31,7 @@ SLOPE = 0.45
 _WITHIN = 0.6  # mm, from the bay's walls to where a lead ends
 _TOLERANCE = 0.02  # mm
 _LONGEST = 15.0  # mm, of a lead to the skin
+_DEEPEST = 25.0  # mm, of a hole from a plane to the bay
 _TURNS = range(HEADINGS // 8, HEADINGS // 2 + 1)  # moves of the first bend: 45 to 180 degrees
 _BEND = 2.0  # diameters of a wire's channel, the radius of its bends
 
@@ -58,31 +59,45 @@ class Wires:
 @dataclass(frozen=True)
 class Lead:
     """A wire's channel in `plane` along a `way` and straight on to its `exit` (3,) mm in the bay or
-    the skin; `run` is how far its tool goes on from the way's end, mm."""
+    the skin; `run` is how far its tool goes on from the way's end, mm. Where the plane passes
+    beside the bay, `drop` (3,) mm is the straight hole from there into it, along the normal."""
 
     plane: Plane
     way: Way
     exit: Float
     run: float
     to_bay: bool
+    drop: Float | None = None
 
     @cached_property
     def inside(self) -> Float:
-        """Its centre line (p, 3) mm from the ferrule to its exit."""
+        """Its centre line (p, 3) mm in the plane, from the ferrule to its exit."""
         line = self.plane.to_world(self.way.sample(_SPACING))
         return line if self.to_bay else np.concatenate([line, self.exit[None]])
 
     @property
     def length(self) -> float:
         """From the ferrule to the exit, mm."""
-        return float(np.linalg.norm(np.diff(self.inside, axis=0), axis=1).sum())
+        down = 0.0 if self.drop is None else float(np.linalg.norm(self.drop))
+        return float(np.linalg.norm(np.diff(self.inside, axis=0), axis=1).sum()) + down
+
+    @property
+    def whole(self) -> Float:
+        """Points (p, 3) mm along the centre line with its drop."""
+        return self.inside if self.drop is None else np.concatenate([self.inside, self.hole])
+
+    @property
+    def hole(self) -> Float:
+        """Points (q, 3) mm along the drop."""
+        assert self.drop is not None
+        count = int(np.linalg.norm(self.drop) / _SPACING) + 2
+        return np.asarray(self.exit + np.linspace(0, 1, count)[:, None] * self.drop)
 
     @property
     def line(self) -> Float:
-        """The same with the tool's run (p, 3) mm."""
-        end = self.plane.to_world(self.way.arcs[-1:, 2])
-        line = self.inside if self.to_bay else self.inside[:-1]
-        return np.concatenate([line, end + self.run * self.out]) if self.run else line
+        """Its corners (p, 3) mm with the tool's run."""
+        line = self.plane.to_world(self.way.polyline)
+        return np.concatenate([line, line[-1:] + self.run * self.out]) if self.run else line
 
     @property
     def out(self) -> Float:
@@ -121,22 +136,31 @@ class Router:
     ) -> Lead | str:
         """A lead from the pit to the bay, or why there is none; `own` are the hollows of its cord,
         `others` all others."""
-        low, cell, skin, goal = self._grid(plane)
-        if not goal.any():
-            return "its plane misses the connector bay"
+        low, cell, skin, bay = self._grid(plane)
         near, away = _trees(own), _trees(others)
-        solid = ~goal & (skin > 0)
+        solid = ~bay & (skin > 0)
         cells = plane.to_world(low + cell * np.argwhere(solid))
         room = skin.copy()
-        gaps = np.minimum(_gap(cells, near), _gap(cells, away)) - self._least
+        gaps = _gap(cells, [*near, *away], self._least + 2 * cell) - self._least
         room[solid] = np.minimum(skin[solid], gaps)
+        drops: dict[tuple[int, int], Float] = {}
+        goal = bay
+        if not bay.any():
+            drops = self._drops(plane, low, cell, room, [*near, *away])
+            goal = np.zeros_like(bay)
+            if not drops:
+                return "its plane passes too far from the connector bay"
+            goal[tuple(np.array(list(drops)).T)] = True
         begun = [w for w in self._bends(plane, pit) if self._clear(plane, w, away)]
         if not begun:
             return "there is no room for the wire to turn aside"
-        way = search(begun, Grid(low, cell, room, goal))
+        grid = Grid(low, cell, room, goal)
+        way = search(begun, grid)
         if way is None:
             return "no way through its plane to the connector bay has room"
-        lead = Lead(plane, way, plane.to_world(way.arcs[-1, 2]), 0.0, to_bay=True)
+        x, y = way.arcs[-1, 2].tolist()
+        drop = drops.get(grid.cell_of(x, y) or (-1, -1))
+        lead = Lead(plane, way, plane.to_world(way.arcs[-1, 2]), 0.0, to_bay=True, drop=drop)
         return lead if self._clear(plane, way, away) else "the way to the connector bay is narrow"
 
     def to_skin(self, plane: Plane, pit: Pit, others: Sequence[Hollow]) -> Lead | None:
@@ -174,6 +198,32 @@ class Router:
             self._grids[id(plane)] = (low, cell, room.reshape(nx, ny), goal.reshape(nx, ny))
         return self._grids[id(plane)]
 
+    def _drops(
+        self, plane: Plane, low: Float, cell: float, room: Float, near: Sequence[tuple[Any, float]]
+    ) -> dict[tuple[int, int], Float]:
+        """From which cells a straight hole along the plane's normal reaches the bay and keeps its
+        walls, and the hole (3,) mm."""
+        bay = self._wires.bay
+        assert bay is not None
+        cells = np.argwhere(room > cell)
+        foot = plane.to_world(low + cell * cells)
+        heights = np.arange(0.0, _DEEPEST, _SPACING)
+        least = self._least + cell  # a way ends in a cell, not in its middle
+        out: dict[tuple[int, int], Float] = {}
+        for normal in (plane.normal, -plane.normal):
+            reached = np.full(len(cells), -1)
+            for k in range(len(heights))[::-1]:
+                reached[inside(foot + heights[k] * normal, bay, _WITHIN)] = k
+            which = np.repeat(np.arange(len(cells)), reached + 1)
+            height = np.concatenate([heights[: k + 1] for k in reached] or [heights[:0]])
+            line = foot[which] + height[:, None] * normal
+            solid = ~inside(line, bay)
+            room_there = np.minimum(self._depth(line[solid]), _gap(line[solid], near, least))
+            blocked = which[solid][room_there < least]
+            for k in np.setdiff1d(np.flatnonzero(reached >= 0), blocked):
+                out[(int(cells[k, 0]), int(cells[k, 1]))] = heights[reached[k]] * normal
+        return out
+
     def _depth(self, points: Float) -> Float:
         square = self._tree.squared_distance(
             self._skin.vertices, self._skin.faces, np.ascontiguousarray(points)
@@ -209,7 +259,7 @@ class Router:
         wind = igl.fast_winding_number(self._body.vertices, self._body.faces, points)
         if (np.asarray(wind) < 0.5).any() or (self._depth(points) < least).any():
             return False
-        return bool((_gap(points, away) >= least).all())
+        return bool((_gap(points, away, least) >= least).all())
 
     def _out(self, plane: Plane, way: Way, pit: Pit) -> Lead | None:
         """A bend that goes straight on to the skin, where that is not far and apart from the
@@ -238,7 +288,7 @@ class Router:
         needed = np.minimum(self._least, SLOPE * left) - _TOLERANCE
         if (self._depth(points) < needed).any():
             return False
-        return bool((_gap(points, away) >= self._least - _TOLERANCE).all())
+        return bool((_gap(points, away, self._least) >= self._least - _TOLERANCE).all())
 
 
 def _direction(plane: Plane, way: Way) -> Float:
@@ -250,9 +300,10 @@ def _trees(hollows: Sequence[Hollow]) -> list[tuple[Any, float]]:
     return [(cKDTree(points), radius) for points, radius in hollows]
 
 
-def _gap(points: Float, trees: Sequence[tuple[Any, float]]) -> Float:
-    """Distance (n,) mm of points (n, 3) from the nearest hollow."""
+def _gap(points: Float, trees: Sequence[tuple[Any, float]], most: float) -> Float:
+    """Distance (n,) mm of points (n, 3) from the nearest hollow; infinite beyond `most` mm."""
     out = np.full(len(points), np.inf)
     for tree, radius in trees:
-        out = np.minimum(out, tree.query(points)[0] - radius)
+        away = tree.query(points, distance_upper_bound=radius + most)[0]
+        out = np.minimum(out, away - radius)
     return out

@@ -61,11 +61,20 @@ class Way:
 
     def sample(self, spacing: float) -> Float:
         """Points (n, 2) mm along the way, at most `spacing` mm apart."""
+        return self._points(int(np.ceil(self.step / spacing)), sparse=False)
+
+    @property
+    def polyline(self) -> Float:
+        """The fewest points (n, 2) mm: runs by their ends, turns every five degrees."""
+        return self._points(3, sparse=True)
+
+    def _points(self, per: int, sparse: bool) -> Float:
+        """So many points a move; if sparse, a run has none between its ends."""
         points, p, angle = [self.start], self.start, self.heading
-        per = int(np.ceil(self.step / spacing))
-        for turn in self.moves:
-            points += [_go(p, angle, turn, k / per, self.radius)[0] for k in range(1, per + 1)]
-            p, angle = points[-1], angle + turn * 2 * np.pi / HEADINGS
+        for turn, count in _runs(self.moves):
+            n = 1 if sparse and turn == 0 else count * per
+            points += [_go(p, angle, turn, count * k / n, self.radius)[0] for k in range(1, n + 1)]
+            p, angle = points[-1], angle + turn * count * 2 * np.pi / HEADINGS
         return np.array(points)
 
 
