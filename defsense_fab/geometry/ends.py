@@ -39,15 +39,26 @@ class Pockets:
 @dataclass(frozen=True)
 class End:
     """One end of a cord: its `mouth` (3,) mm on the skin, the unit direction `out` (3,), the
-    pocket's length from the mouth (0: none) and why there is none; its wire's `lead`, or None and
-    why it comes out of the mouth."""
+    pocket's length from the mouth (0: none) and why there is none; its wire's `lead`, or None where
+    it comes out of the mouth (which may lie in the bay), and why it does not go where it should."""
 
     mouth: Float
     out: Float
     pocket: float
     reason: str
     lead: Lead | None = None
+    in_bay: bool = False
     unled: str = ""
+
+    @property
+    def wire(self) -> str:
+        """Where its wire leaves the body: in the `bay`, by a `bend` beside the `mouth`, or there;
+        `outside` where the joint itself is."""
+        if not self.pocket:
+            return "outside"
+        if self.in_bay or (self.lead and self.lead.to_bay):
+            return "bay"
+        return "bend" if self.lead else "mouth"
 
 
 def ends_of(
@@ -124,7 +135,7 @@ def _led(
             lead: Lead | str | None = None
             if to_bay and wires.bay is not None:
                 if inside(ends[k].mouth[None], wires.bay, -0.1)[0]:
-                    out[k] = replace(out[k], pocket=pockets.length)
+                    out[k] = replace(out[k], pocket=pockets.length, in_bay=True)
                     waiting.remove(k)
                     continue
                 lead = router.to_bay(planes[owner], pit(ends[k]), hollows(owner), others)

@@ -16,10 +16,10 @@ import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..core.arrays import Float
+from ..core.arrays import Bool, Float
 from ..core.curve import Plane
 from ..core.mesh import Surface
-from . import ray
+from . import facets, ray
 from .bay import inside, without_bay
 from .tools import Prism
 from .turns import HEADINGS, Grid, Way, search
@@ -127,6 +127,7 @@ class Router:
     def __init__(self, body: Surface, wires: Wires, wall: float) -> None:
         self._wires, self._wall, self._body = wires, wall, body
         self._skin = without_bay(body, wires.bay) if wires.bay else body
+        self._solid = facets.to_manifold(body, "the body")
         self._tree = igl.AABB()
         self._tree.init(self._skin.vertices, self._skin.faces)
         self._grids: dict[int, tuple[Float, float, Float, Any]] = {}
@@ -191,12 +192,25 @@ class Router:
             bay = self._wires.bay
             assert bay is not None
             goal, within = inside(points, bay, _WITHIN), inside(points, bay)
-            wind = igl.fast_winding_number(self._body.vertices, self._body.faces, points)
             room = np.full(len(points), -1.0)
-            free = (np.asarray(wind) > 0.5) | within
+            free = self._section(plane, low, cell, (nx, ny)).ravel() | within
             room[free] = self._depth(points[free]) - self._least
             self._grids[id(plane)] = (low, cell, room.reshape(nx, ny), goal.reshape(nx, ny))
         return self._grids[id(plane)]
+
+    def _section(self, plane: Plane, low: Float, cell: float, shape: tuple[int, int]) -> Bool:
+        """Which cells' middles lie in the body: every crossing of an outline with a row of cells
+        turns the rest of the row over."""
+        into = np.column_stack([plane.axes.T, -plane.axes.T @ plane.origin])
+        turned = np.zeros(shape, int)
+        for outline in self._solid.transform(into).slice(0.0).to_polygons():
+            a = (np.asarray(outline, float) - low) / cell
+            for (x0, y0), (x1, y1) in zip(a, np.roll(a, -1, axis=0), strict=True):
+                rows = np.arange(np.ceil(min(y0, y1)), np.ceil(max(y0, y1)))
+                rows = rows[(rows >= 0) & (rows < shape[1])]
+                x = np.ceil(x0 + (rows - y0) / (y1 - y0) * (x1 - x0)) if len(rows) else rows
+                np.add.at(turned, (np.clip(x, 0, shape[0] - 1).astype(int), rows.astype(int)), 1)
+        return np.asarray(turned.cumsum(axis=0) % 2 == 1)
 
     def _drops(
         self, plane: Plane, low: Float, cell: float, room: Float, near: Sequence[tuple[Any, float]]
@@ -256,8 +270,8 @@ class Router:
         if not len(points):
             return False
         least = self._least - _TOLERANCE
-        wind = igl.fast_winding_number(self._body.vertices, self._body.faces, points)
-        if (np.asarray(wind) < 0.5).any() or (self._depth(points) < least).any():
+        # It begins in the body and cannot step through a skin that it keeps away from.
+        if (self._depth(points) < least).any():
             return False
         return bool((_gap(points, away, least) >= least).all())
 
@@ -280,9 +294,6 @@ class Router:
     def _emerges(self, lead: Lead, away: Sequence[tuple[Any, float]]) -> bool:
         """Whether a lead to the skin keeps its walls, fading out where it comes out."""
         points = lead.inside
-        wind = igl.fast_winding_number(self._body.vertices, self._body.faces, points[:-1])
-        if (np.asarray(wind) < 0.5).any():
-            return False
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         left = np.append(steps[::-1].cumsum()[::-1], 0.0)
         needed = np.minimum(self._least, SLOPE * left) - _TOLERANCE

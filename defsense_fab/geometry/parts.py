@@ -207,6 +207,14 @@ def _warnings(made: Made, grazing: Sequence[Graze], rules: Rules) -> list[str]:
             f"there is room for {len(made.seats)} of {rules.seats} marker seats of"
             f" {rules.tag:g} mm: the rest of the skin is curved, near an edge or thin above a cord"
         )
+    ends = [(c, e, n) for c in made.channels for e, n in zip(c.ends, ("start", "end"), strict=True)]
+    if rules.pockets and rules.pockets.wires and rules.pockets.wires.bay:
+        out += [
+            f"the wire at the {which} of cord {channel.name}, near {place(end.mouth)}, does not"
+            f" reach the connector bay: {end.reason or end.unled}"
+            for channel, end, which in ends
+            if end.wire != "bay"
+        ]
     for g in grazing:
         joint = inspection.cut_name(made.cuts[g.cut], made.channels)
         what = "opens into" if g.wall <= 0 else f"leaves {g.wall:.1f} mm of wall to"

@@ -9,10 +9,13 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..core.device import Device
+from ..geometry.ends import End
 from ..geometry.parts import Made
 
 #: Longer by this much than needed, mm: cords are trimmed when they lie in their grooves.
 SLACK = 5.0
+#: Length of each wire beyond the body, mm.
+OUTSIDE = 200.0
 #: Preferred values of a decade (IEC 60063, E24).
 E24 = (
     1.0, 1.1, 1.2, 1.3, 1.5, 1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 3.0,
@@ -48,6 +51,7 @@ def cut_list(device: Device, made: Made, signals: Float) -> list[dict[str, Any]]
                         "at": e.mouth.tolist(),
                         "lead": 0.0 if inside else lead,
                         **({"why": e.reason} if e.reason else {}),
+                        "wire": _wire(e),
                     }
                     for e, inside in zip(channel.ends, pocketed, strict=True)
                 ],
@@ -57,6 +61,18 @@ def cut_list(device: Device, made: Made, signals: Float) -> list[dict[str, Any]]
                 "reference_resistor": reference(rest * (1 + low), rest * (1 + high)),
             }
         )
+    return out
+
+
+def _wire(end: End) -> dict[str, Any]:
+    """Where an end's wire leaves the body, and its length and path in it, mm."""
+    lead = end.lead
+    out: dict[str, Any] = {"leaves": end.wire, "length": lead.length if lead else 0.0}
+    if lead:
+        out["path"] = lead.line.tolist()
+        out["drop"] = None if lead.drop is None else lead.drop.tolist()
+    if end.unled:
+        out["why"] = end.unled
     return out
 
 
@@ -76,6 +92,7 @@ def bill(
     device: Device, made: Made, cords: Sequence[Mapping[str, Any]], pins: Mapping[str, int]
 ) -> list[dict[str, Any]]:
     """Bill of materials: what, how much, and what for."""
+    wires = [e["wire"] for c in cords for e in c["ends"]]
     solid = sum(p.volume for p in made.parts) / 1000
     rows: list[dict[str, Any]] = [
         {
@@ -96,9 +113,10 @@ def bill(
             "use": "crimped onto cord and wire at both ends of every cord",
         },
         {
-            "item": "stranded wire, 0.14 mm2",
-            "amount": f"{2 * len(cords)} pieces",
-            "use": "from the ferrules to the read-out",
+            "item": f"stranded wire, {device.fabrication.wire_diameter:g} mm outside",
+            "amount": f"{sum(w['length'] + OUTSIDE for w in wires):.0f} mm",
+            "use": f"{len(wires)} pieces from the ferrules to the read-out, {OUTSIDE:g} mm of each"
+            " outside of the body",
         },
     ]
     rows += [

@@ -139,14 +139,21 @@ def _cuts(manifest: Mapping[str, Any]) -> TableOf:
             f"{c['resistance']:.0f}",
             f"{c['range'][0]:.0f} to {c['range'][1]:.0f}",
             f"{c['reference_resistor']:g}",
+            " / ".join(_leaves(e["wire"]) for e in c["ends"]),
         )
         for c in manifest["cords"]
     ]
     header = (
         "cord", "cut to", "of it slack", "joints at start / end", "ohm at rest", "ohm in use",
-        "reference, ohm",
+        "reference, ohm", "wires leave",
     )  # fmt: skip
     return TableOf("Cut list", header, tuple(rows))
+
+
+def _leaves(wire: Mapping[str, Any]) -> str:
+    """Where a wire leaves the body, and after how many mm in it."""
+    inside = f" ({wire['length']:.0f})" if wire["length"] else ""
+    return str(wire["leaves"]) + inside
 
 
 def _bill(manifest: Mapping[str, Any]) -> TableOf:
@@ -215,9 +222,9 @@ def _joints(
             colors,
             normal,
             lift,
-            [(line, "#222222") for line in cords],
+            [(line, "#222222", device.cord.diameter / 2) for line in cords]
+            + [(w, "#c1121f", device.fabrication.wire_diameter / 2) for w in _wires(step, cut_to)],
             [(np.array(p["center"]), p["socket"], 2 * p["depth"]) for p in step["pins"]],
-            device.cord.diameter / 2,
         )
         out.append(
             Step(
@@ -227,6 +234,18 @@ def _joints(
             )
         )
     return out
+
+
+def _wires(step: Mapping[str, Any], cut_to: Mapping[str, Mapping[str, Any]]) -> list[Float]:
+    """Lines (p, 3) mm of the wires that are laid in a step."""
+    found = []
+    for name in step["cords"]:
+        for wire in (e["wire"] for e in cut_to[name]["ends"]):
+            if "path" in wire:
+                line = np.array(wire["path"])
+                drop = [line[-1:] + np.array(wire["drop"])] if wire["drop"] else []
+                found.append(np.concatenate([line, *drop]))
+    return found
 
 
 def _joint(
@@ -254,8 +273,28 @@ def _joint(
             for e, what in zip(cut_to[name]["ends"], ("start", "end"), strict=True)
         )
         lines.append(f"Lay cord {name} into its groove, not stretched: {start}, {end}.")
+        lines += _laying(cut_to[name])
     lines.append("Close the joint dry first. Then glue the faces; keep glue out of the grooves: the"
                  " cord must slide.")  # fmt: skip
+    return lines
+
+
+def _laying(cord: Mapping[str, Any]) -> list[str]:
+    """What to do with the wires of a cord."""
+    lines = []
+    for end, what in zip(cord["ends"], ("start", "end"), strict=True):
+        wire = end["wire"]
+        if wire["leaves"] == "bend":
+            lines.append(
+                f"Its wire at the {what} leaves by the bend beside the mouth, which holds it when"
+                " it is pulled."
+            )
+        elif wire["leaves"] == "bay" and wire["length"]:
+            hole = " and through the hole at the end of it" if wire["drop"] else ""
+            lines.append(
+                f"Its wire at the {what} goes along its groove{hole} into the bay,"
+                f" {wire['length']:.0f} mm."
+            )
     return lines
 
 

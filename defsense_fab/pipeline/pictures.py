@@ -136,18 +136,18 @@ def joining(
     colors: Mapping[str, str],
     opens: Float,
     lift: float,
-    cords: Sequence[tuple[Float, str]],
+    cords: Sequence[tuple[Float, str, float]],
     pins: Sequence[tuple[Float, float, float]],
-    radius: float,
 ) -> str:
     """One step of the assembly: the `upper` parts `lift` mm above the `lower` ones along `opens`
-    (3,), cords (line (p, 3) mm, colour) in their grooves, pins (center (3,), diameter, length)."""
+    (3,), cords and wires (line (p, 3) mm, colour, radius) in their grooves, pins (center (3,),
+    diameter, length)."""
     plotter = _plotter()
     for name, surface in lower.items():
         _add_part(plotter, surface, np.zeros(3), colors[name], name)
     for name, surface in upper.items():
         _add_part(plotter, surface, lift * opens, colors[name], name)
-    for line, color in cords:
+    for line, color, radius in cords:
         plotter.add_mesh(pv.lines_from_points(line).tube(radius=radius), color=color)
     for center, diameter, length in pins:
         pin = pv.Cylinder(center=center, direction=opens, radius=diameter / 2, height=length)
