@@ -139,7 +139,7 @@ def free_spots(
     for points, room in (
         (np.zeros((1, 3)), radius + wall),
         (axis, wall),
-        (_octagons(radius, heights), wall),
+        (rings(radius, heights), wall),
     ):
         if not len(spots):
             break
@@ -150,11 +150,14 @@ def free_spots(
     return spots
 
 
-def _octagons(radius: float, heights: Float) -> Float:
-    """Corners (8 n, 3) mm of octagons around a socket pair at heights (n,) mm."""
-    turn = np.arange(8) * np.pi / 4
-    around = radius / np.cos(np.pi / 8) * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    return np.concatenate([np.column_stack([around, np.full(8, h)]) for h in heights])
+def rings(radius: float, heights: Float) -> Float:
+    """Points (n, 3) mm around a socket pair at heights (k,) mm, and on its two bottoms: nowhere is
+    the socket's surface nearer to anything by more than a fiftieth of the radius."""
+    turn = np.arange(16) * np.pi / 8
+    circle = radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    layers = [(circle / np.cos(np.pi / 16), h) for h in heights]
+    layers += [(part * circle, h) for part in (0.25, 0.5, 0.75) for h in (heights[0], heights[-1])]
+    return np.concatenate([np.column_stack([c, np.full(len(c), h)]) for c, h in layers])
 
 
 def gap(points: Float, pins: Sequence[Pin]) -> Float:

@@ -125,6 +125,9 @@ def _led(
         return Pit(end.mouth, end.out, pockets.diameter / 2, flare, wires.room(wall))
 
     waiting = [k for k, end in enumerate(ends) if end.pocket == deep]
+    for k, end in enumerate(ends):
+        if 0 < end.pocket < deep:
+            out[k] = replace(end, unled=f"there is no room for a pocket of {deep:.1f} mm")
     if wires.bay is not None:
         bay = wires.bay
         waiting.sort(key=lambda k: float(np.linalg.norm(ends[k].mouth - bay.origin)))

@@ -22,7 +22,7 @@ from . import facets
 from .bay import inside, without_bay
 from .channels import Channel
 from .division import Cut
-from .dowels import Pin, gap
+from .dowels import Pin, gap, rings
 from .ends import INLET_SLOPE
 from .leads import SLOPE
 from .tools import frame
@@ -232,11 +232,8 @@ def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
 
 def _shell(pin: Pin) -> Float:
     """Points (n, 3) on both sockets of a pin."""
-    x, y = frame(pin.axis)[:, :2].T
-    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    ring = pin.socket / 2 * (np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * y)
     heights = np.linspace(-pin.depth, pin.depth, 2 * int(np.ceil(pin.depth / 0.5)) + 1)
-    return np.asarray((pin.center + ring[None] + heights[:, None, None] * pin.axis).reshape(-1, 3))
+    return np.asarray(pin.center + rings(pin.socket / 2, heights) @ frame(pin.axis).T)
 
 
 def _features(made: Made, pieces: Sequence[Any], rules: Rules) -> list[Check]:

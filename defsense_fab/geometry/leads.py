@@ -161,7 +161,9 @@ class Router:
             return "no way through its plane to the connector bay has room"
         x, y = way.arcs[-1, 2].tolist()
         drop = drops.get(grid.cell_of(x, y) or (-1, -1))
-        lead = Lead(plane, way, plane.to_world(way.arcs[-1, 2]), 0.0, to_bay=True, drop=drop)
+        # Above a hole the groove goes on to the hole's far wall (nearly: kernels fail on tangents).
+        run = 0.0 if drop is None else 0.45 * self._wires.diameter
+        lead = Lead(plane, way, plane.to_world(way.arcs[-1, 2]), run, to_bay=True, drop=drop)
         return lead if self._clear(plane, way, away) else "the way to the connector bay is narrow"
 
     def to_skin(self, plane: Plane, pit: Pit, others: Sequence[Hollow]) -> Lead | None:

@@ -48,6 +48,7 @@ def cut_list(device: Device, made: Made, signals: Float) -> list[dict[str, Any]]
                 "ends": [
                     {
                         "joint": "pocket" if inside else "free",
+                        "pocket": e.pocket,
                         "at": e.mouth.tolist(),
                         "lead": 0.0 if inside else lead,
                         **({"why": e.reason} if e.reason else {}),

@@ -5,11 +5,13 @@
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from defsense_fab.core.device import BaySpec
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.geometry import facets
@@ -25,20 +27,24 @@ COUNT = int(os.environ.get("DEFSENSE_RANDOM_LAYOUTS", "5"))
 DEVICES = Path(__file__).parents[2] / "fixtures" / "devices"
 
 
-@pytest.fixture(scope="module", params=["bar", "blob"])
+@pytest.fixture(scope="module", params=["bar", "blob", "bar with a bay"])
 def device(request):
-    found = load_device(DEVICES / request.param)
-    return found, load_body(found.body).surface
+    found = load_device(DEVICES / request.param.split()[0])
+    spec = found.body
+    if "bay" in request.param:
+        spec = replace(spec, bay=BaySpec(np.zeros(3), (20.0, 10.0, 6.0)))
+    body = load_body(spec)
+    return found, body.surface, body.bay
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(COUNT))
 def test_a_random_layout_is_made_well_or_refused(device, seed, tmp_path):
-    device, surface = device
+    device, surface, bay = device
     sensors = random_layout(surface, limits(device), seed)
     refusal = ""
     try:
-        made = fabricate(device, surface, sensors, lambda *_: None)
+        made = fabricate(device, surface, sensors, lambda *_: None, bay=bay)
     except FabricationError as error:
         refusal = str(error)
     if refusal:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device_file import load_device
-from defsense_fab.core.errors import FabricationError
+from defsense_fab.core.errors import DeviceError, FabricationError
 from defsense_fab.geometry.body import load_body
 from defsense_fab.pipeline.cut_list import E24, reference
 from defsense_fab.pipeline.guide import write_guide
@@ -96,7 +96,12 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
     device, _ = cube
     for c, top in zip(manifest["cords"], (1.44, 1.0, 1.1), strict=True):
         assert [e["joint"] for e in c["ends"]] == ["pocket", "pocket"]
-        assert c["between_ferrules"] == pytest.approx(c["channel_length"] - 14)
+        pockets = [e["pocket"] for e in c["ends"]]
+        assert set(np.round(pockets, 2)) <= {7.0, 11.05}  # the ferrule, with a bend or without
+        assert [e["wire"]["leaves"] for e in c["ends"]] == [
+            "bend" if p > 7 else "mouth" for p in pockets
+        ]
+        assert c["between_ferrules"] == pytest.approx(c["channel_length"] - sum(pockets))
         assert c["cut_length"] == pytest.approx(c["between_ferrules"] + 7 + 5)
         assert c["resistance"] == pytest.approx(14.5 * c["between_ferrules"])
         assert c["range"][1] == pytest.approx(top * c["resistance"])
@@ -166,17 +171,37 @@ def test_a_part_that_no_bed_holds_is_refused(cube):
 
 
 @pytest.mark.parametrize(
+    ("bay", "message"),
+    [
+        ("size = [9, 9, 9]", "body.bay.at: is missing"),
+        ("at = [0, 0]", "body.bay.at: must be 3 numbers"),
+        ("at = [0, 0, 30]\nsize = [9, 9]", "body.bay.size: must be 3"),
+        ("at = [0, 0, 30]\nsize = [9, 9, -1]", "body.bay.size: is width, height and depth"),
+        ("at = [0, 0, 30]\ndepth = 3", "body.bay.depth: unknown key"),
+    ],
+)
+def test_a_bay_is_checked(tmp_path, bay, message):
+    text = (DEVICES / "cube" / "device.toml").read_text()
+    shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
+    (tmp_path / "device.toml").write_text(
+        text.replace("[material]", f"[body.bay]\n{bay}\n\n[material]", 1)
+    )
+    with pytest.raises(DeviceError, match=re.escape(message)):
+        load_device(tmp_path)
+
+
+@pytest.mark.parametrize(
     ("line", "message"),
     [
         ("pockets = 3", "fabrication.pockets: must be true or false, not 3"),
         ("marker_seats = 2.5", "fabrication.marker_seats: must be a whole number"),
         ("marker_size = -1", "fabrication.marker_size: must be greater than 0"),
+        ("strain_relief = 1", "fabrication.strain_relief: must be true or false, not 1"),
+        ("wire_diameter = 0", "fabrication.wire_diameter: must be greater than 0"),
         ("limit_cut = true", "fabrication.limit_cut: unknown key; did you mean 'limit_cuts'?"),
     ],
 )
 def test_settings_are_checked(tmp_path, line, message):
-    from defsense_fab.core.errors import DeviceError
-
     text = (DEVICES / "cube" / "device.toml").read_text()
     shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
     (tmp_path / "device.toml").write_text(text.replace("marker_seats = 8", line))
