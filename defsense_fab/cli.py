@@ -393,7 +393,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     for warning in [
         w for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", [])
     ]:
-        console.print(f"note: {warning}", highlight=False, soft_wrap=True)
+        console.print(f"note: {warning}", highlight=False, markup=False, soft_wrap=True)
     if "layout" in data:
         layout = data["layout"]
         first, best = layout["initial"], layout["prediction"]
@@ -432,7 +432,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             table.add_row(c["sensor"], f"{c['cut_length']:.0f}", f"{c['resistance']:.0f}")
         console.print(table)
         for warning in manifest["warnings"]:
-            console.print(f"note: {warning}", highlight=False)
+            console.print(f"note: {warning}", highlight=False, markup=False)
     where = f"{folder}/report.html" if options.until == "report" else folder
     following = {
         "build": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",

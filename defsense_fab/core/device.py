@@ -152,8 +152,9 @@ class CordSpec:
 class FabricationSpec:
     """Printing process: channel clearance on the diameter, least wall, free cord at each end, mm;
     whether joints of cord and wire get `pockets` in the body, and cuts are limited (`limit_cuts`)
-    to what their cords need; whether wires leave their pockets by a bend (`strain_relief`), and
-    their `wire_diameter`; `marker_seats`, how many flats for tags of `marker_size` mm."""
+    to what their cords need; whether wires leave their pockets by a bend (`strain_relief`; None:
+    where that costs little accuracy), and their `wire_diameter`; `marker_seats`, how many flats for
+    tags of `marker_size` mm."""
 
     process: str
     clearance: float
@@ -162,7 +163,7 @@ class FabricationSpec:
     bed: tuple[float, float, float]
     pockets: bool = True
     limit_cuts: bool = False
-    strain_relief: bool = True
+    strain_relief: bool | None = None
     wire_diameter: float = 1.1
     marker_seats: int = 0
     marker_size: float = 10.0

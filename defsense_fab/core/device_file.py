@@ -272,7 +272,7 @@ def _fabrication(t: Table) -> FabricationSpec:
         bed=(float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"])),
         pockets=t.boolean("pockets", True),
         limit_cuts=t.boolean("limit_cuts", False),
-        strain_relief=t.boolean("strain_relief", True),
+        strain_relief=t.boolean("strain_relief", True) if t.has("strain_relief") else None,
         wire_diameter=t.number("wire_diameter", 1.1, low=0),
         marker_seats=_count(t, "marker_seats") or 0,
         marker_size=t.number("marker_size", 10.0, low=0),

@@ -16,7 +16,7 @@ from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import facets, ray
 from .ends import End, Pockets, end_tools, ends_of
-from .leads import Lead
+from .leads import Hollow, Lead
 from .tools import Tool, cylinder
 
 _STEP = 0.25  # mm, between samples of a channel
@@ -48,15 +48,11 @@ class Channel:
         """From mouth to mouth, mm."""
         return float(np.linalg.norm(np.diff(self.inside, axis=0), axis=1).sum())
 
-    def hollows(self, diameter: float, pockets: Pockets | None) -> list[tuple[Float, float]]:
+    def hollows(self, diameter: float, pockets: Pockets | None) -> list[Hollow]:
         """Points (n, 3) mm along what is hollow, and its radius there, mm."""
         out = [(self.inside, diameter / 2)]
         for end in self.ends:
-            if pockets and end.pocket:
-                along = np.linspace(0, end.pocket, int(end.pocket / _STEP) + 2)
-                out.append((end.mouth - along[:, None] * end.out, pockets.diameter / 2))
-            if pockets and pockets.wires and end.lead:
-                out.append((end.lead.whole, pockets.wires.diameter / 2))
+            out += end.hollows(pockets)
         return out
 
     @property

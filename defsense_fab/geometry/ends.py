@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
 
 import igl
 import numpy as np
@@ -13,11 +13,13 @@ from ..core.arrays import Float, place
 from ..core.curve import Plane
 from ..core.mesh import Surface
 from .bay import inside
-from .leads import Hollow, Lead, Pit, Router, Wires
+from .leads import NO_TURN, Hollow, Lead, Pit, Router, Wires
 from .tools import Frustum, Tool, cylinder
 
 #: The pocket's axis and the path within it differ by no more than this, rad.
 _STRAIGHT = np.radians(25)
+#: How much deeper than at a level skin pockets may be for the bend of a wire: the skin leans.
+_DEEPER = (1.0, 1.3, 1.7)
 #: A channel may enter at up to this slope: depth gained per length of channel.
 INLET_SLOPE = 0.6
 
@@ -30,10 +32,6 @@ class Pockets:
     diameter: float
     length: float
     wires: Wires | None = None
-
-    def depth(self, wall: float) -> float:
-        """From the skin to the bottom of a pocket whose wire turns aside, mm."""
-        return self.length + (self.wires.room(wall) if self.wires else 0.0)
 
 
 @dataclass(frozen=True)
@@ -60,6 +58,16 @@ class End:
             return "bay"
         return "bend" if self.lead else "mouth"
 
+    def hollows(self, pockets: Pockets | None) -> list[Hollow]:
+        """Points (n, 3) mm along what is hollow besides the channel, and its radius there, mm."""
+        out = []
+        if pockets and self.pocket:
+            along = np.linspace(0, self.pocket, int(self.pocket / 0.25) + 2)
+            out.append((self.mouth - along[:, None] * self.out, pockets.diameter / 2))
+        if pockets and pockets.wires and self.lead:
+            out.append((self.lead.whole, pockets.wires.diameter / 2))
+        return out
+
 
 def ends_of(
     planes: Sequence[Plane],
@@ -71,90 +79,130 @@ def ends_of(
 ) -> list[tuple[End, End]]:
     """Both ends of every channel of diameter `channel` mm; `paths` are the channels' centre lines
     from mouth to mouth, each (q, 3) mm in steps of at most 0.25 mm, in their `planes`."""
-    tree = igl.AABB()
-    tree.init(body.vertices, body.faces)
-    deep = pockets.depth(wall) if pockets else 0.0
-    ends = []
-    for k, own in enumerate(paths):
-        others = [p for j, p in enumerate(paths) if j != k]
-        for line in (own, own[::-1]):
-            outward = line[0] - line[1]
-            outward /= np.linalg.norm(outward)
-            pocket, reason = 0.0, ""
-            if pockets is not None:
-                for length in dict.fromkeys((deep, pockets.length)):
-                    reason = _refusal(
-                        line, outward, others, channel, wall, body, tree, pockets, length, deep
-                    )
-                    if not reason:
-                        pocket = length
-                        break
-            ends.append(End(line[0], outward, pocket, reason))
+    making = _Making(planes, paths, channel, wall, body, pockets)
+    for k in range(len(making.ends)):
+        making.pocket(k)
     if pockets and pockets.wires:
-        ends = _led(ends, planes, paths, channel, wall, body, pockets, pockets.wires)
-    return list(zip(ends[::2], ends[1::2], strict=True))
+        making.lead(pockets, pockets.wires)
+    return list(zip(making.ends[::2], making.ends[1::2], strict=True))
 
 
-def _led(
-    ends: list[End],
-    planes: Sequence[Plane],
-    paths: Sequence[Float],
-    channel: float,
-    wall: float,
-    body: Surface,
-    pockets: Pockets,
-    wires: Wires,
-) -> list[End]:
-    """The ends with their wires' leads: first those to the bay, the nearest first, then those that
-    come out beside their mouths. Without a lead a pocket is no deeper than its ferrule."""
-    router = Router(body, wires, wall)
-    deep, out = pockets.depth(wall), list(ends)
+class _Making:
+    """The ends of all cords as they are made one by one: 2 k and 2 k + 1 are cord k's."""
 
-    def hollows(owner: int) -> list[Hollow]:
-        found = [(paths[owner], channel / 2)]
-        for end in (out[2 * owner], out[2 * owner + 1]):
-            if end.pocket:
-                along = np.linspace(0, end.pocket, int(end.pocket / 0.25) + 2)
-                found.append((end.mouth - along[:, None] * end.out, pockets.diameter / 2))
-            if end.lead:
-                found.append((end.lead.whole, wires.diameter / 2))
+    def __init__(
+        self,
+        planes: Sequence[Plane],
+        paths: Sequence[Float],
+        channel: float,
+        wall: float,
+        body: Surface,
+        pockets: Pockets | None,
+    ) -> None:
+        self._planes, self._channel, self._wall, self._body = planes, channel, wall, body
+        self._pockets = pockets
+        self._tree = igl.AABB()
+        self._tree.init(body.vertices, body.faces)
+        self._lines = [line for path in paths for line in (path, path[::-1])]
+        outs = [(x[0] - x[1]) / np.linalg.norm(x[0] - x[1]) for x in self._lines]
+        self.ends = [End(x[0], out, 0.0, "") for x, out in zip(self._lines, outs, strict=True)]
+
+    def pocket(self, k: int) -> None:
+        """Give an end its pocket, where there is room beside those that others may have."""
+        if self._pockets is None:
+            return
+        others: list[Hollow] = []
+        for j, line in enumerate(self._lines):
+            if j // 2 != k // 2:
+                count = int(self._pockets.length / np.linalg.norm(line[1] - line[0])) + 4
+                others += [(line, self._channel / 2), (line[:count], self._pockets.diameter / 2)]
+        reason = self._refusal(k, self._pockets, self._pockets.length, others)
+        pocket = 0.0 if reason else self._pockets.length
+        self.ends[k] = replace(self.ends[k], pocket=pocket, reason=reason)
+
+    def lead(self, pockets: Pockets, wires: Wires) -> None:
+        """Give the wires their leads: first those to the bay, the nearest first, then those that
+        come out beside their mouths. A pocket with a lead is as deep as its bend needs."""
+        router = Router(self._body, wires, self._wall)
+        order = [k for k, end in enumerate(self.ends) if end.pocket]
+        if wires.bay is not None:
+            bay = wires.bay
+            order.sort(key=lambda k: float(np.linalg.norm(self.ends[k].mouth - bay.origin)))
+            for k in order:
+                if inside(self.ends[k].mouth[None], bay, -0.1)[0]:
+                    self.ends[k] = replace(self.ends[k], in_bay=True)
+                else:
+                    self._lead(k, pockets, wires, partial(self._to_bay, router, k))
+        if wires.relief:
+            for k in order:
+                if not self.ends[k].lead and not self.ends[k].in_bay:
+                    self._lead(k, pockets, wires, partial(self._to_skin, router, k))
+
+    def _to_bay(self, router: Router, k: int, pit: Pit) -> Lead | str:
+        return router.to_bay(self._planes[k // 2], pit, self._hollows(k // 2), self._others(k))
+
+    def _to_skin(self, router: Router, k: int, pit: Pit) -> Lead | str:
+        twin = self.ends[k ^ 1].lead
+        own = [(twin.whole, router.wires.diameter / 2)] if twin else []
+        return router.to_skin(self._planes[k // 2], pit, [*own, *self._others(k)])
+
+    def _lead(
+        self, k: int, pockets: Pockets, wires: Wires, find: Callable[[Pit], Lead | str]
+    ) -> None:
+        """The lead that `find` finds from the shallowest pocket that allows one."""
+        end, reason = self.ends[k], ""
+        flare = pockets.diameter / 2 + 2 * chamfer(self._wall)
+        for deeper in _DEEPER:
+            room = deeper * wires.room(self._wall)
+            refused = self._refusal(k, pockets, pockets.length + room, self._others(k))
+            if refused:
+                reason = reason or f"for its bend the pocket must be deeper, but {refused}"
+                break
+            found = find(Pit(end.mouth, end.out, pockets.diameter / 2, flare, room))
+            if isinstance(found, Lead):
+                self.ends[k] = replace(end, pocket=pockets.length + room, lead=found)
+                return
+            reason = found
+            if reason != NO_TURN:
+                break
+        if not end.unled:
+            self.ends[k] = replace(end, unled=reason)
+
+    def _others(self, k: int) -> list[Hollow]:
+        """What is hollow of the other cords."""
+        count = len(self.ends) // 2
+        return [h for j in range(count) if j != k // 2 for h in self._hollows(j)]
+
+    def _hollows(self, cord: int) -> list[Hollow]:
+        found = [(self._lines[2 * cord], self._channel / 2)]
+        for end in self.ends[2 * cord : 2 * cord + 2]:
+            found += end.hollows(self._pockets)
         return found
 
-    def pit(end: End) -> Pit:
-        flare = pockets.diameter / 2 + 2 * chamfer(wall)
-        return Pit(end.mouth, end.out, pockets.diameter / 2, flare, wires.room(wall))
-
-    waiting = [k for k, end in enumerate(ends) if end.pocket == deep]
-    for k, end in enumerate(ends):
-        if 0 < end.pocket < deep:
-            out[k] = replace(end, unled=f"there is no room for a pocket of {deep:.1f} mm")
-    if wires.bay is not None:
-        bay = wires.bay
-        waiting.sort(key=lambda k: float(np.linalg.norm(ends[k].mouth - bay.origin)))
-    for to_bay in (True, False):
-        for k in list(waiting):
-            owner = k // 2
-            others = [h for j in range(len(paths)) if j != owner for h in hollows(j)]
-            lead: Lead | str | None = None
-            if to_bay and wires.bay is not None:
-                if inside(ends[k].mouth[None], wires.bay, -0.1)[0]:
-                    out[k] = replace(out[k], pocket=pockets.length, in_bay=True)
-                    waiting.remove(k)
-                    continue
-                lead = router.to_bay(planes[owner], pit(ends[k]), hollows(owner), others)
-            elif not to_bay and wires.relief:
-                twin = out[k ^ 1].lead
-                own = [(twin.whole, wires.diameter / 2)] if twin else []
-                lead = router.to_skin(planes[owner], pit(ends[k]), [*own, *others])
-            if isinstance(lead, str):
-                out[k] = replace(out[k], unled=lead)
-            elif lead is not None:
-                out[k] = replace(out[k], lead=lead)
-                waiting.remove(k)
-    for k in waiting:
-        why = out[k].unled or ("there is no room for a bend beside it" if wires.relief else "")
-        out[k] = replace(out[k], pocket=pockets.length, unled=why)
-    return out
+    def _refusal(self, k: int, pockets: Pockets, length: float, others: Sequence[Hollow]) -> str:
+        """Why a pocket `length` mm deep cannot be, or nothing."""
+        line, end = self._lines[k], self.ends[k]
+        step = float(np.linalg.norm(line[1] - line[0]))
+        count = int(length / step) + 1
+        twin = int(max(self.ends[k ^ 1].pocket, length) / step) + 1
+        if count + twin > 0.6 * len(line):
+            return f"the channel is too short for two pockets of {length:.3g} mm"
+        inner = line[count - 1] - line[count + 3]
+        if end.out @ inner < np.cos(_STRAIGHT) * np.linalg.norm(inner):
+            return f"the cord bends within {length:.3g} mm of its end"
+        axis = line[0] - np.linspace(0, length, count)[:, None] * end.out
+        radius = pockets.diameter / 2
+        square = self._tree.squared_distance(self._body.vertices, self._body.faces, axis)[0]
+        depth = np.sqrt(square)
+        needed = np.minimum(radius + self._wall, INLET_SLOPE * np.linspace(0, length, count))
+        if (depth < needed).any():
+            at = axis[int((depth - needed).argmin())]
+            return f"there is too little wall near {place(at)}"
+        for points, hollow in others:
+            gap = np.linalg.norm(axis[:, None] - points[None], axis=2).min()
+            if gap < radius + hollow + self._wall:
+                return "another cord or its wire lies too near"
+        return ""
 
 
 def end_tools(end: End, channel: float, wall: float, pockets: Pockets | None) -> list[Tool]:
@@ -182,39 +230,3 @@ def end_tools(end: End, channel: float, wall: float, pockets: Pockets | None) ->
 def chamfer(wall: float) -> float:
     """Width of a mouth's chamfer, mm: two mouths a wall apart keep a third of it."""
     return wall / 3
-
-
-def _refusal(
-    line: Float,
-    out: Float,
-    others: Sequence[Float],
-    channel: float,
-    wall: float,
-    body: Surface,
-    tree: Any,
-    pockets: Pockets,
-    length: float,
-    longest: float,
-) -> str:
-    """Why a pocket `length` mm deep cannot be where others' reach the `longest`, or nothing."""
-    step = float(np.linalg.norm(line[1] - line[0]))
-    count, most = int(length / step) + 1, int(longest / step) + 1
-    if 2 * count > 0.6 * len(line):
-        return f"the channel is too short for two pockets of {length:g} mm"
-    inner = line[count - 1] - line[count + 3]
-    if out @ inner < np.cos(_STRAIGHT) * np.linalg.norm(inner):
-        return f"the cord bends within {length:g} mm of its end"
-    axis = line[0] - np.linspace(0, length, count)[:, None] * out
-    radius = pockets.diameter / 2
-    depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, axis)[0])
-    needed = np.minimum(radius + wall, INLET_SLOPE * np.linspace(0, length, count))
-    if (depth < needed).any():
-        at = axis[int((depth - needed).argmin())]
-        return f"too little wall near {place(at)}"
-    for other in others:
-        gap = np.linalg.norm(axis[:, None] - other[None], axis=2).min(axis=0)
-        steps = np.arange(len(other))
-        pocketed = np.minimum(steps, steps[::-1]) <= most + 2  # it may have pockets of its own
-        if (gap < radius + np.where(pocketed, radius, channel / 2) + wall).any():
-            return "another cord lies too near"
-    return ""

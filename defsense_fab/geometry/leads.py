@@ -36,6 +36,10 @@ _TURNS = range(HEADINGS // 8, HEADINGS // 2 + 1)  # moves of the first bend: 45 
 _BEND = 2.0  # diameters of a wire's channel, the radius of its bends
 
 
+#: Why a wire has no lead, if it cannot even leave its pocket.
+NO_TURN = "there is no room for the wire to turn aside"
+
+
 @dataclass(frozen=True)
 class Wires:
     """The diameters of the `wire` and its channel, mm, the connector `bay` or None, and whether
@@ -125,7 +129,7 @@ class Router:
     """Finds room for leads in one body."""
 
     def __init__(self, body: Surface, wires: Wires, wall: float) -> None:
-        self._wires, self._wall, self._body = wires, wall, body
+        self.wires, self._wall, self._body = wires, wall, body
         self._skin = without_bay(body, wires.bay) if wires.bay else body
         self._solid = facets.to_manifold(body, "the body")
         self._tree = igl.AABB()
@@ -137,8 +141,12 @@ class Router:
     ) -> Lead | str:
         """A lead from the pit to the bay, or why there is none; `own` are the hollows of its cord,
         `others` all others."""
+        away = _trees(others)
+        begun = [w for w in self._bends(plane, pit) if self._clear(plane, w, away)]
+        if not begun:
+            return NO_TURN
         low, cell, skin, bay = self._grid(plane)
-        near, away = _trees(own), _trees(others)
+        near = _trees(own)
         solid = ~bay & (skin > 0)
         cells = plane.to_world(low + cell * np.argwhere(solid))
         room = skin.copy()
@@ -152,9 +160,6 @@ class Router:
             if not drops:
                 return "its plane passes too far from the connector bay"
             goal[tuple(np.array(list(drops)).T)] = True
-        begun = [w for w in self._bends(plane, pit) if self._clear(plane, w, away)]
-        if not begun:
-            return "there is no room for the wire to turn aside"
         grid = Grid(low, cell, room, goal)
         way = search(begun, grid)
         if way is None:
@@ -162,24 +167,24 @@ class Router:
         x, y = way.arcs[-1, 2].tolist()
         drop = drops.get(grid.cell_of(x, y) or (-1, -1))
         # Above a hole the groove goes on to the hole's far wall (nearly: kernels fail on tangents).
-        run = 0.0 if drop is None else 0.45 * self._wires.diameter
+        run = 0.0 if drop is None else 0.45 * self.wires.diameter
         lead = Lead(plane, way, plane.to_world(way.arcs[-1, 2]), run, to_bay=True, drop=drop)
         return lead if self._clear(plane, way, away) else "the way to the connector bay is narrow"
 
-    def to_skin(self, plane: Plane, pit: Pit, others: Sequence[Hollow]) -> Lead | None:
-        """The shortest lead from the pit by a bend to the skin beside its mouth, if there is
-        room."""
+    def to_skin(self, plane: Plane, pit: Pit, others: Sequence[Hollow]) -> Lead | str:
+        """The shortest lead from the pit by a bend to the skin beside its mouth, or why there is
+        none."""
         away = _trees(others)
         found = []
         for way in self._bends(plane, pit, straight=False):
             lead = self._out(plane, way, pit)
             if lead is not None and self._emerges(lead, away):
                 found.append(lead)
-        return min(found, key=lambda w: w.way.length, default=None)
+        return min(found, key=lambda w: w.way.length) if found else NO_TURN
 
     @property
     def _least(self) -> float:
-        return self._wires.diameter / 2 + self._wall
+        return self.wires.diameter / 2 + self._wall
 
     def _grid(self, plane: Plane) -> tuple[Float, float, Float, Any]:
         """Cells of the plane: the lower corner, their size, room to the skin beyond a lead's wall
@@ -191,7 +196,7 @@ class Router:
             nx, ny = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
             cells = np.indices((nx, ny)).reshape(2, -1).T
             points = np.ascontiguousarray(plane.to_world(low + cell * cells))
-            bay = self._wires.bay
+            bay = self.wires.bay
             assert bay is not None
             goal, within = inside(points, bay, _WITHIN), inside(points, bay)
             room = np.full(len(points), -1.0)
@@ -219,7 +224,7 @@ class Router:
     ) -> dict[tuple[int, int], Float]:
         """From which cells a straight hole along the plane's normal reaches the bay and keeps its
         walls, and the hole (3,) mm."""
-        bay = self._wires.bay
+        bay = self.wires.bay
         assert bay is not None
         cells = np.argwhere(room > cell)
         foot = plane.to_world(low + cell * cells)
@@ -254,19 +259,19 @@ class Router:
         for side in (1, -1):
             for turns in _TURNS:
                 moves: tuple[int, ...] = (side,) * turns
-                way = Way(start, heading, self._wires.bend, moves)
+                way = Way(start, heading, self.wires.bend, moves)
                 while straight and len(moves) < 60:
                     aside = abs(float((way.arcs[-1, 2] - start) @ across))
                     if aside >= pit.radius + self._least + _CELL:
                         break
                     moves = (*moves, 0)
-                    way = Way(start, heading, self._wires.bend, moves)
+                    way = Way(start, heading, self.wires.bend, moves)
                 yield way
 
     def _clear(self, plane: Plane, way: Way, away: Sequence[tuple[Any, float]]) -> bool:
         """Whether a way keeps its walls to the skin and to others' hollows."""
         points = plane.to_world(way.sample(_SPACING))
-        bay = self._wires.bay
+        bay = self.wires.bay
         if bay is not None:
             points = points[~inside(points, bay)]
         if not len(points):
@@ -282,11 +287,11 @@ class Router:
         mouth."""
         end = plane.to_world(way.arcs[-1, 2])
         out = _direction(plane, way)
-        depth, run = ray.way_out(end, out, self._body, 2 * self._wires.diameter)
+        depth, run = ray.way_out(end, out, self._body, 2 * self.wires.diameter)
         if not 0 < depth <= _LONGEST:
             return None
         exit_ = end + depth * out
-        if np.linalg.norm(exit_ - pit.mouth) < pit.flare + self._wall + self._wires.diameter:
+        if np.linalg.norm(exit_ - pit.mouth) < pit.flare + self._wall + self.wires.diameter:
             return None
         # The way is in whole moves: the tool runs on from the last of them.
         count = int(depth / way.step)

@@ -103,7 +103,8 @@ def make_parts(
     ]
     body_volume = float(body.volume())
     hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
-    flats = seats.place(surface, rules.seats, rules.tag, hollows, rules.wall)
+    planes = [s.plane for s in sensors]
+    flats = seats.place(surface, rules.seats, rules.tag, hollows, rules.wall, planes)
     flattening = [t for s in flats for t in s.tools]
     if flattening:
         body = facets.without(body, flattening)

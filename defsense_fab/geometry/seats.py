@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..core.arrays import Float
+from ..core.curve import Plane
 from ..core.mesh import Surface
 from . import skin
 from .tools import Number, Prism, Tool, frame, upright
@@ -42,11 +43,17 @@ class Seat:
 
 
 def place(
-    body: Surface, count: int, tag: float, hollows: Sequence[tuple[Float, float]], wall: float
+    body: Surface,
+    count: int,
+    tag: float,
+    hollows: Sequence[tuple[Float, float]],
+    wall: float,
+    planes: Sequence[Plane] = (),
 ) -> list[Seat]:
     """Up to `count` seats for square tags of `tag` mm, spread over the skin where it is nearly
     flat, at least `wall` mm of material between them and the `hollows`: points (n, 3) mm and the
-    radius of what is hollow there."""
+    radius of what is hollow there. Places that the `planes` of cords cross come last: tags should
+    not lie over joints."""
     if not count:
         return []
     size = tag + _PLAY
@@ -74,9 +81,10 @@ def place(
         center = points[k] + low * normal
         if all(_gap(p, center, normal, round_) - r >= wall + _ENGRAVED for p, r in hollows):
             found.append((center, normal))
+    clear = [all(abs(float((c - p.origin) @ p.normal)) > round_ for p in planes) for c, _ in found]
     return [
         Seat(n + 1, center, upright(normal), size)
-        for n, (center, normal) in enumerate(_spread(found, count, 2 * round_ + _APART))
+        for n, (center, normal) in enumerate(_spread(found, clear, count, 2 * round_ + _APART))
     ]
 
 
@@ -101,17 +109,22 @@ def _gap(points: Float, center: Float, normal: Float, radius: float) -> float:
 
 
 def _spread(
-    found: Sequence[tuple[Float, Float]], count: int, apart: float
+    found: Sequence[tuple[Float, Float]], clear: Sequence[bool], count: int, apart: float
 ) -> list[tuple[Float, Float]]:
-    """Farthest-point sampling of at most `count`, no two nearer than `apart` mm."""
+    """Farthest-point sampling of at most `count`, no two nearer than `apart` mm: first among those
+    that are `clear`, then among all."""
     if not found:
         return []
     points = np.array([c for c, _ in found])
-    chosen = [int(np.linalg.norm(points - points.mean(0), axis=1).argmax())]
-    while len(chosen) < min(count, len(found)):
-        gap = np.linalg.norm(points[:, None] - points[chosen][None], axis=2).min(axis=1)
-        best = int(gap.argmax())
-        if gap[best] < apart:
-            break
-        chosen.append(best)
+    chosen: list[int] = []
+    for allowed in (np.array(clear), np.ones(len(found), bool)):
+        while allowed.any() and len(chosen) < min(count, len(found)):
+            if chosen:
+                gap = np.linalg.norm(points[:, None] - points[chosen][None], axis=2).min(axis=1)
+            else:
+                gap = apart + np.linalg.norm(points - points.mean(axis=0), axis=1)
+            best = int(np.where(allowed, gap, -1.0).argmax())
+            if gap[best] < apart:
+                break
+            chosen.append(best)
     return [found[i] for i in chosen]

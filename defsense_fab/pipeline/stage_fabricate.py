@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from ..core.files import write_json
 from ..core.mesh import Surface
 from ..core.prediction import Prediction
 from ..geometry import facets
-from ..geometry.channels import Channel
+from ..geometry.channels import Channel, channels_of
 from ..geometry.ends import Pockets
 from ..geometry.export import write_3mf, write_stl
 from ..geometry.leads import Wires
@@ -38,7 +39,8 @@ _WORSE = 1.05
 def rules(device: Device, bay: Prism | None = None) -> Rules:
     """What the device's cord and process ask of its parts, whose wires end in the `bay`."""
     f = device.fabrication
-    wires = Wires(f.wire_diameter, f.wire_diameter + f.clearance, bay, f.strain_relief)
+    relief = f.strain_relief is not False
+    wires = Wires(f.wire_diameter, f.wire_diameter + f.clearance, bay, relief)
     pocket = max(device.cord.ferrule_diameter + f.clearance, device.channel_diameter + 0.1)
     return Rules(
         device.cord.diameter,
@@ -46,7 +48,7 @@ def rules(device: Device, bay: Prism | None = None) -> Rules:
         f.clearance,
         f.wall,
         f.limit_cuts,
-        Pockets(pocket, device.cord.ferrule_length, wires if bay or f.strain_relief else None)
+        Pockets(pocket, device.cord.ferrule_length, wires if bay or relief else None)
         if f.pockets
         else None,
         f.marker_seats,
@@ -62,12 +64,44 @@ def run(device: Device, folder: Path, report: Report) -> None:
         from ..geometry import occ
 
         solid = occ.read_step(folder / "body" / "body.step")[0]
-    made = fabricate(device, surface, sensors, report, solid, load_bay(folder))
+    layout, bay = read_json(folder / "layout.json"), load_bay(folder)
+    decoder = layout["prediction"]["decoder"]
+    device, note = _relief(device, folder, surface, sensors, bay, decoder)
+    made = fabricate(device, surface, sensors, report, solid, bay)
     report(0.75, "predicting with joints")
-    layout = read_json(folder / "layout.json")
-    prediction = as_made(device, folder, made, layout["prediction"]["decoder"])
+    prediction = as_made(device, folder, made.channels, decoder)
     report(0.8, "writing parts")
+    made = replace(made, warnings=(*made.warnings, *note))
     write(device, made, folder, layout, prediction)
+
+
+def _relief(
+    device: Device,
+    folder: Path,
+    surface: Surface,
+    sensors: Sequence[Sensor],
+    bay: Prism | None,
+    decoder: str,
+) -> tuple[Device, list[str]]:
+    """The device with its strain relief decided where it leaves that open: bends are left out where
+    the deeper pockets would cost too much accuracy, with a note."""
+    f = device.fabrication
+    if f.strain_relief is not None or not f.pockets:
+        return device, []
+    found = []
+    for relief in (False, True):
+        changed = replace(device, fabrication=replace(f, strain_relief=relief))
+        r = rules(changed, bay)
+        channels = channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets)
+        found.append((changed, as_made(device, folder, channels, decoder).rmse))
+    (straight, without), (bent, with_bends) = found
+    if with_bends <= _WORSE * without:
+        return bent, []
+    return straight, [
+        "wires leave by the cords' mouths, without a bend that relieves their joints: the deeper"
+        f" pockets would raise the predicted error from {without:.2f} to {with_bends:.2f} mm;"
+        " strain_relief = true in [fabrication] makes them"
+    ]
 
 
 def fabricate(
@@ -85,10 +119,10 @@ def fabricate(
     return make_parts(surface, sensors, rules(device, bay), report, solid)
 
 
-def as_made(device: Device, folder: Path, made: Made, decoder: str) -> Prediction:
+def as_made(device: Device, folder: Path, channels: Sequence[Channel], decoder: str) -> Prediction:
     """What the device is predicted to sense without the ends of cords that lie in pockets."""
     task = load_task(device, folder).decoded_by(decoder)
-    paths = [_sensing(c) for c in made.channels]
+    paths = [_sensing(c) for c in channels]
     return predict(task.everything, paths, task.names, task.held)[0]
 
 
@@ -178,10 +212,12 @@ def _manifest(
 ) -> dict[str, Any]:
     warnings = list(made.warnings)
     if prediction and prediction.rmse > _WORSE * layout["prediction"]["rmse"]:
+        bent = any(c.leads for c in made.channels)
+        way = "strain_relief = false" if bent else "pockets = false"
         warnings.append(
             f"the ends of cords in pockets do not sense: the predicted error rises from"
-            f" {layout['prediction']['rmse']:.2f} to {prediction.rmse:.2f} mm; pockets = false in"
-            " [fabrication] avoids it"
+            f" {layout['prediction']['rmse']:.2f} to {prediction.rmse:.2f} mm; {way} in"
+            " [fabrication] makes them shorter"
         )
     for s in layout["sensors"]:
         if s["peak_strain"] > device.cord.max_strain:

@@ -12,11 +12,14 @@ from defsense_fab.core.device import Sensor
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry import facets, occ
+from defsense_fab.geometry.division import Cut, Division
+from defsense_fab.geometry.dowels import free_spots
 from defsense_fab.geometry.ends import Pockets
 from defsense_fab.geometry.export import write_stl
 from defsense_fab.geometry.names import names
 from defsense_fab.geometry.parts import Rules, make_parts
-from defsense_fab.geometry.tools import Number
+from defsense_fab.geometry.room import contacts
+from defsense_fab.geometry.tools import Number, cylinder
 
 RULES = Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
 
@@ -201,6 +204,31 @@ def test_marker_seats_are_flat_shallow_and_clear_of_cords(made, bar, exported):
     centers = np.array([s.center for s in made.seats])
     gaps = np.linalg.norm(centers[:, None] - centers[None], axis=2)[~np.eye(6, dtype=bool)]
     assert gaps.min() > 15
+
+
+def test_seats_keep_off_joints_while_there_is_room(bar):
+    made = make_parts(bar, crossing()[:1], replace(RULES, seats=8))
+    assert len(made.seats) == 8
+    for seat in made.seats:  # the plane is z = 4; a seat's corner lies 7.4 mm from its middle
+        assert abs(seat.center[2] - 4) > 7.3
+
+
+def test_sockets_do_not_step_through_a_thin_gap():
+    """A slot 0.3 mm high, 2 to 4 mm below the face: distances that are sampled have no sign."""
+    block = facets.to_manifold(Surface(*trimesh_box([[0, 0, 0], [60, 30, 30]])), "block")
+    plane = Plane.from_normal(np.array([0, 0, 15.0]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+    for depth in (2.0, 2.4, 2.9, 3.3, 3.8):
+        slot = [[-1, -1, 14.7 - depth], [40, 31, 15 - depth]]
+        solid = block - facets.to_manifold(Surface(*trimesh_box(slot)), "slot")
+        above, below = solid.split_by_plane(plane.normal, 15.0)
+        cut = Cut(plane, np.zeros(3), (0,), ((0,), (1,)))
+        (contact,) = contacts(Division((below, above), (below, above), (cut,), 0.0), [])
+        spots = free_spots(contact, 4.0, 5.0, 0.2, 0.8)
+        assert len(spots)
+        for at in contact.world(spots):
+            hole = cylinder(at, at - 5.0 * plane.normal, 4.2)
+            missing = facets.solid_of(hole) - below
+            assert missing.volume() < 1e-6
 
 
 def test_more_seats_than_there_is_room_for(bar):

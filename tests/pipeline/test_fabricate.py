@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ import pytest
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import DeviceError, FabricationError
 from defsense_fab.geometry.body import load_body
+from defsense_fab.geometry.channels import channels_of
+from defsense_fab.pipeline import stage_fabricate
 from defsense_fab.pipeline.cut_list import E24, reference
 from defsense_fab.pipeline.guide import write_guide
 from defsense_fab.pipeline.layout_file import write_sensor
@@ -97,7 +100,8 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
     for c, top in zip(manifest["cords"], (1.44, 1.0, 1.1), strict=True):
         assert [e["joint"] for e in c["ends"]] == ["pocket", "pocket"]
         pockets = [e["pocket"] for e in c["ends"]]
-        assert set(np.round(pockets, 2)) <= {7.0, 11.05}  # the ferrule, with a bend or without
+        # The ferrule, and a bend where the skin is level or leans.
+        assert set(np.round(pockets, 2)) <= {7.0, 11.05, 12.26, 13.88}
         assert [e["wire"]["leaves"] for e in c["ends"]] == [
             "bend" if p > 7 else "mouth" for p in pockets
         ]
@@ -110,6 +114,26 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
     for word in ("silicone-shore-30a", "rubber-2mm", "ferrule", "wire", "pin-", "resistor", "glue"):
         assert word in items
     assert device.fabrication.pockets
+
+
+@pytest.mark.parametrize(("loss", "bends"), [(1.04, 6), (1.06, 0)])
+def test_bends_are_left_out_where_they_cost_accuracy(cube, monkeypatch, loss, bends):
+    device, body = cube
+    monkeypatch.setattr(
+        stage_fabricate,
+        "as_made",
+        lambda d, f, channels, decoder: SimpleNamespace(rmse=loss if channels[0].leads else 1.0),
+    )
+    decide = stage_fabricate._relief
+    decided, note = decide(device, Path(), body.surface, device.sensors, None, "affine")
+    r = stage_fabricate.rules(decided)
+    made = channels_of(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
+    assert sum(len(c.leads) for c in made) == bends
+    assert bool(note) == (bends == 0)
+    wanted = replace(device, fabrication=replace(device.fabrication, strain_relief=True))
+    kept, note = decide(wanted, Path(), body.surface, device.sensors, None, "affine")
+    assert kept is wanted
+    assert not note
 
 
 def test_the_reference_gives_the_largest_swing():
