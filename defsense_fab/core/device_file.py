@@ -50,6 +50,8 @@ def load_device(
     fabrication = _fabrication(top.table("fabrication"))
     cord = _cord(top.table("cord"), fabrication.lead)
     sensors = _sensors(top)
+    body = _body(top.table("body"), folder, overrides or {})
+    _agree(top, body, cord, fabrication)
     design = top.table("design", required=False)
     wanted = _count(design, "sensors")
     planes = _count(design, "planes")
@@ -63,7 +65,7 @@ def load_device(
     device = Device(
         name=top.string("name"),
         source=folder,
-        body=_body(top.table("body"), folder, overrides or {}),
+        body=body,
         material=_material(top.table("material")),
         mesh=_mesh(top.table("mesh")),
         regions=regions,
@@ -79,6 +81,18 @@ def load_device(
     )
     top.done()
     return device
+
+
+def _agree(top: Table, body: BodySpec, cord: CordSpec, f: FabricationSpec) -> None:
+    """What one table asks of another."""
+    if body.bay and not f.pockets:
+        top.table("fabrication").fail("pockets", "wires to the connector bay begin in pockets")
+    if f.pockets and f.wire_diameter >= cord.ferrule_diameter:
+        top.table("fabrication").fail(
+            "wire_diameter" if top.table("fabrication").has("wire_diameter") else "pockets",
+            f"a wire of {f.wire_diameter:g} mm is not thinner than the ferrule of"
+            f" {cord.ferrule_diameter:g} mm, which would follow it out of its pocket",
+        )
 
 
 def _count(t: Table, key: str) -> int | None:

@@ -34,7 +34,8 @@ _CRUMB = 0.5  # mm^3; what a cut leaves of less than that is not a part, and is 
 @dataclass(frozen=True)
 class Cut:
     """One planar cut: the centre of mass (3,) mm of the piece that it divides, the cords that
-    run in it there, and the final parts below and above it (by index).
+    run in it there (`wires`: those of which only wires do), and the final parts below and above it
+    (by index).
 
     Where the plane does not divide the whole piece, `taken` are the centres of mass of the solids
     that come off it. Of a limited cut, `region` are the prisms around its cords that bound what is
@@ -47,6 +48,7 @@ class Cut:
     sides: tuple[tuple[int, ...], tuple[int, ...]]
     taken: tuple[Float, ...] = ()
     region: tuple[Prism, Prism] | None = None
+    wires: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -120,10 +122,7 @@ def plan(
     """
     own = coincident([c.sensor.plane for c in channels])
     planes = [channels[same[0]].sensor.plane for same in own]
-    threads = [
-        facets.union([facets.tube(x, c.sensor.plane.normal, _THREAD, sides=4) for x in c.lines])
-        for c in channels
-    ]
+    threads = [_thread(c.lines, c) for c in channels]
     count = len(planes)
     orders = list(itertools.permutations(range(count))) if count <= _ALL_ORDERS else [range(count)]
     margin = 2 * radius + 2 * wall + _PIN
@@ -147,6 +146,7 @@ def divide(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
     Raises FabricationError where a channel cuts a part in two.
     """
     hollow = facets.union([c.solid for c in channels])
+    cords = [_thread([c.line], c) for c in channels]
     parts = [_whole(leaf - hollow, channels) for leaf in planned.leaves]
     cuts = tuple(
         Cut(
@@ -156,12 +156,19 @@ def divide(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
             (tuple(range(*c.span[:2])), tuple(range(*c.span[1:]))),
             tuple(facets.centroid(facets.to_surface(t)) for t in c.taken),
             c.region,
+            tuple(k for k in c.cords if channels[k].leads and not _runs_in(cords[k], c.piece)),
         )
         for c in planned.cuts
     )
     gaps = [c.gap for c in planned.cuts if c.gap is not None]
     removed = float((body ^ facets.union([hollow, *gaps])).volume())
     return Division(tuple(parts), tuple(planned.leaves), cuts, removed)
+
+
+def _thread(lines: Sequence[Float], channel: Channel) -> Any:
+    """Thin tubes along lines in a channel's plane."""
+    normal = channel.sensor.plane.normal
+    return facets.union([facets.tube(x, normal, _THREAD, sides=4) for x in lines])
 
 
 def _whole(leaf: Any, channels: Sequence[Channel]) -> Any:

@@ -52,7 +52,7 @@ class End:
     def wire(self) -> str:
         """Where its wire leaves the body: in the `bay`, by a `bend` beside the `mouth`, or there;
         `outside` where the joint itself is."""
-        if not self.pocket:
+        if not self.pocket and not self.in_bay:
             return "outside"
         if self.in_bay or (self.lead and self.lead.to_bay):
             return "bay"
@@ -116,6 +116,7 @@ class _Making:
             if j // 2 != k // 2:
                 count = int(self._pockets.length / np.linalg.norm(line[1] - line[0])) + 4
                 others += [(line, self._channel / 2), (line[:count], self._pockets.diameter / 2)]
+        others += self.ends[k ^ 1].hollows(self._pockets)
         reason = self._refusal(k, self._pockets, self._pockets.length, others)
         pocket = 0.0 if reason else self._pockets.length
         self.ends[k] = replace(self.ends[k], pocket=pocket, reason=reason)
@@ -124,27 +125,36 @@ class _Making:
         """Give the wires their leads: first those to the bay, the nearest first, then those that
         come out beside their mouths. A pocket with a lead is as deep as its bend needs."""
         router = Router(self._body, wires, self._wall)
-        order = [k for k, end in enumerate(self.ends) if end.pocket]
+        order = list(range(len(self.ends)))
         if wires.bay is not None:
             bay = wires.bay
             order.sort(key=lambda k: float(np.linalg.norm(self.ends[k].mouth - bay.origin)))
             for k in order:
                 if inside(self.ends[k].mouth[None], bay, -0.1)[0]:
                     self.ends[k] = replace(self.ends[k], in_bay=True)
-                else:
+                elif self.ends[k].pocket:
                     self._lead(k, pockets, wires, partial(self._to_bay, router, k))
         if wires.relief:
             for k in order:
-                if not self.ends[k].lead and not self.ends[k].in_bay:
+                end = self.ends[k]
+                if end.pocket and not end.lead and not end.in_bay:
                     self._lead(k, pockets, wires, partial(self._to_skin, router, k))
 
     def _to_bay(self, router: Router, k: int, pit: Pit) -> Lead | str:
-        return router.to_bay(self._planes[k // 2], pit, self._hollows(k // 2), self._others(k))
+        apart = self._apart(k, pit)
+        return router.to_bay(self._planes[k // 2], pit, self._hollows(k // 2), apart)
 
     def _to_skin(self, router: Router, k: int, pit: Pit) -> Lead | str:
-        twin = self.ends[k ^ 1].lead
-        own = [(twin.whole, router.wires.diameter / 2)] if twin else []
-        return router.to_skin(self._planes[k // 2], pit, [*own, *self._others(k)])
+        return router.to_skin(self._planes[k // 2], pit, self._apart(k, pit))
+
+    def _apart(self, k: int, pit: Pit) -> list[Hollow]:
+        """What a lead that begins in the pit keeps away from."""
+        if self._pockets is None:
+            return self._others(k)
+        depth = pit.ferrule + self._pockets.length
+        twin = self.ends[k ^ 1]
+        own = beside(self._lines[k], twin, depth, self._channel, self._pockets)
+        return [*own, *self._others(k)]
 
     def _lead(
         self, k: int, pockets: Pockets, wires: Wires, find: Callable[[Pit], Lead | str]
@@ -154,7 +164,8 @@ class _Making:
         flare = pockets.diameter / 2 + 2 * chamfer(self._wall)
         for deeper in _DEEPER:
             room = deeper * wires.room(self._wall)
-            refused = self._refusal(k, pockets, pockets.length + room, self._others(k))
+            around = [*self.ends[k ^ 1].hollows(pockets), *self._others(k)]
+            refused = self._refusal(k, pockets, pockets.length + room, around)
             if refused:
                 reason = reason or f"for its bend the pocket must be deeper, but {refused}"
                 break
@@ -203,6 +214,16 @@ class _Making:
             if gap < radius + hollow + self._wall:
                 return "another cord or its wire lies too near"
         return ""
+
+
+def beside(
+    line: Float, twin: End, depth: float, channel: float, pockets: Pockets | None
+) -> list[Hollow]:
+    """What is hollow of an end's own cord besides its pocket, `depth` mm deep: the channel (of a
+    diameter, mm) along `line` from there on, and the other end."""
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    beyond = line[1:][steps.cumsum() > depth]
+    return [(beyond, channel / 2), *twin.hollows(pockets)]
 
 
 def end_tools(end: End, channel: float, wall: float, pockets: Pockets | None) -> list[Tool]:

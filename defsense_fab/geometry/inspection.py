@@ -19,16 +19,16 @@ from ..core.arrays import Float, place
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import facets
-from .bay import inside, without_bay
+from .bay import in_solid, without_bay
 from .channels import Channel
 from .division import Cut
 from .dowels import Pin, gap, rings
-from .ends import INLET_SLOPE
-from .leads import SLOPE
-from .tools import frame
+from .ends import INLET_SLOPE, beside
+from .leads import SLOPE, Hollow
+from .tools import Prism, frame
 
 if TYPE_CHECKING:
-    from .parts import Made, Rules
+    from .parts import Made, Part, Rules
 
 #: Largest relative difference between the body and its parts plus what was removed.
 CONSERVATION = 1e-3
@@ -40,6 +40,7 @@ _TOUCH = 0.02
 #: planes that cross at small angles are told of long before that.
 THIN, TOLD = 0.5, 0.05
 _LAYERS = 30
+_POINTS = 100_000
 _OPENED = (0.3, 2.0, 10.0)  # mm between two halves
 _TOLERANCE = 0.02  # mm
 
@@ -88,11 +89,8 @@ def _apart(made: Made) -> Check:
         for j in range(i):
             common = a ^ solids[j]
             volume = float(common.volume())
-            if volume > worst:
-                # Faces of one cut are rounded apart by 1e-5 mm; now and then one operation makes
-                # much of that, never all.
-                rest = float(a.volume() - (a - solids[j]).volume())
-                volume = min(volume, rest, float(solids[j].volume() - (solids[j] - a).volume()))
+            if volume > _OVERLAP * made.body_volume:
+                volume = min(volume, _common(common, made.parts[i], made.parts[j]))
             if volume > worst:
                 worst, at = volume, place(facets.centroid(facets.to_surface(common)))
             if volume > _OVERLAP * made.body_volume:
@@ -101,6 +99,18 @@ def _apart(made: Made) -> Check:
                     f" near {at}; the cut failed: move a cord plane slightly"
                 )
     return Check("overlap of two parts", worst, _OVERLAP * made.body_volume, "mm3", at)
+
+
+def _common(claimed: Any, a: Part, b: Part) -> float:
+    """The volume (mm^3) that two parts have in common where they are said to: the share of points
+    there that lie in both. Faces of one cut are rounded apart by 1e-5 mm, and now and then a
+    boolean operation makes much of that."""
+    bounds = facets.to_surface(claimed).bounds
+    points = np.random.default_rng(0).uniform(bounds[0], bounds[1], (_POINTS, 3))
+    both = np.ones(len(points), bool)
+    for s in (a.surface, b.surface):
+        both &= np.asarray(igl.fast_winding_number(s.vertices, s.faces, points)) > 0.5
+    return float(both.mean() * np.prod(np.ptp(bounds, axis=0)))
 
 
 def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
@@ -146,47 +156,52 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
 
 
 def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
-    """Walls between the wires' leads and the skin, and between them and all other channels."""
+    """Walls between the wires' leads and the skin, all other channels, and their own cord beyond
+    the pocket that they begin in."""
     if not rules.pockets or not rules.pockets.wires:
         return []
-    wires, out = rules.pockets.wires, []
+    wires = rules.pockets.wires
     skin = without_bay(body, wires.bay) if wires.bay else body
     radius, least = wires.diameter / 2, rules.inner_wall
-    for channel in channels:
-        others = [
-            (cKDTree(points), r)
-            for c in channels
-            if c is not channel
-            for points, r in c.hollows(rules.channel, rules.pockets)
-        ]
-        for lead in channel.leads:
-            whole = lead.whole
-            if wires.bay is not None:
-                whole = whole[~inside(whole, wires.bay)]
-            if not lead.to_bay:
-                away = np.linalg.norm(lead.inside - lead.exit, axis=1)
-                whole = lead.inside[away > (radius + least) / SLOPE]
-            square = igl.point_mesh_squared_distance(whole, skin.vertices, skin.faces)[0]
-            for what, walls, points in (
-                ("the skin", np.sqrt(np.asarray(square)) - radius, whole),
-                *(("the other cords", t.query(lead.whole)[0] - r - radius, lead.whole)
-                  for t, r in others),
-            ):  # fmt: skip
-                if not len(walls):
-                    continue
-                name, k = (
-                    f"wall from the wire of cord {channel.name} to {what}",
-                    int(walls.argmin()),
+    thinnest: dict[str, Check] = {}
+    for channel, end, line, twin in (
+        (c, c.ends[k], c.inside if k == 0 else c.inside[::-1], c.ends[1 - k])
+        for c in channels
+        for k in (0, 1)
+    ):
+        if end.lead is None:
+            continue
+        points = in_solid(end.lead.whole, wires.bay)
+        near = np.linalg.norm(points - end.lead.exit, axis=1) <= (radius + least) / SLOPE
+        square = igl.point_mesh_squared_distance(points, skin.vertices, skin.faces)[0]
+        to_skin = np.where(near & (not end.lead.to_bay), np.inf, np.sqrt(np.asarray(square)))
+        found = [("the skin", to_skin)]
+        hollows = beside(line, twin, end.pocket, rules.channel, rules.pockets)
+        found += [("its cord", _away(points, h, wires.bay)) for h in hollows]
+        for other in channels:
+            if other is not channel:
+                hollows = other.hollows(rules.channel, rules.pockets)
+                what = f"cord {other.name}"
+                found += [(what, _away(points, h, wires.bay)) for h in hollows]
+        for what, away in found:
+            k = int(away.argmin())
+            wall, at = float(away[k]) - radius, place(points[k])
+            name = f"wall from the wire of cord {channel.name} to {what}"
+            if wall < least - 2 * _TOLERANCE:
+                raise FabricationError(
+                    f"{name}: {wall:.2f} mm near {at}; {least:.2f} mm is needed: move the cord"
                 )
-                if walls[k] < least - 2 * _TOLERANCE:
-                    raise FabricationError(
-                        f"{name}: {walls[k]:.2f} mm near {place(points[k])}; {least:.2f} mm is"
-                        " needed: move the cord, or set strain_relief = false in [fabrication]"
-                    )
-                out.append(Check(name, float(walls[k]), least, "mm", place(points[k])))
-    # One row a cord and neighbour: the thinnest of them.
-    thinnest = {c.name: c for c in sorted(out, key=lambda c: -c.value)}
+            if np.isfinite(wall) and (name not in thinnest or wall < thinnest[name].value):
+                thinnest[name] = Check(name, wall, least, "mm", at)
     return list(thinnest.values())
+
+
+def _away(points: Float, hollow: Hollow, bay: Prism | None) -> Float:
+    """Distances (n,) mm of points (n, 3) from what is hollow in the solid."""
+    solid = in_solid(hollow[0], bay)
+    if not len(solid):
+        return np.full(len(points), np.inf)
+    return np.asarray(cKDTree(solid).query(points)[0] - hollow[1])
 
 
 def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:

@@ -20,7 +20,7 @@ from ..core.arrays import Bool, Float
 from ..core.curve import Plane
 from ..core.mesh import Surface
 from . import facets, ray
-from .bay import inside, without_bay
+from .bay import in_solid, inside, without_bay
 from .tools import Prism
 from .turns import HEADINGS, Grid, Way, search
 
@@ -139,14 +139,14 @@ class Router:
     def to_bay(
         self, plane: Plane, pit: Pit, own: Sequence[Hollow], others: Sequence[Hollow]
     ) -> Lead | str:
-        """A lead from the pit to the bay, or why there is none; `own` are the hollows of its cord,
-        `others` all others."""
-        away = _trees(others)
+        """A lead from the pit to the bay, or why there is none; `own` are all hollows of its cord,
+        `others` those that the lead keeps away from from its beginning on."""
+        away = self._trees(others)
         begun = [w for w in self._bends(plane, pit) if self._clear(plane, w, away)]
         if not begun:
             return NO_TURN
         low, cell, skin, bay = self._grid(plane)
-        near = _trees(own)
+        near = self._trees(own)
         solid = ~bay & (skin > 0)
         cells = plane.to_world(low + cell * np.argwhere(solid))
         room = skin.copy()
@@ -174,13 +174,18 @@ class Router:
     def to_skin(self, plane: Plane, pit: Pit, others: Sequence[Hollow]) -> Lead | str:
         """The shortest lead from the pit by a bend to the skin beside its mouth, or why there is
         none."""
-        away = _trees(others)
+        away = self._trees(others)
         found = []
         for way in self._bends(plane, pit, straight=False):
             lead = self._out(plane, way, pit)
             if lead is not None and self._emerges(lead, away):
                 found.append(lead)
         return min(found, key=lambda w: w.way.length) if found else NO_TURN
+
+    def _trees(self, hollows: Sequence[Hollow]) -> list[tuple[Any, float]]:
+        """The hollows in the solid, ready to be searched."""
+        solid = [(in_solid(points, self.wires.bay), radius) for points, radius in hollows]
+        return [(cKDTree(points), radius) for points, radius in solid if len(points)]
 
     @property
     def _least(self) -> float:
@@ -271,9 +276,7 @@ class Router:
     def _clear(self, plane: Plane, way: Way, away: Sequence[tuple[Any, float]]) -> bool:
         """Whether a way keeps its walls to the skin and to others' hollows."""
         points = plane.to_world(way.sample(_SPACING))
-        bay = self.wires.bay
-        if bay is not None:
-            points = points[~inside(points, bay)]
+        points = in_solid(points, self.wires.bay)
         if not len(points):
             return False
         least = self._least - _TOLERANCE
@@ -312,10 +315,6 @@ class Router:
 def _direction(plane: Plane, way: Way) -> Float:
     angle = way.end_heading
     return np.asarray(plane.axes[:, :2] @ [np.cos(angle), np.sin(angle)])
-
-
-def _trees(hollows: Sequence[Hollow]) -> list[tuple[Any, float]]:
-    return [(cKDTree(points), radius) for points, radius in hollows]
 
 
 def _gap(points: Float, trees: Sequence[tuple[Any, float]], most: float) -> Float:

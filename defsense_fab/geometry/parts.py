@@ -13,6 +13,7 @@ from ..core.device import Sensor
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import dowels, facets, inspection, labels, seats
+from .bay import without_bay
 from .channels import Channel, channels_of
 from .division import SMALL, Cut, Division, divide, plan
 from .ends import Pockets
@@ -22,7 +23,7 @@ from .labels import Label
 from .names import names as names_of
 from .plate import FOOTHOLD, footing, resting
 from .room import Contact, contacts
-from .tools import Tool
+from .tools import Prism, Tool
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,9 @@ def make_parts(
     body_volume = float(body.volume())
     hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
     planes = [s.plane for s in sensors]
-    flats = seats.place(surface, rules.seats, rules.tag, hollows, rules.wall, planes)
+    bay = _bay(rules)
+    skin = without_bay(surface, bay) if bay else surface
+    flats = seats.place(skin, rules.seats, rules.tag, hollows, rules.wall, planes)
     flattening = [t for s in flats for t in s.tools]
     if flattening:
         body = facets.without(body, flattening)
@@ -147,6 +150,11 @@ def make_parts(
     except FabricationError as error:  # the STL do not need it
         return replace(made, warnings=(*made.warnings, f"no STEP parts: {error}"))
     return replace(made, parts=tuple(parts))
+
+
+def _bay(rules: Rules) -> Prism | None:
+    """The connector bay that wires lead to."""
+    return rules.pockets.wires.bay if rules.pockets and rules.pockets.wires else None
 
 
 def _one_solid(body: Any) -> None:
@@ -209,7 +217,7 @@ def _warnings(made: Made, grazing: Sequence[Graze], rules: Rules) -> list[str]:
             f" {rules.tag:g} mm: the rest of the skin is curved, near an edge or thin above a cord"
         )
     ends = [(c, e, n) for c in made.channels for e, n in zip(c.ends, ("start", "end"), strict=True)]
-    if rules.pockets and rules.pockets.wires and rules.pockets.wires.bay:
+    if _bay(rules):
         out += [
             f"the wire at the {which} of cord {channel.name}, near {place(end.mouth)}, does not"
             f" reach the connector bay: {end.reason or end.unled}"

@@ -239,7 +239,7 @@ def _joints(
 def _wires(step: Mapping[str, Any], cut_to: Mapping[str, Mapping[str, Any]]) -> list[Float]:
     """Lines (p, 3) mm of the wires that are laid in a step."""
     found = []
-    for name in step["cords"]:
+    for name in [*step["cords"], *step["wires"]]:
         for wire in (e["wire"] for e in cut_to[name]["ends"]):
             if "path" in wire:
                 line = np.array(wire["path"])
@@ -267,6 +267,8 @@ def _joint(
                 f"Lay {'the next' if begun else 'the first'} stretch of cord {name} into its groove"
                 + ("; the rest hangs out until a later joint." if goes_on else ", its last.")
             )
+            if not goes_on:
+                lines += _laying(cut_to[name])
             continue
         start, end = (
             f"{what} in its pocket" if e["joint"] == "pocket" else f"{what} {e['lead']:.0f} mm out"
@@ -274,6 +276,8 @@ def _joint(
         )
         lines.append(f"Lay cord {name} into its groove, not stretched: {start}, {end}.")
         lines += _laying(cut_to[name])
+    for name in step["wires"]:
+        lines.append(f"Of cord {name}, only its wire runs here: lay it into its groove.")
     lines.append("Close the joint dry first. Then glue the faces; keep glue out of the grooves: the"
                  " cord must slide.")  # fmt: skip
     return lines

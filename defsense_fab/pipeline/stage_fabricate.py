@@ -290,7 +290,8 @@ def _assembly(made: Made) -> list[dict[str, Any]]:
         steps.append(
             {
                 "join": [[made.parts[i].name for i in side] for side in cut.sides],
-                "cords": [made.channels[c].name for c in cut.cords],
+                "cords": [made.channels[c].name for c in cut.cords if c not in cut.wires],
+                "wires": [made.channels[c].name for c in cut.wires],
                 "opens": cut.plane.normal.tolist(),
                 "pins": [
                     {

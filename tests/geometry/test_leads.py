@@ -6,7 +6,7 @@ import igl
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane, bend_radius, catmull_rom
 from defsense_fab.core.device import BaySpec, BodySpec, Sensor
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry import facets, occ
@@ -84,10 +84,7 @@ def test_bends_hold_the_wires(made):
     for _, lead in leads(made):
         first = np.abs(lead.way.moves[: HEADINGS // 8])
         assert (first == 1).all()
-        p = lead.inside
-        radius = [np.linalg.norm(b - a) for a, b in zip(p[:-2], p[2:], strict=True)]
-        assert min(radius) > 0.3  # it never turns back
-        assert lead.way.radius == pytest.approx(2.6)
+        assert bend_radius(lead.inside).min() == pytest.approx(2.6, rel=0.01)
 
 
 def test_leads_keep_their_walls(made, body):
@@ -152,28 +149,107 @@ def test_without_a_bay_wires_leave_beside_the_mouth(bar):
 
 
 def test_a_wire_that_has_no_way_says_why_and_leaves_by_its_mouth(bar):
-    edge = cord("edge", [0, 12.6, 12.6], [[2, 0], [10, 0], [60, 0], [140, 0], [148, 0]])
     far = recess(replace(BAY, at=np.array([75.0, 0, -15])), bar)
     body = facets.to_surface(facets.without(facets.to_manifold(bar, "bar"), [far]))
-    aside = cord("aside", [0, 0, 8], [[100, -13], [100, -9], [100, 0], [100, 9], [100, 13]])
-    made = make_parts(body, [edge, aside], rules(replace(WIRES, bay=far, relief=False)))
-    ends = {c.name: c.ends for c in made.channels}
-    assert {e.wire for e in ends["edge"]} <= {"bay", "mouth"}
-    for end in (*ends["edge"], *ends["aside"]):
-        if end.wire not in ("bay", "bend"):
-            assert end.unled or end.reason
-            assert any("does not reach the connector bay" in w for w in made.warnings)
-            assert end.pocket in (0.0, 7.0)
+    under = cord("under", [0, 0, 0], [[2, -11], [10, -11], [75, -3], [140, -11], [148, -11]],
+                 (0, 1, 0))  # fmt: skip
+    made = make_parts(body, [under], rules(replace(WIRES, bay=far, relief=False)))
+    assert [e.wire for e in made.channels[0].ends] == ["bay", "bay"]
+    away = cord("away", [0, 0, -9], [[100, -13], [100, -9], [100, 0], [100, 9], [100, 13]])
+    made = make_parts(body, [away], rules(replace(WIRES, bay=far, relief=False)))
+    for end, which in zip(made.channels[0].ends, ("start", "end"), strict=True):
+        assert end.wire == "mouth"
+        assert end.pocket == 7.0
+        assert "too short for two pockets" in end.unled
+        note = f"the wire at the {which} of cord away, near"
+        assert any(note in w and end.unled in w for w in made.warnings)
+
+
+def test_a_cord_that_ends_in_the_bay_needs_no_lead(body):
+    ends = [[9, 0], [16, 0], [60, 2], [140, 0], [148, 0]]
+    made = make_parts(
+        body.surface, [cord("c", [0, 0, 0], ends)], rules(replace(WIRES, bay=body.bay))
+    )
+    start, end = made.channels[0].ends
+    assert start.wire == "bay"
+    assert start.lead is None
+    assert start.pocket == 7.0
+    assert end.wire == "bay"
+    assert end.lead is not None
+
+
+def test_a_bend_keeps_off_its_own_cord(bar):
+    """Mouths 6 mm apart on one face: the bends go to the outer sides."""
+    leg = [[2, 3], [6, 3], [10, 3], [14, 3], [18, 3.3], [24, 5.2], [30, 7], [36, 8], [42, 6]]
+    points = [[x, -y] for x, y in leg] + [[44.5, 0]] + [[x, y] for x, y in leg[::-1]]
+    made = make_parts(bar, [cord("loop", [0, 0, 0], points)], rules(WIRES))
+    for end, twin in zip(made.channels[0].ends, made.channels[0].ends[::-1], strict=True):
+        assert end.wire == "bend"
+        other = twin.mouth - np.linspace(0, twin.pocket, 50)[:, None] * twin.out
+        gap = np.linalg.norm(end.lead.inside[:, None] - other[None], axis=2).min()
+        assert gap > 0.65 + 1.4 + 0.8 - 0.02
+
+
+def test_seats_keep_out_of_the_bay(bar):
+    wide = recess(BaySpec(np.array([75.0, 0, 15]), (24.0, 24.0, 6.0)), bar)
+    body = facets.to_surface(facets.without(facets.to_manifold(bar, "bar"), [wide]))
+    asked = replace(rules(replace(WIRES, bay=wide)), seats=20)
+    made = make_parts(body, [cord("c", [0, 0, -8], [[2, 0], [10, 0], [60, 0], [148, 0]])], asked)
+    assert len(made.seats) > 10
+    for seat in made.seats:
+        beside = np.abs((seat.center - wide.origin) @ wide.axes)
+        assert (beside[:2] > 12).any() or beside[2] > 8
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bay_opens_square_to_the_face_however_the_body_lies(seed):
+    import trimesh
+
+    from defsense_fab.core.mesh import Surface
+
+    box = trimesh.creation.box(extents=(60, 40, 40))
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    vertices = np.asarray(box.vertices) @ turn.T
+    body = Surface(np.ascontiguousarray(vertices), np.asarray(box.faces, np.int64))
+    # 12 mm from two edges, so that the other faces lie within the opening's reach.
+    made = recess(BaySpec(turn @ [18.0, 8, 20], (8.0, 8.0, 6.0)), body)
+    assert made.axes[:, 2] == pytest.approx(turn[:, 2], abs=1e-9)
+
+
+def test_what_lies_over_or_behind_a_bay_is_seen():
+    import trimesh
+
+    from defsense_fab.core.mesh import Surface
+
+    def solid(bounds):
+        box = trimesh.creation.box(bounds=bounds)
+        surface = Surface(np.asarray(box.vertices, float), np.asarray(box.faces, np.int64))
+        return facets.to_manifold(surface, "box")
+
+    block = solid([[-40, -20, -20], [40, 20, 20]])
+    at = BaySpec(np.array([0.0, 0, 20]), (14.0, 7.0, 8.0))
+    slotted = facets.to_surface(block - solid([[-41, -21, 15], [41, 0, 17]]))
+    with pytest.raises(BodyError, match="mm of wall near"):
+        recess(at, slotted)
+    beside = facets.to_surface(block - solid([[-20, 3.6, 13], [20, 8, 18]]))
+    with pytest.raises(BodyError, match="mm of wall near"):
+        recess(at, beside)
+    stepped = facets.to_surface(block + solid([[5, -20, 20], [40, 20, 40]]))
+    with pytest.raises(BodyError, match="lies over its opening"):
+        recess(at, stepped)
 
 
 @pytest.mark.parametrize(
     ("at", "size", "says"),
     [
         ([0, 0, 40], (14, 7, 8), "is 25.0 mm from the skin"),
-        ([0, 11, 0], (14, 7, 8), "mm of wall near"),
+        ([0, 11, 0], (14, 7, 8), "ends under an opening"),
+        ([0, 7.5, 0], (14, 7, 8), "mm of wall near"),
         ([75, 0, 15], (14, 7, 29.5), "mm of wall near"),
         ([75, 0, 15], (14, 7, 60), "mm of wall near"),
-        ([0, 0, 0], (60, 7, 8), "mm of wall near"),
+        ([0, 0, 0], (60, 7, 8), "ends under an opening"),
+        ([0, 0, 0], (400, 7, 8), "larger than the body"),
     ],
 )
 def test_a_bay_without_room_is_refused(bar, at, size, says):
@@ -189,7 +265,7 @@ def test_a_round_skin_is_refused_where_it_falls_away():
 
     ball = trimesh.creation.icosphere(subdivisions=4, radius=12.0)
     surface = Surface(np.asarray(ball.vertices, float), np.asarray(ball.faces, np.int64))
-    with pytest.raises(BodyError, match="rises by"):
+    with pytest.raises(BodyError, match="falls by"):
         recess(BaySpec(np.array([0.0, 0, 12]), (20.0, 10.0, 4.0)), surface)
     good = recess(BaySpec(np.array([0.0, 0, 12]), (6.0, 6.0, 5.0)), surface)
     rest = facets.without(facets.to_manifold(surface, "ball"), [good])

@@ -202,14 +202,14 @@ def test_a_part_that_no_bed_holds_is_refused(cube):
         ("at = [0, 0, 30]\nsize = [9, 9]", "body.bay.size: must be 3"),
         ("at = [0, 0, 30]\nsize = [9, 9, -1]", "body.bay.size: is width, height and depth"),
         ("at = [0, 0, 30]\ndepth = 3", "body.bay.depth: unknown key"),
+        ("at = [0, 0, 30]", "fabrication.pockets: wires to the connector bay begin in pockets"),
     ],
 )
 def test_a_bay_is_checked(tmp_path, bay, message):
     text = (DEVICES / "cube" / "device.toml").read_text()
     shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
-    (tmp_path / "device.toml").write_text(
-        text.replace("[material]", f"[body.bay]\n{bay}\n\n[material]", 1)
-    )
+    text = text.replace("[material]", f"[body.bay]\n{bay}\n\n[material]", 1)
+    (tmp_path / "device.toml").write_text(text.replace("marker_seats = 8", "pockets = false"))
     with pytest.raises(DeviceError, match=re.escape(message)):
         load_device(tmp_path)
 
@@ -220,6 +220,7 @@ def test_a_bay_is_checked(tmp_path, bay, message):
         ("pockets = 3", "fabrication.pockets: must be true or false, not 3"),
         ("marker_seats = 2.5", "fabrication.marker_seats: must be a whole number"),
         ("marker_size = -1", "fabrication.marker_size: must be greater than 0"),
+        ("wire_diameter = 2.6", "fabrication.wire_diameter: a wire of 2.6 mm is not thinner"),
         ("strain_relief = 1", "fabrication.strain_relief: must be true or false, not 1"),
         ("wire_diameter = 0", "fabrication.wire_diameter: must be greater than 0"),
         ("limit_cut = true", "fabrication.limit_cut: unknown key; did you mean 'limit_cuts'?"),
