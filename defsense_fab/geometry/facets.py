@@ -15,6 +15,10 @@ from .tools import Frustum, Tool, frame
 
 #: Facets around a round tool: its radius is that of the circle of the same area.
 SIDES = 48
+#: Half of what is left between the mating faces of two parts, mm: above the rounding of coordinates
+#: in single precision, far below what any printer resolves.
+GAP = 5e-5
+_FLAT = 1e-6  # mm
 
 
 def to_manifold(surface: Surface, what: str) -> Any:
@@ -31,15 +35,21 @@ def to_manifold(surface: Surface, what: str) -> Any:
     return solid
 
 
-def printable(solid: Any, what: str) -> Surface:
+def printable(solid: Any, what: str, mating: Sequence[tuple[Float, float]] = ()) -> Surface:
     """A solid's facets as an STL file can hold them: in single precision, where no two vertices
     coincide that were apart, so that whoever reads the file finds the same edges again.
+
+    Faces in the `mating` planes (outward normal (3,), offset mm) are set back by `GAP`: as rounded,
+    those of two parts would pass through each other, which booleans of whoever checks them may
+    take for an overlap of any size.
 
     Raises FabricationError where the result is not closed, or not in one piece.
     """
     mesh = solid.to_mesh64()
     exact = np.array(mesh.vert_properties, float)[:, :3]
     faces = np.array(mesh.tri_verts, np.int64)
+    for normal, offset in mating:
+        exact[np.abs(exact @ normal - offset) < _FLAT] -= GAP * normal
     step = 16 * float(np.spacing(np.float32(np.abs(exact).max())))
     rng = np.random.default_rng(0)
     vertices = exact.astype(np.float32)

@@ -140,7 +140,7 @@ class Router:
         self, plane: Plane, pit: Pit, own: Sequence[Hollow], others: Sequence[Hollow]
     ) -> Lead | str:
         """A lead from the pit to the bay, or why there is none; `own` are all hollows of its cord,
-        `others` those that the lead keeps away from from its beginning on."""
+        `others` those that it keeps away from all along."""
         away = self._trees(others)
         begun = [w for w in self._bends(plane, pit) if self._clear(plane, w, away)]
         if not begun:

@@ -184,13 +184,13 @@ def _named(division: Division, surface: Surface) -> tuple[Division, list[str]]:
 
 
 def _part(i: int, name: str, piece: Any, meeting: Sequence[Contact]) -> Part:
-    surface = facets.printable(piece, name)
     faces = [
-        (c.area, c.plane.normal if c.lower == i else -c.plane.normal)
+        (c.area, c.plane.normal if c.lower == i else -c.plane.normal, c.plane.origin)
         for c in meeting
         if i in (c.lower, c.upper)
     ]
-    down = resting(surface, [n for _, n in sorted(faces, key=lambda f: -f[0])])
+    surface = facets.printable(piece, name, [(n, float(n @ origin)) for _, n, origin in faces])
+    down = resting(surface, [n for _, n, _ in sorted(faces, key=lambda f: -f[0])])
     return Part(name, surface, surface.volume, facets.centroid(surface), down)
 
 

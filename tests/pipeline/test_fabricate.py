@@ -67,7 +67,7 @@ def test_planes_that_cross_make_parts_that_slice(folder, manifest, tmp_path):
 @pytest.mark.slow
 def test_the_manifest_says_where_everything_is(folder, manifest):
     total = sum(p["volume"] for p in manifest["parts"]) + manifest["removed_volume"]
-    assert total == pytest.approx(manifest["body_volume"], rel=1e-6)
+    assert total == pytest.approx(manifest["body_volume"], rel=1e-5)  # faces are set back by GAP
     for p in manifest["parts"]:
         surface = _stl(folder / "parts" / p["stl"])
         assert surface.volume == pytest.approx(p["volume"], rel=1e-4)
