@@ -129,15 +129,16 @@ def plan(
     rough = body.simplify(_ROUGH)  # good enough to compare plans on
     tried: list[tuple[float, float, float | None, Sequence[int]]] = []
     for m in (margin,) if limit else (None, margin):
+        known: dict[tuple[int, int], _Opened] = {}
         for order in orders:
-            made = _cut(rough, planes, threads, own, order, m, play)
+            made = _cut(rough, planes, threads, own, order, m, play, known)
             cost = made.burden + (_LIMITED if m and not limit else 0.0)
             if tried and cost > min(t[0] for t in tried):
                 continue
             cost += sum(g.length for g in made.grazes(channels, radius, wall)) / _WORTH
             tried.append((cost, -made.smallest, m, order))
     _, _, best, chosen = min(tried, key=lambda t: t[:2])
-    return _cut(body, planes, threads, own, chosen, best, play)
+    return _cut(body, planes, threads, own, chosen, best, play, {})
 
 
 def divide(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
@@ -195,21 +196,30 @@ def _cut(
     order: Sequence[int],
     margin: float | None,
     play: float,
+    known: dict[tuple[int, int], _Opened],
 ) -> Plan:
-    """Cut depth first, so that the parts of a piece stay neighbours in the list."""
+    """Cut depth first, so that the parts of a piece stay neighbours in the list. What is `known` of
+    a piece (by its identity) and a plane is used again: orders of cuts have pieces in common."""
     out = Plan([], [])
+
+    def opened(piece: Any, i: int) -> _Opened:
+        if (id(piece), i) not in known:
+            inside = tuple(c for c in own[i] if _runs_in(threads[c], piece))
+            halves = None
+            if inside:
+                line = facets.union([threads[c] for c in inside])
+                halves = min(
+                    _options(piece, planes[i], line, margin, play),
+                    key=lambda h: (len(h.below) + len(h.above), h.rank),
+                    default=None,
+                )
+            known[id(piece), i] = _Opened(piece, inside, halves)
+        return known[id(piece), i]
 
     def descend(piece: Any, todo: Sequence[int]) -> None:
         for n, i in enumerate(todo):
-            inside = tuple(c for c in own[i] if _runs_in(threads[c], piece))
-            if not inside:
-                continue
-            line = facets.union([threads[c] for c in inside])
-            halves = min(
-                _options(piece, planes[i], line, margin, play),
-                key=lambda h: (len(h.below) + len(h.above), h.rank),
-                default=None,
-            )
+            found = opened(piece, i)
+            inside, halves = found.cords, found.halves
             if halves is None:
                 continue
             at, a = len(out.cuts), len(out.leaves)
@@ -249,6 +259,16 @@ class _Halves:
     taken: tuple[Any, ...] = ()
     by: tuple[Prism, Prism] | None = None
     gap: Any = None
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """A piece (kept, so that its identity stays its own), the cords of a plane that run in it, and
+    how it is opened for them, if it is."""
+
+    piece: Any
+    cords: tuple[int, ...]
+    halves: _Halves | None
 
 
 def _options(

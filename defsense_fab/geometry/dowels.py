@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Bool, Float
 from .room import Contact
 from .tools import Frustum, Tool, cylinder
 
@@ -134,30 +134,35 @@ def free_spots(
     spots = _few(contact.spots(radius + wall))
     # Distances have no sign: points lie so close that none can step through a skin unnoticed.
     heights = np.linspace(-depth, depth, 2 * int(np.ceil(depth / wall)) + 1)
+    spots = spots[_room(contact, spots, np.zeros((1, 3)), known, radius + wall)[:, 0]]
     axis = np.column_stack([np.zeros((len(heights), 2)), heights])
-    # The middle of the face and the axis fail first: few spots are left for the rest.
-    for points, room in (
-        (np.zeros((1, 3)), radius + wall),
-        (axis, wall),
-        (rings(radius, heights), wall),
-    ):
-        if not len(spots):
-            break
-        world = contact.world(spots)[:, None] + points @ contact.plane.axes.T
-        flat = world.reshape(-1, 3)
-        free = np.minimum(contact.distance(flat, room), gap(flat, known)).reshape(len(spots), -1)
-        spots = spots[free.min(axis=1) >= room - _SLACK]
-    return spots
+    wide = _room(contact, spots, axis, known, radius + wall)
+    # Only where the axis is nearer than that, the socket's surface may be too near.
+    free = np.ones(len(spots), bool)
+    for k, height in enumerate(heights):
+        narrow = np.flatnonzero(free & ~wide[:, k])
+        points = rings(radius, height, bottom=k in (0, len(heights) - 1))
+        free[narrow] = _room(contact, spots[narrow], points, known, wall).all(axis=1)
+    return spots[free]
 
 
-def rings(radius: float, heights: Float) -> Float:
-    """Points (n, 3) mm around a socket pair at heights (k,) mm, and on its two bottoms: nowhere is
-    the socket's surface nearer to anything by more than a fiftieth of the radius."""
+def _room(contact: Contact, spots: Float, points: Float, known: Sequence[Pin], room: float) -> Bool:
+    """Whether points (p, 3) mm around each of the spots (n, 2) keep some room (mm): (n, p)."""
+    world = contact.world(spots)[:, None] + points @ contact.plane.axes.T
+    flat = world.reshape(-1, 3)
+    distance = np.minimum(contact.distance(flat, room), gap(flat, known))
+    return np.asarray(distance.reshape(len(spots), len(points)) >= room - _SLACK)
+
+
+def rings(radius: float, height: float, bottom: bool) -> Float:
+    """Points (n, 3) mm around a socket at a height (mm) along its axis, and on its bottom there:
+    nowhere is its surface nearer to anything by more than a fiftieth of the radius."""
     turn = np.arange(16) * np.pi / 8
     circle = radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    layers = [(circle / np.cos(np.pi / 16), h) for h in heights]
-    layers += [(part * circle, h) for part in (0.25, 0.5, 0.75) for h in (heights[0], heights[-1])]
-    return np.concatenate([np.column_stack([c, np.full(len(c), h)]) for c, h in layers])
+    parts = [circle / np.cos(np.pi / 16)]
+    parts += [part * circle for part in (0.25, 0.5, 0.75)] if bottom else []
+    flat = np.concatenate(parts)
+    return np.column_stack([flat, np.full(len(flat), height)])
 
 
 def gap(points: Float, pins: Sequence[Pin]) -> Float:

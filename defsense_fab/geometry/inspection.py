@@ -248,7 +248,9 @@ def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
 def _shell(pin: Pin) -> Float:
     """Points (n, 3) on both sockets of a pin."""
     heights = np.linspace(-pin.depth, pin.depth, 2 * int(np.ceil(pin.depth / 0.5)) + 1)
-    return np.asarray(pin.center + rings(pin.socket / 2, heights) @ frame(pin.axis).T)
+    last = len(heights) - 1
+    local = [rings(pin.socket / 2, h, bottom=k in (0, last)) for k, h in enumerate(heights)]
+    return np.asarray(pin.center + np.concatenate(local) @ frame(pin.axis).T)
 
 
 def _features(made: Made, pieces: Sequence[Any], rules: Rules) -> list[Check]:
