@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Float
 from .room import Contact
 from .tools import Frustum, Tool, cylinder
 
@@ -134,24 +134,32 @@ def free_spots(
     spots = _few(contact.spots(radius + wall))
     # Distances have no sign: points lie so close that none can step through a skin unnoticed.
     heights = np.linspace(-depth, depth, 2 * int(np.ceil(depth / wall)) + 1)
-    spots = spots[_room(contact, spots, np.zeros((1, 3)), known, radius + wall)[:, 0]]
+    # A ball around the whole socket settles most of them.
+    around = float(np.hypot(radius, depth)) + wall
+    center = _distance(contact, spots, np.zeros((1, 3)), known, around)[:, 0]
+    open_ = spots[center >= around]
+    spots = spots[(center >= radius + wall - _SLACK) & (center < around)]
     axis = np.column_stack([np.zeros((len(heights), 2)), heights])
-    wide = _room(contact, spots, axis, known, radius + wall)
+    wide = _distance(contact, spots, axis, known, radius + wall) >= radius + wall
     # Only where the axis is nearer than that, the socket's surface may be too near.
     free = np.ones(len(spots), bool)
     for k, height in enumerate(heights):
         narrow = np.flatnonzero(free & ~wide[:, k])
         points = rings(radius, height, bottom=k in (0, len(heights) - 1))
-        free[narrow] = _room(contact, spots[narrow], points, known, wall).all(axis=1)
-    return spots[free]
+        found = _distance(contact, spots[narrow], points, known, wall)
+        free[narrow] = (found >= wall - _SLACK).all(axis=1)
+    return np.concatenate([open_, spots[free]])
 
 
-def _room(contact: Contact, spots: Float, points: Float, known: Sequence[Pin], room: float) -> Bool:
-    """Whether points (p, 3) mm around each of the spots (n, 2) keep some room (mm): (n, p)."""
+def _distance(
+    contact: Contact, spots: Float, points: Float, known: Sequence[Pin], most: float
+) -> Float:
+    """Distance of points (p, 3) mm around each of the spots (n, 2) from all that is in the way,
+    up to `most` mm: (n, p)."""
     world = contact.world(spots)[:, None] + points @ contact.plane.axes.T
     flat = world.reshape(-1, 3)
-    distance = np.minimum(contact.distance(flat, room), gap(flat, known))
-    return np.asarray(distance.reshape(len(spots), len(points)) >= room - _SLACK)
+    found = np.minimum(contact.distance(flat, most), gap(flat, known))
+    return np.asarray(found.reshape(len(spots), len(points)))
 
 
 def rings(radius: float, height: float, bottom: bool) -> Float:

@@ -70,13 +70,27 @@ def _best(
         return []
     points = (spots[:, None] + box).reshape(-1, 2)
     enclosed = np.all(inside(points, contact.polygons).reshape(len(spots), -1), axis=1)
-    world = contact.world(points)
-    spare = np.minimum(contact.distance(world, 4 * wall), gap(world, pins))
-    spare = np.minimum(spare.reshape(len(spots), -1).min(axis=1), 3 * wall) - wall
-    near = np.linalg.norm(spots - spots.mean(axis=0), axis=1)
-    rank = np.where(enclosed & (spare >= 0), spare - 1e-3 * near, -np.inf)
+    spots, points = spots[enclosed], points.reshape(len(spots), -1, 2)[enclosed]
+    if not len(spots):
+        return []
+    # A ball around the whole box settles most of them.
+    around = float(np.hypot(*half)) + 3 * wall
+    center = _distance(contact, spots, pins, around)
+    spare = np.where(center >= around, 3 * wall, 0.0)
+    near = np.flatnonzero((center < around) & (center >= min(half) + wall))
+    flat = points[near].reshape(-1, 2)
+    spare[near] = _distance(contact, flat, pins, 3 * wall).reshape(len(near), len(box)).min(axis=1)
+    spare -= wall
+    off = np.linalg.norm(spots - spots.mean(axis=0), axis=1)
+    rank = np.where(spare >= 0, spare - 1e-3 * off, -np.inf)
     best = int(rank.argmax())
     return [(float(rank[best]), spots[best])] if np.isfinite(rank[best]) else []
+
+
+def _distance(contact: Contact, flat: Float, pins: Sequence[Pin], most: float) -> Float:
+    """Distance of points (n, 2) of the face from all that is in the way, up to `most` mm."""
+    world = contact.world(flat)
+    return np.asarray(np.minimum(contact.distance(world, most), gap(world, pins)))
 
 
 def _label(contact: Contact, k: int, part: int, at: Float, turned: bool, text: Number) -> Label:

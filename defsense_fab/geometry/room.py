@@ -59,6 +59,8 @@ class Contact:
         """Distances (n,) mm of points (n, 3) from the two parts' surfaces, their common face left
         out: skin, channels and other cuts. Below zero within a channel; up to `most` mm, beyond
         which it does not matter."""
+        if not len(points):
+            return np.zeros(0)
         square = self._tree.squared_distance(
             self.walls.vertices, self.walls.faces, np.ascontiguousarray(points)
         )[0]
