@@ -98,8 +98,14 @@ class Lead:
         return np.asarray(self.exit + np.linspace(0, 1, count)[:, None] * self.drop)
 
     @property
+    def path(self) -> Float:
+        """Its corners (p, 3) mm in the plane, from the ferrule to its exit."""
+        line = self.plane.to_world(self.way.polyline)
+        return line if self.to_bay else np.concatenate([line, self.exit[None]])
+
+    @property
     def line(self) -> Float:
-        """Its corners (p, 3) mm with the tool's run."""
+        """The tool's corners (p, 3) mm: along the way and its run."""
         line = self.plane.to_world(self.way.polyline)
         return np.concatenate([line, line[-1:] + self.run * self.out]) if self.run else line
 

@@ -70,7 +70,7 @@ def _wire(end: End) -> dict[str, Any]:
     lead = end.lead
     out: dict[str, Any] = {"leaves": end.wire, "length": lead.length if lead else 0.0}
     if lead:
-        out["path"] = lead.line.tolist()
+        out["path"] = lead.path.tolist()
         out["drop"] = None if lead.drop is None else lead.drop.tolist()
     if end.unled:
         out["why"] = end.unled

@@ -74,6 +74,7 @@ def test_every_wire_reaches_the_bay(made, body):
         # It begins on the cord's line, in the pocket, and stays in the plane.
         ferrule = channel.ends[0] if lead is channel.ends[0].lead else channel.ends[1]
         assert lead.inside[0] == pytest.approx(ferrule.mouth - (ferrule.pocket - 7) * ferrule.out)
+        assert lead.path[[0, -1]] == pytest.approx(lead.inside[[0, -1]])
         off = (lead.inside - channel.sensor.plane.origin) @ channel.sensor.plane.normal
         assert np.abs(off).max() < 1e-9
         assert (lead.drop is not None) == (channel.name == "above")
