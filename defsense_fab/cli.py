@@ -372,6 +372,12 @@ def _leave() -> None:
     raise BrokenPipeError
 
 
+def _notes(console: Any, warnings: Sequence[str]) -> None:
+    """Warnings as they are written: brackets name tables of device.toml, not colours."""
+    for warning in warnings:
+        console.print(f"note: {warning}", highlight=False, markup=False, soft_wrap=True)
+
+
 def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -390,10 +396,9 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             highlight=False,
             soft_wrap=True,
         )
-    for warning in [
-        w for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", [])
-    ]:
-        console.print(f"note: {warning}", highlight=False, markup=False, soft_wrap=True)
+    _notes(
+        console, [w for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", [])]
+    )
     if "layout" in data:
         layout = data["layout"]
         first, best = layout["initial"], layout["prediction"]
@@ -431,8 +436,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
         for c in manifest["cords"]:
             table.add_row(c["sensor"], f"{c['cut_length']:.0f}", f"{c['resistance']:.0f}")
         console.print(table)
-        for warning in manifest["warnings"]:
-            console.print(f"note: {warning}", highlight=False, markup=False)
+        _notes(console, manifest["warnings"])
     where = f"{folder}/report.html" if options.until == "report" else folder
     following = {
         "build": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
@@ -442,7 +446,8 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
         "fabricate": f"defsense report {options.folder}",
         "report": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
     }[options.command]
-    console.print(f"Look at: {where}\nNext:    {following}", highlight=False, soft_wrap=True)
+    text = f"Look at: {where}\nNext:    {following}"
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 if __name__ == "__main__":

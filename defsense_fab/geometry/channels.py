@@ -15,7 +15,7 @@ from ..core.device import Sensor
 from ..core.errors import FabricationError
 from ..core.mesh import Surface
 from . import facets, ray
-from .ends import End, Pockets, end_tools, ends_of
+from .ends import End, Ends, Pockets, end_tools
 from .leads import Hollow, Lead
 from .tools import Tool, cylinder
 
@@ -101,7 +101,7 @@ def channels_of(
     the body, or bends too tightly for a channel."""
     traced = [_trace(s, body, diameter) for s in sensors]
     planes = [s.plane for s in sensors]
-    ends = ends_of(planes, [t.inside for t in traced], diameter, wall, body, pockets)
+    ends = Ends(planes, [t.inside for t in traced], diameter, wall, body, pockets).made()
     out = []
     for s, t, pair in zip(sensors, traced, ends, strict=True):
         tools = tuple(tool for e in pair for tool in end_tools(e, diameter, wall, pockets))

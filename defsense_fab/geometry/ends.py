@@ -69,26 +69,12 @@ class End:
         return out
 
 
-def ends_of(
-    planes: Sequence[Plane],
-    paths: Sequence[Float],
-    channel: float,
-    wall: float,
-    body: Surface,
-    pockets: Pockets | None,
-) -> list[tuple[End, End]]:
-    """Both ends of every channel of diameter `channel` mm; `paths` are the channels' centre lines
-    from mouth to mouth, each (q, 3) mm in steps of at most 0.25 mm, in their `planes`."""
-    making = _Making(planes, paths, channel, wall, body, pockets)
-    for k in range(len(making.ends)):
-        making.pocket(k)
-    if pockets and pockets.wires:
-        making.lead(pockets, pockets.wires)
-    return list(zip(making.ends[::2], making.ends[1::2], strict=True))
+class Ends:
+    """The `ends` of all cords as they are made one by one: 2 k and 2 k + 1 are cord k's.
 
-
-class _Making:
-    """The ends of all cords as they are made one by one: 2 k and 2 k + 1 are cord k's."""
+    The channels have the diameter `channel` mm; `paths` are their centre lines from mouth to mouth,
+    each (q, 3) mm in steps of at most 0.25 mm, in their `planes`.
+    """
 
     def __init__(
         self,
@@ -107,7 +93,15 @@ class _Making:
         outs = [(x[0] - x[1]) / np.linalg.norm(x[0] - x[1]) for x in self._lines]
         self.ends = [End(x[0], out, 0.0, "") for x, out in zip(self._lines, outs, strict=True)]
 
-    def pocket(self, k: int) -> None:
+    def made(self) -> list[tuple[End, End]]:
+        """Both ends of every cord, with their pockets and leads."""
+        for k in range(len(self.ends)):
+            self._pocket(k)
+        if self._pockets and self._pockets.wires:
+            self._lead_all(self._pockets, self._pockets.wires)
+        return list(zip(self.ends[::2], self.ends[1::2], strict=True))
+
+    def _pocket(self, k: int) -> None:
         """Give an end its pocket, where there is room beside those that others may have."""
         if self._pockets is None:
             return
@@ -121,7 +115,7 @@ class _Making:
         pocket = 0.0 if reason else self._pockets.length
         self.ends[k] = replace(self.ends[k], pocket=pocket, reason=reason)
 
-    def lead(self, pockets: Pockets, wires: Wires) -> None:
+    def _lead_all(self, pockets: Pockets, wires: Wires) -> None:
         """Give the wires their leads: first those to the bay, the nearest first, then those that
         come out beside their mouths. A pocket with a lead is as deep as its bend needs."""
         router = Router(self._body, wires, self._wall)
