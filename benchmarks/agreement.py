@@ -30,6 +30,7 @@ from defsense_fab.mechanics.path import solve_ramp
 from defsense_fab.mechanics.tet10 import QuadraticMesh
 from defsense_fab.mechanics.threads import cores
 from defsense_fab.pipeline.mesh_density import probing_lines
+from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.signal import signals
 
 ROOT = Path(__file__).parents[1]
@@ -115,7 +116,7 @@ def compare(mesh: QuadraticMesh, a: np.ndarray, b: np.ndarray) -> Agreement:
     lines = probing_lines(locator, np.random.default_rng(0))
     at = locator.find(lines.reshape(-1, 3))
     moved = locator.displacement(at, np.stack([a, b])).reshape(2, *lines.shape)
-    ours, theirs = (signals(lines, (lines + m)[None], 1.0)[0] for m in moved)
+    ours, theirs = (signals(lines, (lines + m)[None], Response.line(1.0))[0] for m in moved)
     scale = np.sqrt((ours**2).mean())
     return Agreement(
         float(np.linalg.norm(a - b, axis=1).max()), float(np.abs(ours - theirs).max() / scale)

@@ -32,6 +32,7 @@ from defsense_fab.mechanics.path import follow
 from defsense_fab.mechanics.tet10 import QuadraticMesh
 from defsense_fab.mechanics.threads import cores
 from defsense_fab.pipeline.mesh_density import probing_lines
+from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.signal import signals
 
 LOW, HIGH = np.array([0, -15, -7.5]), np.array([150, 15, 7.5])
@@ -82,7 +83,7 @@ def from_rest(mesh, law, goal):
 def line_signals(mesh, u, lines):
     locator = PointLocator(mesh)
     moved = locator.displacement(locator.find(lines.reshape(-1, 3)), u[None])[0]
-    return signals(lines, (lines + moved.reshape(lines.shape))[None], 1.0)[0]
+    return signals(lines, (lines + moved.reshape(lines.shape))[None], Response.line(1.0))[0]
 
 
 def peers(repeat: int) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from .arrays import Float
 from .curve import Hermite, Plane
 from .regions import Shape
+from .response import ResponseSpec
 
 BodyKind = Literal["script", "step", "mesh"]
 
@@ -132,14 +133,14 @@ class OutputsSpec:
 
 @dataclass(frozen=True)
 class CordSpec:
-    """A piezoresistive cord; `noise` is the standard deviation of (R - R0)/R0, `lengths` the least
-    and the greatest that a piece may have, free ends included, and the outside of the `ferrule`
-    that joins it to a wire, mm."""
+    """A piezoresistive cord; its `response` to strain; `noise` is the standard deviation of
+    (R - R0)/R0, `lengths` the least and the greatest that a piece may have, free ends included, and
+    the outside of the `ferrule` that joins it to a wire, mm."""
 
     name: str
     diameter: float
     ohm_per_mm: float
-    gauge_factor: float
+    response: ResponseSpec
     max_strain: float
     min_bend_radius: float
     noise: float

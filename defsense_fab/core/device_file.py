@@ -23,8 +23,10 @@ from .device import (
     OutputsSpec,
     Sensor,
 )
+from .errors import CalibrationError
 from .pose_file import read_poses, read_states
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
+from .response import ResponseSpec, read_response
 from .shore import from_shore
 from .toml_table import Table, is_number, load_toml
 
@@ -48,7 +50,7 @@ def load_device(
     regions = _regions(top.table("regions", required=False))
     poses = read_poses(top, list(regions), complete)
     fabrication = _fabrication(top.table("fabrication"))
-    cord = _cord(top.table("cord"), fabrication.lead)
+    cord = _cord(top.table("cord"), fabrication.lead, folder)
     sensors = _sensors(top)
     body = _body(top.table("body"), folder, overrides or {})
     _agree(top, body, cord, fabrication)
@@ -252,12 +254,18 @@ def _outputs(t: Table, regions: Sequence[str]) -> OutputsSpec:
     return OutputsSpec(value, anchor)
 
 
-def _cord(t: Table, lead: float) -> CordSpec:
+def _cord(t: Table, lead: float, folder: Path) -> CordSpec:
     name = t.string("name")
     rows = read_rows("cords.csv")
     t.choice("name", name, list(rows), "cord")
     row = {k: float(v) for k, v in rows[name].items() if k not in ("name", "source")}
     noise = t.number("noise", row.pop("noise"), low=0)
+    response = ResponseSpec.line(row.pop("gauge_factor"))
+    if t.has("response"):
+        try:
+            response = read_response(folder / t.string("response"))
+        except CalibrationError as error:
+            t.fail("response", str(error))
     shortest, longest = 0.0, float("inf")
     if t.has("length"):
         shortest, longest = t.vector("length", 2).tolist()
@@ -270,7 +278,7 @@ def _cord(t: Table, lead: float) -> CordSpec:
                 " ([fabrication] lead)",
             )
     t.done()
-    return CordSpec(name=name, noise=noise, lengths=(shortest, longest), **row)
+    return CordSpec(name=name, response=response, noise=noise, lengths=(shortest, longest), **row)
 
 
 def _fabrication(t: Table) -> FabricationSpec:

@@ -31,5 +31,13 @@ class FabricationError(DefsenseError):
     """The parts cannot be made from this layout."""
 
 
+class CalibrationError(DefsenseError):
+    """Measurements of a cord, or a response made of them, cannot be used."""
+
+
+class CaptureError(DefsenseError):
+    """A port or a recording cannot be read."""
+
+
 class StorageError(DefsenseError):
     """Files cannot be read or written."""

@@ -20,6 +20,7 @@ from ..core.arrays import Float, Int
 from ..mechanics.locate import PointLocator, walk
 from ..mechanics.tet10 import EDGES
 from ..mechanics.threads import cores, over_chunks
+from ..sensing.response import Response, respond
 
 _CHUNK = 50  # paths; fewer are not worth a thread
 _NOTHING = 1e-300  # points that coincide pull nowhere
@@ -32,8 +33,13 @@ class Carrier:
     """Fields (s, n, 3) mm on the locator's mesh, kept for speed as the nodes' positions (n, 3 s) in
     all states: tet10 shape functions carry linear fields exactly, the rest positions among them."""
 
-    def __init__(self, locator: PointLocator, fields: Float, gauge_factor: float) -> None:
-        self.states, self.gauge_factor = len(fields), gauge_factor
+    def __init__(self, locator: PointLocator, fields: Float, response: Response) -> None:
+        self.states = len(fields)
+        #: Of a line through the origin the slope, and the total length is all that counts; of any
+        #: other response 1, and lengths are those of segments stretched by w in place of eps.
+        slope = response.slope_everywhere
+        self.gauge_factor = 1.0 if slope is None else slope
+        self.answer = (slope is None, response.breaks, response.origins, response.pieces)
         self.cells, self.by_bary = locator.mesh.cells, locator.mesh.bary_gradient
         self._where = (locator.grid, locator.across)
         placed = (locator.mesh.nodes + fields).transpose(1, 2, 0)
@@ -45,7 +51,8 @@ class Carrier:
         out = np.empty((len(paths), self.states))
 
         def work(a: int, b: int) -> None:
-            _signals(paths[a:b], *self._where, self.cells, self.nodal, self.gauge_factor, out[a:b])
+            found = (self.gauge_factor, self.answer, out[a:b])
+            _signals(paths[a:b], *self._where, self.cells, self.nodal, *found)
 
         over_chunks(work, len(paths), cores(), _CHUNK)
         return np.ascontiguousarray(out.T)
@@ -70,19 +77,20 @@ class Carrier:
         moved = np.empty((len(points), 3 * self.states))
         steps = np.empty((len(points), self.states))
         lengths = np.empty((len(ends) - 1, self.states + 1))
-        found = (cell, bary, moved, steps, lengths)
-        _carry(points, ends, *self._where, self.cells, self.nodal, *found)
+        bent = np.empty((2, len(points) if self.answer[0] else 0, self.states))
+        found = (cell, bary, moved, steps, lengths, bent)
+        _carry(points, ends, *self._where, self.cells, self.nodal, self.answer, *found)
         return Carried(self, points, ends, found)
 
 
 class Carried:
     """Polylines in all states, their `signals` (s, m), and how these depend on the points. What was
     `found` on the way: the points' tets and weights there, their moved positions, the lengths of
-    segments, the lengths of lines, see `_carry`."""
+    segments, the lengths of lines and the derivatives of segments, see `_carry`."""
 
     def __init__(self, carrier: Carrier, points: Float, ends: Int, found: tuple[Any, ...]) -> None:
         self._carrier, self._points, self._ends, self._found = carrier, points, ends, found
-        lengths = found[-1]
+        lengths = found[-2]
         self.signals = carrier.gauge_factor * (lengths[:, :-1] / lengths[:, -1:] - 1).T
 
     def slopes(self) -> Float:
@@ -151,33 +159,60 @@ def _measure(points, moved, first, last, steps, lengths):  # type: ignore[no-unt
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _signals(paths, grid, across, cells, nodal, gauge_factor, out):  # type: ignore[no-untyped-def]
+def _answer(points, first, last, steps, answer, lengths, bent):  # type: ignore[no-untyped-def]
+    """After `_measure`, for a response that is not a line: the sums of what each segment's length
+    would be if it were stretched by w in place of eps, L (1 + w), and into `bent` (2, p, s), unless
+    it is empty, the derivatives of that by the deformed length and by the rest length L."""
+    _, breaks, origins, pieces = answer
+    states = steps.shape[1]
+    for s in range(states):
+        lengths[s] = 0.0
+    for p in range(first + 1, last):
+        rest = _apart(points, p)
+        for s in range(states):
+            stretch = steps[p, s] / rest
+            w, slope = respond(stretch - 1, breaks, origins, pieces)
+            lengths[s] += rest * (1 + w)
+            if bent.size:
+                bent[0, p, s] = slope
+                bent[1, p, s] = 1 + w - stretch * slope
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _signals(  # type: ignore[no-untyped-def]
+    paths, grid, across, cells, nodal, gauge_factor, answer, out
+):
     count, states = paths.shape[1], out.shape[1]
     cell, bary = np.empty(count, np.int64), np.empty((count, 4))
     moved, steps = np.empty((count, 3 * states)), np.empty((count, states))
-    lengths = np.empty(states + 1)
+    lengths, unused = np.empty(states + 1), np.empty((2, 0, states))
     for c in range(len(paths)):
         walk(paths[c], grid, across, cell, bary)
         _move(cell, bary, cells, nodal, moved)
         _measure(paths[c], moved, 0, count, steps, lengths)
+        if answer[0]:
+            _answer(paths[c], 0, count, steps, answer, lengths, unused)
         for s in range(states):
             out[c, s] = gauge_factor * (lengths[s] / lengths[states] - 1)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _carry(  # type: ignore[no-untyped-def]
-    points, ends, grid, across, cells, nodal, cell, bary, moved, steps, lengths
+    points, ends, grid, across, cells, nodal, answer, cell, bary, moved, steps, lengths, bent
 ):
     walk(points, grid, across, cell, bary)
     _move(cell, bary, cells, nodal, moved)
     for c in range(len(ends) - 1):
         _measure(points, moved, ends[c], ends[c + 1], steps, lengths[c])
+        if answer[0]:
+            _answer(points, ends[c], ends[c + 1], steps, answer, lengths[c], bent)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
-def _pulls(ends, moved, steps, weights, out):  # type: ignore[no-untyped-def]
+def _pulls(ends, moved, steps, weights, bent, out):  # type: ignore[no-untyped-def]
     """Unit vectors (p + 1, 3 s) of the segments that end at each point times their line's weights
-    (m, s); zero where a line begins and at the very end."""
+    (m, s) and their own derivatives `bent[0]`, if any; zero where a line begins and at the very
+    end."""
     states = steps.shape[1]
     out[ends[-1]] = 0.0
     for c in range(len(ends) - 1):
@@ -187,11 +222,14 @@ def _pulls(ends, moved, steps, weights, out):  # type: ignore[no-untyped-def]
                 for s in range(states):
                     step = moved[p, a + s] - moved[p - 1, a + s]
                     out[p, a + s] = weights[c, s] / steps[p, s] * step
+                if bent.size:
+                    for s in range(states):
+                        out[p, a + s] *= bent[0, p, s]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _slopes(  # type: ignore[no-untyped-def]
-    points, ends, cells, by_bary, nodal, gauge_factor, cell, bary, moved, steps, lengths, out
+    points, ends, cells, by_bary, nodal, gauge_factor, cell, bary, moved, steps, lengths, bent, out
 ):
     states = steps.shape[1]
     one, two = states, 2 * states
@@ -199,7 +237,7 @@ def _slopes(  # type: ignore[no-untyped-def]
     for c in range(len(weights)):
         weights[c] = gauge_factor / lengths[c, states]
     pulls = np.empty((len(points) + 1, 3 * states))
-    _pulls(ends, moved, steps, weights, pulls)
+    _pulls(ends, moved, steps, weights, bent, pulls)
     v = np.empty(3 * states)  # derivative of the signals by the deformed point
     by_corner = np.empty((4, states))
     for p in range(len(points)):
@@ -235,11 +273,16 @@ def _slopes(  # type: ignore[no-untyped-def]
                     out[p, a, s] -= step * lengths[c, s]
                 for s in range(states):
                     out[p - 1, a, s] += step * lengths[c, s]
+                if bent.size:
+                    for s in range(states):
+                        out[p, a, s] += step * lengths[c, states] * bent[1, p, s]
+                    for s in range(states):
+                        out[p - 1, a, s] -= step * lengths[c, states] * bent[1, p, s]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _pull(  # type: ignore[no-untyped-def]
-    points, ends, cells, by_bary, nodal, by_signals, cell, bary, moved, steps, lengths, out
+    points, ends, cells, by_bary, nodal, by_signals, cell, bary, moved, steps, lengths, bent, out
 ):
     """`_slopes` times `by_signals` (s, m), which include the gauge factor."""
     states = steps.shape[1]
@@ -248,7 +291,7 @@ def _pull(  # type: ignore[no-untyped-def]
         for s in range(states):
             weights[c, s] = by_signals[s, c] / lengths[c, states]
     pulls = np.empty((len(points) + 1, 3 * states))
-    _pulls(ends, moved, steps, weights, pulls)
+    _pulls(ends, moved, steps, weights, bent, pulls)
     by_node = np.empty(10)
     for p in range(len(points)):
         e = cell[p]
@@ -282,7 +325,11 @@ def _pull(  # type: ignore[no-untyped-def]
         for s in range(states):
             rest += weights[c, s] * lengths[c, s] / lengths[c, states]
         for p in range(ends[c] + 1, ends[c + 1]):
-            inverse = rest / _apart(points, p)
+            own = rest
+            if bent.size:
+                for s in range(states):
+                    own -= weights[c, s] * bent[1, p, s]
+            inverse = own / _apart(points, p)
             for a in range(3):
                 step = inverse * (points[p, a] - points[p - 1, a])
                 out[p, a] -= step

@@ -14,6 +14,7 @@ from ..mechanics.locate import PointLocator
 from ..sensing.decoder import floor
 from ..sensing.elimination import expected_square
 from ..sensing.features import KINDS, Features
+from ..sensing.response import Response
 from .carrier import Carrier
 from .depth import DepthField, DepthGrid
 
@@ -43,7 +44,7 @@ class Limits:
 @dataclass(frozen=True)
 class Problem:
     """States `fields` (s, n, 3) mm without rest; `markers` (s + 1, k, 3) mm displacements, rest
-    first; `marker_weights` (k,) summing to one; `gauge_factor`, `noise` of (R - R0)/R0.
+    first; `marker_weights` (k,) summing to one; the cords' `response`, `noise` of (R - R0)/R0.
 
     Raises LayoutError for values that are not finite, and for states that move no marker.
     """
@@ -53,7 +54,7 @@ class Problem:
     fields: Float
     markers: Float
     marker_weights: Float
-    gauge_factor: float
+    response: Response
     noise: float
     limits: Limits
     decoder: str = "affine"
@@ -87,7 +88,7 @@ class Problem:
     @cached_property
     def carrier(self) -> Carrier:
         """What moves cords with the fields; made once, its tables are large."""
-        return Carrier(self.locator, self.fields, self.gauge_factor)
+        return Carrier(self.locator, self.fields, self.response)
 
     @cached_property
     def depth(self) -> DepthField:

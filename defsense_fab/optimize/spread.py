@@ -75,8 +75,8 @@ def session(
     for sensor in sensors:
         path = _off_axis(sensor, rng, tolerances.offset)
         moved = path + amplitude[:, None, None] * (problem.deform(path) - path)
-        gauge = problem.gauge_factor * (1 + rng.normal(0, tolerances.gauge))
-        columns.append(np.concatenate([[0.0], signals(path, moved, gauge)]))
+        gauge = 1 + rng.normal(0, tolerances.gauge)
+        columns.append(np.concatenate([[0.0], gauge * signals(path, moved, problem.response)]))
     S = np.stack(columns, axis=1)
     scaled = problem.markers * np.concatenate([[1.0], amplitude])[:, None, None]
     O = reduce_outputs(scaled, problem.marker_weights)  # noqa: E741

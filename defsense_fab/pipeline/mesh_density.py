@@ -23,6 +23,7 @@ from ..mechanics.batch import solve_all
 from ..mechanics.locate import PointLocator
 from ..mechanics.material import Material
 from ..mechanics.tet10 import QuadraticMesh
+from ..sensing.response import Response
 from ..sensing.signal import signals
 from .loading import Loading, jobs
 
@@ -165,5 +166,5 @@ def _measure(device: Device, mesh: QuadraticMesh, locator: PointLocator, lines: 
         u = results[-1].u
         if u is not None:
             moved = lines + locator.displacement(at, u[None])[0].reshape(lines.shape)
-            out[i] = signals(lines, moved[None], 1.0)[0]
+            out[i] = signals(lines, moved[None], Response.line(1.0))[0]
     return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -28,7 +28,8 @@ from ..optimize.verify import LayoutCheck, verify
 from ..sensing.decoder import measure
 from ..sensing.features import KINDS
 from ..sensing.folds import cross_validated
-from ..sensing.signal import peak_strain
+from ..sensing.response import response_of
+from ..sensing.signal import strain_range
 from ..sensing.train import train
 from .layout_file import read_sensor, write_sensor
 from .stage_body import load_surface
@@ -114,7 +115,7 @@ def load_task(device: Device, folder: Path) -> Task:
         fields,
         np.concatenate([np.zeros((1, *points.shape)), moved]),
         weights,
-        device.cord.gauge_factor,
+        response_of(device.cord.response),
         device.cord.noise,
         limits(device),
         DECODERS[0] if device.decoder == "auto" else device.decoder,
@@ -152,6 +153,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     check = verify(found.sensors, surface, problem.limits)
     if check.problems:
         raise LayoutError(f"the optimised layout fails its check: {check.problems[0]}")
+    sensors = _sensors(device, found.sensors, check, task.everything)
     write_json(
         folder / "layout.json",
         {
@@ -163,9 +165,9 @@ def run(device: Device, folder: Path, report: Report) -> None:
                 "min_radius": problem.limits.min_radius,
                 "clearance": problem.limits.clearance,
             },
-            "sensors": _sensors(device, found.sensors, check, task.everything),
+            "sensors": sensors,
             "min_clearance": check.min_clearance,
-            "warnings": risks(problem, found.sensors),
+            "warnings": [*risks(problem, found.sensors), *_uncalibrated(device, sensors)],
             "prediction": final.to_json(),
             "cross_validated": {kind: error for kind, (error, _) in tried.items()},
             "band": {**asdict(spread(problem, found.sensors, rng)), **asdict(Tolerances())},
@@ -238,6 +240,7 @@ def _sensors(
     out = []
     for channel, (s, c) in enumerate(zip(sensors, check.cords, strict=True)):
         path = sample_path(s)
+        least, most = strain_range(path, problem.deform(path))
         out.append(
             {
                 **write_sensor(s),
@@ -248,9 +251,25 @@ def _sensors(
                 "min_wall": c.min_wall,
                 "inlets": list(c.inlets),
                 "cord_diameter": device.cord.diameter,
-                "peak_strain": peak_strain(path, problem.deform(path)),
+                "peak_strain": most,
+                "least_strain": least,
             }
         )
+    return out
+
+
+def _uncalibrated(device: Device, sensors: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Warnings: cords that leave the strains in which their response was measured."""
+    low, high = device.cord.response.strain_range
+    out = []
+    for s in sensors:
+        least, most = s["least_strain"], s["peak_strain"]
+        if least < low or most > high:
+            out.append(
+                f"cord {s['name']!r}: strains of {least:.1%} to {most:.1%} leave the calibrated"
+                f" range of {low:.1%} to {high:.1%}; beyond it the response is continued along its"
+                " tangent: measure on tighter jigs, or trust the prediction less"
+            )
     return out
 
 

@@ -11,6 +11,7 @@ from defsense_fab.mechanics.material import neo_hookean
 from defsense_fab.mechanics.newton import System
 from defsense_fab.mechanics.path import solve_ramp
 from defsense_fab.mechanics.tet10 import QuadraticMesh, deformation_gradient
+from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.signal import signals
 from tests.conftest import structured_bar
 from tests.mechanics.test_material import stress_of
@@ -143,7 +144,7 @@ def orders(meshes, solve, lines):
         locator = PointLocator(mesh)
         at = locator.find(lines.reshape(-1, 3))
         moved.append(locator.displacement(at, solve(mesh)[None])[0].reshape(lines.shape))
-        measured.append(signals(lines, (lines + moved[-1])[None], 1.0)[0])
+        measured.append(signals(lines, (lines + moved[-1])[None], Response.line(1.0))[0])
         sizes.append(np.cbrt(mesh.volume / len(mesh.cells)))
     off_u = [np.sqrt(((m - moved[-1]) ** 2).mean()) for m in moved[:-1]]
     off_s = [np.sqrt(((m - measured[-1]) ** 2).mean()) for m in measured[:-1]]

@@ -6,6 +6,7 @@ import pytest
 from defsense_fab.mechanics.locate import PointLocator
 from defsense_fab.mechanics.tet10 import QuadraticMesh
 from defsense_fab.optimize.problem import Limits, Problem
+from defsense_fab.sensing.response import Response
 
 LIMITS = Limits(wall=1.2, min_radius=5.0, clearance=3.4, channel_diameter=2.2)
 
@@ -26,5 +27,12 @@ def problem(bar, bar_mesh):
     points = np.random.default_rng(0).uniform([0, -15, 15], [150, 15, 15], (30, 3))
     markers = np.stack([twisted(points, a) for a in (0.0, *angles)])
     return Problem(
-        bar, PointLocator(mesh), fields, markers, np.full(30, 1 / 30), 2.0, 0.0005, LIMITS
+        bar,
+        PointLocator(mesh),
+        fields,
+        markers,
+        np.full(30, 1 / 30),
+        Response.line(2.0),
+        0.0005,
+        LIMITS,
     )

@@ -13,6 +13,7 @@ from defsense_fab.core.mesh import Surface
 from defsense_fab.mechanics.locate import PointLocator
 from defsense_fab.mechanics.tet10 import QuadraticMesh
 from defsense_fab.optimize.problem import Limits, Problem
+from defsense_fab.sensing.response import Response
 
 LENGTH = 150.0
 LIMITS = Limits(wall=1.2, min_radius=5.0, clearance=3.4, channel_diameter=2.2)
@@ -49,7 +50,7 @@ def problem(bar_surface, mesh, states, decoder="affine", noise=0.0):
         np.stack([displacement(quadratic.nodes, *s) for s in states]),
         np.stack([displacement(MARKERS, *s) for s in [(0.0, 0.0), *states]]),
         np.full(len(MARKERS), 1 / len(MARKERS)),
-        1.0,
+        Response.line(1.0),
         noise,
         LIMITS,
         decoder,

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
+from defsense_fab.core.response import ResponseSpec
 from defsense_fab.optimize.candidates import Pool
 from defsense_fab.optimize.constraints import Constraints
 from defsense_fab.optimize.families import vary
@@ -20,6 +21,8 @@ from defsense_fab.optimize.refine import layout_error, optimise
 from defsense_fab.optimize.select import select
 from defsense_fab.optimize.slivers import Slivers
 from defsense_fab.optimize.verify import verify
+from defsense_fab.sensing.response import response_of
+from defsense_fab.sensing.signal import signals
 from tests.optimize.conftest import LIMITS
 from tests.sensing.reference import signal_gradient
 
@@ -53,7 +56,7 @@ def test_fused_signals_are_those_of_the_arrays(problem, straight):
         at = problem.locator.find(path)
         moved = path + problem.locator.displacement(at, problem.fields)
         F = np.eye(3) + problem.locator.gradient(at, problem.fields)
-        expected, slopes = signal_gradient(path, moved, F, problem.gauge_factor)
+        expected, slopes = signal_gradient(path, moved, F, problem.response.slope_everywhere)
         assert found[:, c] == pytest.approx(expected, abs=1e-12)
         assert problem.signals(path)[1:] == pytest.approx(expected, abs=1e-12)
         own = by_points[ends[c] : ends[c + 1]]
@@ -269,3 +272,38 @@ def test_selection_equals_brute_force(problem, decoder):
     got = float(problem.expected_error(pool.signals[:, chosen]))
     assert got <= np.sort(errors)[2]  # swaps end in a local minimum, here among the best
     assert errors[pairs.index(tuple(sorted(chosen)))] == pytest.approx(got)
+
+
+@pytest.mark.parametrize(
+    ("model", "coefficients"),
+    [
+        ("line", {"k": 2.0}),
+        ("two-slopes", {"tension": 2.4, "compression": 1.5}),
+        ("quadratic", {"k": 2.0, "q": 6.0}),
+        ("piecewise", {"strains": [-0.1, -0.02, 0, 0.05], "changes": [-0.2, -0.03, 0, 0.1]}),
+    ],
+)
+def test_signals_and_slopes_of_any_response(problem, straight, model, coefficients):
+    """Those of the arrays, and finite differences along a random direction."""
+    spec = ResponseSpec(model, coefficients, (-0.1, 0.1))
+    bent = replace(problem, response=response_of(spec))
+    rng = np.random.default_rng(0)
+    paths = [sample_path(straight("a", y=5)), sample_path(straight("b", y=-4, z=3))[:70]]
+    paths = [p + rng.normal(0, 0.5, p.shape) for p in paths]
+    points, ends = np.concatenate(paths), np.cumsum([0, *map(len, paths)])
+    for path in paths:
+        moved = bent.deform(path)
+        assert bent.signals(path)[1:] == pytest.approx(
+            signals(path, moved, bent.response), abs=1e-12
+        )
+    carried = bent.carrier.carry(points, ends)
+    step = rng.normal(0, 1e-5, points.shape)
+    before, after = (bent.carrier.carry(points + s * step, ends).signals for s in (-1, 1))
+    change = (after - before) / 2
+    slopes = carried.slopes()
+    got = [np.einsum("pas,pa->s", slopes[a:b], step[a:b]) for a, b in itertools.pairwise(ends)]
+    assert np.stack(got, axis=1) == pytest.approx(change, rel=2e-3, abs=1e-9)
+    weights = rng.normal(size=change.shape)
+    assert (carried.pull(weights) * step).sum() == pytest.approx(
+        (np.stack(got, axis=1) * weights).sum(), abs=1e-12
+    )

@@ -19,6 +19,7 @@ from defsense_fab.mechanics.tet10 import QuadraticMesh
 from defsense_fab.optimize.problem import Limits, Problem
 from defsense_fab.optimize.refine import layout_error, optimise
 from defsense_fab.optimize.verify import verify
+from defsense_fab.sensing.response import Response
 from tests.conftest import structured_bar
 
 COUNT = int(os.environ.get("DEFSENSE_RANDOM_DEVICES", "30"))
@@ -72,7 +73,7 @@ def device(rng):
         fields(rng, quadratic.nodes, size, draw),
         markers,
         np.full(30, 1 / 30),
-        2.0,
+        Response.line(2.0),
         float(rng.choice([0.0, 0.002, 0.01])),
         Limits(wall, rng.uniform(3, 8), diameter + wall, diameter),
         str(rng.choice(DECODERS)),

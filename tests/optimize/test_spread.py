@@ -36,7 +36,7 @@ def built(problem, layout, rng):
         path = sample_path(sensor) + rng.uniform(-0.3, 0.3, (1, 3)) * [0, 1, 1]
         at = problem.locator.find(path)
         u = problem.locator.displacement(at, amplitude[:, None, None] * problem.fields)
-        columns.append(signals(path, path + u, problem.gauge_factor * (1 + rng.normal(0, 0.05))))
+        columns.append((1 + rng.normal(0, 0.05)) * signals(path, path + u, problem.response))
     S = np.concatenate([np.zeros((1, 2)), np.stack(columns, axis=1)])
     markers = problem.markers * np.concatenate([[1], amplitude])[:, None, None]
     shown = rng.integers(len(S), size=2000)

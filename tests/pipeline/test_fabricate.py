@@ -39,7 +39,7 @@ def folder(cube, tmp_path_factory):
     out = tmp_path_factory.mktemp("cube")
     made = fabricate(device, body.surface, device.sensors, lambda *_: None, body.solid)
     layout = [
-        {**write_sensor(s), "points": c.inside.tolist(), "peak_strain": 0.1}
+        {**write_sensor(s), "points": c.inside.tolist(), "peak_strain": 0.1, "least_strain": 0.0}
         for s, c in zip(device.sensors, made.channels, strict=True)
     ]
     signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])

@@ -6,6 +6,7 @@ import pytest
 from defsense_fab.geometry.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.locate import PointLocator
 from defsense_fab.mechanics.tet10 import QuadraticMesh
+from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.signal import signals
 from tests.sensing.reference import signal_gradient
 
@@ -43,7 +44,7 @@ def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
     y = y[:, 0] + y[:, 1] * waves[0] + 0.3 * y[:, 2] * waves[1]
     z = z[:, 0] + 0.7 * z[:, 1] * waves[0] + 0.2 * z[:, 2] * waves[2]
     paths = np.stack([np.broadcast_to(2 + 146 * t, y.shape), y, z], axis=-1)
-    exact = signals(paths, field(paths)[None], 1.0)[0]
+    exact = signals(paths, field(paths)[None], Response.line(1.0))[0]
     sizes, errors = [], []
     for edge_length in (12.0, 8.5, 6.0, 4.25):
         mesh = tetrahedralise(bar, edge_length)
@@ -51,7 +52,7 @@ def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
         locator = PointLocator(quadratic)
         u = (field(quadratic.nodes) - quadratic.nodes)[None]
         found = locator.displacement(locator.find(paths.reshape(-1, 3)), u).reshape(paths.shape)
-        got = signals(paths, (paths + found)[None], 1.0)[0]
+        got = signals(paths, (paths + found)[None], Response.line(1.0))[0]
         off = np.sqrt(((field(paths) - paths - found) ** 2).sum(-1).mean())
         sizes.append(np.cbrt(mesh.volumes.mean()))
         errors.append([off, np.sqrt(((got - exact) ** 2).sum() / (exact**2).sum())])
@@ -64,7 +65,7 @@ def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
 
 def test_straight_cords_cannot_tell_the_sense_of_a_twist():
     path = np.stack([np.linspace(2, 148, 200), np.full(200, 6.0), np.full(200, 3.0)], axis=1)
-    left, right = signals(path, np.stack([twist(path, 0.7), twist(path, -0.7)]), 2.0)
+    left, right = signals(path, np.stack([twist(path, 0.7), twist(path, -0.7)]), Response.line(2.0))
     assert left > 0
     assert left == pytest.approx(right, rel=1e-9)
 
@@ -72,12 +73,12 @@ def test_straight_cords_cannot_tell_the_sense_of_a_twist():
 def test_rigid_motion_gives_no_signal():
     path = wavy(100)
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    assert np.abs(signals(path, (path @ turn + 5)[None], 2.0)).max() < 1e-12
+    assert np.abs(signals(path, (path @ turn + 5)[None], Response.line(2.0))).max() < 1e-12
 
 
 def test_uniform_stretch_gives_gauge_factor_times_strain():
     path = wavy(50)
-    assert signals(path, 1.1 * path[None], 2.0)[0] == pytest.approx(0.2)
+    assert signals(path, 1.1 * path[None], Response.line(2.0))[0] == pytest.approx(0.2)
 
 
 def test_gradient_by_finite_differences():
@@ -91,5 +92,8 @@ def test_gradient_by_finite_differences():
         for d in range(3):
             e = np.zeros_like(path)
             e[p, d] = h
-            high, low = (signals(path + s * e, ((path + s * e) @ F.T)[None], 2.0) for s in (1, -1))
+            high, low = (
+                signals(path + s * e, ((path + s * e) @ F.T)[None], Response.line(2.0))
+                for s in (1, -1)
+            )
             assert analytic[0, p, d] == pytest.approx((high - low)[0] / (2 * h), abs=1e-8)

@@ -1,0 +1,111 @@
+"""How a cord's resistance answers to strain, as a record: what `response.json` holds."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from .errors import CalibrationError
+
+#: Coefficients of each model of w(eps) = (R - R0)/R0; `sensing/response.py` evaluates them.
+MODELS: dict[str, tuple[str, ...]] = {
+    "line": ("k",),
+    "two-slopes": ("tension", "compression"),
+    "quadratic": ("k", "q"),
+    "piecewise": ("strains", "changes"),
+}
+
+#: Of `response.json`.
+SCHEMA = 1
+_LEAST_KNOTS = 2
+
+
+@dataclass(frozen=True)
+class ResponseSpec:
+    """A `model` of MODELS with its `coefficients`, and the `strain_range` (low, high) in which it
+    was measured, without unit.
+
+    line: w = k eps. two-slopes: `tension` eps above rest, `compression` eps below. quadratic:
+    w = k eps + q eps^2. piecewise: monotone through the points (`strains`, `changes`), (0, 0) among
+    them. Raises CalibrationError for coefficients that are missing, not finite or out of order.
+    """
+
+    model: str
+    coefficients: Mapping[str, Any]
+    strain_range: tuple[float, float] = (-np.inf, np.inf)
+
+    def __post_init__(self) -> None:
+        if self.model not in MODELS:
+            self._fail(f"unknown model {self.model!r}; there is: {', '.join(MODELS)}")
+        names = MODELS[self.model]
+        if set(self.coefficients) != set(names):
+            self._fail(
+                f"the model {self.model!r} has the coefficients {', '.join(names)}, not"
+                f" {', '.join(map(str, self.coefficients)) or 'none'}"
+            )
+        for name in names:
+            try:
+                value = np.asarray(self.coefficients[name], float)
+            except (TypeError, ValueError):
+                self._fail(f"{name} must be numbers, not {self.coefficients[name]!r}")
+            if value.ndim != int(self.model == "piecewise") or not np.isfinite(value).all():
+                self._fail(f"{name} must be finite numbers, not {self.coefficients[name]!r}")
+        low, high = self.strain_range
+        if not low < high:
+            self._fail(f"the strain range {low:g} to {high:g} is empty")
+        if self.model == "piecewise":
+            strains, changes = (np.asarray(self.coefficients[n], float) for n in names)
+            if len(strains) != len(changes) or len(strains) < _LEAST_KNOTS:
+                self._fail("strains and changes must be lists of one length, two points or more")
+            if not (np.diff(strains) > 0).all() or not (np.diff(changes) >= 0).all():
+                self._fail("strains must rise, and changes must not fall")
+            rest = np.flatnonzero(strains == 0)
+            if len(rest) != 1 or changes[rest[0]] != 0:
+                self._fail("at rest (strain 0) the change must be 0; add that point")
+
+    @classmethod
+    def line(cls, k: float) -> ResponseSpec:
+        """w = k eps, from a data sheet: measured nowhere, taken to hold everywhere."""
+        return cls("line", {"k": k})
+
+    def _fail(self, problem: str) -> NoReturn:
+        raise CalibrationError(f"response: {problem}")
+
+    def to_json(self) -> dict[str, Any]:
+        """The part of `response.json` that `read_response` reads."""
+        plain = {
+            name: np.asarray(value, float).tolist() for name, value in self.coefficients.items()
+        }
+        return {
+            "model": self.model,
+            "coefficients": plain,
+            "strain_range": list(self.strain_range),
+        }
+
+
+def read_response(path: Path) -> ResponseSpec:
+    """Of `response.json`, as `defsense calibrate fit` writes it. Raises CalibrationError."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CalibrationError(
+            f"{path}: cannot be read: {error.strerror}; 'defsense calibrate fit' writes such a file"
+        ) from None
+    except ValueError as error:
+        raise CalibrationError(f"{path}: not valid JSON: {error}") from None
+    try:
+        if data["schema"] != SCHEMA:
+            raise CalibrationError(f"this version reads schema {SCHEMA}, not {data['schema']!r}")
+        low, high = (float(n) for n in data["strain_range"])
+        return ResponseSpec(data["model"], dict(data["coefficients"]), (low, high))
+    except CalibrationError as error:
+        raise CalibrationError(f"{path}: {error}") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise CalibrationError(
+            f"{path}: not a response as 'defsense calibrate fit' writes it: {error!r}"
+        ) from None
