@@ -77,7 +77,8 @@ def _common(sub: argparse.ArgumentParser) -> None:
 def _specimen(
     options: argparse.Namespace, bars: Callable[[Any], AbstractContextManager[Progress]]
 ) -> int:
-    from .pipeline.specimen import RADII, write_specimen
+    from .core.bending import RADII
+    from .pipeline.specimen import write_specimen
 
     with bars(options) as progress:
         found = write_specimen(

@@ -18,6 +18,7 @@ from typing import Any
 import build123d as bd
 import numpy as np
 
+from ..core.bending import bent_strain
 from ..core.errors import FabricationError
 from .occ import one_solid
 
@@ -79,7 +80,7 @@ class Specimen:
 
     def strain(self, radius: float, height: float) -> float:
         """Of a cord at so many mm above the surface of a jig of this radius; 0 on a flat one."""
-        return (height - self.thickness / 2) / (radius + self.thickness / 2)
+        return bent_strain(radius, height, self.thickness)
 
     def half_angle(self, radius: float) -> float:
         """Half the angle, rad, that the specimen covers on a jig: its neutral plane keeps its

@@ -5,22 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from ..core.arrays import Float
 from ..core.device import Device
 from ..geometry.ends import End
 from ..geometry.parts import Made
+from ..sensing.readout import reference
 
 #: Longer by this much than needed, mm: cords are trimmed when they lie in their grooves.
 SLACK = 5.0
 #: Length of each wire beyond the body, mm.
 OUTSIDE = 200.0
-#: Preferred values of a decade (IEC 60063, E24).
-E24 = (
-    1.0, 1.1, 1.2, 1.3, 1.5, 1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 3.0,
-    3.3, 3.6, 3.9, 4.3, 4.7, 5.1, 5.6, 6.2, 6.8, 7.5, 8.2, 9.1,
-)  # fmt: skip
 
 
 def cut_list(device: Device, made: Made, signals: Float) -> list[dict[str, Any]]:
@@ -75,18 +69,6 @@ def _wire(end: End) -> dict[str, Any]:
     if end.unled:
         out["why"] = end.unled
     return out
-
-
-def reference(low: float, high: float) -> float:
-    """The E24 resistor (ohm) next to the geometric mean of a range of resistances.
-
-    In a divider that gives the largest swing of voltage over the range: its derivative by the
-    reference vanishes where that is sqrt(low * high).
-    """
-    wanted = float(np.sqrt(low * high))
-    decade = 10.0 ** np.floor(np.log10(wanted))
-    values = np.array([v * d for d in (decade / 10, decade, decade * 10) for v in E24])
-    return float(values[np.abs(np.log(values / wanted)).argmin()])
 
 
 def bill(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.bending import RADII
 from ..core.errors import FabricationError
 from ..core.progress import Progress, silent
 from .prints import Print, Printer, Written, cord_diameter, write_prints
@@ -16,9 +17,6 @@ if TYPE_CHECKING:
     from ..geometry.specimen import Specimen
 
 FILE = "specimen.json"
-#: DefSense (CHI 2016): radii of the jigs' surfaces, mm.
-RADII = (75.0, 87.5, 100.0, 112.0, 150.0, 175.0, 200.0, 225.0, 250.0)
-
 
 #: What points up on the bed: jigs lie on their side, halves on their outer one.
 UP = {"specimen-right": (0, -1, 0)}

@@ -1,0 +1,1 @@
+"""From resistances measured on bent specimens to the cord's response to strain."""

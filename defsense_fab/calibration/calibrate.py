@@ -1,0 +1,157 @@
+"""From readings to a response with its doubt: the one entry of this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float, Int
+from ..core.response import ResponseSpec
+from . import neutral
+from .choice import Tried, choose, compare
+from .fit import Data, free_gains
+from .interval import Doubt, doubt
+from .neutral import Drift, Policy
+from .plausible import check
+from .readings import Piece, Readings
+
+#: Standard deviation between specimens that is taken for granted until there are many; between
+#: pieces of one cord likewise.
+SPREAD = 0.03
+_MINUTE = 0.05  # k_res: below, nothing answers
+_WIDE = 0.25
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The response and all that tells how far to trust it.
+
+    `data` are the readings of outer cords as fitted, `readings` those readings, `pieces` their
+    pieces with their gains (pieces,), `tried` the models, `reason` why this one, `drift` of the
+    neutral cord, `neutral_changes` (m,) on the radii `neutral_radius` (m,), warnings.
+    """
+
+    response: ResponseSpec
+    k_res: float
+    doubt: Doubt
+    reason: str
+    tried: Mapping[str, Tried]
+    data: Data
+    readings: Readings
+    pieces: tuple[Piece, ...]
+    gains: Float
+    drift: Drift
+    neutral_changes: Float
+    neutral_radius: Float
+    noise: float
+    warnings: tuple[str, ...]
+
+
+def calibrate(
+    readings: Readings,
+    *,
+    policy: Policy = "refuse",
+    model: str | None = None,
+    spread: float = SPREAD,
+    rng: np.random.Generator | None = None,
+    draws: int | None = None,
+) -> Calibration:
+    """The response of the cord in these specimens; `model` overrules the choice.
+
+    Raises CalibrationError for readings that cannot be, too few radii, and a neutral cord that
+    drifts where `policy` is to refuse it.
+    """
+    warnings = check(readings)
+    changes = readings.changes()
+    before = _outer(readings, changes)
+    noise = compare(*before, spread)
+    drifting = neutral.drift(readings, changes, min(t.fitted.noise for t in noise.values()))
+    if policy == "refuse":
+        neutral.refuse(drifting)
+    elif drifting.bad and drifting.largest is not None:
+        done = "taken from the other cords" if policy == "correct" else "ignored, as you asked"
+        warnings.append(
+            f"the neutral cord changes by {drifting.largest:+.2%} ({drifting.at}): {done}"
+        )
+    used = neutral.POLICIES[policy](readings)
+    outer = used.only(~used.neutral)
+    data, radius = _outer(used, used.changes())
+    tried = noise if policy != "correct" else compare(data, radius, spread)
+    chosen, reason = choose(tried)
+    if model is not None:
+        chosen, reason = model, f"{model}: as you asked; by itself {reason}"
+    fitted = tried[chosen].fitted
+    specimens = sorted({p.specimen for p in outer.pieces})
+    index = np.array([specimens.index(p.specimen) for p in outer.pieces])[data.piece]
+    rng = rng or np.random.default_rng(1)
+    extra = {} if draws is None else {"draws": draws}
+    doubted = doubt(data, fitted, index, outer.turn, spread, rng, **extra)
+    strains = (float(data.strain.min()), float(data.strain.max()))
+    gains = free_gains(data, fitted)
+    k_res = fitted.model.slope_at_rest(fitted.theta)
+    inside = readings.neutral & ~readings.flat
+    return Calibration(
+        fitted.model.spec(fitted.theta, strains),
+        k_res,
+        doubted,
+        reason,
+        tried,
+        data,
+        outer,
+        outer.pieces,
+        gains,
+        drifting,
+        changes[inside],
+        readings.radius[inside],
+        fitted.noise,
+        (*warnings, *_warnings(k_res, doubted, outer, gains, data)),
+    )
+
+
+def _outer(readings: Readings, changes: Float) -> tuple[Data, Float]:
+    """Readings of the outer cords for fitting, and their radii."""
+    keep = ~readings.neutral
+    data = Data(
+        changes[keep], readings.strain[keep], readings.piece[keep], len(readings.pieces)
+    )
+    return data, readings.radius[keep]
+
+
+def _warnings(
+    k_res: float, doubted: Doubt, outer: Readings, gains: Float, data: Data
+) -> list[str]:
+    out = []
+    low, high = doubted.interval
+    if k_res < 0:
+        out.append(
+            f"resistances fall where the cord is stretched (k_res {k_res:.2f}): were top and bottom"
+            " exchanged? The bottom cord lies on the jig"
+        )
+    elif low < _MINUTE:
+        out.append(f"k_res {k_res:.2f} is hardly told from nothing: does the cord answer at all?")
+    if high - low > 2 * _WIDE * abs(k_res):
+        out.append(
+            f"k_res is only known within {low:.2f} to {high:.2f}; more rounds, or more specimens,"
+            " narrow that"
+        )
+    for p, gain in enumerate(gains):
+        if np.isfinite(gain) and abs(gain - 1) > 0.2:
+            out.append(
+                f"the cord {outer.pieces[p].name} answers {gain:.2f} times as much as the mean of"
+                " all: look at its joints, and whether it lies where it should"
+            )
+    if not _both_faces(data):
+        out.append(
+            "every piece was only stretched or only pressed: a difference between the two cannot be"
+            " told from one between pieces; turn the specimen over for some rounds (column face)"
+        )
+    return out
+
+
+def _both_faces(data: Data) -> bool:
+    strained: Int = np.sign(np.round(data.strain, 9)).astype(int)
+    return any(
+        {-1, 1} <= set(strained[data.piece == p].tolist()) for p in np.unique(data.piece)
+    )

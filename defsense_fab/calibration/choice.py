@@ -1,0 +1,99 @@
+"""Which model the readings call for, by the error on radii that were left out.
+
+A model with more coefficients must earn them. Its deviance is the sum of squared errors on left-out
+radii over the noise's variance, plus that of the pieces' gains over theirs: what it costs to lay a
+curve at the door of the pieces. It has to be lower by more than chance would make it, and at the
+radii on the whole, not at one of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float
+from .fit import Data, Fitted, fit
+from .models import ORDER, model
+
+#: Deviance that one more coefficient must save: 3.84 is chance at 5 %, but readings at one radius
+#: share hysteresis and relaxation.
+_PRICE = 8.0
+_CLEAR = 1.0  # standard errors by which the mean over radii must be better
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A model's fit to all readings; RMSE on radii left out, of (R - R0)/R0; mean squared error of
+    each radius `by_radius` (r,) over the noise's variance; how many readings were left out in all;
+    what the gains of its pieces cost."""
+
+    fitted: Fitted
+    left_out: float
+    by_radius: Float
+    count: int
+    gains: float
+
+    @property
+    def deviance(self) -> float:
+        return float(self.count * self.by_radius.mean() + self.gains)
+
+
+def compare(data: Data, radius: Float, spread: float) -> dict[str, Tried]:
+    """Every model that the readings can carry; `radius` (n,) mm, NaN for flat ones; `spread` is the
+    standard deviation expected of the gains."""
+    radii = np.unique(radius[~np.isnan(radius)])
+    forms = {name: model(name, data.strain) for name in ORDER}
+    forms = {n: f for n, f in forms.items() if f.size <= len(radii) - 1}
+    fits = {n: fit(data, f, spread) for n, f in forms.items()}
+    best = min(fits.values(), key=lambda f: f.noise)
+    errors = {}
+    for name, whole in fits.items():
+        out = []
+        for r in radii:
+            rest, own = np.flatnonzero(radius != r), np.flatnonzero(radius == r)
+            part = fit(data.only(rest), whole.model, spread, whole)
+            left = data.y[own] - part.predict(data.only(own))
+            out.append(float(np.average(left**2, weights=best.weight[own])))
+        errors[name] = np.array(out)
+    variance = max(min(float(e.mean()) for e in errors.values()), 1e-12)
+    count = int((~np.isnan(radius)).sum())
+    return {
+        name: Tried(
+            whole,
+            float(np.sqrt(errors[name].mean())),
+            errors[name] / variance,
+            count,
+            float(((whole.gain - 1) ** 2).sum() / spread**2) if spread > 0 else 0.0,
+        )
+        for name, whole in fits.items()
+    }
+
+
+def choose(tried: dict[str, Tried]) -> tuple[str, str]:
+    """Its name, and why, in words."""
+    chosen = "line"
+    for name in sorted((n for n in tried if n != chosen), key=lambda n: tried[n].fitted.model.size):
+        if _better(tried[name], tried[chosen]):
+            chosen = name
+    errors = ", ".join(f"{n} {t.left_out:.2%}" for n, t in tried.items())
+    if chosen == "line":
+        why = "no other model is better by more than chance, so the simplest is taken"
+    else:
+        more = tried[chosen].fitted.model.size - 1
+        why = (
+            f"its deviance is {tried['line'].deviance - tried[chosen].deviance:.0f} lower than the"
+            f" line's, and {_PRICE * more:.0f} would do for {more} more coefficient"
+            + ("s" if more > 1 else "")
+        )
+    return chosen, f"{chosen}: {why} (error of (R - R0)/R0 on radii left out: {errors})"
+
+
+def _better(new: Tried, old: Tried) -> bool:
+    """A model of the same size needs no more than a lower deviance."""
+    price = _PRICE * (new.fitted.model.size - old.fitted.model.size)
+    if old.deviance - new.deviance <= price:
+        return False
+    saved = old.by_radius - new.by_radius
+    clear = saved.mean() > _CLEAR * saved.std(ddof=1) / np.sqrt(len(saved))
+    return bool(clear or old.gains - new.gains > price)

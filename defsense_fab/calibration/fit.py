@@ -1,0 +1,123 @@
+"""Fitting one model to the readings of all pieces of cord.
+
+A reading of piece p is y = (R - R0)/R0 = c_p + g_p w(eps) + noise. Its flat reading is a reading
+like others, so c_p, the error of R0, is fitted. Pieces differ: g_p, one on average, is drawn towards
+one as a normal variable of a known standard deviation (a ridge), which keeps it apart from a true
+difference between tension and compression where pieces only saw one of them. Outliers count less
+(Huber 1964).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ..core.arrays import Float, Int
+from .models import Model
+
+_HUBER = 1.5  # residuals beyond so many standard deviations are outliers
+_LEAST_NOISE = 1e-5  # of (R - R0)/R0: no meter shows less
+_STEPS = 40
+_STILL = 1e-7
+
+
+@dataclass(frozen=True)
+class Data:
+    """What is fitted: changes `y` (n,) of (R - R0)/R0 at `strain` (n,) of the piece `piece` (n,),
+    an index below `pieces`."""
+
+    y: Float
+    strain: Float
+    piece: Int
+    pieces: int
+
+    def only(self, keep: Int) -> Data:
+        return Data(self.y[keep], self.strain[keep], self.piece[keep], self.pieces)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The model with its coefficients `theta`, the pieces' offsets and gains (pieces,), the standard
+    deviation `noise` of a reading, and the weights (n,) that outliers left to it."""
+
+    model: Model
+    theta: Float
+    offset: Float
+    gain: Float
+    noise: float
+    weight: Float
+
+    def predict(self, data: Data) -> Float:
+        """Changes (n,) that the fit expects."""
+        w = self.model.predict(self.theta, data.strain)
+        return np.asarray(self.offset[data.piece] + self.gain[data.piece] * w)
+
+
+def fit(
+    data: Data, model: Model, spread: float, start: Fitted | None = None, steps: int = _STEPS
+) -> Fitted:
+    """The model fitted by alternating least squares; `spread` is the standard deviation expected of
+    the gains. `start` spares steps where a similar fit is known."""
+    gain = np.ones(data.pieces) if start is None else start.gain
+    weight = np.ones(len(data.y))
+    noise = _LEAST_NOISE if start is None else start.noise
+    design = model.design(data.strain)
+    own = np.eye(data.pieces)[data.piece]
+    present = own.any(0)
+    theta, offset = np.zeros(model.size), np.zeros(data.pieces)
+    for step in range(steps):
+        before = theta
+        root = np.sqrt(weight)[:, None]
+        A = np.concatenate([gain[data.piece, None] * design, own[:, present]], axis=1) * root
+        theta, offset[present] = np.split(_solve(A, data.y * root[:, 0], model), [model.size])
+        w = design @ theta
+        left = data.y - offset[data.piece] - gain[data.piece] * w
+        noise = _scale(left, model.size + int(present.sum()))
+        weight = np.minimum(1.0, _HUBER * noise / np.maximum(np.abs(left), 1e-300))
+        gain = _gains(data, w, offset, weight, noise, spread)
+        theta = theta * gain[present].mean()
+        gain = np.where(present, gain / gain[present].mean(), 1.0)
+        if step > 2 and np.abs(theta - before).max() < _STILL * max(np.abs(theta).max(), 1e-9):
+            break
+    return Fitted(model, theta, offset, gain, noise, weight)
+
+
+def _solve(A: Float, b: Float, model: Model) -> Float:
+    if not model.rising:
+        return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
+    low = np.where(np.arange(A.shape[1]) < model.size, 0.0, -np.inf)
+    return np.asarray(lsq_linear(A, b, bounds=(low, np.inf), method="bvls").x)
+
+
+def _gains(
+    data: Data, w: Float, offset: Float, weight: Float, noise: float, spread: float
+) -> Float:
+    """Ridge of each piece's readings on the model's, towards one."""
+    pull = (noise / spread) ** 2 if spread > 0 else np.inf
+    if not np.isfinite(pull):
+        return np.ones(data.pieces)
+    left = data.y - offset[data.piece]
+    up = np.bincount(data.piece, weight * left * w, data.pieces) + pull
+    down = np.bincount(data.piece, weight * w * w, data.pieces) + pull
+    return np.asarray(up / down)
+
+
+def free_gains(data: Data, fitted: Fitted) -> Float:
+    """The pieces' gains (pieces,) as their own readings have it, NaN for pieces without any."""
+    w = fitted.model.predict(fitted.theta, data.strain)
+    out = np.full(data.pieces, np.nan)
+    for p in np.unique(data.piece):
+        own = data.piece == p
+        root = np.sqrt(fitted.weight[own])
+        A = np.stack([w[own], np.ones(own.sum())], axis=1) * root[:, None]
+        out[p] = np.linalg.lstsq(A, data.y[own] * root, rcond=None)[0][0]
+    return out
+
+
+def _scale(left: Float, used: int) -> float:
+    """Robust standard deviation of residuals of a fit with so many coefficients."""
+    free = max(len(left) - used, 1)
+    middle = 1.4826 * float(np.median(np.abs(left))) * np.sqrt(len(left) / free)
+    return max(middle, _LEAST_NOISE)

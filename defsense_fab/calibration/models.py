@@ -1,0 +1,98 @@
+"""The models of a response, as least squares sees them: linear in their coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.response import ResponseSpec
+from ..sensing.response import response_of
+
+#: From the simplest to the one that follows anything.
+ORDER = ("line", "two-slopes", "quadratic", "piecewise")
+_KNOTS = 3  # of the piecewise model, on either side of rest
+_APART = 1e-4  # strain between two knots
+
+
+@dataclass(frozen=True)
+class Model:
+    """w(eps) = design(eps) @ theta. The piecewise model's theta are the rises between its `knots`
+    (k,), strains with 0 among them, and must not be negative (`rising`)."""
+
+    name: str
+    knots: Float
+
+    @property
+    def rising(self) -> bool:
+        return self.name == "piecewise"
+
+    @property
+    def size(self) -> int:
+        """How many coefficients it has."""
+        return {"line": 1, "two-slopes": 2, "quadratic": 2, "piecewise": len(self.knots) - 1}[
+            self.name
+        ]
+
+    def design(self, strain: Float) -> Float:
+        """(n, size) for strains (n,)."""
+        e = np.asarray(strain, float)
+        if self.name == "line":
+            return e[:, None]
+        if self.name == "two-slopes":
+            return np.stack([np.maximum(e, 0), np.minimum(e, 0)], axis=1)
+        if self.name == "quadratic":
+            return np.stack([e, e**2], axis=1)
+        low, high = self.knots[:-1], self.knots[1:]
+        climbed = np.clip((e[:, None] - low) / (high - low), 0, 1)
+        return np.asarray(climbed - np.clip(-low / (high - low), 0, 1))
+
+    def spec(self, theta: Float, strain_range: tuple[float, float]) -> ResponseSpec:
+        """The record with these coefficients."""
+        if self.name == "piecewise":
+            changes = np.concatenate([[0.0], np.cumsum(theta)])
+            rest = int(np.flatnonzero(self.knots == 0)[0])
+            values: dict[str, object] = {
+                "strains": self.knots.tolist(),
+                "changes": (changes - changes[rest]).tolist(),
+            }
+        else:
+            names = {"line": ("k",), "two-slopes": ("tension", "compression")}
+            keys = names.get(self.name, ("k", "q"))
+            values = dict(zip(keys, map(float, theta), strict=True))
+        return ResponseSpec(self.name, values, strain_range)
+
+    def predict(self, theta: Float, strain: Float) -> Float:
+        """w at strains (n,): of the piecewise model the smooth curve through its knots, which is
+        what will be used."""
+        if not self.rising:
+            return np.asarray(self.design(strain) @ theta)
+        return response_of(self.spec(theta, (float(self.knots[0]), float(self.knots[-1]))))(strain)
+
+    def slope_at_rest(self, theta: Float) -> float:
+        """dw/deps at no strain; of two slopes the mean."""
+        if self.name == "two-slopes":
+            return float(theta.mean())
+        if self.name == "piecewise":
+            low, high = float(self.knots[0]), float(self.knots[-1])
+            return float(response_of(self.spec(theta, (low, high))).slope(np.array(0.0)))
+        return float(theta[0])
+
+
+def model(name: str, strain: Float) -> Model:
+    """The model for data at strains (n,)."""
+    return Model(name, _knots(strain) if name == "piecewise" else np.zeros(0))
+
+
+def _knots(strain: Float) -> Float:
+    """Rest, and on either side of it equal shares of the strains that were measured there."""
+    out = [0.0]
+    for side in (strain[strain < -_APART], strain[strain > _APART]):
+        if len(side):
+            ends = np.unique(side)
+            out += np.quantile(ends, np.linspace(0, 1, _KNOTS + 1)[1:]).tolist() if (
+                side[0] > 0
+            ) else np.quantile(ends, np.linspace(0, 1, _KNOTS + 1)[:-1]).tolist()  # fmt: skip
+    knots = np.unique(out)
+    return knots[np.append(True, np.diff(knots) > _APART)]

@@ -1,0 +1,118 @@
+"""The cord in the neutral plane: it must not answer; where it does, something else is at work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ..core.arrays import Bool, Float
+from ..core.errors import CalibrationError
+from .readings import Readings
+
+Policy = Literal["refuse", "correct", "ignore"]
+
+#: A drift matters from this fraction of the outer cords' largest change on,
+_MATTERS = 0.05
+#: if it is so many standard errors of the mean that it shows in.
+_CLEAR = 4.0
+
+
+@dataclass(frozen=True)
+class Drift:
+    """`largest` mean change (R - R0)/R0 of the neutral cords, with its sign, over the readings
+    `at` one radius, round or specimen; None without neutral cords. Whether it is `bad`, and the
+    `limit` from which on it would be; RMS of all their changes."""
+
+    largest: float | None
+    at: str
+    bad: bool
+    limit: float
+    rms: float
+
+
+def drift(readings: Readings, changes: Float, noise: float) -> Drift:
+    """Of the neutral cords in `changes` (n,), `noise` being a reading's standard deviation."""
+    inside = readings.neutral & ~readings.flat
+    outer = ~readings.neutral & ~readings.flat
+    matters = _MATTERS * float(np.abs(changes[outer]).max(initial=0))
+    if not inside.any():
+        return Drift(None, "", False, matters, 0.0)
+    found = Drift(0.0, "", False, matters, float(np.sqrt((changes[inside] ** 2).mean())))
+    worst = -1.0
+    for at, group in _groups(readings, inside):
+        mean = float(changes[group].mean())
+        limit = max(matters, _CLEAR * noise / np.sqrt(group.sum()))
+        # R0 is measured, too, once or a few times: its error is in all changes of a piece.
+        rests = [
+            (readings.flat & (readings.piece == p)).sum() for p in np.unique(readings.piece[group])
+        ]
+        limit = max(matters, _CLEAR * noise * np.sqrt(1 / group.sum() + 1 / sum(rests)))
+        if abs(mean) / limit > worst:
+            worst = abs(mean) / limit
+            found = replace(found, largest=mean, at=at, bad=worst > 1, limit=float(limit))
+    return found
+
+
+def _groups(readings: Readings, inside: Bool) -> list[tuple[str, Bool]]:
+    """Readings of one piece at one radius, in one round, or in all."""
+    out = []
+    for p in np.unique(readings.piece[inside]):
+        own = inside & (readings.piece == p)
+        name = readings.pieces[p].name
+        out.append((f"{name}, all radii", own))
+        for r in np.unique(readings.radius[own]):
+            out.append((f"{name}, {r:g} mm", own & (readings.radius == r)))
+        for turn in np.unique(readings.turn[own]):
+            out.append((f"{name}, round {turn + 1}", own & (readings.turn == turn)))
+    return out
+
+
+def refuse(found: Drift) -> None:
+    """Raises CalibrationError if the drift is bad."""
+    if not found.bad or found.largest is None:
+        return
+    raise CalibrationError(
+        f"the neutral cord changes by {found.largest:+.2%} ({found.at}), more than the"
+        f" {found.limit:.2%} that noise and a cord a little off its place could do: something else"
+        " than strain is at work (temperature, a loose joint, a cord that creeps or lies off the"
+        " neutral plane). Measure again, or choose --neutral correct (takes the neutral cord's"
+        " change from the others: right for a common drift) or --neutral ignore"
+    )
+
+
+def corrected(readings: Readings) -> Readings:
+    """Without what the neutral cord of the same specimen did in the same round on the same jig, as
+    a common factor.
+
+    Raises CalibrationError where there is none to go by.
+    """
+    changes = readings.changes()
+    resistance = readings.resistance.copy()
+    for i in np.flatnonzero(~readings.neutral):
+        specimen = readings.pieces[readings.piece[i]].specimen
+        own = [p for p, one in enumerate(readings.pieces) if one.neutral and one.specimen == specimen]
+        beside = np.isin(readings.piece, own)
+        same = beside & _same(readings.radius, readings.radius[i])
+        best = same & (readings.turn == readings.turn[i])
+        found = best if best.any() else same
+        if not found.any():
+            raise CalibrationError(
+                f"{readings.where[i]}: no reading of a neutral cord of specimen {specimen!r} on the"
+                " same jig to correct it by"
+            )
+        resistance[i] /= 1 + float(changes[found].mean())
+    return replace(readings, resistance=resistance)
+
+
+def _same(radius: Float, one: float) -> Bool:
+    return np.isnan(radius) if np.isnan(one) else radius == one
+
+
+POLICIES: dict[str, Callable[[Readings], Readings]] = {
+    "refuse": lambda readings: readings,
+    "correct": corrected,
+    "ignore": lambda readings: readings,
+}

@@ -1,0 +1,81 @@
+"""Whether readings can be what they say: open and shorted cords, units mixed up, missing jigs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..core.errors import CalibrationError
+from .readings import LEAST_RADII, Readings
+
+#: A cord on a jig changes by a tenth or two; by more than this it is broken or shorted.
+_MOST_CHANGE = 0.8
+#: kohm among ohm, or the other way round.
+_THOUSAND = 1000.0
+#: Below, ohm: pieces of 100 mm and more of any rubber cord have far more.
+_FEW_OHMS = 20.0
+
+
+def check(readings: Readings) -> list[str]:
+    """Raises CalibrationError with the place of the first reading that cannot be; returns
+    warnings."""
+    outer = readings.only(~readings.neutral)
+    if len(outer.radii) < LEAST_RADII:
+        have = ", ".join(f"{r:g}" for r in outer.radii) or "none"
+        raise CalibrationError(
+            f"{len(outer.radii)} different jig radii ({have}): a response needs at least"
+            f" {LEAST_RADII}; measure on more jigs"
+        )
+    for i, where in enumerate(readings.where):
+        ohm = readings.resistance[i]
+        if not (np.isfinite(ohm) and ohm > 0):
+            raise CalibrationError(
+                f"{where}: a resistance of {ohm:g} ohm: the cord or its joints are"
+                f" {'open' if ohm > 0 else 'shorted'}; mend it and measure again, or leave the row"
+                " out"
+            )
+    _check_units(readings)
+    changes = readings.changes()
+    for i, where in enumerate(readings.where):
+        if abs(changes[i]) > _MOST_CHANGE:
+            rest = readings.resistance[i] / (1 + changes[i])
+            state = "open" if changes[i] > 0 else "shorted"
+            raise CalibrationError(
+                f"{where}: {readings.resistance[i]:g} ohm against {rest:g} at rest cannot be"
+                f" strain: the cord or its joints are {state}; mend it and measure again, or leave"
+                " the row out"
+            )
+    warnings = []
+    if readings.resistance.max() < _FEW_OHMS:
+        warnings.append(
+            f"resistances of at most {readings.resistance.max():g} ohm are little for rubber cord:"
+            " were they kohm? The response is the same, for it is relative"
+        )
+    if not readings.neutral.any():
+        warnings.append("there is no neutral cord: whether something else than strain is at work"
+                        " is not known")  # fmt: skip
+    return warnings
+
+
+def _check_units(readings: Readings) -> None:
+    """kohm among ohm: within a piece by its median, between pieces of one specimen."""
+    middle = {}
+    for p in range(len(readings.pieces)):
+        own = np.flatnonzero(readings.piece == p)
+        middle[p] = float(np.median(readings.resistance[own])) if len(own) else np.nan
+        for i in own:
+            ratio = readings.resistance[i] / middle[p]
+            for factor in (_THOUSAND, 1 / _THOUSAND):
+                if 0.4 < ratio * factor < 2.5:
+                    raise CalibrationError(
+                        f"{readings.where[i]}: {readings.resistance[i]:g} among readings of about"
+                        f" {middle[p]:g} of the same cord: ohm and kohm are mixed; give ohm"
+                    )
+    for p, one in enumerate(readings.pieces):
+        for q, other in enumerate(readings.pieces[:p]):
+            ratio = middle[p] / middle[q]
+            same = one.specimen == other.specimen
+            if same and (ratio > 0.2 * _THOUSAND or ratio < 5 / _THOUSAND):
+                raise CalibrationError(
+                    f"specimen {one.specimen!r}: about {middle[q]:g} ohm in the {other.place} cord"
+                    f" and {middle[p]:g} in the {one.place} one: ohm and kohm are mixed; give ohm"
+                )

@@ -1,0 +1,124 @@
+"""Settled resistances of cords in bent specimens, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.arrays import Bool, Float, Int
+from ..core.bending import bent_strain
+from ..core.errors import CalibrationError
+
+#: Fewer radii tell no line from a curve, and no outlier from either.
+LEAST_RADII = 3
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Of a specimen: its thickness, and how far below its faces the outer cords lie, mm."""
+
+    thickness: float = 15.0
+    offset: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("thickness", self.thickness), ("offset", self.offset)):
+            if not (np.isfinite(value) and 0 < value < 200):
+                raise CalibrationError(f"specimen: a {name} of {value:g} mm cannot be; give mm")
+        if not self.offset < self.thickness / 2:
+            raise CalibrationError(
+                f"specimen: an offset of {self.offset:g} mm lies beyond the neutral plane of a"
+                f" thickness of {self.thickness:g} mm; give both in mm"
+            )
+
+    def strain(self, radius: float, side: int) -> float:
+        """On a jig of this surface radius, mm, or 0 where that is NaN: `side` 1 is the cord away
+        from the jig, -1 the one next to it, 0 the neutral one."""
+        if np.isnan(radius) or side == 0:
+            return 0.0
+        height = self.thickness / 2 + side * (self.thickness / 2 - self.offset)
+        return bent_strain(radius, height, self.thickness)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One piece of cord: where it lies in which specimen."""
+
+    specimen: str
+    place: str
+    neutral: bool
+
+    @property
+    def name(self) -> str:
+        return f"{self.specimen}/{self.place}"
+
+
+@dataclass(frozen=True)
+class Readings:
+    """n settled resistances, in the order in which they were taken: the `piece` (n,) of `pieces`,
+    its `strain` (n,), the jig's surface `radius` (n,) mm or NaN on the flat one, the `turn` (n,) of
+    the protocol (rounds, from 0), the `resistance` (n,) ohm; `where` each was read from."""
+
+    pieces: tuple[Piece, ...]
+    piece: Int
+    strain: Float
+    radius: Float
+    turn: Int
+    resistance: Float
+    where: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.where)
+        for name in ("piece", "strain", "radius", "turn", "resistance"):
+            if getattr(self, name).shape != (n,):
+                raise ValueError(f"{name} must have the shape ({n},)")
+
+    @property
+    def flat(self) -> Bool:
+        """Which were read on the flat jig (n,)."""
+        return np.isnan(self.radius)
+
+    @property
+    def neutral(self) -> Bool:
+        """Which belong to neutral cords (n,)."""
+        return np.array([p.neutral for p in self.pieces], bool)[self.piece]
+
+    @property
+    def radii(self) -> Float:
+        """Different radii, rising, mm."""
+        return np.unique(self.radius[~self.flat])
+
+    def only(self, keep: Bool | Int) -> Readings:
+        """Some of the readings."""
+        where = tuple(np.array(self.where, object)[keep])
+        names = ("piece", "strain", "radius", "turn", "resistance")
+        return replace(self, where=where, **{n: getattr(self, n)[keep] for n in names})
+
+    def changes(self) -> Float:
+        """(R - R0)/R0 (n,), R0 being the mean of the piece's flat readings.
+
+        Raises CalibrationError for a piece without a flat reading.
+        """
+        rest = np.empty(len(self.pieces))
+        for i, piece in enumerate(self.pieces):
+            own = self.resistance[(self.piece == i) & self.flat]
+            if not len(own) and (self.piece == i).any():
+                raise CalibrationError(
+                    f"specimen {piece.specimen!r}, {piece.place}: there is no reading on the flat"
+                    " jig, so its resistance at rest is unknown; add one (an empty jig_radius)"
+                )
+            rest[i] = own.mean() if len(own) else np.nan
+        return np.asarray(self.resistance / rest[self.piece] - 1)
+
+
+def joined(parts: list[Readings]) -> Readings:
+    """Readings of several tables or sessions as one; pieces of the same name are the same."""
+    pieces = list(dict.fromkeys(p for part in parts for p in part.pieces))
+    index = [np.array([pieces.index(p) for p in part.pieces], int)[part.piece] for part in parts]
+    names = ("strain", "radius", "turn", "resistance")
+    return Readings(
+        tuple(pieces),
+        np.concatenate(index),
+        where=tuple(w for part in parts for w in part.where),
+        **{n: np.concatenate([getattr(p, n) for p in parts]) for n in names},
+    )

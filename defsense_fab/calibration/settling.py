@@ -1,0 +1,93 @@
+"""When a cord has come to rest after it was bent anew, and what its way there tells.
+
+Conductive rubber jumps too high when its strain changes, either way, and creeps back over seconds to
+minutes; the creep is fitted by one exponential.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float
+
+_TIMES = np.geomspace(0.5, 120, 60)  # s, of the exponentials that are tried
+_NOISY = 3.0  # standard errors of a difference that are no change
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A reading has settled when the means over the last two halves of `window` s differ by less
+    than `tolerance` of the resistance, in every channel (or by less than three standard errors,
+    where noise hides that much), not before `least` s; after `most` s it is taken as it is."""
+
+    window: float = 6.0
+    tolerance: float = 0.0005
+    least: float = 8.0
+    most: float = 90.0
+
+    def __str__(self) -> str:
+        half = self.window / 2
+        return (
+            f"settled = means over the last {half:g} s and the {half:g} s before differ by less than"
+            f" {self.tolerance:.2%} (after {self.least:g} s or more; taken anyway after"
+            f" {self.most:g} s)"
+        )
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What there is to say after so many s: the mean resistances `ohm` (c,) of the last half window
+    and their standard errors (c,), the largest relative `change` between the halves, whether that is
+    `still`, and whether the time is `over`."""
+
+    ohm: Float
+    error: Float
+    change: float
+    still: bool
+    over: bool
+
+
+def settled(time: Float, ohm: Float, criterion: Criterion) -> Settled | None:
+    """Of readings `ohm` (t, c) at `time` (t,) s since the cord was bent; None while they are too few
+    to tell. Readings that are not finite are an open circuit and never settle."""
+    half = criterion.window / 2
+    now = time[-1] if len(time) else 0.0
+    late, early = time > now - half, (time > now - 2 * half) & (time <= now - half)
+    if now < criterion.window or min(late.sum(), early.sum()) < 3:
+        return None
+    a, b = ohm[early], ohm[late]
+    mean = b.mean(0)
+    error = b.std(0, ddof=1) / np.sqrt(len(b))
+    both = np.hypot(a.std(0, ddof=1) / np.sqrt(len(a)), error)
+    limit = np.maximum(criterion.tolerance * mean, _NOISY * both)
+    apart = np.abs(mean - a.mean(0))
+    still = bool((apart < limit).all()) and now >= criterion.least
+    return Settled(mean, error, float((apart / mean).max()), still, bool(now >= criterion.most))
+
+
+@dataclass(frozen=True)
+class Creep:
+    """R = end + start exp(-t / time): `end` and `start` in ohm, `time` in s, NaN where the readings
+    show none."""
+
+    end: float
+    start: float
+    time: float
+
+
+def creep(time: Float, ohm: Float) -> Creep:
+    """Fitted to readings `ohm` (t,) of one cord at `time` (t,) s."""
+    best, found = np.inf, Creep(float(ohm.mean()), 0.0, float("nan"))
+    straight = float(((ohm - ohm.mean()) ** 2).sum())
+    for tau in _TIMES:
+        A = np.stack([np.ones_like(time), np.exp(-time / tau)], axis=1)
+        x = np.linalg.lstsq(A, ohm, rcond=None)[0]
+        left = float(((A @ x - ohm) ** 2).sum())
+        if left < best:
+            best, found = left, Creep(float(x[0]), float(x[1]), float(tau))
+    free = max(len(ohm) - 3, 1)
+    if straight - best < 10 * best / free:  # not clear of the noise
+        return Creep(float(ohm.mean()), 0.0, float("nan"))
+    return found

@@ -1,0 +1,1 @@
+"""From the read-out board to recordings: ports, clocks, frames, files."""

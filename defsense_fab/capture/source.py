@@ -1,0 +1,64 @@
+"""What every source of samples can do: a port, a socket, a replayed file, a twin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from ..core.errors import CaptureError
+from ..sensing.frames import Info, Sample
+
+
+class StaleError(CaptureError):
+    """There is no reading that is fresh enough."""
+
+
+@dataclass(frozen=True)
+class Stamped:
+    """A sample, the host's monotonic clock when it arrived, ns, and the device's own clock, us:
+    without wraps, and carried on by the host's clock over gaps and restarts."""
+
+    host_ns: int
+    device_us: int
+    sample: Sample
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened between samples: `start`, `gap`, `resumed`, `restart`, `text`."""
+
+    host_ns: int
+    kind: str
+    data: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Samples that arrived, that the counter misses, frames that were none, gaps, restarts of the
+    board."""
+
+    samples: int = 0
+    lost: int = 0
+    bad: int = 0
+    gaps: int = 0
+    restarts: int = 0
+
+
+class Source(Protocol):
+    """Samples as they come. `start` before the rest, `close` after it; both from one thread."""
+
+    name: str
+
+    def start(self) -> Info:
+        """Begin; raises CaptureError where there is nothing to read."""
+
+    def drain(self) -> list[Stamped | Event]:
+        """All since the last call, in order; raises CaptureError when nothing will come any more."""
+
+    def read_latest(self, max_age: float) -> Stamped:
+        """The newest sample; raises StaleError if it arrived more than `max_age` s ago."""
+
+    @property
+    def statistics(self) -> Statistics: ...
+
+    def close(self) -> None: ...

@@ -1,0 +1,1 @@
+"""The device that is not there yet: cords, specimens and boards that behave like real ones."""
