@@ -11,7 +11,7 @@ from ..core.arrays import Float, Int
 from ..core.response import ResponseSpec
 from . import neutral
 from .choice import Tried, choose, compare
-from .fit import Data, free_gains
+from .fit import Data, free_gains, history
 from .interval import Doubt, doubt
 from .neutral import Drift, Policy
 from .plausible import check
@@ -113,15 +113,18 @@ def calibrate(
 def _outer(readings: Readings, changes: Float) -> tuple[Data, Float]:
     """Readings of the outer cords for fitting, and their radii."""
     keep = ~readings.neutral
+    strain = readings.strain[keep]
     data = Data(
-        changes[keep], readings.strain[keep], readings.piece[keep], len(readings.pieces)
+        changes[keep],
+        strain,
+        readings.piece[keep],
+        len(readings.pieces),
+        history(strain, readings.before[keep]),
     )
     return data, readings.radius[keep]
 
 
-def _warnings(
-    k_res: float, doubted: Doubt, outer: Readings, gains: Float, data: Data
-) -> list[str]:
+def _warnings(k_res: float, doubted: Doubt, outer: Readings, gains: Float, data: Data) -> list[str]:
     out = []
     low, high = doubted.interval
     if k_res < 0:
@@ -152,6 +155,4 @@ def _warnings(
 
 def _both_faces(data: Data) -> bool:
     strained: Int = np.sign(np.round(data.strain, 9)).astype(int)
-    return any(
-        {-1, 1} <= set(strained[data.piece == p].tolist()) for p in np.unique(data.piece)
-    )
+    return any({-1, 1} <= set(strained[data.piece == p].tolist()) for p in np.unique(data.piece))

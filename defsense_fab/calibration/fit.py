@@ -5,6 +5,11 @@ like others, so c_p, the error of R0, is fitted. Pieces differ: g_p, one on aver
 one as a normal variable of a known standard deviation (a ridge), which keeps it apart from a true
 difference between tension and compression where pieces only saw one of them. Outliers count less
 (Huber 1964).
+
+Where it is known what strain a piece came from, two more terms take what it remembers of that:
+hysteresis, by the direction in which it came, and creep that is not over, by how far. Without them
+the least bent jig, which is always reached from above, and the most bent one, which is always
+reached from below, would pull the response flat.
 """
 
 from __future__ import annotations
@@ -26,33 +31,46 @@ _STILL = 1e-7
 @dataclass(frozen=True)
 class Data:
     """What is fitted: changes `y` (n,) of (R - R0)/R0 at `strain` (n,) of the piece `piece` (n,),
-    an index below `pieces`."""
+    an index below `pieces`; `history` (n, 2): the direction that it came from (1 from more strain,
+    -1 from less), and how much strain away."""
 
     y: Float
     strain: Float
     piece: Int
     pieces: int
+    history: Float
 
     def only(self, keep: Int) -> Data:
-        return Data(self.y[keep], self.strain[keep], self.piece[keep], self.pieces)
+        return Data(
+            self.y[keep], self.strain[keep], self.piece[keep], self.pieces, self.history[keep]
+        )
+
+
+def history(strain: Float, before: Float) -> Float:
+    """(n, 2) for strains (n,) that were reached from those `before` (n,), NaN if not known."""
+    way = np.nan_to_num(before - strain)
+    return np.stack([np.sign(np.round(way, 6)), np.abs(way)], axis=1)
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """The model with its coefficients `theta`, the pieces' offsets and gains (pieces,), the standard
-    deviation `noise` of a reading, and the weights (n,) that outliers left to it."""
+    """The model with its coefficients `theta`, the pieces' offsets and gains (pieces,), what they
+    remember, `memory` (2,): half the width of the hysteresis, of (R - R0)/R0, and the creep that was
+    not over, per strain; the standard deviation `noise` of a reading, and the weights (n,) that
+    outliers left to it."""
 
     model: Model
     theta: Float
     offset: Float
     gain: Float
+    memory: Float
     noise: float
     weight: Float
 
     def predict(self, data: Data) -> Float:
         """Changes (n,) that the fit expects."""
         w = self.model.predict(self.theta, data.strain)
-        return np.asarray(self.offset[data.piece] + self.gain[data.piece] * w)
+        return self.offset[data.piece] + self.gain[data.piece] * w + data.history @ self.memory
 
 
 def fit(
@@ -65,23 +83,26 @@ def fit(
     noise = _LEAST_NOISE if start is None else start.noise
     design = model.design(data.strain)
     own = np.eye(data.pieces)[data.piece]
-    present = own.any(0)
-    theta, offset = np.zeros(model.size), np.zeros(data.pieces)
+    present, told = own.any(0), data.history.any(0)
+    theta, offset, memory = np.zeros(model.size), np.zeros(data.pieces), np.zeros(2)
+    ends = np.cumsum([model.size, present.sum()])
+    extra = np.concatenate([own[:, present], data.history[:, told]], axis=1)
     for step in range(steps):
         before = theta
         root = np.sqrt(weight)[:, None]
-        A = np.concatenate([gain[data.piece, None] * design, own[:, present]], axis=1) * root
-        theta, offset[present] = np.split(_solve(A, data.y * root[:, 0], model), [model.size])
+        A = np.concatenate([gain[data.piece, None] * design, extra], axis=1) * root
+        theta, offset[present], memory[told] = np.split(_solve(A, data.y * root[:, 0], model), ends)
         w = design @ theta
-        left = data.y - offset[data.piece] - gain[data.piece] * w
-        noise = _scale(left, model.size + int(present.sum()))
+        rest = data.y - offset[data.piece] - data.history @ memory
+        left = rest - gain[data.piece] * w
+        noise = _scale(left, A.shape[1])
         weight = np.minimum(1.0, _HUBER * noise / np.maximum(np.abs(left), 1e-300))
-        gain = _gains(data, w, offset, weight, noise, spread)
+        gain = _gains(data, rest, w, weight, noise, spread)
         theta = theta * gain[present].mean()
         gain = np.where(present, gain / gain[present].mean(), 1.0)
         if step > 2 and np.abs(theta - before).max() < _STILL * max(np.abs(theta).max(), 1e-9):
             break
-    return Fitted(model, theta, offset, gain, noise, weight)
+    return Fitted(model, theta, offset, gain, memory, noise, weight)
 
 
 def _solve(A: Float, b: Float, model: Model) -> Float:
@@ -92,14 +113,13 @@ def _solve(A: Float, b: Float, model: Model) -> Float:
 
 
 def _gains(
-    data: Data, w: Float, offset: Float, weight: Float, noise: float, spread: float
+    data: Data, rest: Float, w: Float, weight: Float, noise: float, spread: float
 ) -> Float:
-    """Ridge of each piece's readings on the model's, towards one."""
+    """Ridge of each piece's readings, less all else, on the model's, towards one."""
     pull = (noise / spread) ** 2 if spread > 0 else np.inf
     if not np.isfinite(pull):
         return np.ones(data.pieces)
-    left = data.y - offset[data.piece]
-    up = np.bincount(data.piece, weight * left * w, data.pieces) + pull
+    up = np.bincount(data.piece, weight * rest * w, data.pieces) + pull
     down = np.bincount(data.piece, weight * w * w, data.pieces) + pull
     return np.asarray(up / down)
 
@@ -107,12 +127,13 @@ def _gains(
 def free_gains(data: Data, fitted: Fitted) -> Float:
     """The pieces' gains (pieces,) as their own readings have it, NaN for pieces without any."""
     w = fitted.model.predict(fitted.theta, data.strain)
+    y = data.y - data.history @ fitted.memory
     out = np.full(data.pieces, np.nan)
     for p in np.unique(data.piece):
         own = data.piece == p
         root = np.sqrt(fitted.weight[own])
         A = np.stack([w[own], np.ones(own.sum())], axis=1) * root[:, None]
-        out[p] = np.linalg.lstsq(A, data.y[own] * root, rcond=None)[0][0]
+        out[p] = np.linalg.lstsq(A, y[own] * root, rcond=None)[0][0]
     return out
 
 

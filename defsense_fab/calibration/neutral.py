@@ -93,7 +93,9 @@ def corrected(readings: Readings) -> Readings:
     resistance = readings.resistance.copy()
     for i in np.flatnonzero(~readings.neutral):
         specimen = readings.pieces[readings.piece[i]].specimen
-        own = [p for p, one in enumerate(readings.pieces) if one.neutral and one.specimen == specimen]
+        own = [
+            p for p, one in enumerate(readings.pieces) if one.neutral and one.specimen == specimen
+        ]
         beside = np.isin(readings.piece, own)
         same = beside & _same(readings.radius, readings.radius[i])
         best = same & (readings.turn == readings.turn[i])

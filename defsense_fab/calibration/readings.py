@@ -12,6 +12,7 @@ from ..core.errors import CalibrationError
 
 #: Fewer radii tell no line from a curve, and no outlier from either.
 LEAST_RADII = 3
+_ARRAYS = ("strain", "before", "radius", "turn", "resistance")
 
 
 @dataclass(frozen=True)
@@ -56,12 +57,14 @@ class Piece:
 @dataclass(frozen=True)
 class Readings:
     """n settled resistances, in the order in which they were taken: the `piece` (n,) of `pieces`,
-    its `strain` (n,), the jig's surface `radius` (n,) mm or NaN on the flat one, the `turn` (n,) of
-    the protocol (rounds, from 0), the `resistance` (n,) ohm; `where` each was read from."""
+    its `strain` (n,) and the one `before` (n,) that it came from, NaN if that is not known, the jig's
+    surface `radius` (n,) mm or NaN on the flat one, the `turn` (n,) of the protocol (rounds, from
+    0), the `resistance` (n,) ohm; `where` each was read from."""
 
     pieces: tuple[Piece, ...]
     piece: Int
     strain: Float
+    before: Float
     radius: Float
     turn: Int
     resistance: Float
@@ -69,7 +72,7 @@ class Readings:
 
     def __post_init__(self) -> None:
         n = len(self.where)
-        for name in ("piece", "strain", "radius", "turn", "resistance"):
+        for name in ("piece", *_ARRAYS):
             if getattr(self, name).shape != (n,):
                 raise ValueError(f"{name} must have the shape ({n},)")
 
@@ -91,8 +94,8 @@ class Readings:
     def only(self, keep: Bool | Int) -> Readings:
         """Some of the readings."""
         where = tuple(np.array(self.where, object)[keep])
-        names = ("piece", "strain", "radius", "turn", "resistance")
-        return replace(self, where=where, **{n: getattr(self, n)[keep] for n in names})
+        arrays = {n: getattr(self, n)[keep] for n in ("piece", *_ARRAYS)}
+        return replace(self, where=where, **arrays)
 
     def changes(self) -> Float:
         """(R - R0)/R0 (n,), R0 being the mean of the piece's flat readings.
@@ -115,10 +118,9 @@ def joined(parts: list[Readings]) -> Readings:
     """Readings of several tables or sessions as one; pieces of the same name are the same."""
     pieces = list(dict.fromkeys(p for part in parts for p in part.pieces))
     index = [np.array([pieces.index(p) for p in part.pieces], int)[part.piece] for part in parts]
-    names = ("strain", "radius", "turn", "resistance")
     return Readings(
         tuple(pieces),
         np.concatenate(index),
         where=tuple(w for part in parts for w in part.where),
-        **{n: np.concatenate([getattr(p, n) for p in parts]) for n in names},
+        **{n: np.concatenate([getattr(p, n) for p in parts]) for n in _ARRAYS},
     )

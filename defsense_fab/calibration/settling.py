@@ -63,7 +63,7 @@ def settled(time: Float, ohm: Float, criterion: Criterion) -> Settled | None:
     both = np.hypot(a.std(0, ddof=1) / np.sqrt(len(a)), error)
     limit = np.maximum(criterion.tolerance * mean, _NOISY * both)
     apart = np.abs(mean - a.mean(0))
-    still = bool((apart < limit).all()) and now >= criterion.least
+    still = bool((apart < limit).all() and now >= criterion.least)
     return Settled(mean, error, float((apart / mean).max()), still, bool(now >= criterion.most))
 
 

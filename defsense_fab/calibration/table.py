@@ -74,6 +74,7 @@ def read_table(
         tuple(pieces),
         np.array(piece_of, int),
         np.array(strain, float),
+        np.full(len(strain), np.nan),  # rows of a table need not be in order
         np.array(radius_of, float),
         np.array(turns, int),
         np.array(ohms, float),

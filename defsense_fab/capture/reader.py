@@ -77,7 +77,6 @@ class Reader:
         self._latest: Stamped | None = None
         self._samples = self._gaps = 0
         self._failure: CaptureError | None = None
-        self._texts: deque[str] = deque(maxlen=5)
         self.info: Info | None = None
 
     def start(self) -> Info:
@@ -175,13 +174,12 @@ class Reader:
                     command = missing
                 elif isinstance(message, Sample):
                     self._take(message)
-                elif isinstance(message, Text):
-                    self._texts.append(message.text)
+                elif isinstance(message, Text) and info is not None:
+                    raise CaptureError(
+                        f"{self.name}: the board does not take {command!r}: {message.text}"
+                    )
         if info is not None:
-            said = f"; it said {self._texts[-1]!r}" if self._texts else ""
-            raise CaptureError(
-                f"{self.name}: the board does not take {command!r}{said}"
-            )
+            raise CaptureError(f"{self.name}: the board does not answer {command!r}")
         if not heard:
             raise CaptureError(
                 f"{self.name}: nothing answers; is the firmware on the board (firmware/), and is"

@@ -136,8 +136,8 @@ def _info(payload: bytes) -> Info | None:
         return Info(payload[1], (0, 0), 0, 0, 0, 0, 0, 0, 0)
     if len(payload) != _ABOUT.size:
         return None
-    _, protocol, major, minor, converter, channels, averages, rate, led, most, full = (
-        _ABOUT.unpack(payload)
+    _, protocol, major, minor, converter, channels, averages, rate, led, most, full = _ABOUT.unpack(
+        payload
     )
     if not (channels <= most <= MOST_CHANNELS and averages and rate and full):
         return None
