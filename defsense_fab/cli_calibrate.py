@@ -61,6 +61,92 @@ def add(commands: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) 
     )
     _common(sub)
     sub.set_defaults(run=_coupon)
+    _add_fit(steps, bars)
+
+
+def _add_fit(steps: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) -> None:
+    sub = steps.add_parser(
+        "fit",
+        help="fit the cord's response to sessions or tables of readings",
+        description="Fit w(eps), the relative change of resistance by strain, to recorded"
+        " sessions (folders of 'calibrate record') and tables, and write response.json with its 95 % interval"
+        " and a report beside it. A table is CSV with the columns specimen, jig_radius (mm of the"
+        " jig's surface, empty when flat), channel (top, neutral or bottom, the bottom lying on the"
+        " jig), resistance (ohm); optionally round and face.",
+        epilog="examples:  defsense calibrate fit my-specimen/session-1 my-specimen/session-2"
+        "   defsense calibrate fit readings.csv --thickness 15 --offset 2 --out response.json",
+    )
+    sub.add_argument("sources", type=Path, nargs="+", metavar="SESSION|CSV")
+    sub.add_argument(
+        "--out", type=Path, default=Path("response.json"), metavar="FILE",
+        help="where to write (response.json); the report goes beside it, as .html",
+    )  # fmt: skip
+    sub.add_argument("--thickness", type=float, default=15.0, metavar="MM",
+                     help="of the specimens in tables (15)")  # fmt: skip
+    sub.add_argument("--offset", type=float, default=2.0, metavar="MM",
+                     help="of the outer cords from bottom and top, in tables (2)")  # fmt: skip
+    sub.add_argument(
+        "--radii", metavar="R,R,...", help="of the jigs that tables may name, mm (75,87.5,...,250)"
+    )
+    sub.add_argument(
+        "--neutral", choices=("refuse", "correct", "ignore"), default="refuse",
+        help="what to do when the neutral cord drifts: refuse (default), take its change from the"
+        " others, or ignore it",
+    )  # fmt: skip
+    sub.add_argument(
+        "--model", choices=("line", "two-slopes", "quadratic", "piecewise"),
+        help="in place of the one that the readings call for",
+    )  # fmt: skip
+    sub.add_argument(
+        "--spread", type=float, default=3.0, metavar="PERCENT",
+        help="standard deviation between specimens taken for granted while they are few (3)",
+    )  # fmt: skip
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=lambda options: _fit(options, bars))
+
+
+def _fit(
+    options: argparse.Namespace, bars: Callable[[Any], AbstractContextManager[Progress]]
+) -> int:
+    from .calibration.readings import Geometry
+    from .pipeline.calibrate import fit_response
+
+    if not 0 <= options.spread <= 50:
+        raise DeviceError(f"--spread {options.spread:g}: give per cent, from 0 to 50")
+    with bars(options) as progress:
+        found = fit_response(
+            options.sources,
+            out=options.out,
+            geometry=Geometry(options.thickness, options.offset),
+            radii=_numbers("--radii", options.radii) if options.radii else None,
+            policy=options.neutral,
+            model=options.model,
+            spread=options.spread / 100,
+            progress=progress,
+        )
+    if options.json:
+        sys.stdout.write(json.dumps(found.data, indent=1) + "\n")
+        return 0
+    from rich.console import Console
+
+    d = found.data
+    low, high = d["interval"]
+    neutral = "none" if d["neutral_drift"] is None else f"{d['neutral_drift']:+.2%}"
+    lines = [
+        f"k_res = {d['k_res']:.2f}  (95 %: {low:.2f} to {high:.2f})",
+        d["reason"],
+        f"strains {d['strain_range'][0]:.1%} to {d['strain_range'][1]:.1%}, {d['readings']}"
+        f" readings of {len(d['pieces'])} pieces; neutral cord {neutral}",
+        *(f"note: {w}" for w in d["warnings"]),
+        f"Look at: {options.out.with_suffix('.html')}",
+        f"Next:    copy {options.out} into the device's folder and write [cord] response ="
+        f' "{options.out.name}" into its device.toml',
+    ]
+    console = Console()
+    for line in lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    return 0
 
 
 def _common(sub: argparse.ArgumentParser) -> None:

@@ -1,10 +1,10 @@
 """Fitting one model to the readings of all pieces of cord.
 
 A reading of piece p is y = (R - R0)/R0 = c_p + g_p w(eps) + noise. Its flat reading is a reading
-like others, so c_p, the error of R0, is fitted. Pieces differ: g_p, one on average, is drawn towards
-one as a normal variable of a known standard deviation (a ridge), which keeps it apart from a true
-difference between tension and compression where pieces only saw one of them. Outliers count less
-(Huber 1964).
+like others, so c_p, the error of R0, is fitted. Pieces differ: g_p, one on average, is drawn
+towards one as a normal variable of a known standard deviation (a ridge), which keeps it apart from
+a true difference between tension and compression where pieces only saw one of them. Outliers count
+less (Huber 1964).
 
 Where it is known what strain a piece came from, two more terms take what it remembers of that:
 hysteresis, by the direction in which it came, and creep that is not over, by how far. Without them
@@ -55,8 +55,8 @@ def history(strain: Float, before: Float) -> Float:
 @dataclass(frozen=True)
 class Fitted:
     """The model with its coefficients `theta`, the pieces' offsets and gains (pieces,), what they
-    remember, `memory` (2,): half the width of the hysteresis, of (R - R0)/R0, and the creep that was
-    not over, per strain; the standard deviation `noise` of a reading, and the weights (n,) that
+    remember, `memory` (2,): half the width of the hysteresis, of (R - R0)/R0, and the creep that
+    was not over, per strain; the standard deviation `noise` of a reading, and the weights (n,) that
     outliers left to it."""
 
     model: Model
@@ -112,9 +112,7 @@ def _solve(A: Float, b: Float, model: Model) -> Float:
     return np.asarray(lsq_linear(A, b, bounds=(low, np.inf), method="bvls").x)
 
 
-def _gains(
-    data: Data, rest: Float, w: Float, weight: Float, noise: float, spread: float
-) -> Float:
+def _gains(data: Data, rest: Float, w: Float, weight: Float, noise: float, spread: float) -> Float:
     """Ridge of each piece's readings, less all else, on the model's, towards one."""
     pull = (noise / spread) ** 2 if spread > 0 else np.inf
     if not np.isfinite(pull):
@@ -141,4 +139,4 @@ def _scale(left: Float, used: int) -> float:
     """Robust standard deviation of residuals of a fit with so many coefficients."""
     free = max(len(left) - used, 1)
     middle = 1.4826 * float(np.median(np.abs(left))) * np.sqrt(len(left) / free)
-    return max(middle, _LEAST_NOISE)
+    return float(max(middle, _LEAST_NOISE))

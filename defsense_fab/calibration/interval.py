@@ -1,11 +1,11 @@
 """How far the response can be trusted: a 95 % interval of the slope at rest.
 
 Three doubts. Within pieces, noise, hysteresis and relaxation: a bootstrap over the rounds of each
-specimen (over its readings where there was one round). Between pieces: pieces of one cord differ, and
-the response of a device's cords is that of yet other pieces' mean; Student's t over the pieces'
-own gains. And few pieces can agree by chance: until specimens are many, a spread between specimens is
-taken for granted. A percentile bootstrap over two specimens has three different draws, and misses
-the truth far too often.
+specimen (over its readings where there was one round). Between pieces: pieces of one cord differ,
+and the response of a device's cords is that of yet other pieces' mean; Student's t over the pieces'
+own gains. And few pieces can agree by chance: until specimens are many, a spread between specimens
+is taken for granted. A percentile bootstrap over two specimens has three different draws, and
+misses the truth far too often.
 """
 
 from __future__ import annotations

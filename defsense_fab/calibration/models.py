@@ -67,8 +67,9 @@ class Model:
         """w at strains (n,): of the piecewise model the smooth curve through its knots, which is
         what will be used."""
         if not self.rising:
-            return np.asarray(self.design(strain) @ theta)
-        return response_of(self.spec(theta, (float(self.knots[0]), float(self.knots[-1]))))(strain)
+            return self.design(strain) @ theta
+        ends = float(self.knots[0]), float(self.knots[-1])
+        return np.asarray(response_of(self.spec(theta, ends))(strain))
 
     def slope_at_rest(self, theta: Float) -> float:
         """dw/deps at no strain; of two slopes the mean."""
@@ -87,12 +88,13 @@ def model(name: str, strain: Float) -> Model:
 
 def _knots(strain: Float) -> Float:
     """Rest, and on either side of it equal shares of the strains that were measured there."""
-    out = [0.0]
-    for side in (strain[strain < -_APART], strain[strain > _APART]):
+    shares = np.linspace(0, 1, _KNOTS + 1)
+    out = [np.zeros(1)]
+    for side, inner in (
+        (strain[strain < -_APART], shares[:-1]),
+        (strain[strain > _APART], shares[1:]),
+    ):
         if len(side):
-            ends = np.unique(side)
-            out += np.quantile(ends, np.linspace(0, 1, _KNOTS + 1)[1:]).tolist() if (
-                side[0] > 0
-            ) else np.quantile(ends, np.linspace(0, 1, _KNOTS + 1)[:-1]).tolist()  # fmt: skip
-    knots = np.unique(out)
-    return knots[np.append(True, np.diff(knots) > _APART)]
+            out.append(np.quantile(np.unique(side), inner))
+    knots = np.sort(np.concatenate(out))
+    return np.asarray(knots[np.append(True, np.diff(knots) > _APART)])

@@ -57,9 +57,9 @@ class Piece:
 @dataclass(frozen=True)
 class Readings:
     """n settled resistances, in the order in which they were taken: the `piece` (n,) of `pieces`,
-    its `strain` (n,) and the one `before` (n,) that it came from, NaN if that is not known, the jig's
-    surface `radius` (n,) mm or NaN on the flat one, the `turn` (n,) of the protocol (rounds, from
-    0), the `resistance` (n,) ohm; `where` each was read from."""
+    its `strain` (n,) and the one `before` (n,) that it came from, NaN if that is not known, the
+    jig's surface `radius` (n,) mm or NaN on the flat one, the `turn` (n,) of the protocol (rounds,
+    from 0), the `resistance` (n,) ohm; `where` each was read from."""
 
     pieces: tuple[Piece, ...]
     piece: Int

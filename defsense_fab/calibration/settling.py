@@ -1,7 +1,7 @@
 """When a cord has come to rest after it was bent anew, and what its way there tells.
 
-Conductive rubber jumps too high when its strain changes, either way, and creeps back over seconds to
-minutes; the creep is fitted by one exponential.
+Conductive rubber jumps too high when its strain changes, either way, and creeps back over seconds
+to minutes; the creep is fitted by one exponential.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Criterion:
     def __str__(self) -> str:
         half = self.window / 2
         return (
-            f"settled = means over the last {half:g} s and the {half:g} s before differ by less than"
-            f" {self.tolerance:.2%} (after {self.least:g} s or more; taken anyway after"
+            f"settled = means over the last {half:g} s and the {half:g} s before differ by less"
+            f" than {self.tolerance:.2%} (after {self.least:g} s or more; taken anyway after"
             f" {self.most:g} s)"
         )
 
@@ -39,8 +39,8 @@ class Criterion:
 @dataclass(frozen=True)
 class Settled:
     """What there is to say after so many s: the mean resistances `ohm` (c,) of the last half window
-    and their standard errors (c,), the largest relative `change` between the halves, whether that is
-    `still`, and whether the time is `over`."""
+    and their standard errors (c,), the largest relative `change` between the halves, whether that
+    is `still`, and whether the time is `over`."""
 
     ohm: Float
     error: Float
@@ -50,8 +50,8 @@ class Settled:
 
 
 def settled(time: Float, ohm: Float, criterion: Criterion) -> Settled | None:
-    """Of readings `ohm` (t, c) at `time` (t,) s since the cord was bent; None while they are too few
-    to tell. Readings that are not finite are an open circuit and never settle."""
+    """Of readings `ohm` (t, c) at `time` (t,) s since the cord was bent; None while they are too
+    few to tell. Readings that are not finite are an open circuit and never settle."""
     half = criterion.window / 2
     now = time[-1] if len(time) else 0.0
     late, early = time > now - half, (time > now - 2 * half) & (time <= now - half)

@@ -1,10 +1,10 @@
 """Readings from a plain table: for people who measure with a multimeter.
 
-Columns `specimen, jig_radius, channel, resistance`: a name; mm of the jig's surface, empty when flat;
-`top`, `neutral` or `bottom`, the bottom lying on the jig; ohm. Optional: `round`, a number (rows that
-repeat one another count as rounds without it), and `face`, `a` or `b`: which side of the specimen
-lies on the jig, where it is turned over (top and bottom are then those of side a). Others are left
-alone.
+Columns `specimen, jig_radius, channel, resistance`: a name; mm of the jig's surface, empty when
+flat; `top`, `neutral` or `bottom`, the bottom lying on the jig; ohm. Optional: `round`, a number
+(rows that repeat one another count as rounds without it), and `face`, `a` or `b`: which side of the
+specimen lies on the jig, where it is turned over (top and bottom are then those of side a). Others
+are left alone.
 """
 
 from __future__ import annotations
@@ -188,6 +188,6 @@ def _radius(where: str, text: str, jigs: Sequence[float], geometry: Geometry) ->
     _fail(
         where,
         "jig_radius",
-        f"{text} mm is none of the jigs {', '.join(f'{r:g}' for r in jigs)}.{guess} Jigs of your own"
-        " are named with --radii",
+        f"{text} mm is none of the jigs {', '.join(f'{r:g}' for r in jigs)}.{guess} Jigs of your"
+        " own are named with --radii",
     )

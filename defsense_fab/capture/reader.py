@@ -12,7 +12,7 @@ from typing import Protocol
 
 from ..core.errors import CaptureError
 from ..sensing.frames import PROTOCOL, Info, Sample, Stream, Text
-from .source import Event, Stamped, StaleError, Statistics
+from .source import Event, StaleError, Stamped, Statistics
 
 #: Boards restart when their port is opened; a boot loader may wait for two seconds.
 _PATIENCE = 6.0
@@ -164,7 +164,7 @@ class Reader:
                         )
                     if not message.most_channels:
                         raise CaptureError(
-                            f"{self.name}: the board finds no ADS1115; check its wiring (I2C, 3.3 V)"
+                            f"{self.name}: the board finds no ADS1115; check its wiring"
                         )
                     info, asked = message, 0.0
                     missing = self._settings.missing(info)

@@ -1,9 +1,9 @@
 """The file that frames go to as they come: a line each, added and never changed.
 
-Text that a spreadsheet opens: columns `host_ns, device_us, counter, led, late, averages, s1, s2, ...`
-(sums of conversions as the board sent them), and between them lines `# {...}`, one JSON object each,
-of what happened: start, gap, resumed, and the steps of a protocol. Each line is one write, so a
-process that dies leaves all but the line that it was at; the next one marks that with a ~.
+Text that a spreadsheet opens: columns `host_ns, device_us, counter, led, late, averages, s1, s2,
+...` (sums of conversions as the board sent them), and between them lines `# {...}`, one JSON object
+each, of what happened: start, gap, resumed, and the steps of a protocol. Each line is one write, so
+a process that dies leaves all but the line that it was at; the next one marks that with a ~.
 """
 
 from __future__ import annotations
@@ -101,7 +101,8 @@ def _names(channels: int) -> list[str]:
 @dataclass(frozen=True)
 class Recording:
     """t frames: the host's clock (t,) ns, the device's (t,) us, counters, LED and lateness (t,),
-    averages (t,), sums (t, c); events with the number of frames before each; lines that were cut."""
+    averages (t,), sums (t, c); events with the number of frames before each; lines that were
+    cut."""
 
     host_ns: Int
     device_us: Int
@@ -160,5 +161,5 @@ def read_recording(path: Path) -> Recording:
     except ValueError as error:
         raise CaptureError(f"{path}: not a number in a frame: {error}") from None
     first = len(_COLUMNS)
-    columns = [table[:, i] for i in range(first)]
-    return Recording(*columns, table[:, first:], tuple(events), cut)
+    columns = {name: table[:, i] for i, name in enumerate(_COLUMNS)}
+    return Recording(**columns, sums=table[:, first:], events=tuple(events), cut=cut)

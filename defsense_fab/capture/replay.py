@@ -8,7 +8,7 @@ from pathlib import Path
 from ..core.errors import CaptureError
 from ..sensing.frames import Info, Sample
 from .recording import Recording, read_recording
-from .source import Event, Stamped, StaleError, Statistics
+from .source import Event, StaleError, Stamped, Statistics
 
 
 class Replay:

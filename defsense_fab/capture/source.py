@@ -53,7 +53,8 @@ class Source(Protocol):
         """Begin; raises CaptureError where there is nothing to read."""
 
     def drain(self) -> list[Stamped | Event]:
-        """All since the last call, in order; raises CaptureError when nothing will come any more."""
+        """All since the last call, in order; raises CaptureError when nothing will come any
+        more."""
 
     def read_latest(self, max_age: float) -> Stamped:
         """The newest sample; raises StaleError if it arrived more than `max_age` s ago."""

@@ -30,6 +30,7 @@ FILE, FRAMES = "session.json", "frames.csv"
 CHANNELS = {"bottom": -1, "neutral": 0, "top": 1}
 #: Between creeps' fits, at most so many frames.
 _FITTED = 400
+_COLUMNS = ("piece", "strain", "before", "radius", "turn", "resistance")
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ def holds(session: Session, recording: Recording) -> dict[int, Hold]:
     out: dict[int, Hold] = {}
     begun: dict[int, int] = {}
     for at, event in recording.events:
-        kind, step = event.get("event"), event.get("step")
+        kind, step = event.get("event"), int(event.get("step", -1))
         if kind == "hold":
             begun[step] = at
         elif kind in ("skip", "redo"):
@@ -198,9 +199,15 @@ def measure(folder: Path) -> Measured:
             for c, place in enumerate(CHANNELS):
                 if place != "neutral" and np.isfinite(hold.ohm[:, c]).all():
                     creeps.append((place, creep(hold.time[thin], hold.ohm[thin, c])))
-    *arrays, where = zip(*rows, strict=True)
-    readings = Readings(pieces, *map(np.array, arrays), where)
+    readings = _readings(pieces, rows)
     return Measured(readings, tuple(creeps), unsettled)
+
+
+def _readings(pieces: tuple[Piece, ...], rows: Sequence[tuple[Any, ...]]) -> Readings:
+    """Rows of piece, strain, strain before, radius, turn, resistance and where."""
+    columns = dict(zip((*_COLUMNS, "where"), zip(*rows, strict=True), strict=True))
+    arrays = {name: np.array(columns[name]) for name in _COLUMNS}
+    return Readings(pieces=pieces, where=columns["where"], **arrays)
 
 
 def specimen_of(path: Path) -> dict[str, Any]:

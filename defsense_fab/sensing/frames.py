@@ -30,8 +30,8 @@ _MOST_COUNT = 32767
 @dataclass(frozen=True)
 class Sample:
     """One sample: its `counter`, the device's `micros` (both wrap at 2^32), whether its LED was on
-    and whether it was `late`, and for each channel the sum of `averages` conversions, NOT_READ where
-    a converter did not answer."""
+    and whether it was `late`, and for each channel the sum of `averages` conversions, NOT_READ
+    where a converter did not answer."""
 
     counter: int
     micros: int
@@ -152,8 +152,9 @@ _WRAP = 1 << 32
 class Stream:
     """Messages out of the bytes of a port, whatever else lies between them.
 
-    A sample whose counter does not go on from the last one waits for the next sample to bear it out:
-    the board was restarted, or many were lost; two damaged frames that agree are not to be expected.
+    A sample whose counter does not go on from the last one waits for the next sample to bear it
+    out: the board was restarted, or many were lost; two damaged frames that agree are not to be
+    expected.
     """
 
     def __init__(self) -> None:

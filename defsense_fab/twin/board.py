@@ -66,7 +66,9 @@ class BoardTwin:
         word, _, number = line.partition(" ")
         if word in _WORDS:
             most = _WORDS[word] or self._most
-            if not (number.isdigit() and (word == "led" or int(number) > 0) and int(number) <= most):
+            if not (
+                number.isdigit() and (word == "led" or int(number) > 0) and int(number) <= most
+            ):
                 self._say(Text(f"{word} takes 1 to {most}"))
                 return
             self._about[word] = int(number)

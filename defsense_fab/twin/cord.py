@@ -1,9 +1,9 @@
 """Pieces of rubber cord that answer to strain as real ones do: late, and not twice alike.
 
-R = R0 (1 + drift) (1 + g (p + y) + noise). p follows the response w(eps) with play, as several loose
-gears do (the Prandtl-Ishlinskii operator): hysteresis. y is the resistance that any change of strain
-adds, for it tears the filler's network, and that heals, part of it slowly: relaxation; after release
-a cord reads too high, too. g is the piece's own gain.
+R = R0 (1 + drift) (1 + g (p + y) + noise). p follows the response w(eps) with play, as several
+loose gears do (the Prandtl-Ishlinskii operator): hysteresis. y is the resistance that any change of
+strain adds, for it tears the filler's network, and that heals, part of it slowly: relaxation; after
+release a cord reads too high, too. g is the piece's own gain.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from ..sensing.response import Response
 
 @dataclass(frozen=True)
 class Traits:
-    """What pieces of one cord have in common: the `response`; `noise`, the standard deviation of one
-    reading of (R - R0)/R0; half the `play` of hysteresis, in the same unit; `healing`, the fraction
-    of any change that is added at first, and the time constant `time`, s, by which most of it heals;
-    `spread`, the standard deviation of the pieces' gains; R0 per mm; `drift` of R per hour."""
+    """What pieces of one cord have in common: the `response`; `noise`, the standard deviation of
+    one reading of (R - R0)/R0; half the `play` of hysteresis, in the same unit; `healing`, the
+    fraction of any change that is added at first, and the time constant `time`, s, by which most of
+    it heals; `spread`, the standard deviation of the pieces' gains; R0 per mm; `drift` of R per
+    hour."""
 
     response: Response
     noise: float = 0.002
@@ -33,8 +34,8 @@ class Traits:
     drift: float = 0.0
 
 
-#: Of the gears: their play, in that of the cord; of the healing: time constants, in that of the cord,
-#: and shares.
+#: Of the gears: their play, in that of the cord; of the healing: time constants, in that of the
+#: cord, and shares.
 _PLAYS = np.array([0.5, 1.0, 1.5])[:, None]
 _TIMES, _SHARES = np.array([1.0, 6.0])[:, None], np.array([0.8, 0.2])[:, None]
 
@@ -69,9 +70,10 @@ class Cords:
         self.now += within
 
     def hold(self, duration: float, rate: float) -> tuple[Float, Float]:
-        """Readings at `rate` Hz for `duration` s: times since now (t,) s, resistances (t, c) ohm."""
+        """Readings at `rate` Hz for `duration` s: times since now (t,) s, resistances (t, c)
+        ohm."""
         t = self._traits
-        time = np.arange(1, max(int(round(duration * rate)), 1) + 1) / rate
+        time = np.arange(1, max(round(duration * rate), 1) + 1) / rate
         added = self._added * np.exp(-time[:, None, None] / (_TIMES * t.time))
         noise = t.noise * self._rng.normal(size=(len(time), len(self.rest)))
         drift = 1 + t.drift * (self.now + time[:, None]) / 3600

@@ -1,11 +1,7 @@
-"""Compiles the sketches for the ATmega328P at 16 MHz, the simulated board and the golden check.
-
-python build.py FOLDER        builds everything into FOLDER and prints the sketches' sizes
-"""
+"""Compiles the sketches for the ATmega328P at 16 MHz, the simulated board and the golden check."""
 
 import shutil
 import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -131,22 +127,3 @@ def build_golden(folder: Path) -> Path:
     sources = [str(HERE / "golden.c"), str(frames / "defsense_frames.c")]
     _run([*HOST_C, "-std=c99", "-pedantic", f"-I{frames}", *sources, "-o", str(golden)])
     return golden
-
-
-def size(elf: Path) -> tuple[int, int]:
-    """Bytes of flash and of static RAM."""
-    text, data, bss = map(int, _run(["avr-size", str(elf)]).splitlines()[1].split()[:3])
-    return text + data, data + bss
-
-
-def main(folder: Path) -> None:
-    print(build_board(folder))
-    print(build_golden(folder))
-    for name in SKETCHES:
-        elf = build_sketch(name, folder)
-        flash, ram = size(elf)
-        print(f"{elf}: {flash} of 32256 bytes flash, {ram} of 2048 bytes RAM")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -23,7 +23,8 @@ def built(tmp_path_factory):
 
 
 class Board:
-    """A running board; `port` is its serial port, `conversions` what it read, once it is stopped."""
+    """A running board; `port` is its serial port, `conversions` what it read, once it is
+    stopped."""
 
     def __init__(self, folder, log, sketch, *options):
         self._log = log

@@ -50,8 +50,8 @@ def test_every_sample_is_what_the_converter_read(board, sketch, settings, option
     assert (info.channels, info.averages, info.rate) == (
         settings.channels, settings.average, settings.rate,
     )  # fmt: skip
-    # What came during the greeting was still taken with other settings; the rate comes last, and the
-    # sample after it at once.
+    # What came during the greeting was still taken with other settings; the rate comes last, and
+    # the sample after it at once.
     samples = [
         i.sample
         for i in items
@@ -98,7 +98,7 @@ def test_the_host_sets_the_board_up(board):
 def test_a_board_that_cannot_do_what_is_asked(board):
     running = board("divider")
     reader = Reader(partial(open_port, running.port), "board", Settings(channels=16))
-    with pytest.raises(CaptureError, match="does not take 'channels 16'.*channels takes 1 to 8"):
+    with pytest.raises(CaptureError, match=r"does not take 'channels 16'.*channels takes 1 to 8"):
         reader.start()
 
 

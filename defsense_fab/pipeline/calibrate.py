@@ -1,0 +1,147 @@
+"""From tables and sessions to `response.json` and its report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import __version__
+from ..calibration.calibrate import SPREAD, Calibration, calibrate
+from ..calibration.neutral import Policy
+from ..calibration.readings import Geometry, Readings, joined
+from ..calibration.settling import Creep
+from ..calibration.table import read_table
+from ..core.files import digest, storage_errors, write_json
+from ..core.progress import Progress, silent
+from . import session as sessions
+
+RESPONSE, REPORT = "response.json", "response.html"
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The calibration, what it was made of, creep in the sessions' holds by cord, and what
+    `response.json` holds."""
+
+    calibration: Calibration
+    sources: tuple[Path, ...]
+    creeps: tuple[tuple[str, Creep], ...]
+    data: dict[str, Any]
+
+
+def fit_response(
+    sources: Sequence[Path],
+    *,
+    out: Path | None = None,
+    geometry: Geometry | None = None,
+    radii: Sequence[float] | None = None,
+    policy: Policy = "refuse",
+    model: str | None = None,
+    spread: float = SPREAD,
+    seed: int = 1,
+    progress: Progress = silent,
+) -> Fitted:
+    """Fit the response to all `sources`, tables or session folders; write `out` and, beside it, its
+    report. `geometry` and `radii` (mm) are those of the specimens in tables.
+
+    Raises CalibrationError for what cannot be read or used, before anything is written.
+    """
+    parts: list[Readings] = []
+    hashed: list[Path] = []
+    creeps: list[tuple[str, Creep]] = []
+    warnings: list[str] = []
+    for n, source in enumerate(sources):
+        progress("read", n / len(sources), source.name)
+        if source.is_dir():
+            measured = sessions.measure(source)
+            parts.append(measured.readings)
+            creeps += measured.creeps
+            hashed += [source / sessions.FILE, source / sessions.FRAMES]
+            if measured.unsettled:
+                warnings.append(
+                    f"{source.name}: {measured.unsettled} readings were taken before they settled"
+                )
+        else:
+            readings, notes = read_table(source, geometry or Geometry(), radii)
+            parts.append(readings)
+            warnings += notes
+            hashed.append(source)
+    progress("fit", 0.0, "models")
+    rng = np.random.default_rng(seed)
+    found = calibrate(joined(parts), policy=policy, model=model, spread=spread, rng=rng)
+    progress("fit", 1.0, "done")
+    data = describe(found, sources, creeps, digest(*hashed), (*warnings, *found.warnings), spread)
+    data["seed"] = seed
+    fitted = Fitted(found, tuple(sources), tuple(creeps), data)
+    if out is not None:
+        from .calibration_report import page
+
+        text = page(fitted)
+        with storage_errors(out):
+            out.parent.mkdir(parents=True, exist_ok=True)
+            report = out.with_suffix(".html")
+            part = report.with_name(f".{report.name}.part")
+            part.write_text(text, encoding="utf-8")
+            part.replace(report)
+            write_json(out, data)
+    return fitted
+
+
+def describe(
+    found: Calibration,
+    sources: Sequence[Path],
+    creeps: Sequence[tuple[str, Creep]],
+    raw: str,
+    warnings: Sequence[str],
+    spread: float,
+) -> dict[str, Any]:
+    """`response.json`: what `core/response.py` reads, and where it comes from."""
+    d = found.doubt
+    outer = [p for p, gain in zip(found.pieces, found.gains, strict=True) if np.isfinite(gain)]
+    lasting = [c for _, c in creeps if np.isfinite(c.time)]
+    chosen = found.tried[found.response.model].fitted
+    return {
+        "schema": 1,
+        **found.response.to_json(),
+        "k_res": found.k_res,
+        "interval": list(d.interval),
+        "doubt": {"readings": d.within, "pieces": d.pieces, "assumed": d.assumed,
+                  "spread_assumed": spread},
+        "standard_errors": d.errors.tolist(),
+        "noise": found.noise,
+        "reason": found.reason,
+        "models": {
+            name: {
+                "left_out_error": t.left_out,
+                "deviance": t.deviance,
+                "coefficients": t.fitted.model.spec(
+                    t.fitted.theta, found.response.strain_range
+                ).to_json()["coefficients"],
+            }
+            for name, t in found.tried.items()
+        },
+        "neutral_drift": found.drift.largest,
+        "neutral_at": found.drift.at,
+        "hysteresis": None if not found.data.history.any() else abs(float(chosen.memory[0])),
+        "creep": {
+            "time": float(np.median([c.time for c in lasting])),
+            "part": float(np.median([c.start / c.end for c in lasting])),
+            "holds": len(lasting),
+        }
+        if lasting
+        else None,
+        "pieces": [
+            {"specimen": p.specimen, "cord": p.place, "gain": float(g)}
+            for p, g in zip(outer, found.gains[np.isfinite(found.gains)], strict=True)
+        ],
+        "radii": found.readings.radii.tolist(),
+        "readings": len(found.readings.where),
+        "sources": [str(s) for s in sources],
+        "raw_hash": raw,
+        "version": __version__,
+        "warnings": list(warnings),
+    }  # fmt: skip
