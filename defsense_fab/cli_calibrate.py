@@ -10,6 +10,8 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+from . import cli_record
+from .cli_record import numbers
 from .core.errors import DeviceError
 from .core.progress import Progress
 
@@ -18,7 +20,7 @@ def add(commands: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) 
     """Add the commands; `bars` shows progress."""
     parent = commands.add_parser(
         "calibrate",
-        help="how the cord answers to strain: specimen and jigs",
+        help="how the cord answers to strain: specimen, measurement, fit",
         description="Find out how the cord answers to strain.",
     )
     steps = parent.add_subparsers(dest="step", required=True, metavar="STEP")
@@ -61,6 +63,7 @@ def add(commands: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) 
     )
     _common(sub)
     sub.set_defaults(run=_coupon)
+    cli_record.add(steps)
     _add_fit(steps, bars)
 
 
@@ -69,10 +72,10 @@ def _add_fit(steps: Any, bars: Callable[[Any], AbstractContextManager[Progress]]
         "fit",
         help="fit the cord's response to sessions or tables of readings",
         description="Fit w(eps), the relative change of resistance by strain, to recorded"
-        " sessions (folders of 'calibrate record') and tables, and write response.json with its 95 % interval"
-        " and a report beside it. A table is CSV with the columns specimen, jig_radius (mm of the"
-        " jig's surface, empty when flat), channel (top, neutral or bottom, the bottom lying on the"
-        " jig), resistance (ohm); optionally round and face.",
+        " sessions (folders of 'calibrate record') and tables, and write response.json with its"
+        " 95 % interval and a report beside it. A table is CSV with the columns specimen,"
+        " jig_radius (mm of the jig's surface, empty when flat), channel (top, neutral or bottom,"
+        " the bottom lying on the jig), resistance (ohm); optionally round and face.",
         epilog="examples:  defsense calibrate fit my-specimen/session-1 my-specimen/session-2"
         "   defsense calibrate fit readings.csv --thickness 15 --offset 2 --out response.json",
     )
@@ -119,7 +122,7 @@ def _fit(
             options.sources,
             out=options.out,
             geometry=Geometry(options.thickness, options.offset),
-            radii=_numbers("--radii", options.radii) if options.radii else None,
+            radii=numbers("--radii", options.radii) if options.radii else None,
             policy=options.neutral,
             model=options.model,
             spread=options.spread / 100,
@@ -173,7 +176,7 @@ def _specimen(
             thickness=options.thickness,
             width=options.width,
             offset=options.offset,
-            radii=_numbers("--radii", options.radii) if options.radii else RADII,
+            radii=numbers("--radii", options.radii) if options.radii else RADII,
             cord=options.cord,
             process=options.process,
             progress=progress,
@@ -191,7 +194,7 @@ def _coupon(options: argparse.Namespace) -> int:
     asked = options.clearances
     found = write_coupon(
         options.folder,
-        clearances=_numbers("--clearances", asked) if asked else CLEARANCES,
+        clearances=numbers("--clearances", asked) if asked else CLEARANCES,
         cord=options.cord,
         process=options.process,
     )
@@ -205,15 +208,6 @@ def _coupon(options: argparse.Namespace) -> int:
             " device.toml as [fabrication] clearance\n"
         )
     return 0
-
-
-def _numbers(option: str, text: str) -> list[float]:
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        raise DeviceError(
-            f"{option} {text}: write numbers in mm with commas, as in 75,100,150"
-        ) from None
 
 
 def _show(data: dict[str, Any], options: argparse.Namespace) -> None:

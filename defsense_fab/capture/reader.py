@@ -18,6 +18,7 @@ from .source import Event, StaleError, Stamped, Statistics
 _PATIENCE = 6.0
 _ASK_AGAIN = 0.5
 _AGAIN = 0.5  # s between attempts to open a port that went away
+_STRANGE = 2_000_000  # us by which a board's clock may differ from the host's over a gap
 _WRAP = 1 << 32
 _KEPT = 100_000  # items, if nobody drains them
 
@@ -45,6 +46,13 @@ class Settings:
     average: int | None = None
     rate: int | None = None
     led: int | None = None
+
+    def fits(self, sample: Sample) -> bool:
+        """Whether a sample was taken with these settings."""
+        return self.channels in (None, len(sample.sums)) and self.average in (
+            None,
+            sample.averages,
+        )
 
     def missing(self, info: Info) -> str | None:
         """The next command that the board needs, None when it does all that it was asked for."""
@@ -76,7 +84,7 @@ class Reader:
         self._port: Transport | None = None
         self._latest: Stamped | None = None
         self._samples = self._gaps = 0
-        self._failure: CaptureError | None = None
+        self._reopened = False
         self.info: Info | None = None
 
     def start(self) -> Info:
@@ -84,11 +92,10 @@ class Reader:
         nothing, or speaks something else."""
         self._port = self._opener()
         try:
-            info = self._greet(self._port)
+            info = self._begin(self._port, "start")
         except BaseException:
             self._shut()
             raise
-        self._put(Event(time.monotonic_ns(), "start", _about(info)))
         self._thread.start()
         return info
 
@@ -96,8 +103,6 @@ class Reader:
         with self._lock:
             out = list(self._items)
             self._items.clear()
-        if not out and self._failure:
-            raise self._failure
         return out
 
     def read_latest(self, max_age: float) -> Stamped:
@@ -142,18 +147,29 @@ class Reader:
                 self._port.close()
             self._port = None
 
-    def _greet(self, port: Transport) -> Info:
-        """Ask for frames until the board tells what it is, then for the settings."""
+    def _begin(self, port: Transport, kind: str) -> Info:
+        """Greet the board, say so in an event, and take the samples that came meanwhile."""
+        info, early = self._greet(port)
+        self.info = info
+        self._put(Event(time.monotonic_ns(), kind, _about(info)))
+        for sample, now in early:
+            self._take(sample, now)
+        return info
+
+    def _greet(self, port: Transport) -> tuple[Info, list[tuple[Sample, int]]]:
+        """Ask for frames until the board tells what it is, then for the settings; samples that came
+        with them, and when."""
         begun, asked, heard = time.monotonic(), 0.0, b""
         self._stream.forget()
         info: Info | None = None
-        command = "frames"
+        early: list[tuple[Sample, int]] = []
+        done, command = False, "frames"
         while time.monotonic() - begun < _PATIENCE and not self._stop.is_set():
             if time.monotonic() - asked > _ASK_AGAIN:
                 asked = time.monotonic()
                 port.write(f"\n{command}\n".encode("ascii"))
             data = self._read(port)
-            heard = (heard + data)[-400:]
+            heard, now = (heard + data)[-400:], time.monotonic_ns()
             for message in self._stream.feed(data):
                 if isinstance(message, Info):
                     if message.protocol != PROTOCOL:
@@ -168,16 +184,16 @@ class Reader:
                         )
                     info, asked = message, 0.0
                     missing = self._settings.missing(info)
-                    if missing is None:
-                        self.info = info
-                        return info
-                    command = missing
+                    done, command = missing is None, missing or command
                 elif isinstance(message, Sample):
-                    self._take(message)
+                    if self._settings.fits(message):
+                        early.append((message, now))
                 elif isinstance(message, Text) and info is not None:
                     raise CaptureError(
                         f"{self.name}: the board does not take {command!r}: {message.text}"
                     )
+            if info is not None and done:
+                return info, early
         if info is not None:
             raise CaptureError(f"{self.name}: the board does not answer {command!r}")
         if not heard:
@@ -224,7 +240,8 @@ class Reader:
         try:
             port = self._opener()
             try:
-                info = self._greet(port)
+                self._reopened = True
+                self._begin(port, "resumed")
             except BaseException:
                 port.close()
                 raise
@@ -232,25 +249,25 @@ class Reader:
             self._stop.wait(_AGAIN)
             return
         self._port = port
-        self._put(Event(time.monotonic_ns(), "resumed", _about(info)))
 
-    def _take(self, sample: Sample, now: int | None = None) -> None:
-        now = time.monotonic_ns() if now is None else now
+    def _take(self, sample: Sample, now: int) -> None:
         stamped = Stamped(now, self._clock(sample, now), sample)
         self._latest = stamped
         self._samples += 1
         self._put(stamped)
 
     def _clock(self, sample: Sample, now: int) -> int:
-        """The device's clock without wraps. Where it does not fit the host's, by more than a second
-        and a tenth of what went by, the board was restarted: then the host's carries it on."""
+        """The device's clock without wraps. Where its counter begins anew, or where after a gap it
+        does not fit the host's clock, the board was restarted: then that carries it on."""
         if self._latest is None:
             return sample.micros
         before, host = self._latest, (now - self._latest.host_ns) // 1000
         went = (sample.micros - before.sample.micros) % _WRAP
         went += max(0, round((host - went) / _WRAP)) * _WRAP
         again = (sample.counter - before.sample.counter) % _WRAP > _WRAP // 2
-        if again:
+        strange = self._reopened and abs(went - host) > _STRANGE
+        self._reopened = False
+        if again or strange:
             self._put(Event(now, "restart", {}))
             went = max(host, 1)
         return before.device_us + went

@@ -45,7 +45,7 @@ class Session:
     reference: tuple[float, ...]
     criterion: Criterion
     rate: int
-    average: int
+    average: int | None
 
     @property
     def frames(self) -> Path:
@@ -65,7 +65,7 @@ def create(
     reference: Sequence[float],
     criterion: Criterion,
     rate: int,
-    average: int,
+    average: int | None,
 ) -> Session:
     """Begin a session in a folder that holds none. Raises CalibrationError if it does."""
     if (folder / FILE).exists():
@@ -110,7 +110,7 @@ def load(folder: Path) -> Session:
             raise CalibrationError(f"{path}: was written by another version")
         return Session(
             folder, name, Geometry(**specimen), length, steps, tuple(data["reference"]),
-            Criterion(**data["criterion"]), int(data["rate"]), int(data["average"]),
+            Criterion(**data["criterion"]), int(data["rate"]), data["average"],
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(f"{path}: not a session: {error!r}") from None
@@ -157,6 +157,13 @@ def finished(session: Session, recording: Recording | None) -> set[int]:
         elif event.get("event") == "redo":
             out.discard(event["step"])
     return out
+
+
+def unfinished(session: Session) -> list[int]:
+    """Steps that are still to be measured."""
+    recording = read_recording(session.frames) if session.frames.exists() else None
+    done = finished(session, recording)
+    return [n for n in range(len(session.steps)) if n not in done]
 
 
 @dataclass(frozen=True)

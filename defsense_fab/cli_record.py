@@ -1,0 +1,336 @@
+"""The commands `defsense calibrate ports | record | reference | twin`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from .core.errors import CalibrationError, CaptureError, DeviceError
+
+_REFERENCE = 2200.0
+_PORT = "/dev/ttyUSB0, COM3, socket://host:port, or twin (twin:speed=20,k=2,seed=1)"
+
+
+def add(steps: Any) -> None:
+    """Add the commands to those of `calibrate`."""
+    sub = steps.add_parser(
+        "ports",
+        help="list serial ports, and show what a board on one of them reads",
+        description="List the serial ports that are plugged in. With --port, show the resistances"
+        " that the board there reads, as bars, until Ctrl-C.",
+        epilog="examples:  defsense calibrate ports   defsense calibrate ports --port twin",
+    )
+    sub.add_argument("--port", metavar="PORT", help=_PORT + ", or a recording (.csv)")
+    sub.add_argument("--seconds", type=float, metavar="S", help="stop after so long")
+    _board(sub)
+    _ends(sub)
+    sub.set_defaults(run=_ports)
+    sub = steps.add_parser(
+        "record",
+        help="measure a specimen on its jigs, step by step",
+        description="Measure a specimen on its jigs: says which jig is next and which side lies on"
+        " it, waits until the reading has settled, and shows the points so far. Every frame is"
+        " written as it comes. It can be stopped (q) and resumed by the same command.",
+        epilog="examples:  defsense calibrate record --port /dev/ttyUSB0 --specimen my-specimen"
+        "   defsense calibrate record --port twin:speed=20 --specimen my-specimen --rounds 2",
+    )
+    sub.add_argument("--port", required=True, metavar="PORT", help=_PORT)
+    sub.add_argument(
+        "--specimen", type=Path, required=True, metavar="DIR",
+        help="what 'calibrate specimen' wrote (folder, or its specimen.json)",
+    )  # fmt: skip
+    sub.add_argument(
+        "--out", type=Path, metavar="SESSION",
+        help="the session's folder (session, beside specimen.json)",
+    )  # fmt: skip
+    sub.add_argument("--name", help="of the specimen: pieces of one name are the same (its length)")
+    sub.add_argument("--rounds", type=int, default=3, metavar="N", help="over all jigs (3)")
+    sub.add_argument("--radii", metavar="R,R,...", help="of the jigs to use, mm (all)")
+    sub.add_argument(
+        "--faces", choices=("ab", "a", "b"), default="ab",
+        help="which sides to lay on the jigs: both (ab), or one",
+    )  # fmt: skip
+    sub.add_argument("--tolerance", type=float, default=0.05, metavar="PERCENT",
+                     help="by which a settled reading may still change (0.05)")  # fmt: skip
+    sub.add_argument("--longest", type=float, default=90.0, metavar="S",
+                     help="after which a reading is taken anyway (90)")  # fmt: skip
+    sub.add_argument("--seed", type=int, default=1, help="of the jigs' random order (1)")
+    sub.add_argument(
+        "--auto", action="store_true", help="take no keys: for twins, and for machines that bend"
+    )
+    _board(sub)
+    _ends(sub)
+    sub.set_defaults(run=_record)
+    sub = steps.add_parser(
+        "reference",
+        help="measure the reference resistors with a known one in the cords' place",
+        description="Measure the reference resistors: put one known resistor (1 percent or better,"
+        " near the cords' resistance) in the place of every cord, and pass the numbers that this"
+        " prints as --reference. The response does not depend on them, resistances in ohm do.",
+        epilog="example:  defsense calibrate reference --port /dev/ttyUSB0 --known 2200",
+    )
+    sub.add_argument("--port", required=True, metavar="PORT", help=_PORT)
+    sub.add_argument("--known", type=float, required=True, metavar="OHM")
+    sub.add_argument("--channels", type=int, default=3, metavar="N", help="how many (3)")
+    sub.add_argument("--seconds", type=float, default=2.0, metavar="S", help="to average over (2)")
+    _ends(sub)
+    sub.set_defaults(run=_reference)
+    sub = steps.add_parser(
+        "twin",
+        help="make sessions of a simulated specimen, to try the fit",
+        description="Write calibration sessions of simulated specimens, with noise, hysteresis,"
+        " relaxation and pieces that differ, without waiting for them.",
+        epilog="example:  defsense calibrate twin OUT --k 2 --lengths 150,200 --seed 1",
+    )
+    sub.add_argument("folder", type=Path, metavar="OUT", help="gets one session a specimen")
+    for name, default, text in (
+        ("k", 2.0, "slope of the response at rest, k_res"),
+        ("q", 0.0, "its quadratic coefficient"),
+        ("noise", 0.002, "standard deviation of one reading of (R - R0)/R0"),
+        ("play", 0.003, "half the width of the hysteresis, of R0"),
+        ("healing", 0.1, "part of a change that relaxes"),
+        ("time", 8.0, "time constant of that, s"),
+        ("spread", 0.02, "standard deviation of the pieces' gains"),
+        ("drift", 0.0, "of all resistances, per hour"),
+        ("misplaced", 0.0, "standard deviation of the cords' heights, mm"),
+    ):
+        sub.add_argument(f"--{name}", type=float, default=default, help=f"{text} ({default:g})")
+    sub.add_argument("--lengths", default="150,200", metavar="MM,MM,...",
+                     help="one specimen each (150,200)")  # fmt: skip
+    sub.add_argument("--rounds", type=int, default=3, metavar="N", help="over all jigs (3)")
+    sub.add_argument("--seed", type=int, default=1, help="(1)")
+    _ends(sub)
+    sub.set_defaults(run=_twin)
+
+
+def _board(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument(
+        "--reference", metavar="OHM,...", default=f"{_REFERENCE:g}",
+        help=f"reference resistors of the channels, or one for all ({_REFERENCE:g})",
+    )  # fmt: skip
+    sub.add_argument("--rate", type=int, default=20, metavar="HZ", help="samples per second (20)")
+    sub.add_argument("--average", type=int, metavar="N", help="conversions a sample (as it is)")
+
+
+def _ends(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+
+
+def numbers(option: str, text: str) -> list[float]:
+    """Numbers with commas between. Raises DeviceError for anything else."""
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise DeviceError(f"{option} {text}: write numbers with commas, as in 75,100,150") from None
+
+
+def _references(text: str, channels: int) -> list[float]:
+    values = numbers("--reference", text)
+    if len(values) not in (1, channels) or min(values) <= 0:
+        raise DeviceError(f"--reference {text}: give one resistance above 0, or {channels}")
+    return values * channels if len(values) == 1 else values
+
+
+def _ports(options: argparse.Namespace) -> int:
+    from .capture.ports import ports
+    from .capture.reader import Settings
+    from .pipeline.sources import open_source
+
+    if options.port is None:
+        found = ports()
+        if options.json:
+            sys.stdout.write(json.dumps([vars(p) for p in found], indent=1) + "\n")
+        elif not found:
+            sys.stdout.write(
+                "no serial port is plugged in\n"
+                "Next:    plug the board in; or try defsense calibrate ports --port twin\n"
+            )
+        else:
+            for p in found:
+                sys.stdout.write(f"{p.device:<16} {p.description}\n")
+            sys.stdout.write(f"Next:    defsense calibrate ports --port {found[0].device}\n")
+        return 0
+    source = open_source(options.port, Settings(rate=options.rate, average=options.average)).source
+    info = source.start()
+    try:
+        return _watch(options, source, info)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        source.close()
+
+
+def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:
+    """Live values until the time is over or the source has no more."""
+    import numpy as np
+    from rich.console import Console
+    from rich.live import Live
+
+    from .capture.source import Stamped
+    from .sensing.readout import Dividers
+    from .terminal.wizard import bars
+
+    dividers = Dividers(
+        np.array(_references(options.reference, info.channels)), float(info.full_scale)
+    )
+    end = time.monotonic() + (options.seconds or float("inf"))
+    ohm: Any = None
+    console = Console(stderr=options.json)
+    with Live(console=console, auto_refresh=False, transient=options.json) as live:
+        while time.monotonic() < end:
+            time.sleep(0.1)
+            try:
+                items = [i for i in source.drain() if isinstance(i, Stamped)]
+            except CaptureError:
+                break
+            if items:
+                ohm = dividers.resistance(items[-1].sample.counts)
+                named = {f"channel {i + 1}": float(r) for i, r in enumerate(ohm)}
+                live.update(bars(named), refresh=not options.json)
+    s = source.statistics
+    if ohm is None:
+        raise CaptureError(f"{source.name}: no sample arrived")
+    if options.json:
+        told = [float(r) if np.isfinite(r) else None for r in ohm]
+        sys.stdout.write(json.dumps({"ohm": told, **vars(s)}, indent=1) + "\n")
+    else:
+        sys.stdout.write(f"\n{s.samples} samples, {s.lost} lost, {s.bad} damaged frames\n")
+    return 0
+
+
+def _record(options: argparse.Namespace) -> int:
+    from .calibration.settling import Criterion
+    from .capture.reader import Settings
+    from .pipeline import session as sessions
+    from .pipeline.record import run_wizard
+    from .pipeline.sources import open_source
+    from .terminal.wizard import Lines, Terminal
+
+    if options.port.endswith(".csv"):
+        raise DeviceError(f"--port {options.port}: a recording cannot be measured again")
+    if options.rounds < 1 or not 1 <= options.rate <= 500:
+        raise DeviceError("--rounds and --rate must be 1 or more, and --rate at most 500")
+    about = sessions.specimen_of(options.specimen)
+    beside = options.specimen if options.specimen.is_dir() else options.specimen.parent
+    folder = options.out or beside / "session"
+    if (folder / sessions.FILE).exists():
+        session = sessions.load(folder)
+        if not sessions.unfinished(session):
+            raise CalibrationError(
+                f"{folder}: this session is finished; fit it (defsense calibrate fit {folder}), or"
+                " begin another with --out"
+            )
+    else:
+        radii = numbers("--radii", options.radii) if options.radii else about["radii"]
+        strange = [r for r in radii if r not in about["radii"]]
+        if strange:
+            have = ", ".join(f"{r:g}" for r in about["radii"])
+            raise DeviceError(f"--radii: {strange[0]:g} is none of the specimen's jigs: {have}")
+        session = sessions.create(
+            folder,
+            name=options.name or f"{about['length']:g}",
+            geometry=about["geometry"],
+            length=about["length"],
+            radii=radii,
+            rounds=options.rounds,
+            faces=list(options.faces),
+            seed=options.seed,
+            reference=_references(options.reference, 3),
+            criterion=Criterion(tolerance=options.tolerance / 100, most=options.longest),
+            rate=options.rate,
+            average=options.average,
+        )
+    settings = Settings(channels=3, average=session.average, rate=session.rate)
+    opened = open_source(options.port, settings, session.geometry, session.length)
+    if options.auto:
+        done = run_wizard(session, opened.source, Lines(), opened.hands, auto=True)
+    else:
+        screen = Terminal(session.criterion, session.geometry.thickness, session.length)
+        with screen:
+            done = run_wizard(session, opened.source, screen, opened.hands)
+    return _recorded(options, session, done)
+
+
+def _recorded(options: argparse.Namespace, session: Any, done: bool) -> int:
+    from .pipeline import session as sessions
+
+    left = len(sessions.unfinished(session))
+    total = len(session.steps)
+    if options.json:
+        data = {"session": str(session.folder), "finished": done, "left": left, "steps": total}
+        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+    elif done:
+        sys.stdout.write(
+            f"all {total} readings are done: {session.folder}\n"
+            f"Next:    defsense calibrate fit {session.folder} (and other specimens' sessions)\n"
+        )
+    else:
+        sys.stdout.write(
+            f"stopped with {total - left} of {total} readings; every frame is in {session.folder}\n"
+            "Next:    the same command goes on from here\n"
+        )
+    return 0
+
+
+def _reference(options: argparse.Namespace) -> int:
+    import numpy as np
+
+    from .capture.reader import Settings
+    from .capture.source import Stamped
+    from .pipeline.sources import open_source
+    from .sensing.readout import measured_reference
+
+    if not options.known > 0 or not options.seconds > 0:
+        raise DeviceError("--known and --seconds must be above 0")
+    source = open_source(options.port, Settings(channels=options.channels)).source
+    info = source.start()
+    try:
+        time.sleep(options.seconds)
+        counts = [i.sample.counts for i in source.drain() if isinstance(i, Stamped)]
+    finally:
+        source.close()
+    if not counts:
+        raise CaptureError(f"{source.name}: no sample arrived")
+    found = measured_reference(np.mean(counts, axis=0), options.known, float(info.full_scale))
+    words = ",".join(f"{r:.1f}" for r in found)
+    if options.json:
+        sys.stdout.write(json.dumps({"reference": found.tolist()}, indent=1) + "\n")
+    else:
+        sys.stdout.write(f"Next:    defsense calibrate record ... --reference {words}\n")
+    return 0
+
+
+def _twin(options: argparse.Namespace) -> int:
+    from .core.response import ResponseSpec
+    from .pipeline.synthetic import record_twin
+    from .sensing.response import response_of
+    from .twin.cord import Traits
+
+    positive = ("noise", "play", "healing", "spread", "misplaced")
+    if min(getattr(options, n) for n in positive) < 0 or options.time <= 0 or options.rounds < 1:
+        raise DeviceError("the twin's numbers must not be below 0, nor --time and --rounds 0")
+    lengths = numbers("--lengths", options.lengths)
+    spec = ResponseSpec("quadratic", {"k": options.k, "q": options.q}, (-0.1, 0.1))
+    traits = Traits(
+        response_of(spec), options.noise, options.play, options.healing, options.time,
+        options.spread, drift=options.drift,
+    )  # fmt: skip
+    folders = []
+    for n, length in enumerate(lengths):
+        folder = options.folder / f"session-{length:g}"
+        record_twin(
+            folder, traits, seed=1000 * options.seed + n, length=length, rounds=options.rounds,
+            misplaced=options.misplaced,
+        )  # fmt: skip
+        folders.append(str(folder))
+    if options.json:
+        sys.stdout.write(json.dumps({"sessions": folders}, indent=1) + "\n")
+    else:
+        out = options.folder / "response.json"
+        sys.stdout.write(f"Next:    defsense calibrate fit {' '.join(folders)} --out {out}\n")
+    return 0

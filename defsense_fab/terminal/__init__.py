@@ -1,0 +1,1 @@
+"""What the command line draws where more than lines are needed."""
