@@ -11,7 +11,7 @@ from ..core.arrays import Float, Int
 from ..core.response import ResponseSpec
 from . import neutral
 from .choice import Tried, choose, compare
-from .fit import Data, free_gains, history
+from .fit import Data, Fitted, free_gains, history
 from .interval import Doubt, doubt
 from .neutral import Drift, Policy
 from .plausible import check
@@ -106,7 +106,7 @@ def calibrate(
         changes[inside],
         readings.radius[inside],
         fitted.noise,
-        (*warnings, *_warnings(k_res, doubted, outer, gains, data)),
+        (*warnings, *_warnings(k_res, doubted, outer, gains, data, fitted)),
     )
 
 
@@ -124,7 +124,9 @@ def _outer(readings: Readings, changes: Float) -> tuple[Data, Float]:
     return data, readings.radius[keep]
 
 
-def _warnings(k_res: float, doubted: Doubt, outer: Readings, gains: Float, data: Data) -> list[str]:
+def _warnings(
+    k_res: float, doubted: Doubt, outer: Readings, gains: Float, data: Data, fitted: Fitted
+) -> list[str]:
     out = []
     low, high = doubted.interval
     if k_res < 0:
@@ -134,6 +136,14 @@ def _warnings(k_res: float, doubted: Doubt, outer: Readings, gains: Float, data:
         )
     elif low < _MINUTE:
         out.append(f"k_res {k_res:.2f} is hardly told from nothing: does the cord answer at all?")
+    strain = np.linspace(data.strain.min(), data.strain.max(), 200)
+    falls = np.diff(fitted.model.predict(fitted.theta, strain)) * np.sign(k_res) < 0
+    if falls.any():
+        turn = float(np.abs(strain[:-1][falls]).min())
+        out.append(
+            f"the response turns round (near a strain of {turn:.1%}): one resistance then stands"
+            " for two strains; --model line or piecewise keep it monotone"
+        )
     if high - low > 2 * _WIDE * abs(k_res):
         out.append(
             f"k_res is only known within {low:.2f} to {high:.2f}; more rounds, or more specimens,"

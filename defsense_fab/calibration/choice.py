@@ -90,8 +90,8 @@ def choose(tried: dict[str, Tried]) -> tuple[str, str]:
 
 
 def _better(new: Tried, old: Tried) -> bool:
-    """A model of the same size needs no more than a lower deviance."""
-    price = _PRICE * (new.fitted.model.size - old.fitted.model.size)
+    """A model of the same size, after it in the order, has to be better by half a coefficient."""
+    price = _PRICE * max(new.fitted.model.size - old.fitted.model.size, 0.5)
     if old.deviance - new.deviance <= price:
         return False
     saved = old.by_radius - new.by_radius

@@ -11,7 +11,7 @@ from ..core.response import ResponseSpec
 from ..sensing.response import response_of
 
 #: From the simplest to the one that follows anything.
-ORDER = ("line", "two-slopes", "quadratic", "piecewise")
+ORDER = ("line", "quadratic", "two-slopes", "piecewise")
 _KNOTS = 3  # of the piecewise model, on either side of rest
 _APART = 1e-4  # strain between two knots
 

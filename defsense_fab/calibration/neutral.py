@@ -17,43 +17,59 @@ Policy = Literal["refuse", "correct", "ignore"]
 #: A drift matters from this fraction of the outer cords' largest change on,
 _MATTERS = 0.05
 #: if it is so many standard errors of the mean that it shows in.
-_CLEAR = 4.0
+_CLEAR = 5.0
+_LEAST_NOISE = 1e-5
+_FEW = 5  # readings that tell no noise
 
 
 @dataclass(frozen=True)
 class Drift:
     """`largest` mean change (R - R0)/R0 of the neutral cords, with its sign, over the readings
-    `at` one radius, round or specimen; None without neutral cords. Whether it is `bad`, and the
-    `limit` from which on it would be; RMS of all their changes."""
+    `at` one radius, in one round or of one piece; None without neutral cords. Whether it is `bad`,
+    and the `limit` from which on it would be."""
 
     largest: float | None
     at: str
     bad: bool
     limit: float
-    rms: float
 
 
 def drift(readings: Readings, changes: Float, noise: float) -> Drift:
-    """Of the neutral cords in `changes` (n,), `noise` being a reading's standard deviation."""
+    """Of the neutral cords in `changes` (n,); `noise` is the standard deviation of a reading of the
+    others."""
     inside = readings.neutral & ~readings.flat
     outer = ~readings.neutral & ~readings.flat
     matters = _MATTERS * float(np.abs(changes[outer]).max(initial=0))
     if not inside.any():
-        return Drift(None, "", False, matters, 0.0)
-    found = Drift(0.0, "", False, matters, float(np.sqrt((changes[inside] ** 2).mean())))
-    worst = -1.0
+        return Drift(None, "", False, matters)
+    noise = min(noise, _own_noise(readings, changes))
+    worst, found = -1.0, Drift(0.0, "", False, matters)
     for at, group in _groups(readings, inside):
         mean = float(changes[group].mean())
-        limit = max(matters, _CLEAR * noise / np.sqrt(group.sum()))
         # R0 is measured, too, once or a few times: its error is in all changes of a piece.
-        rests = [
-            (readings.flat & (readings.piece == p)).sum() for p in np.unique(readings.piece[group])
-        ]
-        limit = max(matters, _CLEAR * noise * np.sqrt(1 / group.sum() + 1 / sum(rests)))
+        flat = (readings.flat & (readings.piece == readings.piece[group][0])).sum()
+        limit = max(matters, _CLEAR * noise * float(np.sqrt(1 / group.sum() + 1 / flat)))
         if abs(mean) / limit > worst:
             worst = abs(mean) / limit
-            found = replace(found, largest=mean, at=at, bad=worst > 1, limit=float(limit))
+            found = Drift(mean, at, worst > 1, limit)
     return found
+
+
+def _own_noise(readings: Readings, changes: Float) -> float:
+    """Standard deviation of the neutral cords' readings about a steady drift of each, which the
+    scatter of the other cords would hide behind; robust, for a loose joint is no noise."""
+    left = []
+    for p in np.unique(readings.piece[readings.neutral]):
+        own = changes[readings.piece == p]
+        if len(own) >= _FEW:
+            order = np.arange(len(own))
+            left.append(own - np.polynomial.Polynomial.fit(order, own, 1)(order))
+    if not left:
+        return np.inf
+    every = np.concatenate(left)
+    free = len(every) - 2 * len(left)
+    robust = 1.4826 * float(np.median(np.abs(every))) * np.sqrt(len(every) / free)
+    return float(max(robust, _LEAST_NOISE))
 
 
 def _groups(readings: Readings, inside: Bool) -> list[tuple[str, Bool]]:

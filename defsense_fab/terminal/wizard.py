@@ -26,7 +26,7 @@ _KEYS = {
     "unplugged": "waiting for the board...   q stop (resume later)",
     "done": "",
 }
-_PICTURE = 46, 8  # characters
+_PICTURE = 64, 8  # characters
 _PLOT = 60, 14
 _BAR = 24
 
@@ -100,7 +100,7 @@ class Terminal:
     def _picture(self, step: Step) -> list[Text]:
         """The specimen on its jig, from the side, to scale."""
         half, h = self._length / 2, self._thickness
-        canvas = Canvas(*_PICTURE, (-1.05 * half, 1.05 * half), (-0.75 * half, 3.2 * h))
+        canvas = Canvas(*_PICTURE, (-1.05 * half, 1.05 * half), (-0.5 * half, 1.3 * h))
         style = _STYLES["bottom" if step.face == "a" else "top"]
         levels = [(0.0, "white"), (h, "white"), (0.14 * h, style),
                   (0.86 * h, _STYLES["top" if step.face == "a" else "bottom"])]  # fmt: skip
@@ -163,8 +163,12 @@ def _plot(view: View) -> list[Text]:
     canvas = Canvas(*_PLOT, (-x, x), (-y, y))
     canvas.line((-x, 0), (x, 0), "dim")
     canvas.line((0, -y), (0, y), "dim")
+    square = [(i * x / _PLOT[0], j * y / _PLOT[1] / 2) for i in (0, 1) for j in (0, 1)]
     for place in ("neutral", "bottom", "top"):
-        canvas.dots(((p.strain, p.change) for p in view.points if p.place == place), _STYLES[place])
+        found = [p for p in view.points if p.place == place]
+        canvas.dots(
+            ((p.strain + dx, p.change + dy) for p in found for dx, dy in square), _STYLES[place]
+        )
     rows = canvas.lines()
     rows[0].append(f" {y:+.1%}", "dim")
     rows[-1].append(f" {-y:+.1%}", "dim")
