@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -25,8 +25,8 @@ _FEW = 5  # readings that tell no noise
 @dataclass(frozen=True)
 class Drift:
     """`largest` mean change (R - R0)/R0 of the neutral cords, with its sign, over the readings
-    `at` one radius, in one round or of one piece; None without neutral cords. Whether it is `bad`,
-    and the `limit` from which on it would be."""
+    `at` one radius, in one round or of one piece, or its rise from first to last; None without
+    neutral cords. Whether it is `bad`, and the `limit` from which on it would be."""
 
     largest: float | None
     at: str
@@ -44,15 +44,38 @@ def drift(readings: Readings, changes: Float, noise: float) -> Drift:
         return Drift(None, "", False, matters)
     noise = min(noise, _own_noise(readings, changes))
     worst, found = -1.0, Drift(0.0, "", False, matters)
-    for at, group in _groups(readings, inside):
-        mean = float(changes[group].mean())
-        # R0 is measured, too, once or a few times: its error is in all changes of a piece.
-        flat = (readings.flat & (readings.piece == readings.piece[group][0])).sum()
-        limit = max(matters, _CLEAR * noise * float(np.sqrt(1 / group.sum() + 1 / flat)))
-        if abs(mean) / limit > worst:
-            worst = abs(mean) / limit
-            found = Drift(mean, at, worst > 1, limit)
+    for at, change, error in _looks(readings, changes, inside):
+        limit = max(matters, _CLEAR * noise * error)
+        if abs(change) / limit > worst:
+            worst = abs(change) / limit
+            found = Drift(change, at, worst > 1, limit)
     return found
+
+
+def _looks(readings: Readings, changes: Float, inside: Bool) -> Iterator[tuple[str, float, float]]:
+    """Where the readings are, their change, and its standard error in that of one reading: the
+    means of each piece at one radius, in one round and in all, and its steady rise from first to
+    last."""
+    for p in np.unique(readings.piece[inside]):
+        own, name = inside & (readings.piece == p), readings.pieces[p].name
+        # R0 is measured, too, once or a few times: its error is in all changes of a piece.
+        rest = 1 / (readings.flat & (readings.piece == p)).sum()
+        groups = [(f"{name}, all radii", own)]
+        groups += [(f"{name}, {r:g} mm", own & (readings.radius == r))
+                   for r in np.unique(readings.radius[own])]  # fmt: skip
+        groups += [(f"{name}, round {turn + 1}", own & (readings.turn == turn))
+                   for turn in np.unique(readings.turn[own])]  # fmt: skip
+        for at, group in groups:
+            yield at, float(changes[group].mean()), float(np.sqrt(1 / group.sum() + rest))
+        every = changes[readings.piece == p]
+        n = len(every)
+        if n >= _FEW:
+            slope = float(np.polyfit(np.arange(n), every, 1)[0])
+            yield (
+                f"{name}, from first to last",
+                slope * (n - 1),
+                np.sqrt(12 * (n - 1) / n / (n + 1)),
+            )
 
 
 def _own_noise(readings: Readings, changes: Float) -> float:
@@ -70,20 +93,6 @@ def _own_noise(readings: Readings, changes: Float) -> float:
     free = len(every) - 2 * len(left)
     robust = 1.4826 * float(np.median(np.abs(every))) * np.sqrt(len(every) / free)
     return float(max(robust, _LEAST_NOISE))
-
-
-def _groups(readings: Readings, inside: Bool) -> list[tuple[str, Bool]]:
-    """Readings of one piece at one radius, in one round, or in all."""
-    out = []
-    for p in np.unique(readings.piece[inside]):
-        own = inside & (readings.piece == p)
-        name = readings.pieces[p].name
-        out.append((f"{name}, all radii", own))
-        for r in np.unique(readings.radius[own]):
-            out.append((f"{name}, {r:g} mm", own & (readings.radius == r)))
-        for turn in np.unique(readings.turn[own]):
-            out.append((f"{name}, round {turn + 1}", own & (readings.turn == turn)))
-    return out
 
 
 def refuse(found: Drift) -> None:
