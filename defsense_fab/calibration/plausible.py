@@ -65,7 +65,7 @@ def _check_units(readings: Readings) -> None:
         for i in own:
             ratio = readings.resistance[i] / middle[p]
             for factor in (_THOUSAND, 1 / _THOUSAND):
-                if 0.4 < ratio * factor < 2.5:
+                if 0.6 < ratio * factor < 1.7:
                     raise CalibrationError(
                         f"{readings.where[i]}: {readings.resistance[i]:g} among readings of about"
                         f" {middle[p]:g} of the same cord: ohm and kohm are mixed; give ohm"

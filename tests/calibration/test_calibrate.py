@@ -1,0 +1,151 @@
+"""Fits of known responses: the numbers, the choice of the model, the interval, the neutral cord."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.calibration.calibrate import calibrate
+from defsense_fab.calibration.choice import compare
+from defsense_fab.calibration.fit import Data, fit, history
+from defsense_fab.calibration.models import model
+from defsense_fab.calibration.neutral import drift
+from defsense_fab.calibration.readings import Geometry, joined
+from defsense_fab.core.errors import CalibrationError
+from defsense_fab.sensing.response import response_of
+from tests.calibration.sessions import readings
+
+LINE = (lambda e: 2 * e, "line")
+QUADRATIC = (lambda e: 2 * e + 8 * e * e, "quadratic")
+TWO_SLOPES = (lambda e: (2.4 if e > 0 else 1.6) * e, "two-slopes")
+#: Saturates in tension: rises to 12 % and bends over.
+STEP = (lambda e: 0.12 * np.tanh(2.5 * e / 0.1) + 0.02 * np.sin(90 * e), "piecewise")
+
+
+def test_strains_are_those_of_the_paper():
+    """METHOD: 6.7 % at 75 mm and 2.1 % at 250 mm, thickness 15, offset 2."""
+    g = Geometry(15, 2)
+    assert g.strain(75, 1) == pytest.approx(5.5 / 82.5)
+    assert g.strain(250, -1) == pytest.approx(-5.5 / 257.5)
+    assert g.strain(75, 0) == g.strain(float("nan"), 1) == 0
+
+
+@pytest.mark.parametrize(("true", "name"), [LINE, QUADRATIC, TWO_SLOPES])
+def test_exact_readings_give_the_response_back(true, name):
+    found = calibrate(readings(true, noise=0), draws=30)
+    assert found.response.model == name
+    e = np.linspace(-0.066, 0.066, 21)
+    assert response_of(found.response)(e) == pytest.approx([true(x) for x in e], abs=2e-5)
+    assert found.k_res == pytest.approx(2.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("both", [False, True])
+@pytest.mark.parametrize(("true", "name"), [LINE, QUADRATIC, TWO_SLOPES, STEP])
+def test_the_choice_of_the_model(true, name, both):
+    """In at least nine of ten sessions with noise and pieces that differ."""
+    rounds = 3 if name == "piecewise" else 1
+    chosen = [
+        calibrate(readings(true, seed, spread=0.02, both=both, rounds=rounds), draws=3)
+        .response.model for seed in range(10)
+    ]  # fmt: skip
+    assert chosen.count(name) >= 9
+
+
+def test_pieces_that_differ_are_no_asymmetry():
+    """Without turning over, a top cord that answers more looks like tension that does."""
+    chosen = [
+        calibrate(readings(LINE[0], seed, spread=0.04), draws=3).response.model
+        for seed in range(10)
+    ]
+    assert chosen.count("line") >= 9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spread", [0.0, 0.05])
+def test_the_interval_holds(spread):
+    """Of 20 tables at most two miss; and it is no wider than need be."""
+    found = [calibrate(readings(LINE[0], s, spread=spread), draws=30) for s in range(20)]
+    held = [f.doubt.interval[0] <= 2.0 <= f.doubt.interval[1] for f in found]
+    assert sum(held) >= 18
+    half = np.median([(f.doubt.interval[1] - f.doubt.interval[0]) / 2 / f.k_res for f in found])
+    assert 0.03 < half < 0.12
+
+
+def test_six_specimens_speak_for_themselves():
+    """Nothing is taken for granted any more: pieces that agree give a narrow interval."""
+    held = []
+    for seed in range(8):
+        r = readings(LINE[0], seed, specimens="abcdef", both=True, rounds=2)
+        found = calibrate(r, draws=10)
+        assert found.doubt.assumed == 0
+        low, high = found.doubt.interval
+        assert high - low < 0.04
+        held.append(low <= 2 <= high)
+    assert sum(held) >= 6
+
+
+def test_an_outlier_counts_little():
+    r = readings(LINE[0], rounds=2)
+    clean = calibrate(r, draws=3).k_res
+    r.resistance[5] *= 1.3
+    assert calibrate(r, draws=3).k_res == pytest.approx(clean, rel=0.01)
+
+
+def test_what_pieces_remember_is_told_apart():
+    """Play and creep by the way that a piece came, in random order of jigs."""
+    rng = np.random.default_rng(0)
+    strain = np.concatenate([[0], rng.permutation(np.repeat(np.linspace(-0.06, 0.06, 13), 6))])
+    before = np.append(0, strain[:-1])
+    past = history(strain, before)
+    y = 2 * strain + past @ [0.004, 0.05] + 0.0002 * rng.normal(size=len(strain))
+    found = fit(Data(y, strain, np.zeros(len(y), int), 1, past), model("line", strain), 0.03)
+    assert found.theta[0] == pytest.approx(2.0, abs=0.005)
+    assert found.memory == pytest.approx([0.004, 0.05], abs=3e-3)
+
+
+def test_left_out_errors_are_those_of_refits():
+    """Of a line, by hand: each radius predicted from the others."""
+    r = readings(LINE[0], specimens=("150",), noise=0.002)
+    keep = ~r.neutral
+    y, strain, piece, radius = (a[keep] for a in (r.changes(), r.strain, r.piece, r.radius))
+    data = Data(y, strain, piece, 3, history(strain, np.full(len(y), np.nan)))
+    tried = compare(data, radius, 0.0)["line"]
+    errors = []
+    for one in np.unique(radius[~np.isnan(radius)]):
+        others = radius != one
+        A = np.stack([strain, piece == 0, piece == 2], axis=1)
+        x = np.linalg.lstsq(A[others], y[others], rcond=None)[0]
+        errors.append(((A @ x - y)[~others] ** 2).mean())
+    assert tried.left_out == pytest.approx(np.sqrt(np.mean(errors)), rel=0.05)
+
+
+def test_a_neutral_cord_that_drifts():
+    r = readings(LINE[0], drift=0.005)
+    with pytest.raises(CalibrationError, match=r"neutral cord changes by \+4.*--neutral correct"):
+        calibrate(r)
+    corrected = calibrate(r, policy="correct", draws=3)
+    assert corrected.k_res == pytest.approx(2.0, rel=0.02)
+    assert corrected.response.model == "line"
+    assert "taken from the other cords" in corrected.warnings[0]
+    ignored = calibrate(r, policy="ignore", draws=3)
+    assert ignored.drift.bad
+    assert "ignored" in ignored.warnings[0]
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.002, 0.005])
+def test_noise_of_the_neutral_cord_is_no_drift(noise):
+    found = [readings(LINE[0], seed, noise=noise) for seed in range(100)]
+    assert sum(drift(r, r.changes(), noise).bad for r in found) <= 4
+
+
+def test_sessions_pool_by_the_name_of_the_specimen():
+    one, two = (readings(LINE[0], s, specimens=("a",)) for s in (0, 1))
+    both = joined([one, two])
+    assert len(both.pieces) == 3
+    assert len(both.where) == len(one.where) + len(two.where)
+    apart = joined([one, readings(LINE[0], 1, specimens=("b",))])
+    assert len(apart.pieces) == 6
+
+
+def test_a_response_that_turns_round_is_told():
+    found = calibrate(readings(lambda e: 2 * e + 22 * e * e, seed=1), draws=3)
+    assert found.response.model == "quadratic"
+    assert any("turns round" in w for w in found.warnings)
