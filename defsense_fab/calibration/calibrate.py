@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..core.arrays import Float, Int
 from ..core.response import ResponseSpec
 from . import neutral
 from .choice import Tried, choose, compare
-from .fit import Data, Fitted, free_gains, history
+from .fit import Data, Fitted, free_gains
 from .interval import Doubt, doubt
 from .neutral import Drift, Policy
 from .plausible import check
@@ -65,9 +65,8 @@ def calibrate(
     """
     warnings = check(readings)
     changes = readings.changes()
-    before = _outer(readings, changes)
-    noise = compare(*before, spread)
-    drifting = neutral.drift(readings, changes, min(t.fitted.noise for t in noise.values()))
+    noise = _first_fit(*_outer(readings, changes), spread).noise
+    drifting = neutral.drift(readings, changes, noise)
     if policy == "refuse":
         neutral.refuse(drifting)
     elif drifting.bad and drifting.largest is not None:
@@ -78,7 +77,10 @@ def calibrate(
     used = neutral.POLICIES[policy](readings)
     outer = used.only(~used.neutral)
     data, radius = _outer(used, used.changes())
-    tried = noise if policy != "correct" else compare(data, radius, spread)
+    # Flat readings remember, too: R0 is what they tell of a piece that forgot.
+    rest = 1 + _first_fit(data, radius, spread).offset[data.piece]
+    data = replace(data, y=(1 + data.y) / rest - 1)
+    tried = compare(data, radius, spread)
     chosen, reason = choose(tried)
     if model is not None:
         chosen, reason = model, f"{model}: as you asked; by itself {reason}"
@@ -119,9 +121,15 @@ def _outer(readings: Readings, changes: Float) -> tuple[Data, Float]:
         strain,
         readings.piece[keep],
         len(readings.pieces),
-        history(strain, readings.before[keep]),
+        readings.memory[keep],
     )
     return data, readings.radius[keep]
+
+
+def _first_fit(data: Data, radius: Float, spread: float) -> Fitted:
+    """For R0 and the noise."""
+    tried = compare(data, radius, spread)
+    return tried[choose(tried)[0]].fitted
 
 
 def _warnings(

@@ -16,9 +16,9 @@ from ..core.arrays import Float
 from .fit import Data, Fitted, fit
 from .models import ORDER, model
 
-#: Deviance that one more coefficient must save: 3.84 is chance at 5 %, but readings at one radius
-#: share hysteresis and relaxation.
-_PRICE = 8.0
+#: Deviance that one more coefficient must save: 3.84 is chance at 5 %, but readings on one specimen
+#: share hysteresis and relaxation, so it takes more, and a part of the error where they are many.
+_PRICE, _PART = 8.0, 0.06
 _CLEAR = 1.0  # standard errors by which the mean over radii must be better
 
 
@@ -83,15 +83,19 @@ def choose(tried: dict[str, Tried]) -> tuple[str, str]:
         more = tried[chosen].fitted.model.size - 1
         why = (
             f"its deviance is {tried['line'].deviance - tried[chosen].deviance:.0f} lower than the"
-            f" line's, and {_PRICE * more:.0f} would do for {more} more coefficient"
+            f" line's, and {_price(tried['line']) * more:.0f} would do for {more} more coefficient"
             + ("s" if more > 1 else "")
         )
     return chosen, f"{chosen}: {why} (error of (R - R0)/R0 on radii left out: {errors})"
 
 
+def _price(tried: Tried) -> float:
+    return max(_PRICE, _PART * tried.count)
+
+
 def _better(new: Tried, old: Tried) -> bool:
     """A model of the same size, after it in the order, has to be better by half a coefficient."""
-    price = _PRICE * max(new.fitted.model.size - old.fitted.model.size, 0.5)
+    price = _price(old) * max(new.fitted.model.size - old.fitted.model.size, 0.5)
     if old.deviance - new.deviance <= price:
         return False
     saved = old.by_radius - new.by_radius

@@ -6,9 +6,8 @@ towards one as a normal variable of a known standard deviation (a ridge), which 
 a true difference between tension and compression where pieces only saw one of them. Outliers count
 less (Huber 1964).
 
-Where it is known what strain a piece came from, two more terms take what it remembers of that:
-hysteresis, by the direction in which it came, and creep that is not over, by how far. Without them
-the least bent jig, which is always reached from above, and the most bent one, which is always
+Where it is known what strains a piece came from, more terms take what it remembers of them. Without
+these the least bent jig, which is always reached from above, and the most bent one, which is always
 reached from below, would pull the response flat.
 """
 
@@ -20,6 +19,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from ..core.arrays import Float, Int
+from .memory import TERMS
 from .models import Model
 
 _HUBER = 1.5  # residuals beyond so many standard deviations are outliers
@@ -31,33 +31,25 @@ _STILL = 1e-7
 @dataclass(frozen=True)
 class Data:
     """What is fitted: changes `y` (n,) of (R - R0)/R0 at `strain` (n,) of the piece `piece` (n,),
-    an index below `pieces`; `history` (n, 2): the direction that it came from (1 from more strain,
-    -1 from less), and how much strain away."""
+    an index below `pieces`; what the pieces remember, `memory` (n, TERMS)."""
 
     y: Float
     strain: Float
     piece: Int
     pieces: int
-    history: Float
+    memory: Float
 
     def only(self, keep: Int) -> Data:
         return Data(
-            self.y[keep], self.strain[keep], self.piece[keep], self.pieces, self.history[keep]
+            self.y[keep], self.strain[keep], self.piece[keep], self.pieces, self.memory[keep]
         )
-
-
-def history(strain: Float, before: Float) -> Float:
-    """(n, 2) for strains (n,) that were reached from those `before` (n,), NaN if not known."""
-    way = np.nan_to_num(before - strain)
-    return np.stack([np.sign(np.round(way, 6)), np.abs(way)], axis=1)
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """The model with its coefficients `theta`, the pieces' offsets and gains (pieces,), what they
-    remember, `memory` (2,): half the width of the hysteresis, of (R - R0)/R0, and the creep that
-    was not over, per strain; the standard deviation `noise` of a reading, and the weights (n,) that
-    outliers left to it."""
+    """The model with its coefficients `theta`, the pieces' offsets and gains (pieces,), the
+    coefficients (TERMS,) of what they remember; the standard deviation `noise` of a reading, and
+    the weights (n,) that outliers left to it."""
 
     model: Model
     theta: Float
@@ -70,7 +62,7 @@ class Fitted:
     def predict(self, data: Data) -> Float:
         """Changes (n,) that the fit expects."""
         w = self.model.predict(self.theta, data.strain)
-        return self.offset[data.piece] + self.gain[data.piece] * w + data.history @ self.memory
+        return self.offset[data.piece] + self.gain[data.piece] * w + data.memory @ self.memory
 
 
 def fit(
@@ -83,17 +75,17 @@ def fit(
     noise = _LEAST_NOISE if start is None else start.noise
     design = model.design(data.strain)
     own = np.eye(data.pieces)[data.piece]
-    present, told = own.any(0), data.history.any(0)
-    theta, offset, memory = np.zeros(model.size), np.zeros(data.pieces), np.zeros(2)
+    present, told = own.any(0), data.memory.any(0)
+    theta, offset, memory = np.zeros(model.size), np.zeros(data.pieces), np.zeros(TERMS)
     ends = np.cumsum([model.size, present.sum()])
-    extra = np.concatenate([own[:, present], data.history[:, told]], axis=1)
+    extra = np.concatenate([own[:, present], data.memory[:, told]], axis=1)
     for step in range(steps):
         before = theta
         root = np.sqrt(weight)[:, None]
         A = np.concatenate([gain[data.piece, None] * design, extra], axis=1) * root
         theta, offset[present], memory[told] = np.split(_solve(A, data.y * root[:, 0], model), ends)
         w = design @ theta
-        rest = data.y - offset[data.piece] - data.history @ memory
+        rest = data.y - offset[data.piece] - data.memory @ memory
         left = rest - gain[data.piece] * w
         noise = _scale(left, A.shape[1])
         weight = np.minimum(1.0, _HUBER * noise / np.maximum(np.abs(left), 1e-300))
@@ -125,7 +117,7 @@ def _gains(data: Data, rest: Float, w: Float, weight: Float, noise: float, sprea
 def free_gains(data: Data, fitted: Fitted) -> Float:
     """The pieces' gains (pieces,) as their own readings have it, NaN for pieces without any."""
     w = fitted.model.predict(fitted.theta, data.strain)
-    y = data.y - data.history @ fitted.memory
+    y = data.y - data.memory @ fitted.memory
     out = np.full(data.pieces, np.nan)
     for p in np.unique(data.piece):
         own = data.piece == p

@@ -9,10 +9,11 @@ import numpy as np
 from ..core.arrays import Bool, Float, Int
 from ..core.bending import bent_strain
 from ..core.errors import CalibrationError
+from .memory import TERMS
 
 #: Fewer radii tell no line from a curve, and no outlier from either.
 LEAST_RADII = 3
-_ARRAYS = ("strain", "before", "radius", "turn", "resistance")
+_ARRAYS = ("strain", "memory", "radius", "turn", "resistance")
 
 
 @dataclass(frozen=True)
@@ -57,14 +58,14 @@ class Piece:
 @dataclass(frozen=True)
 class Readings:
     """n settled resistances, in the order in which they were taken: the `piece` (n,) of `pieces`,
-    its `strain` (n,) and the one `before` (n,) that it came from, NaN if that is not known, the
+    its `strain` (n,) and `memory` (n, TERMS) of those before, zeros if they are not known, the
     jig's surface `radius` (n,) mm or NaN on the flat one, the `turn` (n,) of the protocol (rounds,
     from 0), the `resistance` (n,) ohm; `where` each was read from."""
 
     pieces: tuple[Piece, ...]
     piece: Int
     strain: Float
-    before: Float
+    memory: Float
     radius: Float
     turn: Int
     resistance: Float
@@ -73,8 +74,9 @@ class Readings:
     def __post_init__(self) -> None:
         n = len(self.where)
         for name in ("piece", *_ARRAYS):
-            if getattr(self, name).shape != (n,):
-                raise ValueError(f"{name} must have the shape ({n},)")
+            shape = (n, TERMS) if name == "memory" else (n,)
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} must have the shape {shape}")
 
     @property
     def flat(self) -> Bool:

@@ -20,6 +20,7 @@ import numpy as np
 
 from ..core.bending import RADII
 from ..core.errors import CalibrationError
+from .memory import TERMS
 from .readings import Geometry, Piece, Readings
 
 _NEEDED = ("specimen", "jig_radius", "channel", "resistance")
@@ -74,7 +75,7 @@ def read_table(
         tuple(pieces),
         np.array(piece_of, int),
         np.array(strain, float),
-        np.full(len(strain), np.nan),  # rows of a table need not be in order
+        np.zeros((len(strain), TERMS)),  # rows of a table need not be in order
         np.array(radius_of, float),
         np.array(turns, int),
         np.array(ohms, float),

@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import __version__
 from ..calibration.calibrate import SPREAD, Calibration, calibrate
+from ..calibration.memory import half_width
 from ..calibration.neutral import Policy
 from ..calibration.readings import Geometry, Readings, joined
 from ..calibration.settling import Creep
@@ -126,7 +127,7 @@ def describe(
         },
         "neutral_drift": found.drift.largest,
         "neutral_at": found.drift.at,
-        "hysteresis": None if not found.data.history.any() else abs(float(chosen.memory[0])),
+        "hysteresis": half_width(chosen.memory) if found.data.memory.any() else None,
         "creep": {
             "time": float(np.median([c.time for c in lasting])),
             "part": float(np.median([c.start / c.end for c in lasting])),

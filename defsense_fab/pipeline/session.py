@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..calibration.memory import Memory
 from ..calibration.plan import Step, plan
 from ..calibration.readings import Geometry, Piece, Readings
 from ..calibration.settling import Creep, Criterion, creep, settled
@@ -30,7 +31,7 @@ FILE, FRAMES = "session.json", "frames.csv"
 CHANNELS = {"bottom": -1, "neutral": 0, "top": 1}
 #: Between creeps' fits, at most so many frames.
 _FITTED = 400
-_COLUMNS = ("piece", "strain", "before", "radius", "turn", "resistance")
+_COLUMNS = ("piece", "strain", "memory", "radius", "turn", "resistance")
 
 
 @dataclass(frozen=True)
@@ -118,10 +119,11 @@ def load(folder: Path) -> Session:
 
 @dataclass(frozen=True)
 class Hold:
-    """One finished step: its index in the plan, times (t,) s since the specimen was laid down, and
-    resistances (t, c) ohm."""
+    """One finished step: its index in the plan, when it was `begun`, s on the device's clock, times
+    (t,) s since then, and resistances (t, c) ohm."""
 
     step: int
+    begun: float
     time: Float
     ohm: Float
 
@@ -144,7 +146,7 @@ def holds(session: Session, recording: Recording) -> dict[int, Hold]:
             device = recording.device_us[part]
             dividers = Dividers(np.array(session.reference), float(about["full_scale"]))
             ohm = dividers.resistance(recording.counts[part])
-            out[step] = Hold(step, (device - device[0]) / 1e6, ohm)
+            out[step] = Hold(step, device[0] / 1e6, (device - device[0]) / 1e6, ohm)
     return out
 
 
@@ -168,9 +170,8 @@ def unfinished(session: Session) -> list[int]:
 
 @dataclass(frozen=True)
 class Measured:
-    """A session's readings; the outer cords' creep in each hold, with the cord's place and whether
-    the step before was of lower strain (True), higher (False), or none; how many holds had not
-    settled when they were taken."""
+    """A session's readings; the outer cords' creep in each hold, with the cord's place; how many
+    holds had not settled when they were taken."""
 
     readings: Readings
     creeps: tuple[tuple[str, Creep], ...]
@@ -187,7 +188,7 @@ def measure(folder: Path) -> Measured:
         raise CalibrationError(f"{folder}: no step was finished yet; go on with 'record'")
     pieces = tuple(Piece(session.name, place, place == "neutral") for place in CHANNELS)
     rows, creeps, unsettled = [], [], 0
-    before = [0.0] * len(CHANNELS)
+    memories = [Memory() for _ in CHANNELS]
     for n, hold in found.items():  # in the order in which they were finished
         step = session.steps[n]
         at = settled(hold.time, hold.ohm, session.criterion)
@@ -199,8 +200,8 @@ def measure(folder: Path) -> Measured:
         for c, side in enumerate(CHANNELS.values()):
             strain = session.geometry.strain(radius, side * turn_over)
             where = f"{folder.name}, round {step.turn + 1}, {step.jig}, face {step.face}"
-            rows.append((c, strain, before[c], radius, step.turn, float(at.ohm[c]), where))
-            before[c] = strain
+            memory = memories[c].at(strain, hold.begun, hold.begun + hold.time[-1])
+            rows.append((c, strain, memory, radius, step.turn, float(at.ohm[c]), where))
         if step.radius is not None:
             thin = slice(None, None, max(len(hold.time) // _FITTED, 1))
             for c, place in enumerate(CHANNELS):
@@ -211,7 +212,7 @@ def measure(folder: Path) -> Measured:
 
 
 def _readings(pieces: tuple[Piece, ...], rows: Sequence[tuple[Any, ...]]) -> Readings:
-    """Rows of piece, strain, strain before, radius, turn, resistance and where."""
+    """Rows of piece, strain, memory, radius, turn, resistance and where."""
     columns = dict(zip((*_COLUMNS, "where"), zip(*rows, strict=True), strict=True))
     arrays = {name: np.array(columns[name]) for name in _COLUMNS}
     return Readings(pieces=pieces, where=columns["where"], **arrays)

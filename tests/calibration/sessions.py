@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from defsense_fab.calibration.memory import TERMS
 from defsense_fab.calibration.readings import Geometry, Piece, Readings
 from defsense_fab.core.bending import RADII
 
@@ -27,11 +28,11 @@ def readings(
                         e = GEOMETRY.strain(radius, side * face)
                         change = gain * response(e) + noise * rng.normal()
                         ohm = rest * (1 + change) * (1 + drift * count)
-                        rows.append((len(pieces) - 1, e, np.nan, radius, turn, ohm))
+                        rows.append((len(pieces) - 1, e, np.zeros(TERMS), radius, turn, ohm))
                         count += 1
-    piece, strain, before, radius, turn, ohm = (np.array(c) for c in zip(*rows, strict=True))
+    piece, strain, memory, radius, turn, ohm = (np.array(c) for c in zip(*rows, strict=True))
     where = tuple(f"row {i}" for i in range(len(rows)))
-    return Readings(tuple(pieces), piece, strain, before, radius, turn, ohm, where)
+    return Readings(tuple(pieces), piece, strain, memory, radius, turn, ohm, where)
 
 
 def table(path, r, change=lambda row: row):

@@ -5,7 +5,8 @@ import pytest
 
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.choice import compare
-from defsense_fab.calibration.fit import Data, fit, history
+from defsense_fab.calibration.fit import Data, fit
+from defsense_fab.calibration.memory import PLAYS, Memory, half_width
 from defsense_fab.calibration.models import model
 from defsense_fab.calibration.neutral import drift
 from defsense_fab.calibration.readings import Geometry, joined
@@ -90,15 +91,27 @@ def test_an_outlier_counts_little():
 
 
 def test_what_pieces_remember_is_told_apart():
-    """Play and creep by the way that a piece came, in random order of jigs."""
+    """Play and creep, in random order of jigs."""
     rng = np.random.default_rng(0)
     strain = np.concatenate([[0], rng.permutation(np.repeat(np.linspace(-0.06, 0.06, 13), 6))])
-    before = np.append(0, strain[:-1])
-    past = history(strain, before)
-    y = 2 * strain + past @ [0.004, 0.05] + 0.0002 * rng.normal(size=len(strain))
+    memory, time = Memory(), 30.0 * np.arange(len(strain))
+    past = np.array([memory.at(e, t, t + 20) for e, t in zip(strain, time, strict=True)])
+    true = np.array([0.0, 1.2, 0.0, 0.05, 0.1])
+    y = 2 * strain + past @ true + 0.0001 * rng.normal(size=len(strain))
     found = fit(Data(y, strain, np.zeros(len(y), int), 1, past), model("line", strain), 0.03)
-    assert found.theta[0] == pytest.approx(2.0, abs=0.005)
-    assert found.memory == pytest.approx([0.004, 0.05], abs=3e-3)
+    assert found.theta[0] == pytest.approx(2.0, abs=0.02)
+    assert found.memory @ past.T == pytest.approx(true @ past.T, abs=5e-4)
+    assert half_width(found.memory) == pytest.approx(1.2 * PLAYS[1], abs=6e-4)
+
+
+def test_plays_lag_behind():
+    """By their widths at most, and only where the strain has turned."""
+    memory = Memory()
+    up = np.array([memory.at(e, 0, 0)[: len(PLAYS)] for e in np.linspace(0, 0.05, 51)])
+    assert up[-1] == pytest.approx(-PLAYS)
+    down = np.array([memory.at(e, 0, 0)[: len(PLAYS)] for e in (0.049, 0.045, 0.0)])
+    assert down[0] == pytest.approx([0.0, -0.002, -0.008])
+    assert down[2] == pytest.approx(PLAYS)
 
 
 def test_left_out_errors_are_those_of_refits():
@@ -106,7 +119,7 @@ def test_left_out_errors_are_those_of_refits():
     r = readings(LINE[0], specimens=("150",), noise=0.002)
     keep = ~r.neutral
     y, strain, piece, radius = (a[keep] for a in (r.changes(), r.strain, r.piece, r.radius))
-    data = Data(y, strain, piece, 3, history(strain, np.full(len(y), np.nan)))
+    data = Data(y, strain, piece, 3, r.memory[keep])
     tried = compare(data, radius, 0.0)["line"]
     errors = []
     for one in np.unique(radius[~np.isnan(radius)]):

@@ -27,7 +27,7 @@ def test_golden(name, payload, frame):
 
 def test_values_of_a_golden_frame():
     frame = bytes.fromhex(dict((n, f) for n, _, f in LINES)["sample_3"])
-    assert decode(frame[:-1]) == Sample(17, 345678, True, False, 16, (16896, 4800, 12000))
+    assert decode(frame[:-1]) == Sample(17, 345678, True, False, 16, (8196, 4800, 12000))
 
 
 def samples(rng, count, channels):
