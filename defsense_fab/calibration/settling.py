@@ -58,13 +58,17 @@ def settled(time: Float, ohm: Float, criterion: Criterion) -> Settled | None:
     if now < criterion.window or min(late.sum(), early.sum()) < 3:
         return None
     a, b = ohm[early], ohm[late]
+    over = bool(now >= criterion.most)
+    if not (np.isfinite(a).all() and np.isfinite(b).all()):
+        with np.errstate(invalid="ignore"):
+            return Settled(b.mean(0), np.full(b.shape[1], np.inf), np.inf, False, over)
     mean = b.mean(0)
     error = b.std(0, ddof=1) / np.sqrt(len(b))
     both = np.hypot(a.std(0, ddof=1) / np.sqrt(len(a)), error)
     limit = np.maximum(criterion.tolerance * mean, _NOISY * both)
     apart = np.abs(mean - a.mean(0))
     still = bool((apart < limit).all() and now >= criterion.least)
-    return Settled(mean, error, float((apart / mean).max()), still, bool(now >= criterion.most))
+    return Settled(mean, error, float((apart / mean).max()), still, over)
 
 
 @dataclass(frozen=True)

@@ -186,6 +186,8 @@ class Wizard:
                 self._points[n] = at.ohm
                 self._done.add(n)
                 return "enter"
+            if self._auto and at is not None and at.over and not whole:
+                raise CaptureError("; ".join(self._notes(())) or "a cord cannot be read")
             if key == "r":
                 self._begin(n)
             elif key in ("q", "b"):

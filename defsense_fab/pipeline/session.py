@@ -120,12 +120,14 @@ def load(folder: Path) -> Session:
 @dataclass(frozen=True)
 class Hold:
     """One finished step: its index in the plan, when it was `begun`, s on the device's clock, times
-    (t,) s since then, and resistances (t, c) ohm."""
+    (t,) s since then, and resistances (t, c) ohm; whether the reading had `settled` when it was
+    taken."""
 
     step: int
     begun: float
     time: Float
     ohm: Float
+    settled: bool
 
 
 def holds(session: Session, recording: Recording) -> dict[int, Hold]:
@@ -146,7 +148,8 @@ def holds(session: Session, recording: Recording) -> dict[int, Hold]:
             device = recording.device_us[part]
             dividers = Dividers(np.array(session.reference), float(about["full_scale"]))
             ohm = dividers.resistance(recording.counts[part])
-            out[step] = Hold(step, device[0] / 1e6, (device - device[0]) / 1e6, ohm)
+            still = bool(event.get("settled", True))
+            out[step] = Hold(step, device[0] / 1e6, (device - device[0]) / 1e6, ohm, still)
     return out
 
 
@@ -194,7 +197,7 @@ def measure(folder: Path) -> Measured:
         at = settled(hold.time, hold.ohm, session.criterion)
         if at is None:
             continue
-        unsettled += not at.still
+        unsettled += not hold.settled
         radius = float("nan") if step.radius is None else step.radius
         turn_over = 1 if step.face == "a" else -1
         for c, side in enumerate(CHANNELS.values()):
