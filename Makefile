@@ -9,6 +9,7 @@ demo: setup
 	$(BIN)/defsense build fixtures/devices/bar
 
 test: setup check
+	sh setup-system.sh test
 	$(BIN)/python -m pytest
 
 check: setup

@@ -1,18 +1,34 @@
 #!/bin/sh
 # The CAD kernels and the picture renderer load libGL.so.1, which bare Debian and Ubuntu lack.
+# "setup-system.sh test" also installs the AVR compiler and simulator for the tests of the firmware,
+# which are skipped where they cannot be installed.
 set -eu
 [ "$(uname -s)" = Linux ] || exit 0
 PATH="$PATH:/sbin:/usr/sbin"
-missing=""
+needed="" wanted=""
 for pair in libGL.so.1:libgl1 libXrender.so.1:libxrender1 libEGL.so.1:libegl1; do
-    ldconfig -p | grep -q "${pair%%:*}" || missing="$missing ${pair##*:}"
+    ldconfig -p | grep -q "${pair%%:*}" || needed="$needed ${pair##*:}"
 done
-[ -n "$missing" ] || exit 0
-if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
-    apt-get update -q && apt-get install -y -q --no-install-recommends $missing
-elif command -v apt-get >/dev/null && command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
-    sudo apt-get update -q && sudo apt-get install -y -q --no-install-recommends $missing
-else
-    echo "System libraries are missing. Type:  sudo apt-get install$missing" >&2
-    exit 1
+if [ "${1:-}" = test ]; then
+    for pair in /usr/bin/gcc:gcc /usr/include/stdio.h:libc6-dev /usr/bin/avr-gcc:gcc-avr \
+        /usr/lib/avr/include/avr/io.h:avr-libc /usr/share/arduino/hardware/arduino/avr:arduino-core-avr \
+        /usr/include/simavr/sim_avr.h:libsimavr-dev /usr/include/libelf.h:libelf-dev; do
+        [ -e "${pair%%:*}" ] || wanted="$wanted ${pair##*:}"
+    done
 fi
+[ -n "$needed$wanted" ] || exit 0
+if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
+    apt_get="apt-get"
+elif command -v apt-get >/dev/null && command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
+    apt_get="sudo apt-get"
+elif [ -n "$needed" ]; then
+    echo "System libraries are missing. Type:  sudo apt-get install$needed" >&2
+    exit 1
+else
+    echo "Tests of the firmware will be skipped. For them type:  sudo apt-get install$wanted" >&2
+    exit 0
+fi
+$apt_get update -q
+[ -z "$needed" ] || $apt_get install -y -q --no-install-recommends $needed
+[ -z "$wanted" ] || $apt_get install -y -q --no-install-recommends $wanted ||
+    echo "Tests of the firmware will be skipped: not installed:$wanted" >&2
