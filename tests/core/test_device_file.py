@@ -1,5 +1,7 @@
 """What is wrong in device.toml is named by file, line and key."""
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from defsense_fab.core.catalogue import read_rows
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import DeviceError
+from defsense_fab.core.response import ResponseSpec
 
 BAR = Path(__file__).parents[2] / "fixtures" / "devices" / "bar"
 
@@ -210,3 +213,20 @@ def test_every_material_row_is_usable_and_names_its_source():
         assert row["checked"] in ("test data", "secondary source", "conversion", "no"), name
         assert row["shore"], name
         assert len(row["source"]) > 40, name
+
+
+def test_a_calibrated_response(tmp_path):
+    """In place of the data sheet's gauge factor; errors name the line of device.toml."""
+    folder = tmp_path / "bar"
+    shutil.copytree(BAR, folder, ignore=shutil.ignore_patterns("build"))
+    assert load_device(folder).cord.response == ResponseSpec.line(2.0)
+    toml = folder / "device.toml"
+    toml.write_text(toml.read_text().replace("[cord]", '[cord]\nresponse = "response.json"'))
+    with pytest.raises(DeviceError, match=r"device.toml:\d+: cord.response: .*cannot be read"):
+        load_device(folder)
+    spec = ResponseSpec("quadratic", {"k": 1.8, "q": 5.0}, (-0.06, 0.07))
+    (folder / "response.json").write_text(json.dumps({"schema": 1, **spec.to_json()}))
+    assert load_device(folder).cord.response == spec
+    (folder / "response.json").write_text('{"schema": 1, "model": "line"}')
+    with pytest.raises(DeviceError, match=r"device.toml:\d+: cord.response: .*not a response"):
+        load_device(folder)

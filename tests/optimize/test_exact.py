@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from defsense_fab.core.response import ResponseSpec
 from defsense_fab.optimize.freedom import sample_path
 from defsense_fab.optimize.refine import optimise
 from defsense_fab.optimize.verify import verify
 from defsense_fab.sensing.decoder import fit
+from defsense_fab.sensing.response import response_of
 from tests.conftest import structured_bar
 from tests.optimize import exact
 
@@ -65,3 +67,18 @@ def test_mixtures_scored_on_unseen_ones(make):
         problem = make(exact.MIXTURES, decoder=decoder)
         unseen = replace(make(exact.UNSEEN), decoder=decoder)
         assert error(problem, design(problem, 3, starts=4), unseen) < limit
+
+
+@pytest.mark.slow
+def test_a_fitted_response_gives_layouts_as_good_as_the_true_one(make):
+    """A curved cord, its response as a calibration finds it: slope and curvature a little off."""
+    spec = {True: {"k": 2.0, "q": 8.0}, False: {"k": 1.94, "q": 9.0}}
+    true, fitted = (
+        replace(
+            make(exact.MIXTURES, noise=0.002),
+            response=response_of(ResponseSpec("quadratic", spec[t], (-0.07, 0.07))),
+        )
+        for t in (True, False)
+    )
+    best = error(true, design(true, 3, starts=2))
+    assert error(true, design(fitted, 3, starts=2)) == pytest.approx(best, rel=0.03)

@@ -7,16 +7,20 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from defsense_fab import cli
+from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.files import storage_errors
+from defsense_fab.core.response import ResponseSpec
 from defsense_fab.geometry import facets
 from defsense_fab.pipeline import stage_report
+from defsense_fab.pipeline.stage_optimize import _uncalibrated
 from defsense_fab.pipeline.stage_report import _stl
 
 BAR = Path(__file__).parents[2] / "fixtures" / "devices" / "bar"
@@ -269,3 +273,15 @@ def test_parameters_from_the_command_line():
     device = load_device(BAR, {"length": 180})
     assert device.body.parameters["length"] == 180
     assert np.isclose(device.mesh.edge_length, 6)
+
+
+def test_strains_outside_of_the_calibrated_range_are_told():
+    """By cord, with both ranges; a data sheet's response has none."""
+    device = load_device(BAR)
+    sensors = [{"name": "a", "least_strain": -0.03, "peak_strain": 0.09},
+               {"name": "b", "least_strain": -0.05, "peak_strain": 0.05}]  # fmt: skip
+    assert _uncalibrated(device, sensors) == []
+    spec = ResponseSpec("line", {"k": 2.0}, (-0.067, 0.067))
+    device = replace(device, cord=replace(device.cord, response=spec))
+    (told,) = _uncalibrated(device, sensors)
+    assert "cord 'a': strains of -3.0% to 9.0% leave the calibrated range of -6.7% to 6.7%" in told
