@@ -20,11 +20,13 @@ def add(steps: Any) -> None:
     sub = steps.add_parser(
         "ports",
         help="list serial ports, and show what a board on one of them reads",
-        description="List the serial ports that are plugged in. With --port, show the resistances"
-        " that the board there reads, as bars, until Ctrl-C.",
+        description="List the serial ports that are plugged in, with the resistances that the"
+        " boards on them read, as bars (boards restart when their port is opened; --list leaves"
+        " them closed). With --port, show those of one until Ctrl-C.",
         epilog="examples:  defsense calibrate ports   defsense calibrate ports --port twin",
     )
     sub.add_argument("--port", metavar="PORT", help=_PORT + ", or a recording (.csv)")
+    sub.add_argument("--list", action="store_true", help="open no port")
     sub.add_argument("--seconds", type=float, metavar="S", help="stop after so long")
     _board(sub)
     _ends(sub)
@@ -142,19 +144,7 @@ def _ports(options: argparse.Namespace) -> int:
     from .pipeline.sources import open_source
 
     if options.port is None:
-        found = ports()
-        if options.json:
-            sys.stdout.write(json.dumps([vars(p) for p in found], indent=1) + "\n")
-        elif not found:
-            sys.stdout.write(
-                "no serial port is plugged in\n"
-                "Next:    plug the board in; or try defsense calibrate ports --port twin\n"
-            )
-        else:
-            for p in found:
-                sys.stdout.write(f"{p.device:<16} {p.description}\n")
-            sys.stdout.write(f"Next:    defsense calibrate ports --port {found[0].device}\n")
-        return 0
+        return _survey(options, ports())
     source = open_source(options.port, Settings(rate=options.rate, average=options.average)).source
     info = source.start()
     try:
@@ -163,6 +153,61 @@ def _ports(options: argparse.Namespace) -> int:
         return 0
     finally:
         source.close()
+
+
+def _survey(options: argparse.Namespace, found: Any) -> int:
+    """Every port, and one look at what the boards on them read."""
+    looks = [{} if options.list else _look(options, p.device) for p in found]
+    if options.json:
+        rows = [vars(p) | look for p, look in zip(found, looks, strict=True)]
+        sys.stdout.write(json.dumps(rows, indent=1) + "\n")
+        return 0
+    if not found:
+        sys.stdout.write(
+            "no serial port is plugged in\n"
+            "Next:    plug the board in; or try defsense calibrate ports --port twin\n"
+        )
+        return 0
+    from rich.console import Console
+
+    from .terminal.wizard import bars
+
+    console = Console()
+    for p, look in zip(found, looks, strict=True):
+        console.print(f"{p.device:<16} {p.description}", highlight=False, markup=False)
+        if "ohm" in look:
+            nan = float("nan")
+            values = {f"  channel {i + 1}": nan if r is None else r
+                      for i, r in enumerate(look["ohm"])}  # fmt: skip
+            console.print(bars(values))
+        elif look:
+            console.print(f"  {look['problem']}", highlight=False, markup=False, soft_wrap=True)
+    best = next((p.device for p, look in zip(found, looks, strict=True) if "ohm" in look), None)
+    console.print(f"Next:    defsense calibrate ports --port {best or found[0].device}",
+                  highlight=False)  # fmt: skip
+    return 0
+
+
+def _look(options: argparse.Namespace, port: str) -> dict[str, Any]:
+    """Resistances on a port, or why there are none."""
+    import numpy as np
+
+    from .capture.reader import Settings
+    from .pipeline.sources import open_source
+    from .sensing.readout import Dividers
+
+    source = open_source(port, Settings()).source
+    try:
+        info = source.start()
+        time.sleep(0.5)
+        latest = source.read_latest(2.0)
+    except CaptureError as error:
+        return {"problem": str(error).removeprefix(f"{port}: ")}
+    finally:
+        source.close()
+    references = np.array(_references(options.reference, info.channels))
+    ohm = Dividers(references, float(info.full_scale)).resistance(latest.sample.counts)
+    return {"ohm": [float(r) if np.isfinite(r) else None for r in ohm]}
 
 
 def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:

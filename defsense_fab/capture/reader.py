@@ -12,7 +12,7 @@ from typing import Protocol
 
 from ..core.errors import CaptureError
 from ..sensing.frames import PROTOCOL, Info, Sample, Stream, Text
-from .source import Event, StaleError, Stamped, Statistics
+from .source import Event, Sink, StaleError, Stamped, Statistics
 
 #: Boards restart when their port is opened; a boot loader may wait for two seconds.
 _PATIENCE = 6.0
@@ -85,6 +85,8 @@ class Reader:
         self._latest: Stamped | None = None
         self._samples = self._gaps = 0
         self._reopened = False
+        self._failure: Exception | None = None
+        self.sink: Sink | None = None
         self.info: Info | None = None
 
     def start(self) -> Info:
@@ -103,6 +105,8 @@ class Reader:
         with self._lock:
             out = list(self._items)
             self._items.clear()
+        if not out and self._failure:
+            raise self._failure
         return out
 
     def read_latest(self, max_age: float) -> Stamped:
@@ -211,6 +215,12 @@ class Reader:
         return port.read(max(1, min(port.in_waiting, 4096)))
 
     def _run(self) -> None:
+        try:
+            self._read_on()
+        except Exception as error:  # a sink's, above all: told by `drain`
+            self._failure = error
+
+    def _read_on(self) -> None:
         while not self._stop.is_set():
             port = self._port
             if port is None:
@@ -273,6 +283,8 @@ class Reader:
         return before.device_us + went
 
     def _put(self, item: Stamped | Event) -> None:
+        if self.sink is not None:
+            self.sink(item)
         with self._lock:
             self._items.append(item)
 

@@ -48,10 +48,25 @@ class Recorder:
                         f"{path}: is no recording of {channels} channels; choose another file"
                     )
             self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+            self._claim()
             if not there:
                 self._write(head)
             elif not whole:
                 self._write(_CUT + "\n")
+
+    def _claim(self) -> None:
+        """Raises CaptureError where another program writes to the file (not known on Windows)."""
+        try:
+            import fcntl
+        except ImportError:
+            return
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(self._file)
+            raise CaptureError(
+                f"{self._path}: another program is recording to it; stop that first"
+            ) from None
 
     def add(self, item: Stamped | Event) -> None:
         """A frame or an event. Raises CaptureError for a frame of other channels."""

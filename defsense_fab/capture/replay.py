@@ -8,7 +8,7 @@ from pathlib import Path
 from ..core.errors import CaptureError
 from ..sensing.frames import Info, Sample
 from .recording import Recording, read_recording
-from .source import Event, StaleError, Stamped, Statistics
+from .source import Event, Sink, StaleError, Stamped, Statistics
 
 
 class Replay:
@@ -19,6 +19,7 @@ class Replay:
         self._next, self._begun = 0, 0
         self._latest: Stamped | None = None
         self._recording: Recording | None = None
+        self.sink: Sink | None = None
 
     def start(self) -> Info:
         """Raises CaptureError for a file that is no recording, or an empty one."""
@@ -47,6 +48,8 @@ class Replay:
             micros = int(r.device_us[i]) % (1 << 32)
             sample = Sample(int(r.counter[i]), micros, *flags, sums)
             self._latest = Stamped(due, int(r.device_us[i]), sample)
+            if self.sink is not None:
+                self.sink(self._latest)
             out.append(self._latest)
             self._next += 1
         return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -44,16 +45,23 @@ class Statistics:
     restarts: int = 0
 
 
+#: Takes samples and events as soon as they arrive, in their order, in the source's own thread.
+Sink = Callable[["Stamped | Event"], None]
+
+
 class Source(Protocol):
-    """Samples as they come. `start` before the rest, `close` after it; both from one thread."""
+    """Samples as they come. `start` before the rest, `close` after it; both from one thread. A
+    `sink`, set before `start`, gets everything at once: a recording that is to survive its
+    program."""
 
     name: str
+    sink: Sink | None
 
     def start(self) -> Info:
         """Begin; raises CaptureError where there is nothing to read."""
 
     def drain(self) -> list[Stamped | Event]:
-        """All since the last call, in order; raises CaptureError when nothing will come any
+        """All since the last call, in order; raises what ended the source when nothing will come any
         more."""
 
     def read_latest(self, max_age: float) -> Stamped:

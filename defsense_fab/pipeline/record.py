@@ -93,7 +93,7 @@ class Wizard:
         self._session, self._source, self._screen = session, source, screen
         self._hands, self._auto = hands, auto
         self._live, self._holding = _Live(), False
-        self._plugged, self._frames = True, 0
+        self._plugged, self._frames, self._late = True, 0, False
         self._last = np.full(len(CHANNELS), np.nan)
         self._points: dict[int, Float] = {}  # settled resistances by step
         self._done: set[int] = set()
@@ -109,6 +109,7 @@ class Wizard:
         """Whether all steps are done (otherwise it was stopped). Raises CaptureError where the
         source cannot be read, StorageError where frames cannot be written."""
         with Recorder(self._session.frames, len(CHANNELS)) as self._recorder:
+            self._source.sink = self._recorder.add
             info = self._source.start()
             try:
                 self._dividers = Dividers(np.array(self._session.reference), info.full_scale)
@@ -204,9 +205,8 @@ class Wizard:
         self._note("hold", n)
 
     def _pump(self) -> None:
-        """Write down what came, and look at it."""
+        """Look at what came; it is written down already."""
         for item in self._source.drain():
-            self._recorder.add(item)
             if isinstance(item, Event):
                 if item.kind == "gap":
                     self._plugged = False
@@ -217,6 +217,7 @@ class Wizard:
 
     def _look(self, item: Stamped) -> None:
         self._frames += 1
+        self._late = item.sample.late
         self._last = self._dividers.resistance(item.sample.counts)
         if self._holding:
             self._live.time.append(item.device_us / 1e6)
@@ -277,6 +278,8 @@ class Wizard:
                 f"the neutral cord moves: by {max(neutral):.2%}, the others by up to"
                 f" {max(others):.1%}; temperature, a loose joint, or a cord off its place"
             )
+        if self._late:
+            out.append("the board cannot keep up: give a lower --rate or --average")
         s = self._source.statistics
         if s.lost + s.gaps:
             out.append(f"{s.lost} samples lost, {s.gaps} gaps: they are marked in the recording")

@@ -1,6 +1,7 @@
 """The reader on a twin's board over real ports: greeting, freshness, unplugging, wrong ends."""
 
 import contextlib
+import json
 import os
 import socket
 import threading
@@ -12,11 +13,12 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.clock import relate
-from defsense_fab.capture.ports import open_port
+from defsense_fab.capture.ports import Port, open_port
 from defsense_fab.capture.reader import Reader, Settings
 from defsense_fab.capture.recording import Recorder, read_recording
 from defsense_fab.capture.source import Event, StaleError, Stamped
-from defsense_fab.core.errors import CaptureError
+from defsense_fab.cli import main
+from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.sensing.frames import Info, Sample, encode
 from defsense_fab.sensing.response import Response
 from defsense_fab.twin.board import BoardTwin
@@ -206,6 +208,25 @@ def test_freshness():
         quiet.read_latest(1.0)
 
 
+def test_a_sink_gets_everything_at_once_and_its_error_is_told():
+    """A full disk must not end the thread in silence."""
+    seen = []
+
+    def sink(item):
+        seen.append(item)
+        if len(seen) > 10:
+            raise StorageError("disk: the disk is full")
+
+    reader = Reader(board, "twin", Settings(rate=50))
+    reader.sink = sink
+    with reader:
+        got = gather(reader, 0.15)
+        time.sleep(0.4)
+        with pytest.raises(StorageError, match="disk is full"):
+            gather(reader, 0.3)
+    assert got == seen[: len(got)]
+
+
 def test_a_clock_that_wraps():
     """micros() begins anew after 71 minutes; the device's time goes on."""
     reader = Reader(board, "twin")
@@ -230,3 +251,20 @@ def test_clocks(drift):
     assert found.delay == pytest.approx(0.008 * np.log(2), rel=0.15)
     one = relate(device[:1], host[:1])
     assert (one.drift, one.delay) == (0, 0)
+
+
+def test_the_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
+    good = Port(plug(board()).path, "USB Serial")
+    monkeypatch.setattr("defsense_fab.capture.ports.ports", lambda: [good, Port("/dev/none", "")])
+    assert main(["calibrate", "ports"]) == 0
+    told = capsys.readouterr().out
+    assert f"{good.device:<16} USB Serial" in told
+    assert told.count("ohm") == 3
+    assert "█" in told
+    assert "there is no such port" in told
+    assert told.splitlines()[-1] == f"Next:    defsense calibrate ports --port {good.device}"
+    assert main(["calibrate", "ports", "--list", "--json"]) == 0
+    assert [p["device"] for p in json.loads(capsys.readouterr().out)] == [good.device, "/dev/none"]
+    monkeypatch.setattr("defsense_fab.capture.ports.ports", lambda: [])
+    assert main(["calibrate", "ports"]) == 0
+    assert "no serial port is plugged in" in capsys.readouterr().out

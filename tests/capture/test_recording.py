@@ -122,6 +122,8 @@ def test_other_channels_are_refused(tmp_path):
         r.add(stamped(0, channels=2))
     with pytest.raises(CaptureError, match="no recording of 2 channels"):
         Recorder(path, 2)
+    with Recorder(path, 3), pytest.raises(CaptureError, match="another program is recording"):
+        Recorder(path, 3)
     path.write_text("mine\n")
     with pytest.raises(CaptureError, match="no recording"):
         Recorder(path, 3)

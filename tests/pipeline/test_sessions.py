@@ -123,7 +123,7 @@ class Keys:
 class Fast:
     """A source in simulated time: each look brings a tenth of a second of a specimen's cords."""
 
-    name = "fast"
+    name, sink = "fast", None
 
     def __init__(self, seed=0, breaks=()):
         rng = np.random.default_rng(seed)
@@ -162,6 +162,8 @@ class Fast:
                 Stamped(1000 * micros, micros, Sample(self._count, micros, False, False, 16, sums))
             )
             self._count += 1
+        for item in out:
+            self.sink(item)
         return out
 
     def read_latest(self, max_age):
