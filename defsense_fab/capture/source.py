@@ -61,7 +61,7 @@ class Source(Protocol):
         """Begin; raises CaptureError where there is nothing to read."""
 
     def drain(self) -> list[Stamped | Event]:
-        """All since the last call, in order; raises what ended the source when nothing will come any
+        """All since the last call, in order; raises what ended the source when there is no
         more."""
 
     def read_latest(self, max_age: float) -> Stamped:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .errors import StorageError
+from .errors import DefsenseError, StorageError
 
 
 @contextmanager
@@ -32,6 +32,16 @@ def write_json(path: Path, data: Any) -> None:
     temporary = path.with_name(f".{path.name}.part")
     temporary.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     os.replace(temporary, path)
+
+
+def load_json(path: Path, error: type[DefsenseError], hint: str) -> Any:
+    """What is in `path`. Raises `error` where it cannot be read (with a `hint`) or is not JSON."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror}; {hint}") from None
+    except ValueError as problem:
+        raise error(f"{path}: not valid JSON: {problem}") from None
 
 
 def digest(*parts: Any) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from .errors import CalibrationError
+from .files import load_json
 
 #: Coefficients of each model of w(eps) = (R - R0)/R0; `sensing/response.py` evaluates them.
 MODELS: dict[str, tuple[str, ...]] = {
@@ -90,14 +90,7 @@ class ResponseSpec:
 
 def read_response(path: Path) -> ResponseSpec:
     """Of `response.json`, as `defsense calibrate fit` writes it. Raises CalibrationError."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise CalibrationError(
-            f"{path}: cannot be read: {error.strerror}; 'defsense calibrate fit' writes such a file"
-        ) from None
-    except ValueError as error:
-        raise CalibrationError(f"{path}: not valid JSON: {error}") from None
+    data = load_json(path, CalibrationError, "'defsense calibrate fit' writes such a file")
     try:
         if data["schema"] != SCHEMA:
             raise CalibrationError(f"this version reads schema {SCHEMA}, not {data['schema']!r}")

@@ -6,7 +6,6 @@ hold began and ended. Readings are taken from the frames anew each time.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -22,7 +21,7 @@ from ..calibration.settling import Creep, Criterion, creep, settled
 from ..capture.recording import Recording, read_recording
 from ..core.arrays import Float
 from ..core.errors import CalibrationError
-from ..core.files import storage_errors, write_json
+from ..core.files import load_json, storage_errors, write_json
 from ..sensing.readout import Dividers
 
 FILE, FRAMES = "session.json", "frames.csv"
@@ -95,14 +94,7 @@ def create(
 def load(folder: Path) -> Session:
     """The session in a folder. Raises CalibrationError where there is none, or it is broken."""
     path = folder / FILE
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise CalibrationError(
-            f"{path}: cannot be read: {error.strerror}; 'defsense calibrate record' makes sessions"
-        ) from None
-    except ValueError as error:
-        raise CalibrationError(f"{path}: not valid JSON: {error}") from None
+    data = load_json(path, CalibrationError, "'defsense calibrate record' makes sessions")
     try:
         specimen = dict(data["specimen"])
         name, length = str(specimen.pop("name")), float(specimen.pop("length"))
@@ -224,8 +216,8 @@ def _readings(pieces: tuple[Piece, ...], rows: Sequence[tuple[Any, ...]]) -> Rea
 def specimen_of(path: Path) -> dict[str, Any]:
     """`specimen.json`, or that of a folder, as `defsense calibrate specimen` writes it."""
     file = path / "specimen.json" if path.is_dir() else path
+    data = load_json(file, CalibrationError, "'defsense calibrate specimen' writes it")
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
         radii = [float(j["radius"]) for j in data["jigs"] if j["radius"] is not None]
         inner = float(data["channels"]["inner"])
         return {
@@ -233,9 +225,5 @@ def specimen_of(path: Path) -> dict[str, Any]:
             "geometry": Geometry(float(data["thickness"]), inner),
             "radii": radii,
         }
-    except OSError as error:
-        raise CalibrationError(
-            f"{file}: cannot be read: {error.strerror}; 'defsense calibrate specimen' writes it"
-        ) from None
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(f"{file}: describes no specimen: {error!r}") from None
