@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from .core.errors import CalibrationError, CaptureError, DeviceError
+from .core.errors import CalibrationError, CaptureError, DefsenseError, DeviceError
 
 _REFERENCE = 2200.0
 _PORT = "/dev/ttyUSB0, COM3, socket://host:port, or twin (twin:speed=20,k=2,seed=1)"
@@ -50,17 +50,17 @@ def add(steps: Any) -> None:
         help="the session's folder (session, beside specimen.json)",
     )  # fmt: skip
     sub.add_argument("--name", help="of the specimen: pieces of one name are the same (its length)")
-    sub.add_argument("--rounds", type=int, default=3, metavar="N", help="over all jigs (3)")
+    sub.add_argument("--rounds", type=int, metavar="N", help="over all jigs (3)")
     sub.add_argument("--radii", metavar="R,R,...", help="of the jigs to use, mm (all)")
     sub.add_argument(
         "--faces", choices=("ab", "a", "b"), default="ab",
         help="which sides to lay on the jigs: both (ab), or one",
     )  # fmt: skip
-    sub.add_argument("--tolerance", type=float, default=0.05, metavar="PERCENT",
+    sub.add_argument("--tolerance", type=float, metavar="PERCENT",
                      help="by which a settled reading may still change (0.05)")  # fmt: skip
-    sub.add_argument("--longest", type=float, default=90.0, metavar="S",
+    sub.add_argument("--longest", type=float, metavar="S",
                      help="after which a reading is taken anyway (90)")  # fmt: skip
-    sub.add_argument("--seed", type=int, default=1, help="of the jigs' random order (1)")
+    sub.add_argument("--seed", type=int, help="of the jigs' random order (1)")
     sub.add_argument(
         "--auto", action="store_true", help="take no keys: for twins, and for machines that bend"
     )
@@ -111,10 +111,11 @@ def add(steps: Any) -> None:
 
 def _board(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
-        "--reference", metavar="OHM,...", default=f"{_REFERENCE:g}",
+        "--reference",
+        metavar="OHM,...",
         help=f"reference resistors of the channels, or one for all ({_REFERENCE:g})",
-    )  # fmt: skip
-    sub.add_argument("--rate", type=int, default=20, metavar="HZ", help="samples per second (20)")
+    )
+    sub.add_argument("--rate", type=int, metavar="HZ", help="samples per second (20)")
     sub.add_argument("--average", type=int, metavar="N", help="conversions a sample (as it is)")
 
 
@@ -133,9 +134,17 @@ def numbers(option: str, text: str) -> list[float]:
 
 def _references(text: str, channels: int) -> list[float]:
     values = numbers("--reference", text)
-    if len(values) not in (1, channels) or min(values) <= 0:
-        raise DeviceError(f"--reference {text}: give one resistance above 0, or {channels}")
+    if len(values) not in (1, channels):
+        raise DeviceError(f"--reference {text}: give one resistance, or {channels}")
+    for value in values:
+        _within("--reference", value, 1e-3, 1e9)
     return values * channels if len(values) == 1 else values
+
+
+def _within(option: str, value: float, low: float, high: float) -> None:
+    """Raises DeviceError for a number that is not in this range, or none."""
+    if not low <= value <= high:
+        raise DeviceError(f"{option} {value:g}: give a number from {low:g} to {high:g}")
 
 
 def _ports(options: argparse.Namespace) -> int:
@@ -205,7 +214,7 @@ def _look(options: argparse.Namespace, port: str) -> dict[str, Any]:
         return {"problem": str(error).removeprefix(f"{port}: ")}
     finally:
         source.close()
-    references = np.array(_references(options.reference, info.channels))
+    references = np.array(_references(options.reference or f"{_REFERENCE:g}", info.channels))
     ohm = Dividers(references, float(info.full_scale)).resistance(latest.sample.counts)
     return {"ohm": [float(r) if np.isfinite(r) else None for r in ohm]}
 
@@ -221,7 +230,8 @@ def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:
     from .terminal.wizard import bars
 
     dividers = Dividers(
-        np.array(_references(options.reference, info.channels)), float(info.full_scale)
+        np.array(_references(options.reference or f"{_REFERENCE:g}", info.channels)),
+        float(info.full_scale),
     )
     end = time.monotonic() + (options.seconds or float("inf"))
     ohm: Any = None
@@ -249,7 +259,6 @@ def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:
 
 
 def _record(options: argparse.Namespace) -> int:
-    from .calibration.settling import Criterion
     from .capture.reader import Settings
     from .pipeline import session as sessions
     from .pipeline.record import run_wizard
@@ -258,47 +267,85 @@ def _record(options: argparse.Namespace) -> int:
 
     if options.port.endswith(".csv"):
         raise DeviceError(f"--port {options.port}: a recording cannot be measured again")
-    if options.rounds < 1 or not 1 <= options.rate <= 500:
-        raise DeviceError("--rounds and --rate must be 1 or more, and --rate at most 500")
     about = sessions.specimen_of(options.specimen)
     beside = options.specimen if options.specimen.is_dir() else options.specimen.parent
     folder = options.out or beside / "session"
-    if (folder / sessions.FILE).exists():
+    wanted = _wanted(options, about)
+    begun = (folder / sessions.FILE).exists()
+    if begun:
         session = sessions.load(folder)
         if not sessions.unfinished(session):
             raise CalibrationError(
                 f"{folder}: this session is finished; fit it (defsense calibrate fit {folder}), or"
                 " begin another with --out"
             )
+        sessions.agree(session, {k: v for k, v in wanted.items() if k in _given(options)})
     else:
-        radii = numbers("--radii", options.radii) if options.radii else about["radii"]
-        strange = [r for r in radii if r not in about["radii"]]
-        if strange:
-            have = ", ".join(f"{r:g}" for r in about["radii"])
-            raise DeviceError(f"--radii: {strange[0]:g} is none of the specimen's jigs: {have}")
-        session = sessions.create(
-            folder,
-            name=options.name or f"{about['length']:g}",
-            geometry=about["geometry"],
-            length=about["length"],
-            radii=radii,
-            rounds=options.rounds,
-            faces=list(options.faces),
-            seed=options.seed,
-            reference=_references(options.reference, 3),
-            criterion=Criterion(tolerance=options.tolerance / 100, most=options.longest),
-            rate=options.rate,
-            average=options.average,
-        )
+        session = sessions.create(folder, **wanted)
     settings = Settings(channels=3, average=session.average, rate=session.rate)
-    opened = open_source(options.port, settings, session.geometry, session.length)
-    if options.auto:
-        done = run_wizard(session, opened.source, Lines(), opened.hands, auto=True)
-    else:
-        screen = Terminal(session.criterion, session.geometry.thickness, session.length)
-        with screen:
-            done = run_wizard(session, opened.source, screen, opened.hands)
+    try:
+        opened = open_source(options.port, settings, session.geometry, session.length)
+        if options.auto:
+            done = run_wizard(session, opened.source, Lines(), opened.hands, auto=True)
+        else:
+            screen = Terminal(session.criterion, session.geometry.thickness, session.length)
+            with screen:
+                done = run_wizard(session, opened.source, screen, opened.hands)
+    except KeyboardInterrupt:
+        done = False
+    except DefsenseError:
+        if not begun:
+            sessions.discard_empty(session)
+        raise
     return _recorded(options, session, done)
+
+
+#: Options of `record` by what they set in a session, with what is taken where they are not given.
+_PLAN = {
+    "name": None, "rounds": 3, "radii": None, "faces": "ab", "tolerance": 0.05, "longest": 90.0,
+    "seed": 1, "reference": f"{_REFERENCE:g}", "rate": 20, "average": None,
+}  # fmt: skip
+
+
+def _given(options: argparse.Namespace) -> set[str]:
+    """What of a session the user named."""
+    given = {name for name in _PLAN if getattr(options, name) is not None}
+    return {{"tolerance": "criterion", "longest": "criterion"}.get(n, n) for n in given}
+
+
+def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any]:
+    """Of a new session. Raises DeviceError for options that make none."""
+    from .calibration.readings import LEAST_RADII
+    from .calibration.settling import Criterion
+
+    o: dict[str, Any] = {
+        n: d if getattr(options, n) is None else getattr(options, n) for n, d in _PLAN.items()
+    }
+    for name, low, high in (
+        ("rounds", 1, 100), ("rate", 1, 500), ("tolerance", 1e-4, 10), ("longest", 10, 3600),
+        ("seed", 0, 2**32),
+    ):  # fmt: skip
+        _within(f"--{name}", o[name], low, high)
+    radii = about["radii"] if o["radii"] is None else numbers("--radii", o["radii"])
+    strange = [r for r in radii if r not in about["radii"]]
+    if strange:
+        have = ", ".join(f"{r:g}" for r in about["radii"])
+        raise DeviceError(f"--radii: {strange[0]:g} is none of the specimen's jigs: {have}")
+    if len(set(radii)) < max(len(radii), LEAST_RADII):
+        raise DeviceError(f"--radii: give {LEAST_RADII} different ones or more")
+    return {
+        "name": o["name"] or f"{about['length']:g}",
+        "geometry": about["geometry"],
+        "length": about["length"],
+        "radii": radii,
+        "rounds": o["rounds"],
+        "faces": list(o["faces"]),
+        "seed": o["seed"],
+        "reference": _references(o["reference"], 3),
+        "criterion": Criterion(tolerance=o["tolerance"] / 100, most=o["longest"]),
+        "rate": o["rate"],
+        "average": o["average"],
+    }
 
 
 def _recorded(options: argparse.Namespace, session: Any, done: bool) -> int:
@@ -309,7 +356,7 @@ def _recorded(options: argparse.Namespace, session: Any, done: bool) -> int:
     if options.json:
         data = {"session": str(session.folder), "finished": done, "left": left, "steps": total}
         sys.stdout.write(json.dumps(data, indent=1) + "\n")
-    elif done:
+    elif done and not left:
         sys.stdout.write(
             f"all {total} readings are done: {session.folder}\n"
             f"Next:    defsense calibrate fit {session.folder} (and other specimens' sessions)\n"
@@ -317,7 +364,7 @@ def _recorded(options: argparse.Namespace, session: Any, done: bool) -> int:
     else:
         sys.stdout.write(
             f"stopped with {total - left} of {total} readings; every frame is in {session.folder}\n"
-            "Next:    the same command goes on from here\n"
+            "Next:    the same command goes on with the others; fit takes what there is\n"
         )
     return 0
 
@@ -330,8 +377,9 @@ def _reference(options: argparse.Namespace) -> int:
     from .pipeline.sources import open_source
     from .sensing.readout import measured_reference
 
-    if not options.known > 0 or not options.seconds > 0:
-        raise DeviceError("--known and --seconds must be above 0")
+    _within("--known", options.known, 1e-3, 1e9)
+    _within("--seconds", options.seconds, 0.1, 3600)
+    _within("--channels", options.channels, 1, 16)
     source = open_source(options.port, Settings(channels=options.channels)).source
     info = source.start()
     try:
@@ -356,26 +404,37 @@ def _twin(options: argparse.Namespace) -> int:
     from .sensing.response import response_of
     from .twin.cord import Traits
 
-    positive = ("noise", "play", "healing", "spread", "misplaced")
-    if min(getattr(options, n) for n in positive) < 0 or options.time <= 0 or options.rounds < 1:
-        raise DeviceError("the twin's numbers must not be below 0, nor --time and --rounds 0")
+    for name, low, high in (
+        ("k", -100, 100), ("q", -1000, 1000), ("noise", 0, 1), ("play", 0, 1), ("healing", 0, 1),
+        ("time", 0.1, 1e4), ("spread", 0, 0.5), ("drift", -10, 10), ("misplaced", 0, 5),
+        ("rounds", 1, 100), ("seed", 0, 2**32),
+    ):  # fmt: skip
+        _within(f"--{name}", getattr(options, name), low, high)
     lengths = numbers("--lengths", options.lengths)
+    for length in lengths:
+        _within("--lengths", length, 10, 1000)
+    folders = [options.folder / f"session-{length:g}" for length in lengths]
+    there = [f for f in folders if f.exists()]
+    if there or len(set(folders)) < len(folders):
+        raise DeviceError(
+            f"{there[0]}: is there already; choose another folder" if there
+            else f"--lengths {options.lengths}: give different ones"
+        )  # fmt: skip
     spec = ResponseSpec("quadratic", {"k": options.k, "q": options.q}, (-0.1, 0.1))
     traits = Traits(
         response_of(spec), options.noise, options.play, options.healing, options.time,
         options.spread, drift=options.drift,
     )  # fmt: skip
-    folders = []
-    for n, length in enumerate(lengths):
-        folder = options.folder / f"session-{length:g}"
+    for n, (length, folder) in enumerate(zip(lengths, folders, strict=True)):
         record_twin(
             folder, traits, seed=1000 * options.seed + n, length=length, rounds=options.rounds,
             misplaced=options.misplaced,
         )  # fmt: skip
-        folders.append(str(folder))
     if options.json:
-        sys.stdout.write(json.dumps({"sessions": folders}, indent=1) + "\n")
+        sys.stdout.write(json.dumps({"sessions": list(map(str, folders))}, indent=1) + "\n")
     else:
         out = options.folder / "response.json"
-        sys.stdout.write(f"Next:    defsense calibrate fit {' '.join(folders)} --out {out}\n")
+        sys.stdout.write(
+            f"Next:    defsense calibrate fit {' '.join(map(str, folders))} --out {out}\n"
+        )
     return 0

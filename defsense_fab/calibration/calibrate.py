@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.arrays import Float, Int
+from ..core.errors import CalibrationError
 from ..core.response import ResponseSpec
 from . import neutral
 from .choice import Tried, choose, compare
@@ -22,6 +23,7 @@ from .readings import Piece, Readings
 SPREAD = 0.03
 _MINUTE = 0.05  # k_res: below, nothing answers
 _WIDE = 0.25
+_OTHER = 1.1  # R0 of one piece at two times: more is another piece
 
 
 @dataclass(frozen=True)
@@ -81,15 +83,20 @@ def calibrate(
     rest = 1 + _first_fit(data, radius, spread).offset[data.piece]
     data = replace(data, y=(1 + data.y) / rest - 1)
     tried = compare(data, radius, spread)
-    chosen, reason = choose(tried)
+    both = _both_faces(data)
+    chosen, reason = choose(tried, both)
+    if model is not None and model not in tried:
+        raise CalibrationError(
+            f"--model {model}: needs more radii than the {len(outer.radii)} that were measured;"
+            f" there is: {', '.join(tried)}"
+        )
     if model is not None:
         chosen, reason = model, f"{model}: as you asked; by itself {reason}"
     fitted = tried[chosen].fitted
-    specimens = sorted({p.specimen for p in outer.pieces})
-    index = np.array([specimens.index(p.specimen) for p in outer.pieces])[data.piece]
+    names = [(p.specimen, p.place) for p in outer.pieces]
     rng = rng or np.random.default_rng(1)
     extra = {} if draws is None else {"draws": draws}
-    doubted = doubt(data, fitted, index, outer.turn, spread, rng, **extra)
+    doubted = doubt(data, fitted, names, outer.turn, spread, rng, **extra)
     strains = (float(data.strain.min()), float(data.strain.max()))
     gains = free_gains(data, fitted)
     k_res = fitted.model.slope_at_rest(fitted.theta)
@@ -129,7 +136,7 @@ def _outer(readings: Readings, changes: Float) -> tuple[Data, Float]:
 def _first_fit(data: Data, radius: Float, spread: float) -> Fitted:
     """For R0 and the noise."""
     tried = compare(data, radius, spread)
-    return tried[choose(tried)[0]].fitted
+    return tried[choose(tried, _both_faces(data))[0]].fitted
 
 
 def _warnings(
@@ -162,6 +169,16 @@ def _warnings(
             out.append(
                 f"the cord {outer.pieces[p].name} answers {gain:.2f} times as much as the mean of"
                 " all: look at its joints, and whether it lies where it should"
+            )
+    rest = outer.resistance / (1 + outer.changes())
+    for one in {(p.specimen, p.place) for p in outer.pieces}:
+        own = [k for k, p in enumerate(outer.pieces) if (p.specimen, p.place) == one]
+        found = rest[np.isin(outer.piece, own)]
+        if len(found) and found.max() > _OTHER * found.min():
+            out.append(
+                f"the {one[1]} cord of specimen {one[0]!r} has {found.min():.0f} ohm at rest in one"
+                f" source and {found.max():.0f} in another: if these are two specimens, give them"
+                " two names (record --name), for they then count as two"
             )
     if not _both_faces(data):
         out.append(

@@ -70,32 +70,34 @@ def compare(data: Data, radius: Float, spread: float) -> dict[str, Tried]:
     }
 
 
-def choose(tried: dict[str, Tried]) -> tuple[str, str]:
-    """Its name, and why, in words."""
+def choose(tried: dict[str, Tried], both: bool = True) -> tuple[str, str]:
+    """Its name, and why, in words. Where pieces were not `both` stretched and pressed, a curve may
+    be a difference between pieces, and has to earn twice as much."""
     chosen = "line"
     for name in sorted((n for n in tried if n != chosen), key=lambda n: tried[n].fitted.model.size):
-        if _better(tried[name], tried[chosen]):
+        if _better(tried[name], tried[chosen], both):
             chosen = name
     errors = ", ".join(f"{n} {t.left_out:.2%}" for n, t in tried.items())
     if chosen == "line":
         why = "no other model is better by more than chance, so the simplest is taken"
     else:
         more = tried[chosen].fitted.model.size - 1
+        saved = tried["line"].deviance - tried[chosen].deviance
+        price = _price(tried["line"], both) * more
         why = (
-            f"its deviance is {tried['line'].deviance - tried[chosen].deviance:.0f} lower than the"
-            f" line's, and {_price(tried['line']) * more:.0f} would do for {more} more coefficient"
-            + ("s" if more > 1 else "")
+            f"its deviance is {saved:.0f} lower than the line's, and {price:.0f} would do for"
+            f" {more} more coefficient{'s' if more > 1 else ''}"
         )
     return chosen, f"{chosen}: {why} (error of (R - R0)/R0 on radii left out: {errors})"
 
 
-def _price(tried: Tried) -> float:
-    return max(_PRICE, _PART * tried.count)
+def _price(tried: Tried, both: bool) -> float:
+    return max(_PRICE, _PART * tried.count) * (1 if both else 2)
 
 
-def _better(new: Tried, old: Tried) -> bool:
+def _better(new: Tried, old: Tried, both: bool) -> bool:
     """A model of the same size, after it in the order, has to be better by half a coefficient."""
-    price = _price(old) * max(new.fitted.model.size - old.fitted.model.size, 0.5)
+    price = _price(old, both) * max(new.fitted.model.size - old.fitted.model.size, 0.5)
     if old.deviance - new.deviance <= price:
         return False
     saved = old.by_radius - new.by_radius

@@ -10,16 +10,20 @@ misses the truth far too often.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import t as student
 
 from ..core.arrays import Float, Int
+from ..core.errors import CalibrationError
 from .fit import Data, Fitted, fit, free_gains
 
 LEVEL = 0.95
 DRAWS = 300
+_DEAD = 1e-3  # k_res of what is no sensor
+_PRIOR = 4
 #: From so many specimens on only their own spread counts.
 _MANY = 6
 _NORMAL = 1.96
@@ -42,15 +46,22 @@ class Doubt:
 def doubt(
     data: Data,
     fitted: Fitted,
-    specimen: Int,
+    names: Sequence[tuple[str, str]],
     turn: Int,
     spread: float,
     rng: np.random.Generator,
     draws: int = DRAWS,
 ) -> Doubt:
-    """For readings of the specimens `specimen` (n,) in the rounds `turn` (n,); `spread` is the
-    standard deviation between specimens that is taken for granted."""
+    """For readings in the rounds `turn` (n,); `names` (pieces,) are the pieces' specimens and
+    places; `spread` is the standard deviation between specimens that is taken for granted."""
     slope = fitted.model.slope_at_rest(fitted.theta)
+    if abs(slope) < _DEAD:
+        raise CalibrationError(
+            f"the cords do not answer to strain (k_res {slope:.4f}): are they the piezoresistive"
+            " ones, and are the channels in order?"
+        )
+    labels = [one for one, _ in names]
+    specimen = np.array([labels.index(one) for one in labels], int)[data.piece]
     thetas = []
     for _ in range(draws):
         keep = _draw(specimen, turn, rng)
@@ -61,14 +72,17 @@ def doubt(
     slopes = np.array([fitted.model.slope_at_rest(theta) for theta in thetas])
     within = _NORMAL * float(slopes.std(ddof=1)) / abs(slope)
     gains = free_gains(data, fitted)
-    of = np.array([specimen[data.piece == p][0] if np.isfinite(g) else -1
-                   for p, g in enumerate(gains)])  # fmt: skip
-    used = np.isfinite(gains)
-    specimens = len(np.unique(of[used]))
-    between = _student(gains[used]) if used.sum() > 2 else 0.0
-    if specimens > 2:
-        between = max(between, _student([gains[of == s].mean() for s in np.unique(of[used])]))
-    assumed = _NORMAL * spread / np.sqrt(specimens) if specimens < _MANY else 0.0
+    # Measured in several sessions, a piece is still one piece.
+    named = {p: (specimen_of, place) for p, (specimen_of, place) in enumerate(names)}
+    known = [p for p in named if np.isfinite(gains[p])]
+    pieces = [np.mean([gains[q] for q in known if named[q] == one])
+              for one in dict.fromkeys(named[p] for p in known)]  # fmt: skip
+    means = [np.mean([gains[q] for q in known if named[q][0] == one])
+             for one in dict.fromkeys(named[p][0] for p in known)]  # fmt: skip
+    assumed = _NORMAL * spread / np.sqrt(len(means)) if len(means) < _MANY else 0.0
+    between = _pooled(pieces, spread if assumed else 0.0)
+    if len(means) > 2:
+        between = max(between, _student(means))
     half = max(between, float(np.hypot(assumed, within))) * abs(slope)
     return Doubt(
         (slope - half, slope + half), within, between, assumed, np.std(thetas, axis=0, ddof=1),
@@ -76,10 +90,23 @@ def doubt(
     )  # fmt: skip
 
 
-def _student(gains: Float | list[float]) -> float:
+def _student(gains: Sequence[float]) -> float:
     """Half the 95 % interval of their mean."""
     n = len(gains)
     return float(student.ppf((1 + LEVEL) / 2, n - 1) * np.std(gains, ddof=1) / np.sqrt(n))
+
+
+def _pooled(gains: Sequence[float], spread: float) -> float:
+    """The same, but where they are few no less than their own spread pooled with the expected one
+    gives, which counts as much as `_PRIOR` more pieces do."""
+    n = len(gains)
+    if n < 2:
+        return 0.0
+    own = float(((np.array(gains) - np.mean(gains)) ** 2).sum())
+    free = _PRIOR + n - 1 if spread else n - 1
+    pooled = np.sqrt((_PRIOR * spread**2 + own) / free)
+    half = float(student.ppf((1 + LEVEL) / 2, free) * pooled / np.sqrt(n))
+    return max(half, _student(gains)) if n > 2 else half
 
 
 def _draw(specimen: Int, turn: Int, rng: np.random.Generator) -> Int:

@@ -31,8 +31,8 @@ class Memory:
         `read`."""
         self._plays = np.clip(self._plays, strain - PLAYS, strain + PLAYS)
         change, self._strain = abs(strain - self._strain), strain
-        earlier = self._changes * np.exp(-(read - self._time) / _SLOW)
-        self._changes = self._changes * np.exp(-(begun - self._time) / _SLOW) + change
+        earlier = self._changes * np.exp(-max(read - self._time, 0.0) / _SLOW)
+        self._changes = self._changes * np.exp(-max(begun - self._time, 0.0) / _SLOW) + change
         self._time = begun
         return np.array([*(self._plays - strain), change, earlier])
 

@@ -117,9 +117,12 @@ def corrected(readings: Readings) -> Readings:
     changes = readings.changes()
     resistance = readings.resistance.copy()
     for i in np.flatnonzero(~readings.neutral):
-        specimen = readings.pieces[readings.piece[i]].specimen
+        piece = readings.pieces[readings.piece[i]]
+        specimen = piece.specimen
         own = [
-            p for p, one in enumerate(readings.pieces) if one.neutral and one.specimen == specimen
+            p
+            for p, one in enumerate(readings.pieces)
+            if one.neutral and (one.specimen, one.source) == (specimen, piece.source)
         ]
         beside = np.isin(readings.piece, own)
         same = beside & _same(readings.radius, readings.radius[i])

@@ -30,7 +30,7 @@ def check(readings: Readings) -> list[str]:
         if not (np.isfinite(ohm) and ohm > 0):
             raise CalibrationError(
                 f"{where}: a resistance of {ohm:g} ohm: the cord or its joints are"
-                f" {'open' if ohm > 0 else 'shorted'}; mend it and measure again, or leave the row"
+                f" {'shorted' if ohm == 0 else 'open'}; mend it and measure again, or leave the row"
                 " out"
             )
     _check_units(readings)

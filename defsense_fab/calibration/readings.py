@@ -44,11 +44,13 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Piece:
-    """One piece of cord: where it lies in which specimen."""
+    """One piece of cord: where it lies in which specimen. Each `source`, a table or session, has
+    its own R0 for it: cords age."""
 
     specimen: str
     place: str
     neutral: bool
+    source: str = ""
 
     @property
     def name(self) -> str:
@@ -117,9 +119,10 @@ class Readings:
 
 
 def joined(parts: list[Readings]) -> Readings:
-    """Readings of several tables or sessions as one; pieces of the same name are the same."""
-    pieces = list(dict.fromkeys(p for part in parts for p in part.pieces))
-    index = [np.array([pieces.index(p) for p in part.pieces], int)[part.piece] for part in parts]
+    """Readings of several tables or sessions as one."""
+    pieces = [replace(p, source=str(n)) for n, part in enumerate(parts) for p in part.pieces]
+    first = np.cumsum([0, *(len(part.pieces) for part in parts)])
+    index = [part.piece + n for part, n in zip(parts, first[:-1], strict=True)]
     return Readings(
         tuple(pieces),
         np.concatenate(index),

@@ -64,7 +64,9 @@ def read_table(
         key = (piece, radius if radius == radius else "flat", face)
         turn = seen[key]
         if row.get("round"):
-            turn = int(_number(where, "round", row["round"]))
+            if not row["round"].isdigit():
+                _fail(where, "round", f"{row['round']!r} is no whole number from 0 on")
+            turn = int(row["round"])
         seen[key] += 1
         ohm = _resistance(where, row["resistance"])
         out.append((pieces.index(piece), geometry.strain(radius, side), radius, turn, ohm, where))

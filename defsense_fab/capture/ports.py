@@ -44,7 +44,7 @@ def open_port(url: str) -> Transport:
         if "://" not in url:
             port.exclusive = True
         port.open()
-    except (serial.SerialException, OSError, ValueError) as error:
+    except Exception as error:  # SerialException, OSError, ValueError, termios.error
         raise CaptureError(_why(url, error)) from None
     return port  # type: ignore[no-any-return]
 

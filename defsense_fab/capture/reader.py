@@ -19,6 +19,7 @@ _PATIENCE = 6.0
 _ASK_AGAIN = 0.5
 _AGAIN = 0.5  # s between attempts to open a port that went away
 _STRANGE = 2_000_000  # us by which a board's clock may differ from the host's over a gap
+_SILENT, _SILENT_SAMPLES = 1.5, 20  # s, or samples, that a board may be silent
 _WRAP = 1 << 32
 _KEPT = 100_000  # items, if nobody drains them
 
@@ -84,7 +85,7 @@ class Reader:
         self._port: Transport | None = None
         self._latest: Stamped | None = None
         self._samples = self._gaps = 0
-        self._reopened = False
+        self._reopened, self._heard = False, 0
         self._failure: Exception | None = None
         self.sink: Sink | None = None
         self.info: Info | None = None
@@ -154,8 +155,8 @@ class Reader:
     def _begin(self, port: Transport, kind: str) -> Info:
         """Greet the board, say so in an event, and take the samples that came meanwhile."""
         info, early = self._greet(port)
-        self.info = info
-        self._put(Event(time.monotonic_ns(), kind, _about(info)))
+        self.info, self._heard = info, time.monotonic_ns()
+        self._put(Event(self._heard, kind, {**_about(info), "at": round(time.time(), 3)}))
         for sample, now in early:
             self._take(sample, now)
         return info
@@ -232,14 +233,24 @@ class Reader:
                 self._gap(str(error))
                 continue
             now = time.monotonic_ns()
+            if now - self._heard > self._silence():
+                self._gap("no sample for too long: was the board reset?")
+                continue
             for message in self._stream.feed(data):
                 if isinstance(message, Sample):
+                    self._heard = now
                     self._take(message, now)
                 elif isinstance(message, Info):
                     self.info = message
                     self._put(Event(now, "info", _about(message)))
                 else:
                     self._put(Event(now, "text", {"text": message.text}))
+
+    def _silence(self) -> float:
+        """ns without a sample that mean something happened to the board: one that was reset behind
+        an open port speaks in plain lines."""
+        rate = self.info.rate if self.info else 1
+        return 1e9 * max(_SILENT, _SILENT_SAMPLES / rate)
 
     def _gap(self, why: str) -> None:
         self._shut()

@@ -161,7 +161,10 @@ def read_recording(path: Path) -> Recording:
             cut += 1
         elif line.startswith("#"):
             try:
-                events.append((len(rows), json.loads(line[1:])))
+                event = json.loads(line[1:])
+                if not isinstance(event, dict):
+                    raise ValueError
+                events.append((len(rows), event))
             except ValueError:
                 raise CaptureError(f"{path}:{number}: not an event: {line[:60]!r}") from None
         elif line:
@@ -173,8 +176,10 @@ def read_recording(path: Path) -> Recording:
             rows.append(cells)
     try:
         table = np.array(rows, dtype=np.int64).reshape(-1, len(names))
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise CaptureError(f"{path}: not a number in a frame: {error}") from None
+    if (table[:, _COLUMNS.index("averages")] < 1).any():
+        raise CaptureError(f"{path}: a frame of no conversions (averages)")
     first = len(_COLUMNS)
     columns = {name: table[:, i] for i, name in enumerate(_COLUMNS)}
     return Recording(**columns, sums=table[:, first:], events=tuple(events), cut=cut)

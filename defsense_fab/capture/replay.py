@@ -24,11 +24,12 @@ class Replay:
     def start(self) -> Info:
         """Raises CaptureError for a file that is no recording, or an empty one."""
         r = self._recording = read_recording(self._path)
-        about = next((e for _, e in r.events if "full_scale" in e), None)
+        names = set(Info.__dataclass_fields__)
+        about = next((e for _, e in r.events if names <= set(e)), None)
         if not len(r.counter) or about is None:
             raise CaptureError(f"{self.name}: has no samples to play")
         self._begun = time.monotonic_ns()
-        return Info(**{n: about[n] for n in Info.__dataclass_fields__})
+        return Info(**{n: about[n] for n in names})
 
     def drain(self) -> list[Stamped | Event]:
         r = self._recording

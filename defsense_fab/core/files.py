@@ -29,8 +29,13 @@ def storage_errors(path: Path) -> Iterator[None]:
 
 def write_json(path: Path, data: Any) -> None:
     """Write `data` to a temporary name and move it into place."""
+    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write `text` to a temporary name and move it into place."""
     temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    temporary.write_text(text, encoding="utf-8")
     os.replace(temporary, path)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,8 @@ from ..calibration.neutral import Policy
 from ..calibration.readings import Geometry, Readings, joined
 from ..calibration.settling import Creep
 from ..calibration.table import read_table
-from ..core.files import digest, storage_errors, write_json
+from ..core.errors import CalibrationError
+from ..core.files import digest, storage_errors, write_json, write_text
 from ..core.progress import Progress, silent
 from . import session as sessions
 
@@ -51,6 +53,8 @@ def fit_response(
 
     Raises CalibrationError for what cannot be read or used, before anything is written.
     """
+    if out is not None:
+        _check_out(out, sources)
     parts: list[Readings] = []
     hashed: list[Path] = []
     creeps: list[tuple[str, Creep]] = []
@@ -83,13 +87,25 @@ def fit_response(
 
         text = page(fitted)
         with storage_errors(out):
-            out.parent.mkdir(parents=True, exist_ok=True)
-            report = out.with_suffix(".html")
-            part = report.with_name(f".{report.name}.part")
-            part.write_text(text, encoding="utf-8")
-            part.replace(report)
+            write_text(out.with_suffix(".html"), text)
             write_json(out, data)
     return fitted
+
+
+def _check_out(out: Path, sources: Sequence[Path]) -> None:
+    """Raises CalibrationError for a place that the result must not go to."""
+    if out.suffix != ".json" or out.is_dir():
+        raise CalibrationError(f"--out {out}: give the name of a file that ends with .json")
+    report = out.with_suffix(".html")
+    for source in sources:
+        if source.resolve() in (out.resolve(), report.resolve()):
+            raise CalibrationError(f"--out {out}: would overwrite {source}; choose another name")
+    if report.is_dir():
+        raise CalibrationError(f"{report}: is a folder, and the report would go there; rename it")
+    with storage_errors(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        if not os.access(out.parent, os.W_OK):
+            raise CalibrationError(f"--out {out}: {out.parent} may not be written to")
 
 
 def describe(

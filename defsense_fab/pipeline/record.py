@@ -5,6 +5,7 @@ It knows nothing of terminals: a screen shows its views and hands it keys.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -18,12 +19,13 @@ from ..capture.source import Event, Source, Stamped
 from ..core.arrays import Float
 from ..core.errors import CaptureError
 from ..sensing.readout import Dividers
-from .session import CHANNELS, Session, finished, holds
+from .session import CHANNELS, Session, holds
 
 #: Lays the specimen on a jig: a twin's hands.
 Hands = Callable[[float | None, str], None]
 Phase = Literal["place", "settling", "unplugged", "done"]
 
+_PATIENCE = 60.0  # s that an unattended session waits for a board that is gone
 _LOOK = 0.1  # s between looks at keys and samples
 #: A neutral cord that changes by more than this part of the largest change of the others is told
 #: of.
@@ -97,17 +99,20 @@ class Wizard:
         self._last = np.full(len(CHANNELS), np.nan)
         self._points: dict[int, Float] = {}  # settled resistances by step
         self._done: set[int] = set()
+        self._skipped: set[int] = set()
+        self._gone: float | None = None  # since when the board is
         if session.frames.exists():
             before = read_recording(session.frames)
-            self._done = finished(session, before)
             for n, hold in holds(session, before).items():
+                self._done.add(n)
                 at = settled(hold.time, hold.ohm, session.criterion)
                 if at is not None:
                     self._points[n] = at.ohm
 
     def run(self) -> bool:
-        """Whether all steps are done (otherwise it was stopped). Raises CaptureError where the
-        source cannot be read, StorageError where frames cannot be written."""
+        """Whether all steps are done (otherwise it was stopped, or steps were skipped). Raises
+        CaptureError where the source cannot be read, StorageError where frames cannot be
+        written."""
         with Recorder(self._session.frames, len(CHANNELS)) as self._recorder:
             self._source.sink = self._recorder.add
             info = self._source.start()
@@ -115,7 +120,6 @@ class Wizard:
                 self._dividers = Dividers(np.array(self._session.reference), info.full_scale)
                 return self._steps()
             finally:
-                self._pump()
                 self._source.close()
 
     def _steps(self) -> bool:
@@ -126,8 +130,7 @@ class Wizard:
             if key == "q":
                 return False
             if key == "s":
-                self._note("skip", n)
-                self._done.add(n)
+                self._skip(n)
             elif key == "b":
                 n = self._back(n)
                 continue
@@ -135,14 +138,21 @@ class Wizard:
                 key = self._hold(n)
                 if key == "q":
                     return False
+                if key == "s":
+                    self._skip(n)
             n = self._next(0 if n + 1 >= len(steps) else n)
         self._show("done", None)
-        return True
+        return not self._skipped
+
+    def _skip(self, n: int) -> None:
+        """Not in this run: the next one asks for it again."""
+        self._note("skip", n)
+        self._skipped.add(n)
 
     def _next(self, start: int) -> int | None:
         """The first step that is not done, from `start` on and then from the beginning."""
         order = [*range(start, len(self._session.steps)), *range(start)]
-        return next((n for n in order if n not in self._done), None)
+        return next((n for n in order if n not in self._done | self._skipped), None)
 
     def _back(self, n: int) -> int:
         """The step that was done last, to be done again."""
@@ -188,10 +198,14 @@ class Wizard:
                 self._done.add(n)
                 return "enter"
             if self._auto and at is not None and at.over and not whole:
-                raise CaptureError("; ".join(self._notes(())) or "a cord cannot be read")
+                step = self._session.steps[n]
+                why = "; ".join(self._notes(())) or "a cord cannot be read"
+                raise CaptureError(
+                    f"{step.jig}, face {step.face}: {why}; the same command goes on from here"
+                )
             if key == "r":
                 self._begin(n)
-            elif key in ("q", "b"):
+            elif key in ("q", "b", "s"):
                 self._holding = False
                 return key
 
@@ -206,12 +220,18 @@ class Wizard:
 
     def _pump(self) -> None:
         """Look at what came; it is written down already."""
-        for item in self._source.drain():
+        items = self._source.drain()
+        if self._auto and self._gone and time.monotonic() - self._gone > _PATIENCE:
+            raise CaptureError(
+                f"{self._source.name}: the board has been gone for {_PATIENCE:g} s; the same"
+                " command goes on from here when it is back"
+            )
+        for item in items:
             if isinstance(item, Event):
                 if item.kind == "gap":
-                    self._plugged = False
+                    self._plugged, self._gone = False, time.monotonic()
                 elif item.kind in ("resumed", "start"):
-                    self._plugged = True
+                    self._plugged, self._gone = True, None
                 continue
             self._look(item)
 
@@ -232,9 +252,8 @@ class Wizard:
         return live.at
 
     def _note(self, kind: str, n: int, **data: object) -> None:
-        import time
-
-        self._recorder.add(Event(time.monotonic_ns(), kind, {"step": n, **data}))
+        data = {"step": n, "at": round(time.time(), 3), **data}
+        self._recorder.add(Event(time.monotonic_ns(), kind, data))
 
     def _show(self, phase: Phase, n: int | None) -> None:
         steps, live = self._session.steps, self._live

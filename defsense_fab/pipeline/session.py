@@ -7,7 +7,7 @@ hold began and ended. Readings are taken from the frames anew each time.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..calibration.memory import Memory
-from ..calibration.plan import Step, plan
+from ..calibration.plan import FACES, Step, plan
 from ..calibration.readings import Geometry, Piece, Readings
 from ..calibration.settling import Creep, Criterion, creep, settled
 from ..capture.recording import Recording, read_recording
@@ -91,6 +91,37 @@ def create(
     return load(folder)
 
 
+def agree(session: Session, wanted: Mapping[str, Any]) -> None:
+    """Raises CalibrationError where a session that goes on was begun with something else."""
+    steps = session.steps
+    begun = {
+        "name": session.name,
+        "radii": sorted({s.radius for s in steps if s.radius is not None}),
+        "rounds": 1 + max(s.turn for s in steps),
+        "faces": sorted({s.face for s in steps}),
+        "seed": load_json(session.folder / FILE, CalibrationError, "").get("seed"),
+        "reference": list(session.reference),
+        "criterion": session.criterion,
+        "rate": session.rate,
+        "average": session.average,
+    }
+    for name, value in wanted.items():
+        is_ = begun[name]
+        if (sorted(value) if name in ("radii", "faces") else value) != is_:
+            raise CalibrationError(
+                f"{session.folder}: this session was begun with {name} {is_}, and goes on so; leave"
+                " the option out, or begin another session with --out"
+            )
+
+
+def discard_empty(session: Session) -> None:
+    """Remove a session that never saw a frame: it could not begin, and must not bind the next."""
+    if session.frames.exists() and len(read_recording(session.frames).counter):
+        return
+    session.frames.unlink(missing_ok=True)
+    (session.folder / FILE).unlink(missing_ok=True)
+
+
 def load(folder: Path) -> Session:
     """The session in a folder. Raises CalibrationError where there is none, or it is broken."""
     path = folder / FILE
@@ -101,11 +132,18 @@ def load(folder: Path) -> Session:
         steps = tuple(Step(int(t), None if r is None else float(r), f) for t, r, f in data["steps"])
         if data["schema"] != 1 or data["channels"] != list(CHANNELS):
             raise CalibrationError(f"{path}: was written by another version")
+        if any(s.face not in FACES or not (s.radius is None or 0 < s.radius < 1e5) for s in steps):
+            raise ValueError("steps")
+        reference = tuple(float(r) for r in data["reference"])
+        if len(reference) != len(CHANNELS) or not all(0 < r < 1e9 for r in reference):
+            raise ValueError("reference")
+        criterion = Criterion(**{n: float(v) for n, v in data["criterion"].items()})
+        average = None if data["average"] is None else int(data["average"])
         return Session(
-            folder, name, Geometry(**specimen), length, steps, tuple(data["reference"]),
-            Criterion(**data["criterion"]), int(data["rate"]), data["average"],
+            folder, name, Geometry(**specimen), length, steps, reference, criterion,
+            int(data["rate"]), average,
         )  # fmt: skip
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise CalibrationError(f"{path}: not a session: {error!r}") from None
 
 
@@ -123,43 +161,53 @@ class Hold:
 
 
 def holds(session: Session, recording: Recording) -> dict[int, Hold]:
-    """The finished steps by index, each as it was measured last; skipped ones are left out."""
-    about = next((e for _, e in recording.events if "full_scale" in e), None)
+    """The finished steps by index, each as it was measured last. Raises CalibrationError for events
+    that the session cannot have."""
     out: dict[int, Hold] = {}
     begun: dict[int, int] = {}
+    time, scale = _time(recording), 0.0
     for at, event in recording.events:
-        kind, step = event.get("event"), int(event.get("step", -1))
+        kind, step = event.get("event"), event.get("step", -1)
+        try:
+            scale = float(event.get("full_scale", scale))
+            if kind in ("hold", "point", "redo") and not 0 <= step < len(session.steps):
+                raise ValueError
+        except (TypeError, ValueError):
+            raise CalibrationError(
+                f"{session.frames}: the event {event} does not belong to {FILE} beside it"
+            ) from None
         if kind == "hold":
             begun[step] = at
-        elif kind in ("skip", "redo"):
+        elif kind == "redo":
             out.pop(step, None)
-        elif kind == "point" and step in begun and about is not None:
+        elif kind == "point" and step in begun and at - begun[step] > 1 and scale > 0:
             part = slice(begun[step], at)
-            if at - begun[step] < 2:
-                continue
-            device = recording.device_us[part]
-            dividers = Dividers(np.array(session.reference), float(about["full_scale"]))
+            dividers = Dividers(np.array(session.reference), scale)
             ohm = dividers.resistance(recording.counts[part])
+            start = float(time[begun[step]])
             still = bool(event.get("settled", True))
-            out[step] = Hold(step, device[0] / 1e6, (device - device[0]) / 1e6, ohm, still)
+            out[step] = Hold(step, start, time[part] - start, ohm, still)
     return out
 
 
-def finished(session: Session, recording: Recording | None) -> set[int]:
-    """Steps that need nothing more: measured, or skipped."""
-    out: set[int] = set()
-    for _, event in recording.events if recording else ():
-        if event.get("event") in ("point", "skip"):
-            out.add(event["step"])
-        elif event.get("event") == "redo":
-            out.discard(event["step"])
-    return out
+def _time(recording: Recording) -> Float:
+    """Of each frame (t,), s: the device's clock, carried on over the stops between runs by the time
+    of day that their events tell."""
+    out = recording.device_us / 1e6
+    last, shift = None, 0.0
+    for at, event in recording.events:
+        day = event.get("at")
+        if event.get("event") == "start" and 0 < at < len(out):
+            pause = max(day - last, 0.0) if day is not None and last is not None else 0.0
+            shift = out[at - 1] + pause - recording.device_us[at] / 1e6
+            out[at:] = recording.device_us[at:] / 1e6 + shift
+        last = day if day is not None else last
+    return np.asarray(out)
 
 
 def unfinished(session: Session) -> list[int]:
-    """Steps that are still to be measured."""
-    recording = read_recording(session.frames) if session.frames.exists() else None
-    done = finished(session, recording)
+    """Steps that are still to be measured, those that were skipped among them."""
+    done = holds(session, read_recording(session.frames)) if session.frames.exists() else {}
     return [n for n in range(len(session.steps)) if n not in done]
 
 
@@ -188,6 +236,7 @@ def measure(folder: Path) -> Measured:
         step = session.steps[n]
         at = settled(hold.time, hold.ohm, session.criterion)
         if at is None:
+            unsettled += 1
             continue
         unsettled += not hold.settled
         radius = float("nan") if step.radius is None else step.radius
@@ -219,6 +268,8 @@ def specimen_of(path: Path) -> dict[str, Any]:
     data = load_json(file, CalibrationError, "'defsense calibrate specimen' writes it")
     try:
         radii = [float(j["radius"]) for j in data["jigs"] if j["radius"] is not None]
+        if not all(0 < r < 1e5 for r in radii) or len(set(radii)) < len(radii):
+            raise ValueError(f"radii {radii}")
         inner = float(data["channels"]["inner"])
         return {
             "length": float(data["length"]),

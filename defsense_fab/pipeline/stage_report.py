@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import trimesh
 
 from ..core.arrays import Float
 from ..core.device import Device
+from ..core.files import write_text
 from ..core.mesh import Surface
 from ..sensing.train import train
 from . import pictures
@@ -45,8 +45,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     images["poses"] = _poses(device, folder, view, report)
     text = (files("defsense_fab") / "pipeline" / "report.html").read_text(encoding="utf-8")
     page = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(text)
-    temporary = folder / ".report.html.part"
-    temporary.write_text(
+    write_text(
+        folder / "report.html",
         page.render(
             device=device,
             layout=layout,
@@ -57,9 +57,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             colors=pictures.COLORS,
             max=max,
         ),
-        encoding="utf-8",
     )
-    os.replace(temporary, folder / "report.html")
 
 
 def _stl(path: Path) -> Surface:

@@ -12,7 +12,7 @@ from ..calibration.settling import Criterion, settled
 from ..capture.recording import Recorder
 from ..capture.source import Event, Stamped
 from ..core.bending import RADII
-from ..sensing.frames import Sample
+from ..sensing.frames import PROTOCOL, Info, Sample
 from ..sensing.readout import Dividers
 from ..twin.board import BoardTwin
 from ..twin.cord import Traits
@@ -66,7 +66,8 @@ def record_twin(
         def note(kind: str, **data: object) -> None:
             recorder.add(Event(int(cords.now * 1e9), kind, data))
 
-        note("start", full_scale=BoardTwin.full_scale, converter=0, channels=3)
+        about = Info(PROTOCOL, (1, 0), 0, 3, _AVERAGE, rate, 0, 3, BoardTwin.full_scale)
+        note("start", **vars(about))
         for n, step in enumerate(session.steps):
             twin.lay(step.radius, step.face)
             note("hold", step=n)

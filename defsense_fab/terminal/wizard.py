@@ -22,7 +22,7 @@ _STYLES = {"top": "red", "neutral": "green", "bottom": "blue"}
 _FACES = {"a": ("BOTTOM", "top"), "b": ("TOP", "bottom")}
 _KEYS = {
     "place": "Enter measure   b back (measure the last one again)   s skip   q stop (resume later)",
-    "settling": "r repeat (it slipped)   t take it now   b lay it again   q stop (resume later)",
+    "settling": "r repeat (it slipped)   t take now   b lay again   s skip   q stop (resume later)",
     "unplugged": "waiting for the board...   q stop (resume later)",
     "done": "",
 }
@@ -183,6 +183,7 @@ class Lines:
 
     def __init__(self) -> None:
         self._done = -1
+        self._told: set[str] = set()
 
     def show(self, view: View) -> None:
         if view.done != self._done:
@@ -190,6 +191,10 @@ class Lines:
             step = view.step
             where = "" if step is None else f"  next: {step.jig}, face {step.face}"
             sys.stderr.write(f"{view.done}/{view.total}{where}\n")
+        for note in view.notes:
+            if note not in self._told:
+                self._told.add(note)
+                sys.stderr.write(f"note: {note}\n")
 
     def key(self, timeout: float) -> str | None:
         import time

@@ -1,5 +1,7 @@
 """Fits of known responses: the numbers, the choice of the model, the interval, the neutral cord."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -149,13 +151,35 @@ def test_noise_of_the_neutral_cord_is_no_drift(noise):
     assert sum(drift(r, r.changes(), noise).bad for r in found) <= 4
 
 
-def test_sessions_pool_by_the_name_of_the_specimen():
+def test_each_source_has_its_own_rest():
+    """The same specimen measured twice: its cords have aged, its pieces are still two."""
     one, two = (readings(LINE[0], s, specimens=("a",)) for s in (0, 1))
+    two = replace(two, resistance=1.02 * two.resistance)
     both = joined([one, two])
-    assert len(both.pieces) == 3
-    assert len(both.where) == len(one.where) + len(two.where)
-    apart = joined([one, readings(LINE[0], 1, specimens=("b",))])
-    assert len(apart.pieces) == 6
+    assert len(both.pieces) == 6
+    found = calibrate(both, draws=10)
+    assert found.k_res == pytest.approx(2, rel=0.02)
+    assert found.doubt.assumed == pytest.approx(1.96 * 0.03)
+    assert any("two specimens, give them two names" in w for w in found.warnings)
+    apart = calibrate(joined([one, readings(LINE[0], 1, specimens=("b",))]), draws=10)
+    assert apart.doubt.assumed == pytest.approx(1.96 * 0.03 / np.sqrt(2))
+
+
+def test_two_pieces_that_differ_widen_the_interval():
+    narrow, wide = (
+        calibrate(readings(lambda e, t=t: (2 + t * np.sign(e)) * e, 3, specimens=("a",)),
+                  model="line", draws=10).doubt
+        for t in (0.0, 0.2)
+    )  # fmt: skip
+    assert np.ptp(wide.interval) > 1.3 * np.ptp(narrow.interval)
+
+
+def test_what_cannot_be_fitted():
+    with pytest.raises(CalibrationError, match="do not answer to strain"):
+        calibrate(readings(lambda e: 0 * e, noise=0))
+    few = readings(LINE[0], radii=(75.0, 112.0, 200.0))
+    with pytest.raises(CalibrationError, match="piecewise: needs more radii than the 3"):
+        calibrate(few, model="piecewise")
 
 
 def test_a_response_that_turns_round_is_told():

@@ -146,3 +146,27 @@ def test_the_command(tmp_path, capsys):
     assert not none.with_suffix(".html").exists()
     error = capsys.readouterr().err.strip().splitlines()[-1]
     assert error.startswith("error: bad.csv:1: the columns jig_radius")
+
+
+def test_places_that_the_result_must_not_go_to(tmp_path, capsys):
+    path = table(tmp_path / "a.csv", GOOD)
+    text = path.read_text()
+    (tmp_path / "folder.json").mkdir()
+    for out in ("a.csv", "x.html", "folder.json", ".", "no/"):
+        assert main(["calibrate", "fit", str(path), "--out", str(tmp_path / out)]) == 2
+        assert "ends with .json" in capsys.readouterr().err
+    (tmp_path / "b.html").write_text(text)
+    assert (
+        main(["calibrate", "fit", str(tmp_path / "b.html"), "--out", str(tmp_path / "b.json")]) == 2
+    )
+    assert "would overwrite" in capsys.readouterr().err
+    assert path.read_text() == (tmp_path / "b.html").read_text() == text
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "b.html", "folder.json"]
+
+
+def test_rounds_are_whole_numbers(tmp_path):
+    path = tmp_path / "a.csv"
+    for bad in ("nan", "1.5", "-1", "1e999"):
+        path.write_text(f"specimen,jig_radius,channel,resistance,round\ns,75,top,2000,{bad}\n")
+        with pytest.raises(CalibrationError, match=r"a.csv:2: round: .* no whole number"):
+            read_table(path, GEOMETRY)

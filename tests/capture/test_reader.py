@@ -268,3 +268,16 @@ def test_the_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
     monkeypatch.setattr("defsense_fab.capture.ports.ports", lambda: [])
     assert main(["calibrate", "ports"]) == 0
     assert "no serial port is plugged in" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_board_that_is_reset_behind_an_open_port():
+    """It speaks in plain lines then, until it is greeted again."""
+    twin = board()
+    with Reader(lambda: twin, "twin", Settings(rate=50)) as reader:
+        before = gather(reader, 0.4)
+        twin.write(b"plain\n")
+        after = gather(reader, 3.5)
+        assert reader.read_latest(0.5)
+    assert kinds(before + after) == ["start", "gap", "resumed"]
+    assert sum(isinstance(i, Stamped) for i in after) > 30

@@ -5,6 +5,7 @@ import os
 import pty
 import re
 import select
+import shutil
 import subprocess
 import sys
 import time
@@ -235,7 +236,7 @@ def test_back_skip_repeat_and_take(tmp_path):
     assert told.count(("skip", 2)) == 1
     assert ("redo", 1) in told
     assert told.count(("point", 1)) == 2
-    assert set(sessions.unfinished(session)) == set(range(len(session.steps))) - {0, 1, 2, 3}
+    assert set(sessions.unfinished(session)) == set(range(len(session.steps))) - {0, 1, 3}
     assert len(measure(session.folder).readings.where) == 3 * 3
 
 
@@ -260,6 +261,68 @@ def test_an_open_cord_is_told_and_never_taken(tmp_path):
     assert len(sessions.unfinished(session)) == len(session.steps)
     with pytest.raises(CaptureError, match="top cord is open"):
         run_wizard(session, source, Keys(), source.lay, auto=True)
+
+
+def test_a_session_in_two_runs_fits_like_one(tmp_path):
+    """The second run's clock begins anew: what pieces remember must not be thrown."""
+    folder = tmp_path / "whole"
+    record_twin(folder, Traits(Response.line(2.0)), seed=1, rounds=2)
+    shutil.copytree(folder, tmp_path / "split")
+    lines = (folder / "frames.csv").read_text().splitlines()
+    points = [n for n, line in enumerate(lines) if '"point"' in line]
+    cut = points[len(points) // 2] + 1
+    start = next(line for line in lines if '"start"' in line)
+    first = int(lines[cut + 1].split(",")[1])
+
+    def again(line):
+        cells = line.split(",")
+        return (
+            line if line[0] == "#" else ",".join([cells[0], str(int(cells[1]) - first), *cells[2:]])
+        )
+
+    both = [*lines[:cut], start, *map(again, lines[cut:])]
+    (tmp_path / "split" / "frames.csv").write_text("\n".join(both) + "\n")
+    whole, split = (measure(tmp_path / name).readings for name in ("whole", "split"))
+    assert split.memory == pytest.approx(whole.memory, abs=2e-3)
+    assert calibrate(split, draws=5).k_res == pytest.approx(
+        calibrate(whole, draws=5).k_res, rel=1e-3
+    )
+
+
+def test_skipped_steps_are_asked_for_again(tmp_path):
+    session, source = begin(tmp_path / "s"), Fast()
+    assert not run_wizard(session, source, Keys(place=["s"] * len(session.steps)), source.lay)
+    assert len(sessions.unfinished(session)) == len(session.steps)
+    with pytest.raises(CalibrationError, match="no step was finished"):
+        measure(session.folder)
+    source = Fast(seed=1)
+    assert run_wizard(session, source, Keys(), source.lay, auto=True)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("reference", [2200]), ("reference", ["a", 1, 1]), ("reference", [0, 1, 1]),
+        ("criterion", "6"), ("steps", [[0, 75, "z"]]), ("steps", [[0, 0, "a"]]), ("steps", 3),
+        ("specimen", None), ("rate", "x"), ("schema", 2), ("channels", ["a"]),
+    ],
+)  # fmt: skip
+def test_edited_sessions(tmp_path, key, value):
+    session = begin(tmp_path / "s")
+    path = session.folder / "session.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
+    with pytest.raises(CalibrationError, match=r"session.json"):
+        sessions.load(session.folder)
+
+
+@pytest.mark.parametrize("event", ['{"event": "hold", "step": 99}', '{"event": "hold", "step": "x"}',
+                                   '{"event": "start", "full_scale": "a"}'])  # fmt: skip
+def test_edited_frames(tmp_path, event):
+    session = begin(tmp_path / "s")
+    head = "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1,s2,s3\n"
+    session.frames.write_text(f"{head}# {event}\n")
+    with pytest.raises(CalibrationError, match="does not belong"):
+        measure(session.folder)
 
 
 @pytest.mark.parametrize(
@@ -305,6 +368,21 @@ def test_the_commands(tmp_path, capsys):
     record = ["calibrate", "record", "--port", "twin", "--specimen", str(tmp_path)]
     assert main([*record, "--out", folders[0], "--auto"]) == 2
     assert "is finished; fit it" in capsys.readouterr().err
+    again = [*record, "--out", str(tmp_path / "new")]
+    assert main([*again, "--auto", "--average", "1000"]) == 2
+    assert "does not take 'average 1000'" in capsys.readouterr().err
+    assert not (tmp_path / "new" / "session.json").exists()
+    assert main([*record, "--radii", "75,112", "--auto"]) == 2
+    assert "give 3 different ones" in capsys.readouterr().err
+    begin(tmp_path / "begun", rounds=1)
+    assert main([*record, "--out", str(tmp_path / "begun"), "--auto", "--rounds", "2"]) == 2
+    assert "was begun with rounds 1" in capsys.readouterr().err
+    for bad in (["--seed", "-1"], ["--reference", "nan"], ["--longest", "inf"]):
+        assert main([*again, "--auto", *bad]) == 2
+        assert "give a number from" in capsys.readouterr().err
+    assert main(["calibrate", "twin", str(tmp_path / "t"), "--lengths", "150,-20"]) == 2
+    assert main(["calibrate", "twin", str(tmp_path), "--rounds", "1"]) == 2
+    assert "is there already" in capsys.readouterr().err
     assert main([*record, "--radii", "80", "--auto"]) == 2
     assert "80 is none of the specimen's jigs" in capsys.readouterr().err
     assert main(record) == 2
