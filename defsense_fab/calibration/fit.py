@@ -23,9 +23,10 @@ from .memory import TERMS
 from .models import Model
 
 _HUBER = 1.5  # residuals beyond so many standard deviations are outliers
+_FIRST_NOISE = 0.002
 _LEAST_NOISE = 1e-5  # of (R - R0)/R0: no meter shows less
-_STEPS = 40
-_STILL = 1e-7
+_STEPS = 30
+_STILL = 1e-5
 
 
 @dataclass(frozen=True)
@@ -68,31 +69,45 @@ class Fitted:
 def fit(
     data: Data, model: Model, spread: float, start: Fitted | None = None, steps: int = _STEPS
 ) -> Fitted:
-    """The model fitted by alternating least squares; `spread` is the standard deviation expected of
-    the gains. `start` spares steps where a similar fit is known."""
+    """The model fitted by Gauss-Newton steps, for gains times coefficients are not linear; `spread`
+    is the standard deviation expected of the gains. `start` spares steps where a similar fit is
+    known."""
     gain = np.ones(data.pieces) if start is None else start.gain
+    noise = _FIRST_NOISE if start is None else start.noise
     weight = np.ones(len(data.y))
-    noise = _LEAST_NOISE if start is None else start.noise
-    design = model.design(data.strain)
-    own = np.eye(data.pieces)[data.piece]
+    design, own = model.design(data.strain), np.eye(data.pieces)[data.piece]
     present, told = own.any(0), data.memory.any(0)
+    count = int(present.sum())
     theta, offset, memory = np.zeros(model.size), np.zeros(data.pieces), np.zeros(TERMS)
-    ends = np.cumsum([model.size, present.sum()])
-    extra = np.concatenate([own[:, present], data.memory[:, told]], axis=1)
+    if start is not None:
+        theta = start.theta
+    ends = np.cumsum([model.size, count, told.sum()])
+    linear = np.concatenate([own[:, present], data.memory[:, told]], axis=1)
     for step in range(steps):
-        before = theta
-        root = np.sqrt(weight)[:, None]
-        A = np.concatenate([gain[data.piece, None] * design, extra], axis=1) * root
-        theta, offset[present], memory[told] = np.split(_solve(A, data.y * root[:, 0], model), ends)
-        w = design @ theta
-        rest = data.y - offset[data.piece] - data.memory @ memory
-        left = rest - gain[data.piece] * w
-        noise = _scale(left, A.shape[1])
+        before, w = theta, design @ theta
+        root = np.sqrt(weight)
+        A = np.concatenate([gain[data.piece, None] * design, linear], axis=1)
+        b = data.y
+        free = spread > 0 and bool(theta.any())
+        if free:  # gains: their changes, drawn so that they come to lie about one
+            pull = noise / spread
+            A = np.concatenate([A, w[:, None] * own[:, present]], axis=1)
+            ridge = np.concatenate([np.zeros((count, ends[-1])), pull * np.eye(count)], axis=1)
+            A = np.concatenate([A * root[:, None], ridge])
+            b = np.concatenate([b * root, pull * (1 - gain[present])])
+        else:
+            A, b = A * root[:, None], b * root
+        theta, offset[present], memory[told], change = np.split(_solve(A, b, model), ends)
+        if free:
+            gain = gain.copy()
+            gain[present] += change
+            theta = theta * gain[present].mean()
+            gain[present] /= gain[present].mean()
+        left = data.y - offset[data.piece] - data.memory @ memory
+        left = left - gain[data.piece] * (design @ theta)
+        noise = _scale(left, int(ends[-1]))
         weight = np.minimum(1.0, _HUBER * noise / np.maximum(np.abs(left), 1e-300))
-        gain = _gains(data, rest, w, weight, noise, spread)
-        theta = theta * gain[present].mean()
-        gain = np.where(present, gain / gain[present].mean(), 1.0)
-        if step > 2 and np.abs(theta - before).max() < _STILL * max(np.abs(theta).max(), 1e-9):
+        if step > 1 and np.abs(theta - before).max() < _STILL * max(np.abs(theta).max(), 1e-9):
             break
     return Fitted(model, theta, offset, gain, memory, noise, weight)
 
@@ -102,16 +117,6 @@ def _solve(A: Float, b: Float, model: Model) -> Float:
         return np.asarray(np.linalg.lstsq(A, b, rcond=None)[0])
     low = np.where(np.arange(A.shape[1]) < model.size, 0.0, -np.inf)
     return np.asarray(lsq_linear(A, b, bounds=(low, np.inf), method="bvls").x)
-
-
-def _gains(data: Data, rest: Float, w: Float, weight: Float, noise: float, spread: float) -> Float:
-    """Ridge of each piece's readings, less all else, on the model's, towards one."""
-    pull = (noise / spread) ** 2 if spread > 0 else np.inf
-    if not np.isfinite(pull):
-        return np.ones(data.pieces)
-    up = np.bincount(data.piece, weight * rest * w, data.pieces) + pull
-    down = np.bincount(data.piece, weight * w * w, data.pieces) + pull
-    return np.asarray(up / down)
 
 
 def free_gains(data: Data, fitted: Fitted) -> Float:

@@ -43,31 +43,30 @@ def test_exact_readings_give_the_response_back(true, name):
 @pytest.mark.parametrize("both", [False, True])
 @pytest.mark.parametrize(("true", "name"), [LINE, QUADRATIC, TWO_SLOPES, STEP])
 def test_the_choice_of_the_model(true, name, both):
-    """In at least nine of ten sessions with noise and pieces that differ."""
+    """In five of six sessions or more, with noise and pieces that differ."""
     rounds = 3 if name == "piecewise" else 1
     chosen = [
         calibrate(readings(true, seed, spread=0.02, both=both, rounds=rounds), draws=3)
-        .response.model for seed in range(10)
+        .response.model for seed in range(6)
     ]  # fmt: skip
-    assert chosen.count(name) >= 9
+    assert chosen.count(name) >= 5
 
 
 def test_pieces_that_differ_are_no_asymmetry():
     """Without turning over, a top cord that answers more looks like tension that does."""
     chosen = [
-        calibrate(readings(LINE[0], seed, spread=0.04), draws=3).response.model
-        for seed in range(10)
+        calibrate(readings(LINE[0], seed, spread=0.04), draws=3).response.model for seed in range(6)
     ]
-    assert chosen.count("line") >= 9
+    assert chosen.count("line") >= 5
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("spread", [0.0, 0.05])
 def test_the_interval_holds(spread):
-    """Of 20 tables at most two miss; and it is no wider than need be."""
-    found = [calibrate(readings(LINE[0], s, spread=spread), draws=30) for s in range(20)]
+    """Of ten tables at most one misses; and it is no wider than need be."""
+    found = [calibrate(readings(LINE[0], s, spread=spread), draws=10) for s in range(10)]
     held = [f.doubt.interval[0] <= 2.0 <= f.doubt.interval[1] for f in found]
-    assert sum(held) >= 18
+    assert sum(held) >= 9
     half = np.median([(f.doubt.interval[1] - f.doubt.interval[0]) / 2 / f.k_res for f in found])
     assert 0.03 < half < 0.12
 
@@ -75,14 +74,14 @@ def test_the_interval_holds(spread):
 def test_six_specimens_speak_for_themselves():
     """Nothing is taken for granted any more: pieces that agree give a narrow interval."""
     held = []
-    for seed in range(8):
+    for seed in range(4):
         r = readings(LINE[0], seed, specimens="abcdef", both=True, rounds=2)
         found = calibrate(r, draws=10)
         assert found.doubt.assumed == 0
         low, high = found.doubt.interval
         assert high - low < 0.04
         held.append(low <= 2 <= high)
-    assert sum(held) >= 6
+    assert sum(held) >= 3
 
 
 def test_an_outlier_counts_little():

@@ -284,9 +284,8 @@ def test_a_session_in_two_runs_fits_like_one(tmp_path):
     (tmp_path / "split" / "frames.csv").write_text("\n".join(both) + "\n")
     whole, split = (measure(tmp_path / name).readings for name in ("whole", "split"))
     assert split.memory == pytest.approx(whole.memory, abs=2e-3)
-    assert calibrate(split, draws=5).k_res == pytest.approx(
-        calibrate(whole, draws=5).k_res, rel=1e-3
-    )
+    one, two = (calibrate(r, draws=5).k_res for r in (whole, split))
+    assert two == pytest.approx(one, rel=1e-3)
 
 
 def test_skipped_steps_are_asked_for_again(tmp_path):
@@ -315,8 +314,14 @@ def test_edited_sessions(tmp_path, key, value):
         sessions.load(session.folder)
 
 
-@pytest.mark.parametrize("event", ['{"event": "hold", "step": 99}', '{"event": "hold", "step": "x"}',
-                                   '{"event": "start", "full_scale": "a"}'])  # fmt: skip
+@pytest.mark.parametrize(
+    "event",
+    [
+        '{"event": "hold", "step": 99}',
+        '{"event": "hold", "step": "x"}',
+        '{"event": "start", "full_scale": "a"}',
+    ],
+)
 def test_edited_frames(tmp_path, event):
     session = begin(tmp_path / "s")
     head = "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1,s2,s3\n"
