@@ -101,6 +101,7 @@ class Wizard:
         self._done: set[int] = set()
         self._skipped: set[int] = set()
         self._gone: float | None = None  # since when the board is
+        self._interrupted = False
         if session.frames.exists():
             before = read_recording(session.frames)
             for n, hold in holds(session, before).items():
@@ -184,9 +185,9 @@ class Wizard:
                 self._show("unplugged", n)
                 if self._screen.key(_LOOK) == "q":
                     return "q"
-                if self._plugged:
-                    self._begin(n)
                 continue
+            if self._interrupted:  # what came before the gap tells nothing of what comes now
+                self._begin(n)
             at = self._test()
             self._show("settling", n)
             key = self._screen.key(_LOOK)
@@ -215,7 +216,7 @@ class Wizard:
             self._hands(step.radius, step.face)
         self._pump()  # what came before belongs to the last step
         self._live.clear()
-        self._holding = True
+        self._holding, self._interrupted = True, False
         self._note("hold", n)
 
     def _pump(self) -> None:
@@ -230,6 +231,7 @@ class Wizard:
             if isinstance(item, Event):
                 if item.kind == "gap":
                     self._plugged, self._gone = False, time.monotonic()
+                    self._interrupted = True
                 elif item.kind in ("resumed", "start"):
                     self._plugged, self._gone = True, None
                 continue

@@ -131,6 +131,7 @@ class Fast:
         self.twin = SpecimenTwin(Traits(Response.line(2.0)), rng)
         self._dividers = Dividers(np.full(3, 2200.0), 1024)
         self._count, self._breaks, self.gaps, self.open = 0, list(breaks), 0, False
+        self._away = False
 
     def start(self):
         self._first = True
@@ -147,10 +148,13 @@ class Fast:
         if self._breaks and self._count >= self._breaks[0]:
             self._breaks.pop(0)
             self.gaps += 1
-            out += [
-                Event(self._count, "gap", {"why": "unplugged"}),
-                Event(self._count, "resumed", {}),
-            ]
+            self._away = True
+            gap = Event(self._count, "gap", {"why": "unplugged"})
+            self.sink(gap)
+            return [*out, gap]
+        if self._away:
+            self._away = False
+            out.append(Event(self._count, "resumed", {"full_scale": 1024}))
         begun = self.twin.cords.now
         time, ohm = self.twin.cords.hold(0.5, 20)
         for t, row in zip(begun + time, ohm, strict=True):
@@ -247,7 +251,8 @@ def test_unplugged_in_a_hold(tmp_path):
     assert run_wizard(session, source, screen, source.lay, auto=True)
     recording = read_recording(session.frames)
     kinds = [e["event"] for _, e in recording.events]
-    assert kinds.count("gap") == 1
+    at = kinds.index("gap")
+    assert kinds[at - 1 : at + 4] == ["hold", "gap", "resumed", "hold", "point"]
     assert len(sessions.holds(session, recording)) == len(session.steps)
     assert any("gaps" in n for v in screen.views for n in v.notes)
 
