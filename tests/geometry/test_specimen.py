@@ -8,11 +8,11 @@ import pytest
 import trimesh
 
 from defsense_fab import cli
+from defsense_fab.core.bending import RADII
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry import facets
 from defsense_fab.geometry.specimen import Specimen
-from defsense_fab.pipeline.specimen import RADII
 from tests.geometry import slicer
 
 WITHIN = 0.05  # mm

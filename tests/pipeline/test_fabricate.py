@@ -16,11 +16,11 @@ from defsense_fab.core.errors import DeviceError, FabricationError
 from defsense_fab.geometry.body import load_body
 from defsense_fab.geometry.channels import channels_of
 from defsense_fab.pipeline import stage_fabricate
-from defsense_fab.pipeline.cut_list import E24, reference
 from defsense_fab.pipeline.guide import write_guide
 from defsense_fab.pipeline.layout_file import write_sensor
 from defsense_fab.pipeline.stage_fabricate import fabricate, write
 from defsense_fab.pipeline.stage_report import _stl
+from defsense_fab.sensing.readout import E24, reference
 from tests.geometry import slicer
 
 DEVICES = Path(__file__).parents[2] / "fixtures" / "devices"
