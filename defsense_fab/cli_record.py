@@ -124,16 +124,18 @@ def _ends(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
 
 
-def numbers(option: str, text: str) -> list[float]:
+def numbers(option: str, text: str, unit: str = "mm") -> list[float]:
     """Numbers with commas between. Raises DeviceError for anything else."""
     try:
         return [float(word) for word in text.split(",")]
     except ValueError:
-        raise DeviceError(f"{option} {text}: write numbers with commas, as in 75,100,150") from None
+        raise DeviceError(
+            f"{option} {text}: write numbers in {unit} with commas, as in 75,100,150"
+        ) from None
 
 
 def _references(text: str, channels: int) -> list[float]:
-    values = numbers("--reference", text)
+    values = numbers("--reference", text, "ohm")
     if len(values) not in (1, channels):
         raise DeviceError(f"--reference {text}: give one resistance, or {channels}")
     for value in values:
