@@ -32,7 +32,7 @@ from defsense_fab.twin.cord import Cords, Traits
 from defsense_fab.twin.specimen import SpecimenTwin
 
 #: Sessions of the coverage test.
-SESSIONS = int(os.environ.get("DEFSENSE_SESSIONS", "4"))
+SESSIONS = int(os.environ.get("DEFSENSE_SESSIONS", "2"))
 
 
 def test_settling_follows_its_criterion():
