@@ -33,14 +33,13 @@ _NORMAL = 1.96
 class Doubt:
     """Of the slope at rest: its `interval`, the half widths, relative to it, that come of readings
     (`within`), of the pieces' spread (`pieces`), and of the spread taken for granted (`assumed`);
-    standard errors of the model's coefficients (size,) by the bootstrap; the draws' slopes."""
+    standard errors of the model's coefficients (size,) by the bootstrap."""
 
     interval: tuple[float, float]
     within: float
     pieces: float
     assumed: float
     errors: Float
-    draws: Float
 
 
 def doubt(
@@ -85,9 +84,8 @@ def doubt(
         between = max(between, _student(means))
     half = max(between, float(np.hypot(assumed, within))) * abs(slope)
     return Doubt(
-        (slope - half, slope + half), within, between, assumed, np.std(thetas, axis=0, ddof=1),
-        slopes,
-    )  # fmt: skip
+        (slope - half, slope + half), within, between, assumed, np.std(thetas, axis=0, ddof=1)
+    )
 
 
 def _student(gains: Sequence[float]) -> float:

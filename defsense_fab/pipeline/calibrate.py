@@ -22,8 +22,6 @@ from ..core.files import digest, storage_errors, write_json, write_text
 from ..core.progress import Progress, silent
 from . import session as sessions
 
-RESPONSE, REPORT = "response.json", "response.html"
-
 
 @dataclass(frozen=True)
 class Fitted:
