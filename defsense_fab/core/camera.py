@@ -1,0 +1,124 @@
+"""Cameras as OpenCV has them: pinhole, radial and tangential distortion, and where they stand.
+
+A point X (mm, world) is at R X + t in the camera's frame (x to the right, y down, z ahead), at
+x = X/Z, y = Y/Z on the plane at depth one, distorted by k1, k2, p1, p2, k3[, k4, k5, k6], and seen
+at K (x, y, 1) in pixels, whose centres have whole numbers (Brown 1966; OpenCV's calib3d).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import Float
+from .errors import CaptureError
+
+_COEFFICIENTS = 8
+_STEPS, _CLOSE = 20, 1e-12
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera of this `name` with images of `size` (width, height) pixels; `matrix` (3, 3) without
+    skew, pixels; `distortions` (4, 5 or 8,); `rotation` (3, 3) and `translation` (3,) mm from the
+    world to the camera."""
+
+    name: str
+    size: tuple[int, int]
+    matrix: Float
+    distortions: Float
+    rotation: Float
+    translation: Float
+
+    def __post_init__(self) -> None:
+        shapes = (self.matrix.shape, self.rotation.shape, self.translation.shape)
+        if shapes != ((3, 3), (3, 3), (3,)):
+            raise CaptureError(f"camera {self.name}: matrix and rotation are 3 x 3, translation 3")
+        if self.distortions.shape not in ((4,), (5,), (8,)):
+            raise CaptureError(
+                f"camera {self.name}: {self.distortions.size} coefficients of distortion; 4, 5 or 8"
+                " are understood (no fisheye, thin prism or tilt)"
+            )
+        arrays = (self.matrix, self.distortions, self.rotation, self.translation)
+        if not all(np.isfinite(a).all() for a in arrays) or min(self.size) < 1:
+            raise CaptureError(f"camera {self.name}: holds something that is no number")
+        if min(self.matrix[0, 0], self.matrix[1, 1]) <= 0 or self.matrix[0, 1] != 0:
+            raise CaptureError(f"camera {self.name}: focal lengths must be positive, skew 0")
+        if np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-6:
+            raise CaptureError(f"camera {self.name}: its rotation is none")
+
+    @property
+    def center(self) -> Float:
+        """Of projection (3,) mm, in the world."""
+        return np.asarray(-self.rotation.T @ self.translation)
+
+    @property
+    def focal(self) -> Float:
+        """Focal lengths (2,) pixels."""
+        return np.asarray(self.matrix[[0, 1], [0, 1]])
+
+    def to_camera(self, points: Float) -> Float:
+        """World (..., 3) mm to the camera's frame (..., 3) mm."""
+        return np.asarray(points @ self.rotation.T + self.translation)
+
+    def to_pixels(self, plane: Float) -> Float:
+        """Undistorted points at depth one (..., 2) to pixels (..., 2)."""
+        return np.asarray(distort(plane, self.distortions)[0] * self.focal + self.matrix[:2, 2])
+
+    def project(self, points: Float) -> Float:
+        """World (..., 3) mm to pixels (..., 2); NaN for what is behind the camera."""
+        at = self.to_camera(points)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            plane = np.where(at[..., 2:] > 0, at[..., :2] / at[..., 2:], np.nan)
+        return self.to_pixels(plane)
+
+    def to_plane(self, pixels: Float) -> Float:
+        """Pixels (..., 2) to undistorted points at depth one (..., 2)."""
+        return undistort((pixels - self.matrix[:2, 2]) / self.focal, self.distortions)
+
+
+def distort(plane: Float, coefficients: Float) -> tuple[Float, Float]:
+    """Points at depth one (..., 2) as the lens shows them, and the derivatives (..., 2, 2)."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = np.append(
+        coefficients, np.zeros(_COEFFICIENTS - len(coefficients))
+    )
+    x, y = plane[..., 0], plane[..., 1]
+    r = x * x + y * y
+    above, below = 1 + r * (k1 + r * (k2 + r * k3)), 1 + r * (k4 + r * (k5 + r * k6))
+    radial = above / below
+    slope = (k1 + r * (2 * k2 + 3 * r * k3)) / below
+    slope = slope - radial * (k4 + r * (2 * k5 + 3 * r * k6)) / below  # d radial / d r
+    out = np.stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r + 2 * x * x),
+            y * radial + p1 * (r + 2 * y * y) + 2 * p2 * x * y,
+        ],
+        axis=-1,
+    )
+    cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+    J = np.empty((*plane.shape, 2))
+    J[..., 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+    J[..., 0, 1] = J[..., 1, 0] = cross
+    J[..., 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+    return out, J
+
+
+def undistort(seen: Float, coefficients: Float) -> Float:
+    """The inverse of `distort`, by Newton's method: NaN where there is none."""
+    if not np.any(coefficients):
+        return np.asarray(seen, float)
+    plane = np.array(seen, float)
+    for _ in range(_STEPS):
+        at, J = distort(plane, coefficients)
+        miss = at - seen
+        det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            plane[..., 0] -= (J[..., 1, 1] * miss[..., 0] - J[..., 0, 1] * miss[..., 1]) / det
+            plane[..., 1] -= (J[..., 0, 0] * miss[..., 1] - J[..., 1, 0] * miss[..., 0]) / det
+        if not np.nanmax(np.abs(miss), initial=0.0) > _CLOSE:
+            return plane
+    with np.errstate(invalid="ignore"):
+        lost = ~(np.abs(distort(plane, coefficients)[0] - seen).max(-1) < 1e-7)
+    plane[lost] = np.nan
+    return plane
