@@ -1,0 +1,219 @@
+"""Corners of a tag from lines fitted to its four edges.
+
+Across an edge the image goes from the black border to the white around it as a step that lens,
+motion and pixels have blurred: a + b Phi(d / s), with d the distance from the line. Line, levels and
+blur are fitted to all pixels beside the edge at once (Gauss-Newton), in the coordinates of a camera
+without distortion, in which edges are straight. Corners are where two lines cross; their covariance
+follows from that of the lines.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ..core.arrays import Bool, Float
+
+#: px: pixels nearer to a corner than this, or this part of the edge, see the other edge too.
+_END, _END_PART = 2.0, 0.1
+#: px: band of pixels beside an edge: at least, at most, and how much less than a tag's cell.
+_NARROW, _WIDE, _SPARE = 1.5, 4.0, 1.3
+_ROUNDS, _STEPS = 3, 3
+_SHARP, _BLURRED = 0.3, 4.0  # px, bounds of s
+_CONTRAST = 12.0  # grey levels, least step
+_MOVED = 3.0  # px that a line may move from where the detector saw it
+#: px, standard deviation of what the model leaves out, of a line's offset; and what is added when the
+#: blur reaches from one cell to the next, by the cube of their ratio.
+_SYSTEMATIC, _BLEEDS = 0.01, 2.0
+_MOST = 6000
+
+
+def refine(
+    image: NDArray[np.uint8], plane: Float, corners: Float, cells: int
+) -> tuple[Float, Float, Bool]:
+    """Corners (n, 4, 2) without distortion, px; their covariances (n, 8, 8) px^2, in the order x0,
+    y0, x1, ...; and which tags (n,) could be fitted.
+
+    `image` (h, w); `plane` (h, w, 2) the place of each pixel without distortion, px; `corners`
+    (n, 4, 2) px as the detector found them in the image; `cells` across a tag, its border with it.
+    """
+    count = len(corners)
+    out, covariance = np.full((count, 4, 2), np.nan), np.full((count, 8, 8), np.nan)
+    good = np.zeros(count, np.bool_)
+    _refine(image, plane, np.ascontiguousarray(corners, float), cells, out, covariance, good)
+    return out, covariance, good
+
+
+@njit(cache=True, nogil=True)
+def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignore[no-untyped-def]
+    h, w = image.shape
+    xs, ys, grey = np.empty(_MOST), np.empty(_MOST), np.empty(_MOST)
+    lines = np.empty((4, 4))  # nx, ny, nx * mx + ny * my + c; length
+    spread = np.empty((4, 3))  # variances and covariance of offset and angle
+    middle = np.empty((4, 2))
+    for tag in range(len(corners)):
+        ideal = np.empty((4, 2))
+        inside = True
+        for k in range(4):
+            x, y = corners[tag, k, 0], corners[tag, k, 1]
+            i, j = int(math.floor(y)), int(math.floor(x))
+            if i < 0 or j < 0 or i >= h - 1 or j >= w - 1:
+                inside = False
+                break
+            fx, fy = x - j, y - i
+            for c in range(2):
+                ideal[k, c] = (1 - fy) * (
+                    (1 - fx) * plane[i, j, c] + fx * plane[i, j + 1, c]
+                ) + fy * ((1 - fx) * plane[i + 1, j, c] + fx * plane[i + 1, j + 1, c])
+        if not inside:
+            continue
+        cx, cy = ideal[:, 0].mean(), ideal[:, 1].mean()
+        fitted = True
+        for k in range(4):
+            if not _line(
+                image, plane, corners[tag], ideal, k, cx, cy, cells, xs, ys, grey, lines[k],
+                spread[k], middle[k],
+            ):  # fmt: skip
+                fitted = False
+                break
+        if not fitted:
+            continue
+        J = np.zeros((8, 8))  # of the corners by offset and angle of each line
+        for k in range(4):
+            p = (k + 3) % 4  # line k runs from corner k to k + 1
+            a, b = lines[p], lines[k]
+            det = a[0] * b[1] - a[1] * b[0]
+            if abs(det) < 0.1:
+                fitted = False
+                break
+            x = (a[2] * b[1] - a[1] * b[2]) / det
+            y = (a[0] * b[2] - a[2] * b[0]) / det
+            out[tag, k, 0], out[tag, k, 1] = x, y
+            # Line p moves by dc + s da at the corner, s being its distance from the line's middle.
+            for line, sign in ((p, 1.0), (k, -1.0)):
+                o = b if line == p else a
+                gx, gy = sign * o[1] / det, -sign * o[0] / det
+                n = lines[line]
+                s = -(x - middle[line, 0]) * n[1] + (y - middle[line, 1]) * n[0]
+                J[2 * k, 2 * line], J[2 * k + 1, 2 * line] = gx, gy
+                J[2 * k, 2 * line + 1], J[2 * k + 1, 2 * line + 1] = gx * s, gy * s
+        if not fitted:
+            continue
+        S = np.zeros((8, 8))
+        for k in range(4):
+            S[2 * k, 2 * k], S[2 * k + 1, 2 * k + 1] = spread[k, 0], spread[k, 2]
+            S[2 * k, 2 * k + 1] = S[2 * k + 1, 2 * k] = spread[k, 1]
+        covariance[tag] = J @ S @ J.T
+        good[tag] = True
+
+
+@njit(cache=True, nogil=True)
+def _line(  # type: ignore[no-untyped-def]
+    image, plane, seen, ideal, k, cx, cy, cells, xs, ys, grey, line, spread, middle
+):
+    """Fit edge k, from corner k to the next; whether that went well."""
+    h, w = image.shape
+    e = (k + 1) % 4
+    tx, ty = ideal[e, 0] - ideal[k, 0], ideal[e, 1] - ideal[k, 1]
+    length = math.hypot(tx, ty)
+    if length < 6:
+        return False
+    mx, my = (ideal[e, 0] + ideal[k, 0]) / 2, (ideal[e, 1] + ideal[k, 1]) / 2
+    nx, ny = -ty / length, tx / length
+    if nx * (mx - cx) + ny * (my - cy) < 0:  # out of the tag
+        nx, ny = -nx, -ny
+    across = 2 * abs(nx * (mx - cx) + ny * (my - cy))
+    band = min(max(across / cells - _SPARE, _NARROW), _WIDE)
+    half = length / 2 - max(_END, _END_PART * length)
+    reach = band + _MOVED + 1
+    j0 = max(int(min(seen[k, 0], seen[e, 0]) - reach), 0)
+    j1 = min(int(max(seen[k, 0], seen[e, 0]) + reach) + 2, w)
+    i0 = max(int(min(seen[k, 1], seen[e, 1]) - reach), 0)
+    i1 = min(int(max(seen[k, 1], seen[e, 1]) + reach) + 2, h)
+    offset, angle, low, step, blur = 0.0, 0.0, 0.0, 0.0, 1.0
+    A, g = np.empty((5, 5)), np.empty(5)
+    total, variance = 0.0, 0.0
+    for turn in range(_ROUNDS):
+        ax, ay = nx - angle * -ny, ny - angle * nx  # n turned by the angle, to first order
+        norm = math.hypot(ax, ay)
+        ax, ay = ax / norm, ay / norm
+        # The search begins wider: the detector's corners are a pixel off.
+        wide = band + (1.0 if turn == 0 else 0.0)
+        count, darkest, brightest = 0, 0.0, 0.0
+        dark, bright = 0, 0
+        for i in range(i0, i1):
+            for j in range(j0, j1):
+                x, y = plane[i, j, 0] - mx, plane[i, j, 1] - my
+                d = ax * x + ay * y - offset
+                if -wide <= d <= wide and abs(-ay * x + ax * y) <= half and count < _MOST:
+                    xs[count], ys[count], grey[count] = x, y, image[i, j]
+                    count += 1
+                    if d > wide / 2:
+                        brightest += image[i, j]
+                        bright += 1
+                    elif d < -wide / 2:
+                        darkest += image[i, j]
+                        dark += 1
+        if count < 12 or not dark or not bright:
+            return False
+        # The frame turns with the line: angles are small again.
+        nx, ny, angle = ax, ay, 0.0
+        if turn == 0:
+            low, step = darkest / dark, brightest / bright - darkest / dark
+            if step < _CONTRAST:
+                return False
+        limit = 1e9
+        if turn == _ROUNDS - 1:
+            limit = 4 * math.sqrt(variance)
+        for _ in range(_STEPS):
+            A[:] = 0.0
+            g[:] = 0.0
+            square, total = 0.0, 0.0
+            for m in range(count):
+                s = -ny * xs[m] + nx * ys[m]
+                d = (nx * xs[m] + ny * ys[m] - offset - angle * s) / blur
+                p = 0.5 + 0.5 * math.erf(d * 0.7071067811865476)
+                f = 0.3989422804014327 * math.exp(-0.5 * d * d) * step / blur
+                r = grey[m] - low - step * p
+                weight = 1.0 if abs(r) < limit else 0.0  # a finger on the edge
+                u = (-f, -f * s, 1.0, p, -f * d)
+                for a in range(5):
+                    g[a] += weight * u[a] * r
+                    for b in range(a + 1):
+                        A[a, b] += weight * u[a] * u[b]
+                square += weight * r * r
+                total += weight
+            if total < 12:
+                return False
+            for a in range(5):
+                for b in range(a):
+                    A[b, a] = A[a, b]
+            for a in range(5):
+                A[a, a] += 1e-9 * A[a, a] + 1e-12
+            variance = square / (total - 5) + 1 / 12  # rounding to whole grey levels
+            delta = np.linalg.solve(A, g)
+            offset += min(max(delta[0], -1.0), 1.0)
+            angle += min(max(delta[1], -2.0 / length), 2.0 / length)
+            low += delta[2]
+            step += delta[3]
+            blur = min(max(blur + min(max(delta[4], -0.5), 0.5), _SHARP), _BLURRED)
+            if not step > _CONTRAST / 2:
+                return False
+    if step < _CONTRAST or abs(offset) > _MOVED or blur >= _BLURRED:
+        return False
+    ax, ay = nx + angle * ny, ny - angle * nx
+    norm = math.hypot(ax, ay)
+    nx, ny = ax / norm, ay / norm
+    line[0], line[1] = nx, ny
+    line[2] = nx * mx + ny * my + offset / norm
+    line[3] = length
+    middle[0], middle[1] = mx, my
+    inverse = np.linalg.inv(A)
+    left_out = _SYSTEMATIC + _BLEEDS * (blur * cells / across) ** 3
+    spread[0] = variance * inverse[0, 0] + left_out**2
+    spread[1] = variance * inverse[0, 1]
+    spread[2] = variance * inverse[1, 1] + (2 * left_out / length) ** 2
+    return True

@@ -1,0 +1,153 @@
+"""Where tags are, from the corners that several cameras see.
+
+All four corners of a tag are found together, by weighted least squares over the pixels of all cameras
+that see it (the gold standard of Hartley & Zisserman 2004, 12.3, with full covariances in place of
+equal noise). The place of a tag is the mean of its corners, which does not depend on its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Bool, Float
+from ..core.camera import Camera
+
+_STEPS = 4
+#: A tag whose corners miss by more px than this (root mean square), and by more standard deviations,
+#: is not the same in all views.
+_MISS, _SIGMAS = 2.0, 5.0
+_MIDDLE = np.tile(np.eye(3) / 4, 4)  # (3, 12): mean of the corners
+
+
+@dataclass(frozen=True)
+class Located:
+    """n tags: `corners` (n, 4, 3) mm in the world, `covariance` (n, 3, 3) mm^2 of their middle,
+    `used` (n, v) the cameras that agree, `miss` (n,) px, root mean square over those; NaN where a
+    tag could not be located."""
+
+    corners: Float
+    covariance: Float
+    used: Bool
+    miss: Float
+
+    @property
+    def points(self) -> Float:
+        """Middles (n, 3) mm."""
+        return np.asarray(self.corners.mean(axis=1))
+
+
+def locate(cameras: Sequence[Camera], corners: Float, covariance: Float) -> Located:
+    """Tags by at least two of v cameras that agree.
+
+    `corners` (n, v, 4, 2) px without distortion, NaN where a camera does not see the tag;
+    `covariance` (n, v, 8, 8) px^2. With three cameras or more, one that disagrees is left out; two
+    that disagree locate nothing.
+    """
+    used = np.isfinite(corners).all(axis=(2, 3))
+    out = _solve(cameras, corners, covariance, used)
+    wrong = out.used.any(axis=1) & ~_agrees(out)
+    for n in np.flatnonzero(wrong):
+        best: Located | None = None
+        for leave in np.flatnonzero(used[n]) if used[n].sum() > 2 else ():
+            keep = used[n].copy()
+            keep[leave] = False
+            tried = _solve(cameras, corners[n : n + 1], covariance[n : n + 1], keep[None])
+            if _agrees(tried)[0] and (best is None or tried.miss[0] < best.miss[0]):
+                best = tried
+        _put(out, n, best)
+    return out
+
+
+def _put(out: Located, n: int, one: Located | None) -> None:
+    if one is None:
+        out.corners[n], out.covariance[n], out.miss[n] = np.nan, np.nan, np.nan
+        out.used[n] = False
+        return
+    out.corners[n], out.covariance[n] = one.corners[0], one.covariance[0]
+    out.used[n], out.miss[n] = one.used[0], one.miss[0]
+
+
+def _agrees(found: Located) -> Bool:
+    # `covariance` has been widened by how much the views disagree: see `_solve`.
+    with np.errstate(invalid="ignore"):
+        return np.asarray(found.miss <= _MISS)
+
+
+def _solve(
+    cameras: Sequence[Camera], corners: Float, covariance: Float, used: Bool
+) -> Located:
+    n, v = used.shape
+    out = Located(
+        np.full((n, 4, 3), np.nan), np.full((n, 3, 3), np.nan), used.copy(), np.full(n, np.nan)
+    )
+    enough = used.sum(axis=1) >= 2
+    out.used[~enough] = False
+    if not enough.any():
+        return out
+    use = used[enough]
+    seen = np.where(use[..., None, None], corners[enough], 0.0)
+    W = np.zeros((len(use), v, 8, 8))
+    W[use] = np.linalg.inv(covariance[enough][use])
+    X = _begin(cameras, seen, use)
+    cov = np.zeros((len(use), 12, 12))
+    square = np.zeros(len(use))
+    for step in range(_STEPS + 1):
+        N, g = np.zeros((len(use), 12, 12)), np.zeros((len(use), 12))
+        chi, square = np.zeros(len(use)), np.zeros(len(use))
+        for c, camera in enumerate(cameras):
+            miss, J = _miss(camera, X, seen[:, c])
+            miss = np.where(use[:, c, None], miss, 0.0)
+            JW = np.einsum("nkp,nkl->npl", J, W[:, c])
+            N += np.einsum("npl,nlq->npq", JW, J)
+            g += np.einsum("npl,nl->np", JW, miss)
+            chi += np.einsum("nk,nkl,nl->n", miss, W[:, c], miss)
+            square += (miss**2).sum(axis=1)
+        if step == _STEPS:
+            break
+        X = X + np.linalg.solve(N, g[..., None])[..., 0].reshape(-1, 4, 3)
+    free = 8 * use.sum(axis=1) - 12
+    cov = np.linalg.inv(N) * np.maximum(chi / free, 1.0)[:, None, None]
+    out.corners[enough] = X
+    out.covariance[enough] = _MIDDLE @ cov @ _MIDDLE.T
+    out.miss[enough] = np.sqrt(square / (8 * use.sum(axis=1)))
+    ahead = np.ones(len(use), bool)
+    for c, camera in enumerate(cameras):
+        ahead &= ~use[:, c] | (camera.to_camera(X)[..., 2] > 0).all(axis=1)
+    lost = np.flatnonzero(enough)[~ahead | ~np.isfinite(X).all(axis=(1, 2))]
+    for k in lost:
+        out.miss[k] = np.inf  # behind a camera: these views do not belong together
+    return out
+
+
+def _begin(cameras: Sequence[Camera], seen: Float, use: Bool) -> Float:
+    """Corners (n, 4, 3) nearest to all rays."""
+    N, g = np.zeros((len(seen), 4, 3, 3)), np.zeros((len(seen), 4, 3))
+    for c, camera in enumerate(cameras):
+        plane = (seen[:, c] - camera.matrix[:2, 2]) / camera.focal
+        ray = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1) @ camera.rotation
+        ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+        P = (np.eye(3) - ray[..., :, None] * ray[..., None, :]) * use[:, c, None, None, None]
+        N += P
+        g += P @ camera.center
+    N += 1e-12 * np.eye(3)
+    return np.asarray(np.linalg.solve(N, g[..., None])[..., 0])
+
+
+def _miss(camera: Camera, X: Float, seen: Float) -> tuple[Float, Float]:
+    """seen - projected (n, 8) px of corners X (n, 4, 3), and derivatives (n, 8, 12) of the
+    projected."""
+    at = camera.to_camera(X)
+    z = np.where(np.abs(at[..., 2:]) > 1e-9, at[..., 2:], 1e-9)
+    plane = at[..., :2] / z
+    miss = seen - (plane * camera.focal + camera.matrix[:2, 2])
+    D = np.zeros((*plane.shape, 3))
+    D[..., 0, 0] = D[..., 1, 1] = 1.0
+    D[..., 2] = -plane
+    D = (D / z[..., None] * camera.focal[:, None]) @ camera.rotation
+    J = np.zeros((len(X), 8, 12))
+    for k in range(4):
+        J[:, 2 * k : 2 * k + 2, 3 * k : 3 * k + 3] = D[:, k]
+    return miss.reshape(-1, 8), J
