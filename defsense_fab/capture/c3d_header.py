@@ -1,0 +1,48 @@
+"""What the first blocks of a C3D file promise, held against the length of the file.
+
+ezc3d reads as many frames as there are in a file that was cut, and says nothing. Layout: the C3D
+user guide (c3d.org), "The header section", "The parameter header".
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+from ..core.errors import CaptureError
+
+_BLOCK = 512
+_MAGIC = 0x50
+#: By the processor's number: order of bytes, and the byte of a float that has the sign.
+_PROCESSORS = {84: ("<", 3), 85: ("<", 1), 86: (">", 0)}  # Intel, DEC, MIPS
+#: Most frames that the header's 16 bits can count.
+MOST_FRAMES = 65535
+
+
+def check_whole(path: Path) -> None:
+    """Raises CaptureError for a file that is no C3D file, or ends before its last frame."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_BLOCK)
+            if len(head) < _BLOCK or head[1] != _MAGIC or head[0] < 1:
+                raise CaptureError(f"{path}: is no C3D file (it does not begin like one)")
+            file.seek((head[0] - 1) * _BLOCK)
+            parameters = file.read(4)
+            size = file.seek(0, 2)
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(parameters) < 4:
+        raise CaptureError(f"{path}: is cut short before its parameters; copy it again")
+    if parameters[3] not in _PROCESSORS:
+        raise CaptureError(f"{path}: is no C3D file (no processor has the number {parameters[3]})")
+    order, sign = _PROCESSORS[parameters[3]]
+    points, analog, first, last = struct.unpack(f"{order}4H", head[2:10])
+    (start,) = struct.unpack(f"{order}H", head[16:18])
+    width = 4 if head[12 + sign] & 0x80 else 2  # a negative scale stands for data stored as floats
+    needed = max(last - first + 1, 0) * (4 * points + analog) * width
+    there = max(size - (start - 1) * _BLOCK, 0)
+    if start > 1 and there < needed:
+        raise CaptureError(
+            f"{path}: is cut short: frames {first} to {last} need {needed} bytes, and there are"
+            f" {there}; copy it again"
+        )
