@@ -164,7 +164,7 @@ def test_a_public_file():
         exported = np.array([[float(cell or "nan") for cell in cell3] for cell3 in cells])
         if np.isfinite(exported).all():  # Nexus left out those that it modelled
             ours = tracks.points[:, found.labels.index(label)]
-            np.testing.assert_allclose(ours, exported, rtol=0, atol=1e-4)
+            np.testing.assert_allclose(ours, exported, rtol=2e-7)  # of single precision
 
 
 TRC = (
@@ -298,7 +298,7 @@ def test_libraries_that_are_missing(tmp_path, monkeypatch):
 
 
 @given(st.binary(max_size=40), st.integers(0, 2000))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25, deadline=None, derandomize=True)  # a crash would end the run
 def test_c3d_with_bytes_changed_is_read_or_refused(tmp_path_factory, junk, at):
     path = tmp_path_factory.getbasetemp() / "junk.c3d"
     data = bytearray(c3d_format.build(np.ones((10, 2, 3)), ["a", "b"], 50.0))
