@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from . import __version__, cli_calibrate
+from . import __version__, cli_calibrate, cli_capture
 from .core.errors import DefsenseError, DeviceError, StorageError
 from .core.progress import Progress, silent
 
@@ -142,6 +142,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     sub.set_defaults(run=_study)
     cli_calibrate.add(commands, _bars)
+    cli_capture.add(commands, _bars)
     return parser
 
 

@@ -30,9 +30,7 @@ class View:
 
     def only(self, which: Bool) -> View:
         """Some of the tags, by a mask (n,)."""
-        return View(
-            self.ids[which], self.corners[which], self.covariance[which], self.seen[which]
-        )
+        return View(self.ids[which], self.corners[which], self.covariance[which], self.seen[which])
 
 
 class Detector:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ..core.errors import CaptureError
 
-_FAMILIES = {
+#: Names in OpenCV, by ours.
+FAMILIES = {
     **{f"{n}X{n}_{k}": f"DICT_{n}X{n}_{k}" for n in (4, 5, 6, 7) for k in (50, 100, 250, 1000)},
     "ARUCO_ORIGINAL": "DICT_ARUCO_ORIGINAL",
     "APRILTAG_16H5": "DICT_APRILTAG_16h5",
@@ -51,12 +52,12 @@ def dictionary(name: str) -> Dictionary:
     """By a name such as 4X4_50 or APRILTAG_36H11, in any case, with or without DICT_ (36h11 alone
     will do). Raises CaptureError for others."""
     key = name.upper().removeprefix("DICT_")
-    key = f"APRILTAG_{key}" if f"APRILTAG_{key}" in _FAMILIES else key
-    if key not in _FAMILIES:
+    key = f"APRILTAG_{key}" if f"APRILTAG_{key}" in FAMILIES else key
+    if key not in FAMILIES:
         raise CaptureError(
             f"dictionary {name}: not known; there are 4X4_50, 4X4_100, ... 7X7_1000,"
             " ARUCO_ORIGINAL, APRILTAG_16H5, 25H9, 36H10, 36H11"
         )
-    number = int(getattr(cv2.aruco, _FAMILIES[key]))
+    number = int(getattr(cv2.aruco, FAMILIES[key]))
     table = cv2.aruco.getPredefinedDictionary(number)
     return Dictionary(key, number, int(table.markerSize), len(table.bytesList))

@@ -1,10 +1,10 @@
 """Corners of a tag from lines fitted to its four edges.
 
 Across an edge the image goes from the black border to the white around it as a step that lens,
-motion and pixels have blurred: a + b Phi(d / s), with d the distance from the line. Line, levels and
-blur are fitted to all pixels beside the edge at once (Gauss-Newton), in the coordinates of a camera
-without distortion, in which edges are straight. Corners are where two lines cross; their covariance
-follows from that of the lines.
+motion and pixels have blurred: a + b Phi(d / s), with d the distance from the line. Line, levels
+and blur are fitted to all pixels beside the edge at once (Gauss-Newton), in the coordinates of a
+camera without distortion, in which edges are straight. Corners are where two lines cross; their
+covariance follows from that of the lines.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _ROUNDS, _STEPS = 3, 3
 _SHARP, _BLURRED = 0.3, 4.0  # px, bounds of s
 _CONTRAST = 12.0  # grey levels, least step
 _MOVED = 3.0  # px that a line may move from where the detector saw it
-#: px, standard deviation of what the model leaves out, of a line's offset; and what is added when the
-#: blur reaches from one cell to the next, by the cube of their ratio.
+#: px, standard deviation of what the model leaves out, of a line's offset; and what is added when
+#: the blur reaches from one cell to the next, by the cube of their ratio.
 _SYSTEMATIC, _BLEEDS = 0.01, 2.0
 _MOST = 6000
 
@@ -59,8 +59,8 @@ def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignor
         inside = True
         for k in range(4):
             x, y = corners[tag, k, 0], corners[tag, k, 1]
-            i, j = int(math.floor(y)), int(math.floor(x))
-            if i < 0 or j < 0 or i >= h - 1 or j >= w - 1:
+            i, j = int(y), int(x)
+            if x < 0 or y < 0 or i >= h - 1 or j >= w - 1:
                 inside = False
                 break
             fx, fy = x - j, y - i

@@ -19,6 +19,11 @@ from .trc import read_trc, write_trc
 _ARRAYS = {"time": float, "ids": np.int64, "points": float, "sigma": float, "frame": np.int64}
 
 
+def check_suffix(path: Path) -> None:
+    """Raises CaptureError for a name whose suffix is of no format."""
+    _format(path)
+
+
 def write_any(path: Path, tracks: Tracks) -> None:
     """As .csv, .npz, .parquet, .c3d or .trc. Raises CaptureError for other suffixes, tracks that
     the format cannot hold and libraries that are missing; StorageError."""

@@ -1,8 +1,9 @@
 """Where tags are, from the corners that several cameras see.
 
-All four corners of a tag are found together, by weighted least squares over the pixels of all cameras
-that see it (the gold standard of Hartley & Zisserman 2004, 12.3, with full covariances in place of
-equal noise). The place of a tag is the mean of its corners, which does not depend on its size.
+All four corners of a tag are found together, by weighted least squares over the pixels of all
+cameras that see it (the gold standard of Hartley & Zisserman 2004, 12.3, with full covariances in
+place of equal noise). The place of a tag is the mean of its corners, which does not depend on its
+size.
 """
 
 from __future__ import annotations
@@ -16,9 +17,8 @@ from ..core.arrays import Bool, Float
 from ..core.camera import Camera
 
 _STEPS = 4
-#: A tag whose corners miss by more px than this (root mean square), and by more standard deviations,
-#: is not the same in all views.
-_MISS, _SIGMAS = 2.0, 5.0
+#: px, root mean square: a tag whose corners miss by more is not the same in all views.
+_MISS = 2.0
 _MIDDLE = np.tile(np.eye(3) / 4, 4)  # (3, 12): mean of the corners
 
 
@@ -46,7 +46,7 @@ def locate(cameras: Sequence[Camera], corners: Float, covariance: Float) -> Loca
     `covariance` (n, v, 8, 8) px^2. With three cameras or more, one that disagrees is left out; two
     that disagree locate nothing.
     """
-    used = np.isfinite(corners).all(axis=(2, 3))
+    used = np.asarray(np.isfinite(corners).all(axis=(2, 3)))
     out = _solve(cameras, corners, covariance, used)
     wrong = out.used.any(axis=1) & ~_agrees(out)
     for n in np.flatnonzero(wrong):
@@ -57,7 +57,7 @@ def locate(cameras: Sequence[Camera], corners: Float, covariance: Float) -> Loca
             tried = _solve(cameras, corners[n : n + 1], covariance[n : n + 1], keep[None])
             if _agrees(tried)[0] and (best is None or tried.miss[0] < best.miss[0]):
                 best = tried
-        _put(out, n, best)
+        _put(out, int(n), best)
     return out
 
 
@@ -71,14 +71,11 @@ def _put(out: Located, n: int, one: Located | None) -> None:
 
 
 def _agrees(found: Located) -> Bool:
-    # `covariance` has been widened by how much the views disagree: see `_solve`.
     with np.errstate(invalid="ignore"):
         return np.asarray(found.miss <= _MISS)
 
 
-def _solve(
-    cameras: Sequence[Camera], corners: Float, covariance: Float, used: Bool
-) -> Located:
+def _solve(cameras: Sequence[Camera], corners: Float, covariance: Float, used: Bool) -> Located:
     n, v = used.shape
     out = Located(
         np.full((n, 4, 3), np.nan), np.full((n, 3, 3), np.nan), used.copy(), np.full(n, np.nan)

@@ -1,8 +1,8 @@
 """Where tags are, from one camera: by how large they look.
 
-A square of known size is fitted to its four corners, in both of the ways in which a small square can
-be tilted (Collins & Bartoli 2014). Depth is weak: it comes with its uncertainty, to which the other
-tilt adds what it cannot be told from.
+A square of known size is fitted to its four corners, in both of the ways in which a small square
+can be tilted (Collins & Bartoli 2014). Depth is weak: it comes with its uncertainty, to which the
+other tilt adds what it cannot be told from.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Bool, Float
 from ..core.camera import Camera
 from .locate import Located
 
@@ -36,7 +36,7 @@ def locate_single(
     relative standard deviation of the size, is in the covariance.
     """
     n = len(corners)
-    used = np.isfinite(corners).all(axis=(1, 2))
+    used = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
     out = Located(
         np.full((n, 4, 3), np.nan), np.full((n, 3, 3), np.nan), used[:, None].copy(),
         np.full(n, np.nan),
@@ -45,7 +45,7 @@ def locate_single(
         return out
     seen, S = corners[used], covariance[used]
     R, t, known = _begin(camera, seen, size)
-    W = np.linalg.inv(S)
+    W = np.asarray(np.linalg.inv(S), float)
     twice = np.repeat(np.arange(len(seen)), 2)
     X, cov, chi, square_ = _fit(
         camera, seen[twice], W[twice], R.reshape(-1, 3, 3), t.reshape(-1, 3), size
@@ -75,7 +75,7 @@ def locate_single(
     return out
 
 
-def _begin(camera: Camera, seen: Float, size: float) -> tuple[Float, Float, Float]:
+def _begin(camera: Camera, seen: Float, size: float) -> tuple[Float, Float, Bool]:
     """Rotations (n, 2, 3, 3) and translations (n, 2, 3) of both tilts; which there are (n, 2)."""
     n = len(seen)
     R, t = np.tile(np.eye(3), (n, 2, 1, 1)), np.tile([0.0, 0.0, 1.0], (n, 2, 1))

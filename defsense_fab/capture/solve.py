@@ -44,7 +44,7 @@ def solve(
     points, cov = np.full((n * m, 3), np.nan), np.full((n * m, 3, 3), np.nan)
     count, miss = np.zeros(n * m, int), np.full(n * m, np.nan)
     sides = np.full(n * m, np.nan)
-    there = np.isfinite(flat).all(axis=(2, 3))
+    there = np.asarray(np.isfinite(flat).all(axis=(2, 3)))
     many = np.flatnonzero(there.sum(axis=1) >= 2)
     for rows in _chunks(many):
         found = locate(cameras, flat[rows], spread[rows])

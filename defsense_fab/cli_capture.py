@@ -1,0 +1,112 @@
+"""The commands `defsense capture ...`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from .cli_record import numbers
+from .core.errors import DeviceError
+from .core.progress import Progress
+
+Bars = Callable[[Any], AbstractContextManager[Progress]]
+
+
+def add(commands: Any, bars: Bars) -> None:
+    """Add the commands; `bars` shows progress."""
+    parent = commands.add_parser(
+        "capture",
+        help="cameras and printed tags: where the device's surface is, while it moves",
+        description="Find out where the device's surface is while it moves, with cameras and"
+        " printed tags.",
+    )
+    steps = parent.add_subparsers(dest="step", required=True, metavar="STEP")
+    _add_process(steps, bars)
+
+
+def _add_process(steps: Any, bars: Bars) -> None:
+    sub = steps.add_parser(
+        "process",
+        help="from videos, or a recorded session, to tracks of the tags",
+        description="Find the tags in the videos of calibrated cameras and write where they were:"
+        " frame, time (s), id, x, y, z and standard deviations sx, sy, sz (mm), in the frame of the"
+        " first camera and at the times of the first video. Tags that are not seen have no row."
+        " Images of a folder, or numbered ones (frame-%%04d.png), go as videos with --rate. The"
+        " suffix of --out chooses the format: .csv, .npz, .parquet, .c3d, .trc.",
+        epilog="example:  defsense capture process --videos a.mkv b.mkv --calibration cameras.toml"
+        " --tag-size 15 --dictionary 4X4_50 --out tracks.csv",
+    )
+    sub.add_argument("--videos", type=Path, nargs="+", metavar="FILE", required=True,
+                     help="one for each camera, in the order of the calibration")  # fmt: skip
+    sub.add_argument("--calibration", type=Path, metavar="TOML", required=True,
+                     help="of the cameras, as aniposelib has it")  # fmt: skip
+    sub.add_argument("--tag-size", type=float, metavar="MM", required=True,
+                     help="side of a tag's black square")  # fmt: skip
+    sub.add_argument("--dictionary", default="4X4_50", metavar="NAME", help="of the tags (4X4_50)")
+    sub.add_argument("--out", type=Path, default=Path("tracks.csv"), metavar="FILE",
+                     help="(tracks.csv)")  # fmt: skip
+    sub.add_argument("--rate", type=float, metavar="HZ", help="frames per second of images")
+    sub.add_argument(
+        "--offsets", metavar="S,S,...",
+        help="what to add to each video's times, where they were not started together",
+    )  # fmt: skip
+    ends(sub)
+    sub.set_defaults(run=lambda options: _process(options, bars))
+
+
+def ends(sub: argparse.ArgumentParser) -> None:
+    """Options that all commands end with."""
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+
+
+def _process(options: argparse.Namespace, bars: Bars) -> int:
+    from .capture.exchange import check_suffix, write_any
+    from .pipeline.process import process_videos
+
+    check_suffix(options.out)
+    if options.rate is not None and not 0 < options.rate <= 10_000:
+        raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")
+    offsets = numbers("--offsets", options.offsets, "s") if options.offsets else None
+    with bars(options) as progress:
+        found = process_videos(
+            options.videos, options.calibration, options.tag_size, options.dictionary,
+            rate=options.rate, offsets=offsets, progress=progress,
+        )  # fmt: skip
+    write_any(options.out, found.tracks)
+    if options.json:
+        sys.stdout.write(json.dumps(found.quality, indent=1) + "\n")
+        return 0
+    show_quality(found.quality)
+    sys.stdout.write(f"Look at: {options.out}\n")
+    return 0
+
+
+def show_quality(q: dict[str, Any]) -> None:
+    """What tracks are worth, in lines."""
+    from rich.console import Console
+
+    def mm(value: float | None) -> str:
+        return "-" if value is None else f"{value:.3f} mm"
+
+    lines = [
+        f"{q['markers']} tags in {q['frames']} frames, seen in {q['seen']:.0%} of them:"
+        f" {q['by_several']:.0%} by several cameras (standard deviation {mm(q['sigma_several'])}),"
+        f" {q['by_one']:.0%} by one ({mm(q['sigma_one'])})",
+    ]
+    if q["residual"] is not None:
+        lines.append(
+            f"residual {q['residual']:.3f} px; the tags' sides are {q['size']:.3f} mm to these"
+            f" cameras, {q['tag_size']:g} mm was told"
+        )
+    if q["impossible"]:
+        lines.append(f"{q['impossible']} places were taken out: nothing moves like that")
+    lines += [f"warning: {w}" for w in q["warnings"]]
+    console = Console()
+    for line in lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)

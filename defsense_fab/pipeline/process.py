@@ -1,0 +1,336 @@
+"""From videos of several cameras to tracks of markers."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ..capture.detect import Detector, View, detector, to_grey, wrong_size
+from ..capture.dictionary import FAMILIES, Dictionary, dictionary
+from ..capture.gate import possible
+from ..capture.observe import Observations, at, collect
+from ..capture.rig_file import Rig, read_rig
+from ..capture.solve import Solved, solve
+from ..capture.video import Timing, Video, timing
+from ..core.arrays import Float, Int
+from ..core.camera import Camera
+from ..core.errors import CaptureError
+from ..core.progress import Progress, silent
+from ..core.tracks import Tracks
+
+#: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
+_AGREEING = 0.5
+_SCALE = 0.03  # by which the located size of tags may differ from the one that was told
+_LOOKED = 12  # frames in which other dictionaries are tried
+_CLOSE = 1.5  # px that a permutation of cameras must fit by to be believed
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A video that was looked through: the times (t,) s of its frames, and the tags in each."""
+
+    time: Float
+    views: tuple[View, ...]
+    timing: Timing
+    expected: int
+
+
+@dataclass(frozen=True)
+class Processed:
+    """Tracks in the first camera's frame, covariance (t, m, 3, 3) mm^2 of each place, the number of
+    cameras that it is from (t, m), and what there is to say of their quality."""
+
+    tracks: Tracks
+    covariance: Float
+    cameras: Int
+    quality: dict[str, Any]
+
+
+def process_videos(
+    paths: Sequence[Path],
+    calibration: Path,
+    size: float,
+    family: str,
+    *,
+    rate: float | None = None,
+    offsets: Sequence[float] | None = None,
+    progress: Progress = silent,
+) -> Processed:
+    """Tags of `size` mm in videos of the cameras in `calibration`, in its order; `rate` Hz of image
+    sequences; `offsets` s, by which each camera's clock is behind the first one's. Raises
+    CaptureError for files that do not belong together, and where no tag can be located."""
+    if not 0.1 <= size <= 1000:
+        raise CaptureError(f"tag size {size:g} mm: give the side of the black square, 0.1 to 1000")
+    rig = read_rig(calibration)
+    tags = dictionary(family)
+    if len(paths) != len(rig.cameras):
+        names = ", ".join(c.name for c in rig.cameras)
+        raise CaptureError(
+            f"{calibration}: has {len(rig.cameras)} cameras ({names}), there are {len(paths)}"
+            " videos; give one for each, in this order"
+        )
+    if not rig.placed:
+        raise CaptureError(
+            f"{calibration}: does not say where the cameras stand; run 'defsense capture camera"
+            " arrange'"
+        )
+    if len({p.resolve() for p in paths}) < len(paths):
+        raise CaptureError("the same video is given twice")
+    watched = watch(paths, rig.cameras, tags, rate, progress)
+    return assemble(watched, rig, size, [str(p) for p in paths], offsets, progress)
+
+
+def watch(
+    paths: Sequence[Path],
+    cameras: Sequence[Camera],
+    tags: Dictionary,
+    rate: float | None,
+    progress: Progress = silent,
+) -> list[Watched]:
+    """Look through all videos, each in a thread of its own. Raises CaptureError for one that cannot
+    be read or in which there is no tag."""
+    videos = [Video(p, rate) for p in paths]
+    for video, camera in zip(videos, cameras, strict=True):
+        if video.size != camera.size:
+            raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
+    done, stop = [0] * len(videos), threading.Event()
+    total = max(sum(v.expected for v in videos), 1)
+
+    def look(k: int) -> Watched:
+        found = Detector(cameras[k], tags)
+        times, views = [], []
+        for _, time, image in videos[k].frames():
+            if stop.is_set():
+                break
+            times.append(time)
+            views.append(found.find(image))
+            done[k] += 1
+            if k == 0:
+                progress("tags", min(sum(done) / total, 1.0), f"{done[0]} frames")
+        videos[k].close()
+        stamps = np.array(times)
+        return Watched(stamps, tuple(views), timing(stamps), videos[k].expected)
+
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        with ThreadPoolExecutor(len(videos)) as pool:
+            jobs = [pool.submit(look, k) for k in range(len(videos))]
+            try:
+                watched = [job.result() for job in jobs]
+            except BaseException:
+                stop.set()
+                raise
+    finally:
+        cv2.setNumThreads(threads)
+    progress("tags", 1.0, "done")
+    for path, w in zip(paths, watched, strict=True):
+        if not len(w.time):
+            raise CaptureError(f"{path}: no frame of it can be read; is it damaged?")
+        if w.timing.back:
+            raise CaptureError(
+                f"{path}: its time stamps go back {w.timing.back} times; record it again, or give"
+                " --rate if its frames are evenly spaced"
+            )
+    if not any(len(v.ids) for w in watched for v in w.views):
+        raise CaptureError(_nothing(paths, tags, rate))
+    return watched
+
+
+def _nothing(paths: Sequence[Path], tags: Dictionary, rate: float | None) -> str:
+    """What to say where no tag was found: perhaps there are others."""
+    counts: dict[str, int] = {}
+    for path in paths:
+        video = Video(path, rate)
+        every = max(video.expected // _LOOKED, 1)
+        for k, _, image in video.frames():
+            if k % every:
+                continue
+            if k > _LOOKED * every:
+                break
+            for name in FAMILIES:
+                if name != tags.name:
+                    _, numbers, _ = detector(dictionary(name)).detectMarkers(to_grey(image))
+                    counts[name] = counts.get(name, 0) + (0 if numbers is None else len(numbers))
+        video.close()
+    best = max(counts, key=lambda name: counts[name], default="")
+    where = ", ".join(str(p) for p in paths)
+    if counts.get(best, 0) >= 3:
+        return f"{where}: no tag of {tags.name}, but tags of {best}: give --dictionary {best}"
+    return (
+        f"{where}: no tag of {tags.name} found in any frame; look at light, focus and the white"
+        " margin around the tags"
+    )
+
+
+def assemble(
+    watched: Sequence[Watched],
+    rig: Rig,
+    size: float,
+    names: Sequence[str],
+    offsets: Sequence[float] | None = None,
+    progress: Progress = silent,
+) -> Processed:
+    """Tracks from what the cameras saw, at the times of the first one. Raises CaptureError where
+    the cameras do not agree."""
+    if offsets is not None and len(offsets) != len(watched):
+        raise CaptureError(f"offsets: {len(offsets)} given for {len(watched)} cameras")
+    shift = np.zeros(len(watched)) if offsets is None else np.asarray(offsets, float)
+    ids = np.unique(np.concatenate([v.ids for w in watched for v in w.views]))
+    seen: list[Observations] = []
+    for w, s in zip(watched, shift, strict=True):
+        first = np.append(True, np.diff(w.time) > 0)  # a frame that came twice counts once
+        kept = [v for v, f in zip(w.views, first, strict=True) if f]
+        seen.append(collect(w.time[first] + s, kept, ids))
+    time = seen[0].time
+    progress("tracks", 0.1, "triangulating")
+    corners, covariance = _together(seen, time)
+    found = solve(rig.cameras, corners, covariance, size)
+    _check(found, rig, corners, covariance, size, names)
+    progress("tracks", 0.7, "looking for what cannot be")
+    keep = possible(time, found.points, found.covariance)
+    wrong = int((np.isfinite(found.points[..., 0]) & ~keep).sum())
+    first_camera = rig.cameras[0]
+    points = np.where(keep[..., None], first_camera.to_camera(found.points), np.nan)
+    turned = first_camera.rotation @ found.covariance @ first_camera.rotation.T
+    turned = np.where(keep[..., None, None], turned, np.nan)
+    sigma = np.sqrt(np.diagonal(turned, axis1=-2, axis2=-1))
+    there = keep.any(axis=0)
+    if not there.any():
+        raise CaptureError(f"{', '.join(names)}: no tag could be located in any frame")
+    number = np.flatnonzero(np.append(True, np.diff(watched[0].time) > 0))
+    tracks = Tracks(time, ids[there], points[:, there], sigma[:, there], number)
+    cameras = np.where(keep, found.cameras, 0)[:, there]
+    progress("tracks", 1.0, "done")
+    quality = _quality(watched, found, keep, wrong, tracks, cameras, size, names)
+    return Processed(tracks, turned[:, there], cameras, quality)
+
+
+def _together(seen: Sequence[Observations], time: Float) -> tuple[Float, Float]:
+    """Corners (n, m, v, 4, 2) and covariances (n, m, v, 8, 8) of all cameras at the times (n,)."""
+    parts = [(seen[0].corners, seen[0].covariance), *(at(s, time) for s in seen[1:])]
+    return np.stack([p[0] for p in parts], axis=2), np.stack([p[1] for p in parts], axis=2)
+
+
+def _check(
+    found: Solved, rig: Rig, corners: Float, covariance: Float, size: float, names: Sequence[str]
+) -> None:
+    """Raises CaptureError where cameras disagree, or tags are of another size than told."""
+    several = found.seen >= 2
+    if len(rig.cameras) < 2 or several.sum() < 3:
+        return
+    agreeing = (found.cameras[several] >= 2).mean()
+    if agreeing < _AGREEING:
+        other = _permuted(rig, corners[several], covariance[several], size)
+        if other is not None:
+            pairs = ", ".join(
+                f"{name} is of {rig.cameras[k].name}" for name, k in zip(names, other, strict=True)
+            )
+            raise CaptureError(
+                f"the videos are in another order than the cameras: it seems that {pairs}"
+            )
+        raise CaptureError(
+            f"the views do not fit the calibration: of the tags that several cameras see, only"
+            f" {agreeing:.0%} agree; has a camera been moved, or is a video of another camera?"
+            " Run 'defsense capture camera check', then arrange again"
+        )
+    scale = float(np.nanmedian(found.sides)) / size
+    if abs(scale - 1) > _SCALE:
+        guess = next(
+            (u for u, f in (("m", 1e3), ("cm", 10.0), ("inches", 25.4)) if 0.8 < scale * f < 1.25),
+            None,
+        )
+        why = (
+            f"the calibration is in {guess}, it must be in mm"
+            if guess
+            else f"measure the black square of a tag (--tag-size {scale * size:.2f}?), and the"
+            " board's squares"
+        )
+        raise CaptureError(
+            f"tags of {size:g} mm look {scale * size:.3g} large to these cameras: {why}"
+        )
+
+
+def _permuted(rig: Rig, corners: Float, covariance: Float, size: float) -> tuple[int, ...] | None:
+    """Cameras in the order that fits the videos, where there is one."""
+    some = slice(None, None, max(len(corners) // 200, 1))
+    for order in itertools.permutations(range(len(rig.cameras))):
+        cameras = [rig.cameras[k] for k in order]
+        # Corners are without distortion but in pixels of the camera that was told.
+        moved = np.stack(
+            [
+                (corners[some, c] - told.matrix[:2, 2]) / told.focal * is_.focal + is_.matrix[:2, 2]
+                for c, (told, is_) in enumerate(zip(rig.cameras, cameras, strict=True))
+            ],
+            axis=1,
+        )
+        found = solve(cameras, moved[:, None], covariance[some][:, None], size)
+        many = found.seen >= 2
+        if (found.cameras[many] >= 2).mean() > 0.8 and np.nanmedian(found.miss) < _CLOSE:
+            return order
+    return None
+
+
+def _quality(
+    watched: Sequence[Watched], found: Solved, keep: Any, wrong: int, tracks: Tracks,
+    cameras: Int, size: float, names: Sequence[str],
+) -> dict[str, Any]:  # fmt: skip
+    """Plain numbers on what was found, and warnings."""
+    several, one = cameras >= 2, cameras == 1
+    sigma = np.linalg.norm(tracks.sigma, axis=-1)
+    videos, warnings = [], []
+    for name, w in zip(names, watched, strict=True):
+        t = w.timing
+        videos.append(
+            {
+                "name": name, "frames": len(w.time), "expected": w.expected,
+                "missing": t.missing, "repeated": t.repeated, "period": t.period,
+                "tags_per_frame": float(np.mean([len(v.ids) for v in w.views])),
+            }
+        )  # fmt: skip
+        if w.expected > len(w.time) + 1:
+            warnings.append(
+                f"{name}: ends early, after {len(w.time)} of {w.expected} frames; is it damaged?"
+            )
+        if t.missing or t.repeated:
+            warnings.append(
+                f"{name}: {t.missing} frames missing and {t.repeated} repeated, by its time stamps"
+            )
+    spans = [w.time[-1] - w.time[0] for w in watched]
+    if len(spans) > 1 and max(spans) - min(spans) > 0.5:
+        told = ", ".join(f"{s:.1f}" for s in spans)
+        warnings.append(f"the videos are of different length ({told} s): the rest is from fewer")
+    if several.any() and one.sum() > several.sum():
+        warnings.append("most places are from one camera alone: their depth is uncertain")
+    never = sorted(set(tracks.ids.tolist()) - set(tracks.ids[several.any(axis=0)].tolist()))
+    if never and len(watched) > 1:
+        warnings.append(f"tags {', '.join(map(str, never))} were never seen by two cameras at once")
+    with np.errstate(all="ignore"):
+        return {
+            "frames": len(tracks.time),
+            "markers": len(tracks.ids),
+            "seen": float(tracks.seen.mean()),
+            "by_several": float(several.mean()),
+            "by_one": float(one.mean()),
+            "impossible": wrong,
+            "residual": _median(found.miss[keep & (found.cameras >= 2)]),
+            "sigma_several": _median(sigma[several]),
+            "sigma_one": _median(sigma[one]),
+            "size": _median(found.sides[keep]),
+            "tag_size": size,
+            "videos": videos,
+            "warnings": warnings,
+        }
+
+
+def _median(values: Float) -> float | None:
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if len(values) else None
