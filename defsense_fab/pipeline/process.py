@@ -17,6 +17,7 @@ from ..capture.detect import Detector, View, detector, to_grey, wrong_size
 from ..capture.dictionary import FAMILIES, Dictionary, dictionary
 from ..capture.gate import possible
 from ..capture.observe import Observations, at, collect
+from ..capture.offset import find_offset
 from ..capture.rig_file import Rig, read_rig
 from ..capture.solve import Solved, solve
 from ..capture.video import Timing, Video, timing
@@ -30,6 +31,7 @@ from ..core.tracks import Tracks
 _AGREEING = 0.5
 _SCALE = 0.03  # by which the located size of tags may differ from the one that was told
 _LOOKED = 12  # frames in which other dictionaries are tried
+_REACH, _IN_STEP = 0.25, 1e-3  # s, between clocks: looked for, and not worth a correction
 _CLOSE = 1.5  # px that a permutation of cameras must fit by to be believed
 
 
@@ -179,11 +181,11 @@ def assemble(
     offsets: Sequence[float] | None = None,
     progress: Progress = silent,
 ) -> Processed:
-    """Tracks from what the cameras saw, at the times of the first one. Raises CaptureError where
-    the cameras do not agree."""
+    """Tracks from what the cameras saw, at the times of the first one; where no offsets are given
+    they are found. Raises CaptureError where the cameras do not agree."""
     if offsets is not None and len(offsets) != len(watched):
         raise CaptureError(f"offsets: {len(offsets)} given for {len(watched)} cameras")
-    shift = np.zeros(len(watched)) if offsets is None else np.asarray(offsets, float)
+    shift = list(offsets or [0.0] * len(watched))
     ids = np.unique(np.concatenate([v.ids for w in watched for v in w.views]))
     seen: list[Observations] = []
     for w, s in zip(watched, shift, strict=True):
@@ -191,7 +193,10 @@ def assemble(
         kept = [v for v, f in zip(w.views, first, strict=True) if f]
         seen.append(collect(w.time[first] + s, kept, ids))
     time = seen[0].time
-    progress("tracks", 0.1, "triangulating")
+    progress("tracks", 0.1, "comparing clocks")
+    if offsets is None:
+        shift, seen = _synchronised(rig, seen)
+    progress("tracks", 0.2, "triangulating")
     corners, covariance = _together(seen, time)
     found = solve(rig.cameras, corners, covariance, size)
     _check(found, rig, corners, covariance, size, names)
@@ -211,7 +216,30 @@ def assemble(
     cameras = np.where(keep, found.cameras, 0)[:, there]
     progress("tracks", 1.0, "done")
     quality = _quality(watched, found, keep, wrong, tracks, cameras, size, names)
+    quality["offsets"] = shift
+    if offsets is None and any(shift):
+        told = ", ".join(f"{1e3 * s:+.1f}" for s in shift)
+        quality["warnings"].append(
+            f"the videos were not in step: {told} ms added to their times, by how the tags move"
+        )
     return Processed(tracks, turned[:, there], cameras, quality)
+
+
+def _synchronised(rig: Rig, seen: Sequence[Observations]) -> tuple[list[float], list[Observations]]:
+    """Cameras in step with the first one, and what was added to their times, s."""
+    shift, out = [0.0], [seen[0]]
+    for camera, s in zip(rig.cameras[1:], seen[1:], strict=True):
+        found = find_offset([rig.cameras[0], camera], seen[0], s, _REACH)
+        late = (
+            found is not None
+            and abs(found.value) > max(_IN_STEP, 4 * found.sigma)
+            and found.after < 0.8 * found.before
+            and found.after < _CLOSE
+        )
+        by = found.value if found is not None and late else 0.0
+        shift.append(by)
+        out.append(Observations(s.time + by, s.ids, s.corners, s.covariance))
+    return shift, out
 
 
 def _together(seen: Sequence[Observations], time: Float) -> tuple[Float, Float]:
@@ -227,42 +255,43 @@ def _check(
     several = found.seen >= 2
     if len(rig.cameras) < 2 or several.sum() < 3:
         return
-    agreeing = (found.cameras[several] >= 2).mean()
-    if agreeing < _AGREEING:
-        other = _permuted(rig, corners[several], covariance[several], size)
-        if other is not None:
-            pairs = ", ".join(
-                f"{name} is of {rig.cameras[k].name}" for name, k in zip(names, other, strict=True)
-            )
-            raise CaptureError(
-                f"the videos are in another order than the cameras: it seems that {pairs}"
-            )
+    agreeing = float((found.cameras[several] >= 2).mean())
+    scale = float(np.nanmedian(found.sides)) / size if agreeing else 0.0
+    if agreeing >= _AGREEING and abs(scale - 1) <= _SCALE:
+        return
+    other = _permuted(rig, corners[several], covariance[several], size)
+    if other is not None:
+        pairs = ", ".join(
+            f"{name} is of {rig.cameras[k].name}" for name, k in zip(names, other, strict=True)
+        )
         raise CaptureError(
-            f"the views do not fit the calibration: of the tags that several cameras see, only"
+            f"the videos are in another order than the cameras: it seems that {pairs}"
+        )
+    if agreeing < _AGREEING:
+        raise CaptureError(
+            "the views do not fit the calibration: of the tags that several cameras see, only"
             f" {agreeing:.0%} agree; has a camera been moved, or is a video of another camera?"
             " Run 'defsense capture camera check', then arrange again"
         )
-    scale = float(np.nanmedian(found.sides)) / size
-    if abs(scale - 1) > _SCALE:
-        guess = next(
-            (u for u, f in (("m", 1e3), ("cm", 10.0), ("inches", 25.4)) if 0.8 < scale * f < 1.25),
-            None,
-        )
-        why = (
-            f"the calibration is in {guess}, it must be in mm"
-            if guess
-            else f"measure the black square of a tag (--tag-size {scale * size:.2f}?), and the"
-            " board's squares"
-        )
-        raise CaptureError(
-            f"tags of {size:g} mm look {scale * size:.3g} large to these cameras: {why}"
-        )
+    guess = next(
+        (u for u, f in (("m", 1e3), ("cm", 10.0), ("inches", 25.4)) if 0.8 < scale * f < 1.25),
+        None,
+    )
+    why = (
+        f"the calibration is in {guess}, it must be in mm"
+        if guess
+        else f"measure the black square of a tag (--tag-size {scale * size:.2f}?), and the board's"
+        " squares; or is the calibration of other cameras?"
+    )
+    raise CaptureError(
+        f"tags of {size:g} mm look {scale * size:.3g} mm large to these cameras: {why}"
+    )
 
 
 def _permuted(rig: Rig, corners: Float, covariance: Float, size: float) -> tuple[int, ...] | None:
     """Cameras in the order that fits the videos, where there is one."""
     some = slice(None, None, max(len(corners) // 200, 1))
-    for order in itertools.permutations(range(len(rig.cameras))):
+    for order in list(itertools.permutations(range(len(rig.cameras))))[1:]:
         cameras = [rig.cameras[k] for k in order]
         # Corners are without distortion but in pixels of the camera that was told.
         moved = np.stack(
@@ -274,7 +303,10 @@ def _permuted(rig: Rig, corners: Float, covariance: Float, size: float) -> tuple
         )
         found = solve(cameras, moved[:, None], covariance[some][:, None], size)
         many = found.seen >= 2
-        if (found.cameras[many] >= 2).mean() > 0.8 and np.nanmedian(found.miss) < _CLOSE:
+        if (found.cameras[many] < 2).mean() > 0.2:
+            continue
+        scale = float(np.nanmedian(found.sides)) / size
+        if np.nanmedian(found.miss) < _CLOSE and abs(scale - 1) <= _SCALE:
             return order
     return None
 
