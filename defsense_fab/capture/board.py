@@ -1,7 +1,7 @@
 """The ChArUco board that cameras are calibrated with, and its file, `board.json`.
 
-Its tags are of another family (5X5_100) than those of devices (4X4_50, APRILTAG_36H11): a board that
-stands in the picture is never taken for tags of the device, nor the other way round.
+Its tags are of another family (5X5_100) than those of devices (4X4_50, APRILTAG_36H11): a board in
+the picture is never taken for tags of the device, nor the other way round.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class Board:
         cell = self.marker / (self.family.cells + 2)
         if not 0.3 * self.square <= self.marker <= self.square - 2 * 0.7 * cell:
             raise CaptureError(
-                f"board: tags of {self.marker:g} mm in squares of {self.square:g} mm; white of about"
-                f" one of their cells must be left around: {MARKER * self.square:.1f} mm is good"
+                f"board: tags of {self.marker:g} mm in squares of {self.square:g} mm; white of"
+                f" about one of their cells must be left; {MARKER * self.square:.1f} mm is good"
             )
         tags = self.columns * self.rows // 2
         if tags > self.family.count:

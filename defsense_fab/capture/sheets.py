@@ -27,9 +27,18 @@ PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4), "a3": (297.0, 420.0)}
 RULER = 100.0
 _MM = 72 / 25.4  # points
 _EDGE = 10.0  # to the corner crosses at least, which every printer reaches
-_LEFT, _RIGHT, _BOTTOM, _TOP = 28.0, 14.0, 33.0, 30.0  # of what is printed
+_LEFT, _RIGHT, _BOTTOM, _TOP = 28.0, 14.0, 29.0, 30.0  # of what is printed
 _GAP = (7.0, 9.0)  # between what is cut out, across and down
-_GREY = 0.6
+_GREY, _MARK = 0.6, 2.5  # of cut marks: shade and reach
+_NUMBER = 7.0  # for the uppermost marks and the lowest numbers
+_TAGS_HINT = (
+    "Cut along the grey marks, the white stays on the tag; the number stands below its tag. Cut and"
+    " glue one at a time."
+)
+_BOARD_HINT = (
+    "Glue it flat on a stiff plate; measure several squares in a row with a caliper, divide, and"
+    " store the length of one: defsense capture board --measured MM"
+)
 
 
 def outer(tags: Dictionary, size: float) -> float:
@@ -71,7 +80,7 @@ def draw_tags(
     CaptureError for tags larger than the paper or numbers that the family has not."""
     width, height = paper_size(paper)
     side = outer(tags, size)
-    room = np.array([width - _LEFT - _RIGHT, height - _BOTTOM - _TOP])
+    room = np.array([width - _LEFT - _RIGHT, height - _BOTTOM - _TOP - _NUMBER])
     across, down = (int((r + g) // (side + g)) for r, g in zip(room, _GAP, strict=True))
     if across < 1 or down < 1 or size <= 0:
         raise CaptureError(f"tags of {size:g} mm with their white do not fit on {paper}")
@@ -80,11 +89,10 @@ def draw_tags(
         _start(canvas, width, height)
         count = f", sheet {n + 1} of {len(pages)}" if len(pages) > 1 else ""
         _frame(canvas, width, height, f"{title}: tags of {size:g} mm, {tags.name}{count}")
-        _text(canvas, _LEFT, height - 26, "Cut along the grey marks, the white stays on the tag;"
-              " the number stands below its tag. Cut and glue one at a time.", 8.5)  # fmt: skip
+        _text(canvas, _LEFT, height - 26, _TAGS_HINT, 8.5)
         for k, number in enumerate(page):
             x = _LEFT + k % across * (side + _GAP[0])
-            y = height - _TOP - side - k // across * (side + _GAP[1])
+            y = height - _TOP - _MARK - side - k // across * (side + _GAP[1])
             _tag(canvas, tags, number, (x, y), size)
         canvas.showPage()
 
@@ -101,8 +109,7 @@ def write_board(board: Board, path: Path, paper: str = "a4") -> None:
     with pdf(path, title) as canvas:
         _start(canvas, width, height)
         _frame(canvas, width, height, title)
-        _text(canvas, _LEFT, height - 26, "Glue it flat on a stiff plate; measure several squares in"
-              " a row with a caliper, divide, and store: defsense capture board --measured MM", 8.5)  # fmt: skip
+        _text(canvas, _LEFT, height - 26, _BOARD_HINT, 8.5)
         left = max(_LEFT, (width - across) / 2)
         low = _BOTTOM + (height - _BOTTOM - _TOP - down) / 2
         black = np.indices((board.rows, board.columns)).sum(0) % 2 == 0
@@ -123,9 +130,7 @@ def _turned(board: Board, paper: str) -> tuple[float, float]:
     wide = board.columns >= board.rows
     best = 0.0
     for width, height in (upright[::-1], upright) if wide else (upright, upright[::-1]):
-        side = min(
-            (width - _LEFT - _RIGHT) / board.columns, (height - _BOTTOM - _TOP) / board.rows
-        )
+        side = min((width - _LEFT - _RIGHT) / board.columns, (height - _BOTTOM - _TOP) / board.rows)
         if side >= board.square - 1e-9:
             return width, height
         best = max(best, side)
@@ -152,8 +157,11 @@ def _frame(canvas: Any, width: float, height: float, title: str) -> None:
             canvas.line(x - 2.5, y, x + 2.5, y)
             canvas.line(x, y - 2.5, x, y + 2.5)
     _text(canvas, _LEFT, height - 17, title, 11, bold=True)
-    _text(canvas, _LEFT, height - 21.5, "Print at 100 %, without 'fit to page'. Both rulers must be"
-          f" {RULER:g} mm, the corner crosses {across:g} mm apart across and {down:g} mm down.", 8.5)  # fmt: skip
+    check = (
+        "Print at 100 %, without 'fit to page'. Both rulers must be"
+        f" {RULER:g} mm, the corner crosses {across:g} mm apart across and {down:g} mm down."
+    )
+    _text(canvas, _LEFT, height - 21.5, check, 8.5)
     _ruler(canvas, (_LEFT, 17.0), upright=False)
     _ruler(canvas, (19.0, _BOTTOM), upright=True)
     _text(canvas, _LEFT + RULER + 4, 17.5, "this line must be 100 mm", 8.5)
@@ -176,9 +184,7 @@ def _ruler(canvas: Any, at: tuple[float, float], upright: bool) -> None:
     canvas.restoreState()
 
 
-def _tag(
-    canvas: Any, tags: Dictionary, number: int, at: tuple[float, float], size: float
-) -> None:
+def _tag(canvas: Any, tags: Dictionary, number: int, at: tuple[float, float], size: float) -> None:
     """A tag whose piece has its lower left corner `at`."""
     pattern = tags.pattern(number) == 0
     cell = size / len(pattern)
@@ -188,8 +194,8 @@ def _tag(
     canvas.setLineWidth(0.12)
     for cx, dx in ((x, -1), (x + side, 1)):
         for cy, dy in ((y, -1), (y + side, 1)):
-            canvas.line(cx + 0.5 * dx, cy, cx + 2.5 * dx, cy)
-            canvas.line(cx, cy + 0.5 * dy, cx, cy + 2.5 * dy)
+            canvas.line(cx + 0.5 * dx, cy, cx + _MARK * dx, cy)
+            canvas.line(cx, cy + 0.5 * dy, cx, cy + _MARK * dy)
     canvas.setFillGray(0)
     canvas.setFont("Helvetica-Bold", 9 / _MM)
     canvas.drawCentredString(x + side / 2, y - 3.8, str(number))

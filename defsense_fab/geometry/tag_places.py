@@ -18,7 +18,8 @@ _LEAN = np.cos(np.radians(35))
 _OVERHANG = 0.3  # mm, of a piece over the rim of a flat
 _APART = 1.0  # mm, between two pieces
 _POOL, _DENSITY = (400, 2500), 60  # places tried, and how many an area of one tag gets
-_JOINT = 0.7  # of its distance: what a place over a joint counts
+_WORSE = 0.7  # of its distance: what a place over a joint counts, or below, where bodies stand
+_BELOW = -0.7  # z of such a place's normal
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ def tag_places(body: Surface, wanted: Wanted) -> list[Place]:
     if not len(centers):
         return []
     anchor = wanted.anchor(centers)
-    weight = np.where(_crossed(centers, axes, wanted), _JOINT, 1.0)
+    weight = np.where(_crossed(centers, axes, wanted), _WORSE, 1.0)
+    weight[axes[:, 2, 2] < _BELOW] *= _WORSE
     free = np.ones(len(centers), bool)
     chosen: list[int] = []
     quota = min(wanted.anchored, wanted.count)
@@ -151,8 +153,8 @@ def _gap(centers: Float, chosen: Sequence[int]) -> Float:
 
 
 def _overlaps(centers: Float, axes: Float, k: int, side: float) -> Bool:
-    """Which pieces (n,) and piece `k` would lie on each other: squares, about in one plane, of which
-    no edge parts them (separating axes)."""
+    """Which pieces (n,) and piece `k` would lie on each other: squares, about in one plane, that
+    none of their edges parts (separating axes)."""
     offset = centers - centers[k]
     half, apart = side / 2, np.ones(len(centers), bool)
     for own in (np.broadcast_to(axes[k], axes.shape), axes):
