@@ -152,13 +152,13 @@ def _board(options: argparse.Namespace) -> int:
         board = Board(**given, marker=round(MARKER * square, 1))
         with storage_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
-        again = path.is_file()
+        forgotten = path.is_file() and _was_measured(path)
         write_board(board, path.with_suffix(".pdf"), paper)
         save_board(board, path)
         lines = [
             f"{board.columns} x {board.rows} squares of {board.square:g} mm, tags of"
             f" {board.marker:g} mm, {board.family.name}",
-            *(["note: what was measured of an earlier print is forgotten"] if again else []),
+            *(["note: what was measured of an earlier print is forgotten"] if forgotten else []),
             f"Look at: {path.with_suffix('.pdf')}",
             "Next:    print it at 100 % (the rulers must be 100 mm), glue it flat on a stiff plate,"
             " measure squares with a caliper, and store the side of one:"
@@ -169,6 +169,15 @@ def _board(options: argparse.Namespace) -> int:
     else:
         _say(lines)
     return 0
+
+
+def _was_measured(path: Path) -> bool:
+    from .capture.board import load_board
+
+    try:
+        return load_board(path).measured is not None
+    except CaptureError:
+        return False
 
 
 def _say(lines: Sequence[str]) -> None:
