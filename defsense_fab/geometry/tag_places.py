@@ -11,13 +11,11 @@ import numpy as np
 from ..core.arrays import Bool, Float
 from ..core.curve import Plane
 from ..core.mesh import Surface
-from .tools import upright
 
-_GRID = 9  # points across a tag's piece at which the skin is compared with it
 _LEAN = np.cos(np.radians(35))
 _OVERHANG = 0.3  # mm, of a piece over the rim of a flat
 _APART = 1.0  # mm, between two pieces
-_POOL, _DENSITY = (400, 2500), 60  # places tried, and how many an area of one tag gets
+_POOL, _DENSITY = (400, 1500), 60  # places tried, and how many an area of one tag gets
 _WORSE = 0.7  # of its distance: what a place over a joint counts, or below, where bodies stand
 _BELOW = -0.7  # z of such a place's normal
 
@@ -99,12 +97,13 @@ def _flat(body: Surface, points: Float, wanted: Wanted) -> tuple[Float, Float]:
     off = float(np.clip(0.08 * wanted.size, 0.4, 0.9))  # mm, of the skin from the tag
     _, face, _ = igl.point_mesh_squared_distance(points, body.vertices, body.faces)
     up = normals[np.asarray(face)]
-    steps = wanted.outer * np.linspace(-0.5, 0.5, _GRID)
-    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    black = np.abs(grid).max(1) <= wanted.size / 2 + 1e-9
     centers = points
     for last in (False, False, True):
-        axes = np.array([upright(n) for n in up]).reshape(-1, 3, 3)
+        steps = wanted.size / 2 * np.linspace(-1, 1, 5 if last else 3)  # and the white's rims:
+        steps = np.array([-wanted.outer / 2, *steps, wanted.outer / 2])
+        grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        black = np.abs(grid).max(1) <= wanted.size / 2 + 1e-9
+        axes = _upright(up)
         on = centers[:, None] + np.einsum("gk,njk->ngj", grid, axes[:, :, :2])
         _, face, skin = igl.point_mesh_squared_distance(
             on.reshape(-1, 3), body.vertices, body.faces
@@ -135,6 +134,14 @@ def _flat(body: Surface, points: Float, wanted: Wanted) -> tuple[Float, Float]:
     for p in wanted.avoid:
         good &= np.linalg.norm(centers - p, axis=1) > reach
     return centers[good], axes[good]
+
+
+def _upright(normals: Float) -> Float:
+    """`tools.upright` of many normals (n, 3): axes (n, 3, 3)."""
+    flat = np.abs(normals[:, 2]) >= 0.9
+    x = np.cross(np.where(flat[:, None], [0.0, 1, 0], [0.0, 0, 1]), normals)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(normals, x), normals], axis=2)
 
 
 def _crossed(centers: Float, axes: Float, wanted: Wanted) -> Bool:
