@@ -165,9 +165,8 @@ class Renderer:
         out = np.empty((height, width), np.uint8)
         start = int(self._rng.integers(len(self._noise) - width * height))
         sign = float(self._rng.choice([-1.0, 1.0]))
-        pad, o = self._pad, self.optics
-        light = self._soft[pad : pad + height, pad : pad + width]
-        develop(light, self._gain, o.read, o.shot, self._noise, start, sign, out)
+        o = self.optics
+        develop(self._soft, self._pad, self._gain, o.read, o.shot, self._noise, start, sign, out)
         return out
 
 

@@ -12,6 +12,7 @@ from ..core.arrays import Float
 from ..core.errors import CaptureError
 from ..core.mesh import Surface
 
+_EYE = np.eye(3)
 _CORNERS = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
 
 
@@ -36,8 +37,9 @@ class Patch:
             raise CaptureError(f"patch {self.number}: its center is (3,), its axes are (3, 3)")
         if not np.isfinite(self.center).all() or not self.size > 0 or not self.margin >= 0:
             raise CaptureError(f"patch {self.number}: it needs a place, a size, and no less margin")
-        turned = np.abs(self.axes.T @ self.axes - np.eye(3)).max() < 1e-6
-        if not (turned and np.linalg.det(self.axes) > 0):
+        (a, b, c), (d, e, f), (g, h, i) = self.axes.tolist()
+        turned = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0
+        if not (turned and np.abs(self.axes.T @ self.axes - _EYE).max() < 1e-6):
             raise CaptureError(f"patch {self.number}: its axes must be a rotation, columns right-up"
                                "-normal")  # fmt: skip
 

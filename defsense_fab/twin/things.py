@@ -6,17 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Int
 from ..core.camera import Camera
 from .lens import project
 from .outline import pieces
-from .scene import Ball, Ellipse, Lamp, Patch, Scene
+from .scene import Ball, Ellipse, Lamp, Scene
 
 #: x0, y0, x1, y1 in px of the canvas: the image and what is around it for the blur.
 Box = tuple[int, int, int, int]
 
 _BOW = 1e-3  # px: what a piece of an edge may bend away from its chord
 _ROUND = 96  # sides of a polygon that stands for a circle
+#: Corners and middles of the sides, clockwise from top left.
+_FRAME = np.array([[-1, -1], [0, -1], [1, -1], [1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0]])
 _BEFORE = np.array([0.0, 0.0, 1.0, 0.0])  # the plane of what is right before the lens
 
 
@@ -77,62 +79,56 @@ def grown(box: Box, by: int, size: tuple[int, int]) -> Box:
 
 def box_of(points: Float, size: tuple[int, int]) -> Box:
     """Of points (n, 2) px within the canvas; NaN are left out."""
-    points = points[np.isfinite(points[:, 0])]
     if not len(points):
         return (0, 0, 0, 0)
-    low = np.clip(np.floor(points.min(0)), 0, size).astype(int)
-    high = np.clip(np.ceil(points.max(0)) + 1, 0, size).astype(int)
-    if (high <= low).any():
-        return (0, 0, 0, 0)
-    return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+    low, high = points.min(0), points.max(0)
+    if np.isnan(low).any():
+        return box_of(points[np.isfinite(points[:, 0])], size)
+    x0, y0 = max(int(np.floor(low[0])), 0), max(int(np.floor(low[1])), 0)
+    x1, y1 = min(int(np.ceil(high[0])) + 1, size[0]), min(int(np.ceil(high[1])) + 1, size[1])
+    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else (0, 0, 0, 0)
 
 
 def _patches(
     scene: Scene, camera: Camera, limit: float, pad: int, size: tuple[int, int]
 ) -> tuple[Float, list[tuple[float, Thing]]]:
-    if not scene.patches:
+    patches = scene.patches
+    if not patches:
         return np.empty((0, 4, 2)), []
-    corners = np.stack([p.corners for p in scene.patches])
-    centers = camera.to_camera(np.stack([p.center for p in scene.patches]))
-    normals = np.stack([p.axes[:, 2] for p in scene.patches]) @ camera.rotation.T
-    height = (normals * centers).sum(1)  # negative: the camera is on the viewer's side
-    sides = project(camera, camera.to_camera(np.stack([_frame(p) for p in scene.patches])), limit)
-    reach = _reach(sides, np.array([_width(p) for p in scene.patches]))
+    shapes = np.array([p.pattern.shape[::-1] for p in patches], float)
+    margins = np.array([p.margin for p in patches])[:, None]
+    cells = np.array([p.cell for p in patches])
+    centers = camera.to_camera(np.stack([p.center for p in patches]))
+    axes = camera.rotation @ np.stack([p.axes for p in patches])
+    right, down = axes[:, :, 0] * cells[:, None], -axes[:, :, 1] * cells[:, None]
+
+    def seen(at: Float, of: Int | slice) -> Float:
+        """Points (m, k, 2), cells from the centers, in px; as `Patch.at` has them."""
+        flat = at[..., :1] * right[of, None] + at[..., 1:] * down[of, None]
+        return project(camera, centers[of, None] + flat, limit)
+
+    frames = _FRAME * (shapes / 2 + margins)[:, None]
+    sides, corners = seen(frames, slice(None)), seen(_FRAME[::2] * shapes[:, None] / 2, slice(None))
+    reach = _reach(sides, (shapes + 2 * margins).max(1))
+    height = (axes[:, :, 2] * centers).sum(1)  # negative: the camera is on the viewer's side
+    away = np.linalg.norm(centers, axis=1)
+    light = 1 - scene.shade * (1 + height / away)
     chosen = np.flatnonzero((height < 0) & np.isfinite(sides).all((1, 2)))
-    cut = [
-        pieces(scene.patches[i].pattern, scene.patches[i].margin, float(reach[i])) for i in chosen
-    ]
+    cut = [pieces(patches[i].pattern, patches[i].margin, float(reach[i])) for i in chosen]
+    if not len(chosen):
+        return corners, []
+    of = np.repeat(chosen, [len(c[0]) for c in cut])
+    edges = seen(np.concatenate([c[0] for c in cut]) - shapes[of, None] / 2, of) + (pad + 0.5)
+    ends = np.flatnonzero(np.diff(of)) + 1
     found: list[tuple[float, Thing]] = []
-    if len(chosen):
-        world = [scene.patches[i].at(c[0]) for i, c in zip(chosen, cut, strict=True)]
-        edges = project(camera, camera.to_camera(np.concatenate(world)), limit) + (pad + 0.5)
-        ends = np.cumsum([len(w) for w in world])[:-1]
-        for i, (_, weights), mine in zip(chosen, cut, np.split(edges, ends), strict=True):
-            box = box_of(sides[i] + (pad + 0.5), size)
-            facing = -height[i] / np.linalg.norm(centers[i])
-            light = 1 - scene.shade * (1 - facing)
-            dark, white = scene.ink[0] * light, scene.ink[1] * light
-            plane = np.append(normals[i], height[i])
-            thing = Thing(
-                mine, weights, plane, (dark, (white - dark) / 255), box, _area(mine, weights),
-                int(i),
-            )  # fmt: skip
-            found.append((float(np.linalg.norm(centers[i])), thing))
-    return project(camera, camera.to_camera(corners), limit), found
-
-
-def _width(patch: Patch) -> float:
-    return float(2 * patch.margin + max(patch.pattern.shape))
-
-
-def _frame(patch: Patch) -> Float:
-    """Corners and middles of the sides (8, 3) mm of the outline with its margin, clockwise."""
-    rows, columns = patch.pattern.shape
-    low, x, y = -patch.margin, columns + patch.margin, rows + patch.margin
-    a, b = columns / 2, rows / 2
-    return patch.at(
-        np.array([[low, low], [a, low], [x, low], [x, b], [x, y], [a, y], [low, y], [low, b]])
-    )
+    for i, (_, weights), mine in zip(chosen, cut, np.split(edges, ends), strict=True):
+        dark, white = scene.ink[0] * light[i], scene.ink[1] * light[i]
+        thing = Thing(
+            mine, weights, np.append(axes[i, :, 2], height[i]), (dark, (white - dark) / 255),
+            box_of(mine.reshape(-1, 2), size), _area(mine, weights), int(i),
+        )  # fmt: skip
+        found.append((float(away[i]), thing))
+    return corners, found
 
 
 def _reach(sides: Float, width: Float) -> Float:
