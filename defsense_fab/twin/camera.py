@@ -94,6 +94,8 @@ class Renderer:
         are those of the middle one."""
         instants = [scenes] if isinstance(scenes, Scene) else list(scenes)
         middle = instants[len(instants) // 2]
+        if any(len(s.patches) != len(middle.patches) for s in instants):
+            raise CaptureError(f"camera {self.camera.name}: patches must not change in an exposure")
         self._hang(middle.backdrop)
         drawn = [things(s, self.camera, self._limit, self._pad, self._size) for s in instants]
         points, pixels, outline = self._body(middle)
