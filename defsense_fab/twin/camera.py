@@ -50,7 +50,8 @@ class Optics:
 @dataclass(frozen=True)
 class Picture:
     """`image` (h, w) uint8 and the truth about the scene's m patches: the part (m,) of each, with
-    its margin, that is in the picture, and its `corners` (m, 4, 2) px, NaN behind the camera."""
+    its margin, that is in the picture, and its `corners` (m, 4, 2) px, NaN behind the camera and
+    where the model of the lens has ended."""
 
     image: NDArray[np.uint8]
     visible: Float
@@ -89,17 +90,16 @@ class Renderer:
         self._wall = self._sharp = self._soft = self._ground
         self._last: Box = (0, 0, 0, 0)
 
-    def shoot(self, scenes: Scene | Sequence[Scene]) -> Picture:
-        """A picture of a scene, or of its instants spread evenly over the exposure; body and truth
-        are those of the middle one."""
-        instants = [scenes] if isinstance(scenes, Scene) else list(scenes)
-        middle = instants[len(instants) // 2]
+    def shoot(self, middle: Scene, instants: Sequence[Scene] = ()) -> Picture:
+        """A picture of a scene; of what moves in it, as it is at `instants` of the exposure (see
+        `exposure.py`): body and corners are those in the middle."""
+        instants = instants or [middle]
         if any(len(s.patches) != len(middle.patches) for s in instants):
             raise CaptureError(f"camera {self.camera.name}: patches must not change in an exposure")
         self._hang(middle.backdrop)
         drawn = [things(s, self.camera, self._limit, self._pad, self._size) for s in instants]
         points, pixels, outline = self._body(middle)
-        box = union([outline, *(t.box for d in drawn for t in d.things)])
+        box = union([outline, *(t.box for d in drawn for t in d)])
         view = _view(box)
         self._depth[view], self._ground[view] = np.inf, self._wall[view]
         if middle.body is not None:
@@ -111,14 +111,15 @@ class Renderer:
         visible = np.zeros(len(middle.patches))
         for d in drawn:
             self._seen[view], self._left[view] = 0, 1
-            for thing in d.things:
+            for thing in d:
                 area = self._paint(thing, middle.slack)
                 if thing.patch >= 0:
                     visible[thing.patch] += area / max(thing.area, 1e-9) / len(drawn)
             light += self._seen[view] + self._left[view] * self._ground[view]
         self._blur(light / np.float32(len(drawn)), box)
-        corners = drawn[len(instants) // 2].corners
-        return Picture(self._develop(), np.clip(visible, 0, 1), corners)
+        corners = np.array([p.corners for p in middle.patches]).reshape(-1, 4, 3)
+        shown = project(self.camera, self.camera.to_camera(corners), self._limit)
+        return Picture(self._develop(), np.clip(visible, 0, 1), shown)
 
     def _hang(self, backdrop: Backdrop) -> None:
         if backdrop != self._backdrop:

@@ -19,9 +19,9 @@ from ..core.camera import Camera
 from ..core.errors import CaptureError, StorageError
 from ..core.files import storage_errors, write_text
 from .camera import Optics, Renderer
+from .exposure import exposed
 from .scene import Scene
 
-_STEP, _INSTANTS = 0.3, 13  # px between instants of one exposure, and how many at most
 CODECS = ("FFV1", "MJPG")  # the first keeps every grey level
 
 
@@ -107,8 +107,8 @@ def film(
     try:
         for time, again in zip(times, repeats, strict=True):
             if not again:
-                instants = exposed(scene_at, camera, float(time), optics.exposure)
-                scene, picture = instants[len(instants) // 2], renderer.shoot(instants)
+                scene, instants = exposed(scene_at, camera, float(time), optics.exposure)
+                picture = renderer.shoot(scene, instants)
             writer.write(picture.image)
             scenes.append(scene)
             seen.append((picture.corners, picture.visible))
@@ -142,27 +142,6 @@ def _truth(
         np.array([corners for corners, _ in seen]).reshape(-1, m, 4, 2),
         np.array([visible for _, visible in seen]).reshape(-1, m),
     )
-
-
-def exposed(
-    scene_at: Callable[[float], Scene], camera: Camera, time: float, exposure: float
-) -> list[Scene]:
-    """The scene's instants while the shutter is open around a time, s: one where no patch moves,
-    otherwise an odd number, a fraction of a pixel apart."""
-    middle = scene_at(time)
-    if exposure <= 0 or not middle.patches:
-        return [middle]
-    ends = [scene_at(time - exposure / 2), scene_at(time + exposure / 2)]
-    if len({len(s.patches) for s in (middle, *ends)}) > 1:
-        return [middle]
-    first, last = (camera.project(np.stack([p.corners for p in s.patches])) for s in ends)
-    moved = np.linalg.norm(last - first, axis=-1)
-    most = float(np.nanmax(moved, initial=0.0))
-    count = min(1 + 2 * int(np.ceil(most / _STEP / 2 - 0.1)), _INSTANTS) if most > 0.05 else 1
-    if count == 1:
-        return [middle]
-    offsets = ((np.arange(count) + 0.5) / count - 0.5) * exposure
-    return [middle if k == count // 2 else scene_at(time + o) for k, o in enumerate(offsets)]
 
 
 def save_truth(path: Path, truth: Truth) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..core.camera import Camera
 from ..core.errors import CaptureError
 from .camera import Optics, Renderer
-from .film import exposed
+from .exposure import exposed
 from .scene import Scene
 
 _KEPT = 2  # frames that wait to be read; older ones are lost, as with a driver
@@ -92,8 +92,8 @@ class LiveCamera:
         due = at + self._optics.exposure / 2
         if self._over.wait(max(due - now, 0.0)):
             return
-        instants = exposed(self._scene_at, self._camera, float(at), self._optics.exposure)
-        image = renderer.shoot(instants).image
+        scene = exposed(self._scene_at, self._camera, float(at), self._optics.exposure)
+        image = renderer.shoot(*scene).image
         late = self._delay + self._jitter * self._rng.random()
         stamp = self.began_ns + round((at + late) * 1e9)
         with self._arrived:

@@ -31,24 +31,18 @@ class Thing:
     edges: Float
     weights: Float
     plane: Float
-    scale: tuple[float, float]
+    scale: Float
     box: Box
     area: float
     patch: int
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """Things from near to far, and the patches' corners (m, 4, 2) px."""
-
-    things: tuple[Thing, ...]
-    corners: Float
-
-
-def things(scene: Scene, camera: Camera, limit: float, pad: int, size: tuple[int, int]) -> Drawn:
-    """What a camera can see of a scene, on a canvas of this size with `pad` px around the image;
-    `limit` is where its lens ends."""
-    corners, found = _patches(scene, camera, limit, pad, size)
+def things(
+    scene: Scene, camera: Camera, limit: float, pad: int, size: tuple[int, int]
+) -> list[Thing]:
+    """What a camera can see of a scene, from near to far, on a canvas of this size with `pad` px
+    around the image; `limit` is where its lens ends."""
+    found = _patches(scene, camera, limit, pad, size)
     for one in scene.occluders:
         if isinstance(one, Ball):
             found += _ball(one, camera, limit, pad, size)
@@ -57,7 +51,7 @@ def things(scene: Scene, camera: Camera, limit: float, pad: int, size: tuple[int
     if scene.lamp is not None:
         found += _lamp(scene.lamp, camera, limit, pad, size)
     found.sort(key=lambda one: one[0])
-    return Drawn(tuple(t for _, t in found if t.box[0] < t.box[2]), corners)
+    return [t for _, t in found if t.box[0] < t.box[2] and t.box[1] < t.box[3]]
 
 
 def union(boxes: list[Box]) -> Box:
@@ -91,10 +85,10 @@ def box_of(points: Float, size: tuple[int, int]) -> Box:
 
 def _patches(
     scene: Scene, camera: Camera, limit: float, pad: int, size: tuple[int, int]
-) -> tuple[Float, list[tuple[float, Thing]]]:
+) -> list[tuple[float, Thing]]:
     patches = scene.patches
     if not patches:
-        return np.empty((0, 4, 2)), []
+        return []
     shapes = np.array([p.pattern.shape[::-1] for p in patches], float)
     margins = np.array([p.margin for p in patches])[:, None]
     cells = np.array([p.cell for p in patches])
@@ -108,7 +102,7 @@ def _patches(
         return project(camera, centers[of, None] + flat, limit)
 
     frames = _FRAME * (shapes / 2 + margins)[:, None]
-    sides, corners = seen(frames, slice(None)), seen(_FRAME[::2] * shapes[:, None] / 2, slice(None))
+    sides = seen(frames, slice(None))
     reach = _reach(sides, (shapes + 2 * margins).max(1))
     height = (axes[:, :, 2] * centers).sum(1)  # negative: the camera is on the viewer's side
     away = np.linalg.norm(centers, axis=1)
@@ -116,19 +110,25 @@ def _patches(
     chosen = np.flatnonzero((height < 0) & np.isfinite(sides).all((1, 2)))
     cut = [pieces(patches[i].pattern, patches[i].margin, float(reach[i])) for i in chosen]
     if not len(chosen):
-        return corners, []
+        return []
     of = np.repeat(chosen, [len(c[0]) for c in cut])
     edges = seen(np.concatenate([c[0] for c in cut]) - shapes[of, None] / 2, of) + (pad + 0.5)
-    ends = np.flatnonzero(np.diff(of)) + 1
-    found: list[tuple[float, Thing]] = []
-    for i, (_, weights), mine in zip(chosen, cut, np.split(edges, ends), strict=True):
-        dark, white = scene.ink[0] * light[i], scene.ink[1] * light[i]
-        thing = Thing(
-            mine, weights, np.append(axes[i, :, 2], height[i]), (dark, (white - dark) / 255),
-            box_of(mine.reshape(-1, 2), size), _area(mine, weights), int(i),
-        )  # fmt: skip
-        found.append((float(away[i]), thing))
-    return corners, found
+    starts = np.flatnonzero(np.diff(of, prepend=-1))
+    low = np.clip(np.floor(np.minimum.reduceat(edges.min(1), starts)), 0, size).astype(int)
+    high = np.clip(np.ceil(np.maximum.reduceat(edges.max(1), starts)), 0, size).astype(int)
+    areas = np.add.reduceat(_swept(edges, np.concatenate([c[1] for c in cut])), starts)
+    boxes = [(x, y, X, Y) for (x, y), (X, Y) in zip(low.tolist(), high.tolist(), strict=True)]
+    planes = np.column_stack([axes[:, :, 2], height])
+    dark, white = (ink * light for ink in scene.ink)
+    scales = np.stack([dark, (white - dark) / 255], axis=1)
+    ends = [*starts[1:].tolist(), len(edges)]
+    return [
+        (
+            float(away[i]),
+            Thing(edges[a:b], c[1], planes[i], scales[i], box, float(abs(area)), int(i)),
+        )
+        for i, c, a, b, box, area in zip(chosen, cut, starts, ends, boxes, areas, strict=True)
+    ]
 
 
 def _reach(sides: Float, width: Float) -> Float:
@@ -143,10 +143,10 @@ def _reach(sides: Float, width: Float) -> Float:
     return np.asarray(2.0 ** np.floor(np.log2(np.clip(reach, 1 / 16, 4096))))
 
 
-def _area(edges: Float, weights: Float) -> float:
-    """Of what the edges cover, px."""
+def _swept(edges: Float, weights: Float) -> Float:
+    """What each edge (k, 2, 2) adds to the area that is covered, px."""
     cross = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
-    return float(abs(weights[:, 1] @ cross) / 2)
+    return np.asarray(weights[:, 1] * cross / 2)
 
 
 def _filled(outline: Float, plane: Float, level: float, size: tuple[int, int]) -> Thing:
@@ -155,7 +155,8 @@ def _filled(outline: Float, plane: Float, level: float, size: tuple[int, int]) -
     turn = (edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]).sum()
     edges = edges if turn < 0 else np.ascontiguousarray(edges[:, ::-1])
     weights, box = np.tile([0.0, 1.0], (len(edges), 1)), box_of(outline, size)
-    return Thing(edges, weights, plane, (level, 0.0), box, _area(edges, weights), -1)
+    area = float(abs(_swept(edges, weights).sum()))
+    return Thing(edges, weights, plane, np.array([level, 0.0]), box, area, -1)
 
 
 def _circle(center: Float, radius: float) -> Float:

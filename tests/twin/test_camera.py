@@ -108,7 +108,7 @@ def test_instants_smear_what_moves_and_leave_its_middle():
         for x in where
     ]
     renderer = Renderer(view, CLEAN, np.random.default_rng(0))
-    smeared, still = renderer.shoot(scenes).image, renderer.shoot(scenes[3]).image
+    smeared, still = renderer.shoot(scenes[3], scenes).image, renderer.shoot(scenes[3]).image
     assert centroid(smeared) == pytest.approx(centroid(still), abs=0.01)
     assert ((smeared > 5) & (smeared < 245)).sum() > 2 * ((still > 5) & (still < 245)).sum()
     assert smeared.sum() == pytest.approx(still.sum(), rel=2e-3)

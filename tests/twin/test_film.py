@@ -8,10 +8,11 @@ import pytest
 
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.twin.camera import Optics, Renderer
-from defsense_fab.twin.film import Shutter, exposed, film, load_truth
+from defsense_fab.twin.exposure import exposed
+from defsense_fab.twin.film import Shutter, film, load_truth
 from defsense_fab.twin.live import LiveCamera
 from defsense_fab.twin.scene import Lamp, Patch, Scene
-from tests.twin.views import camera, tag
+from tests.twin.views import camera, tag, turn
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
 VIEW = camera((0, -150, 0), size=(160, 120), focal=160.0)
@@ -40,7 +41,7 @@ def test_a_film_keeps_every_grey_level_and_tells_the_truth(tmp_path):
     shown = frames(path)
     assert len(shown) == 20 == len(truth.time)
     for k, image in enumerate(shown):
-        exact = renderer.shoot(exposed(scene_at, VIEW, k / 20, Optics().exposure)).image
+        exact = renderer.shoot(*exposed(scene_at, VIEW, k / 20, Optics().exposure)).image
         assert (image == exact[:, :, None]).all()
     patch = scene_at(0.35).patches[0]
     assert truth.centers[7, 0] == pytest.approx(patch.center)
@@ -81,10 +82,28 @@ def test_repeated_frames_are_the_same(tmp_path):
 
 
 def test_only_what_moves_is_smeared():
-    assert len(exposed(scene_at, VIEW, 0.2, 0.01)) > 1
-    still = exposed(lambda t: scene_at(t, speed=0.0), VIEW, 0.2, 0.01)
-    assert len(still) == 1
-    assert len(exposed(scene_at, VIEW, 0.2, 0.0)) == 1
+    assert exposed(scene_at, VIEW, 0.2, 0.01)[1]
+    assert not exposed(lambda t: scene_at(t, speed=0.0), VIEW, 0.2, 0.01)[1]
+    assert not exposed(scene_at, VIEW, 0.2, 0.0)[1]
+
+
+def test_instants_follow_the_motion():
+    def spinning(t):
+        axes = UPRIGHT @ turn(z=9.0 * t)
+        return Scene((Patch(4, tag(), np.array([900 * t * t, 0, 5 * t]), axes, 30.0),))
+
+    middle, instants = exposed(spinning, VIEW, 0.2, 0.02)
+    assert (middle.patches[0].center == spinning(0.2).patches[0].center).all()
+    places = np.array([s.patches[0].center for s in instants])
+    assert 3 <= len(instants) <= 13
+    assert places.mean(0) == pytest.approx(middle.patches[0].center)
+    # An even smear over the way of 900 * 2 * 0.2 mm/s within 0.02 s.
+    assert places[:, 0].std() == pytest.approx(360 * 0.02 / np.sqrt(12), rel=0.03)
+    for scene in (instants[0], instants[-1]):
+        offset = (scene.patches[0].center[2] - 1.0) / 5
+        exact = spinning(0.2 + offset).patches[0]
+        assert 0.009 < abs(offset) < 0.0105
+        assert scene.patches[0].axes == pytest.approx(exact.axes, abs=0.01)
 
 
 def test_films_that_cannot_be(tmp_path):
