@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Float, Int
+from ..core.arrays import Int
 from ..core.camera import Camera
 from .locate import locate
 from .observe import Observations, at
