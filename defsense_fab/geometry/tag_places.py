@@ -15,7 +15,9 @@ from ..core.mesh import Surface
 _LEAN = np.cos(np.radians(35))
 _OVERHANG = 0.3  # mm, of a piece over the rim of a flat
 _APART = 1.0  # mm, between two pieces
-_POOL, _DENSITY = (400, 1500), 60  # places tried, and how many an area of one tag gets
+_UNDER = 0.2  # mm
+_MOUTH, _DEEP = 1.5, 5.0  # mm: a piece keeps so far from a mouth, unless that is so far below
+_POOL, _DENSITY = (400, 2500), 60  # places tried, and how many an area of one tag gets
 _WORSE = 0.7  # of its distance: what a place over a joint counts, or below, where bodies stand
 _BELOW = -0.7  # z of such a place's normal
 
@@ -32,9 +34,9 @@ class Place:
 
 @dataclass(frozen=True)
 class Wanted:
-    """`count` tags with black squares of `size` mm on pieces of `outer` mm; at least `anchored` in
-    the region where `anchor` is true of points (n, 3) mm; none over the points `avoid` (k, 3) mm,
-    and preferably none across the `joints`."""
+    """`count` tags with black squares of `size` mm on pieces of `outer` mm; at least `anchored` of
+    them in the region where `anchor` is true of points (n, 3) mm; none over the mouths `avoid`
+    (k, 3) mm, and preferably none across the `joints`."""
 
     count: int
     size: float
@@ -58,7 +60,7 @@ def tag_places(body: Surface, wanted: Wanted) -> list[Place]:
     centers, axes = _flat(body, points, wanted)
     if not len(centers):
         return []
-    anchor = wanted.anchor(centers)
+    anchor = _anchored(centers, axes, wanted)
     weight = np.where(_crossed(centers, axes, wanted), _WORSE, 1.0)
     weight[axes[:, 2, 2] < _BELOW] *= _WORSE
     free = np.ones(len(centers), bool)
@@ -130,9 +132,9 @@ def _flat(body: Surface, points: Float, wanted: Wanted) -> tuple[Float, Float]:
         centers = centers + ((height.min(1) + height.max(1)) / 2)[:, None] * up
     if not len(centers):
         return np.zeros((0, 3)), np.zeros((0, 3, 3))
-    reach = wanted.outer / np.sqrt(2)
     for p in wanted.avoid:
-        good &= np.linalg.norm(centers - p, axis=1) > reach
+        local = np.abs(np.einsum("nj,njk->nk", p - centers, axes))
+        good &= (local[:, :2].max(1) > wanted.outer / 2 + _MOUTH) | (local[:, 2] > _DEEP)
     return centers[good], axes[good]
 
 
@@ -142,6 +144,16 @@ def _upright(normals: Float) -> Float:
     x = np.cross(np.where(flat[:, None], [0.0, 1, 0], [0.0, 0, 1]), normals)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     return np.stack([x, np.cross(normals, x), normals], axis=2)
+
+
+def _anchored(centers: Float, axes: Float, wanted: Wanted) -> Bool:
+    """Which places (n,) have at least the middle half of their tag in the anchor's region; a little
+    below the skin, on which the region's own faces may lie."""
+    half = wanted.size / 4 * np.array([[0.0, 0], [-1, 0], [1, 0], [0, -1], [0, 1]])
+    on = centers[:, None] + np.einsum("gk,njk->ngj", half, axes[:, :, :2])
+    on -= _UNDER * axes[:, None, :, 2]
+    inside = wanted.anchor(on.reshape(-1, 3)).reshape(len(centers), len(half))
+    return np.asarray(inside.all(1))
 
 
 def _crossed(centers: Float, axes: Float, wanted: Wanted) -> Bool:

@@ -21,7 +21,7 @@ from .pictures import _SIZE, _finish, _plotter, _poly
 
 _FACING = 0.45  # cosine: how squarely a picture shows a tag at least
 _FEWEST, _MOST = 2, 6
-_LABEL = (7, 22)  # pixels, half its size
+_LABEL = (7, 14)  # pixels: half of a number, and that with some room
 _ANCHOR, _OTHER = "#b3001b", "#12355b"
 _MM = 72 / 25.4
 _MARGIN, _ROW = 18.0, 5.0  # mm
@@ -50,7 +50,7 @@ def views(body: Surface, markers: Markers) -> list[tuple[Float, Bool]]:
 
 def picture(body: Surface, markers: Markers, view: Float, seen: Bool) -> bytes:
     """PNG of the body with all tags as they are glued, the numbers of those that are `seen`
-    below them, red on the anchor."""
+    beside them, red on the anchor."""
     plotter = _plotter()
     mesh = _poly(body)
     plotter.add_mesh(mesh, color="#c9d6df", split_sharp_edges=True)
@@ -75,14 +75,13 @@ def picture(body: Surface, markers: Markers, view: Float, seen: Bool) -> bytes:
     wide, tall = (float(np.abs(rest @ a).max()) + markers.size / 2 for a in (right, up))
     scale = max(tall, wide * _SIZE[1] / _SIZE[0])
     pixel = 2 * scale / _SIZE[1]
-    high = np.abs(np.einsum("mjk,j->mk", markers.axes[:, :, :2], up)).sum(1)
-    below = markers.centers - ((markers.size / 2 + cell) * high + _LABEL[1] * pixel)[:, None] * up
-    below -= _LABEL[0] * pixel * right
+    at = _beside(markers, seen, markers.size / 2 + cell, right, up, _LABEL[1] * pixel)
+    at -= pixel * (_LABEL[0] * right + _LABEL[0] * up)
     for on, color in ((True, _ANCHOR), (False, _OTHER)):
         of = np.flatnonzero(seen & (markers.anchor == on))
         if len(of):
             plotter.add_point_labels(
-                below[of],
+                at[of],
                 [str(n) for n in markers.ids[of]],
                 text_color="white",
                 font_size=22,
@@ -93,6 +92,23 @@ def picture(body: Surface, markers: Markers, view: Float, seen: Bool) -> bytes:
                 show_points=False,
             )
     return _cropped(base64.b64decode(_finish(plotter, view, up, sphere / scale).partition(",")[2]))
+
+
+def _beside(
+    markers: Markers, seen: Bool, half: float, right: Float, up: Float, room: float
+) -> Float:
+    """Where numbers (m, 3) mm stand: below the pieces, `half` their side, or on that side of them
+    where the other tags are farthest."""
+    sides = np.array([-up, up, right, -right])
+    reach = half * np.abs(np.einsum("mjk,sj->msk", markers.axes[:, :, :2], sides)).sum(2) + room
+    spots = markers.centers[:, None] + reach[..., None] * sides
+    screen = np.stack([right, up], axis=1)
+    tags = (markers.centers @ screen)[seen]
+    gap = np.linalg.norm((spots @ screen)[:, :, None] - tags, axis=3)
+    own = np.linalg.norm(markers.centers @ screen - tags[:, None], axis=2).T < 1e-9
+    gap = np.where(own[:, None], np.inf, gap).min(2, initial=np.inf)
+    best = np.where(gap[:, 0] > 1.6 * half, 0, gap.argmax(1))
+    return np.asarray(spots[np.arange(len(spots)), best])
 
 
 def _screen(view: Float) -> tuple[Float, Float]:

@@ -174,7 +174,7 @@ def _chosen(
     device: Device, body: Surface, tags: Dictionary, count: int, size: float | None
 ) -> tuple[Markers, list[str]]:
     """Places on the skin. Where no size does for the anchor, the largest for the number."""
-    avoid, joints = _cords(device)
+    avoid, joints = _cords(device, body)
     anchored = max(_ALIGNED, round(count / 3)) if device.outputs.anchor else 0
     best: list[Place] = []
     fallback: tuple[float, list[Place]] | None = None
@@ -216,9 +216,10 @@ def _chosen(
     return markers, _anchor_note(device, markers)
 
 
-def _cords(device: Device) -> tuple[Float, list[Any]]:
-    """Where cords end (n, 3) mm, and the planes in which the body is split for them: as built,
-    or else as drawn."""
+def _cords(device: Device, body: Surface) -> tuple[Float, list[Any]]:
+    """Where cords or their wires come out of the skin (n, 3) mm, and the planes in which the body
+    is split for them: as built, or else as drawn."""
+    from ..geometry.ray import hits
     from ..optimize.freedom import sample_path
     from .layout_file import read_sensor
 
@@ -227,7 +228,10 @@ def _cords(device: Device) -> tuple[Float, list[Any]]:
     if layout.is_file():
         data = load_json(layout, CaptureError, "run 'defsense build'")
         sensors = [read_sensor(s) for s in data["sensors"]]
-    ends = [sample_path(s)[[0, -1]] for s in sensors]
-    if device.body.bay:
-        ends.append(device.body.bay.at[None])
-    return np.concatenate([np.zeros((0, 3)), *ends]), [s.plane for s in sensors]
+    mouths = [] if device.body.bay is None else [device.body.bay.at]
+    for path in map(sample_path, sensors):
+        for end, before in ((path[0], path[1]), (path[-1], path[-2])):
+            out = (end - before) / np.linalg.norm(end - before)
+            to_skin = hits(end, out, body)
+            mouths.append(end + (to_skin[0] if len(to_skin) else 0.0) * out)
+    return np.array(mouths, float).reshape(-1, 3), [s.plane for s in sensors]

@@ -43,6 +43,9 @@ process = "fdm-tpu"
 """
 
 
+SIZE = 12.0  # of tags that fit on the box below
+
+
 def subdivided(surface, times):
     for _ in range(times):
         surface = Surface(*igl.upsample(surface.vertices, surface.faces))
@@ -89,7 +92,8 @@ def check_places(markers, surface, tags):
     points = markers.centers[:, None] + piece / markers.size * (on - markers.centers[:, None])
     for i in range(len(points)):
         local = (points - markers.centers[i]) @ markers.axes[i]
-        under = (np.abs(local[..., :2]) < piece / 2).all(-1) & (np.abs(local[..., 2]) < 1.5)
+        under = (np.abs(local[..., :2]) < piece / 2 - 0.4).all(-1)  # rims overhang a little
+        under &= np.abs(local[..., 2]) < 1.5
         assert not under[np.arange(len(points)) != i].any()
 
 
@@ -99,10 +103,10 @@ def test_a_device_gets_its_tags(make, box):
     markers = read_markers(device.source / "markers")
     assert found.folder == device.source / "markers"
     assert markers.ids.tolist() == list(range(1, 13))
-    assert markers.size == 15.0
+    assert markers.size == SIZE
     check_places(markers, box, dictionary("4X4_50"))
-    assert (markers.anchor == (markers.centers[:, 0] <= 12)).all()
-    assert spread_out(markers.centers[markers.anchor], 7.5)
+    assert (markers.anchor == (markers.centers[:, 0] < 12 - 0.25 * SIZE)).all()
+    assert spread_out(markers.centers[markers.anchor], SIZE / 2)
     assert markers.centers[~markers.anchor, 0].max() > 60
     assert found.notes == ()
     with pypdfium2.PdfDocument(str(found.folder / "markers.pdf")) as sheets:
@@ -133,7 +137,7 @@ def test_pictures_together_show_every_tag_upright(make, box, undrawn):
         assert drawn @ asked > 0.9 * np.linalg.norm(drawn) * np.linalg.norm(asked)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(st.integers(1, 16), st.sampled_from(["4X4_50", "APRILTAG_36H11"]), st.integers(0, 99))
 def test_places_on_a_curved_body(count, family, seed):
     # An ellipsoid: no face of it is flat.
