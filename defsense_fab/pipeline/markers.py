@@ -196,13 +196,13 @@ def _chosen(
             fallback = tried, found
             break
     if fallback is None:
-        less = "" if size is None or size <= min(SIZES) else ", or a smaller --size"
-        what = f"{count} tags of {sizes[-1]:g} mm"
+        ways = ["fewer (--count)"] if best else []
+        ways += ["smaller ones (--size)"]
+        fit = f"{len(best)} fit" if best else "not one fits"
         raise CaptureError(
-            f"{device.name}: no room for {what} where the skin is nearly flat;"
-            + (f" {len(best)} fit: ask for fewer with --count{less}" if best else
-               f" not one fits{less}")
-        )  # fmt: skip
+            f"{device.name}: no room for {count} tags of {sizes[-1]:g} mm where the skin is nearly"
+            f" flat, {fit}; ask for {' or '.join(ways)}"
+        )
     chosen, places = fallback
     markers = Markers(
         device.name,

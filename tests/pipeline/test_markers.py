@@ -137,13 +137,13 @@ def test_pictures_together_show_every_tag_upright(make, box, undrawn):
         assert drawn @ asked > 0.9 * np.linalg.norm(drawn) * np.linalg.norm(asked)
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(st.integers(1, 16), st.sampled_from(["4X4_50", "APRILTAG_36H11"]), st.integers(0, 99))
 def test_places_on_a_curved_body(count, family, seed):
     # An ellipsoid: no face of it is flat.
     from tests.conftest import box_surface
 
-    ball = subdivided(box_surface([-1, -1, -1], [1, 1, 1]), 4)
+    ball = subdivided(box_surface([-1, -1, -1], [1, 1, 1]), 3)
     unit = ball.vertices / np.linalg.norm(ball.vertices, axis=1, keepdims=True)
     stretch = np.random.default_rng(seed).uniform(35, 70, 3)
     body = Surface(unit * stretch, ball.faces)
@@ -218,9 +218,9 @@ def test_seats_come_first(make, undrawn):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"size": 22.0}, r"no room for 12 tags of 22 mm .*; \d fit.*or a smaller --size"),
-        ({"size": 60.0}, "not one fits, or a smaller --size"),
-        ({"count": 45, "size": 15.0}, r"no room for 45 tags .*ask for fewer with --count"),
+        ({"size": 22.0}, r"no room for 12 tags of 22 mm .*, \d fit; .*fewer .* or smaller"),
+        ({"size": 60.0}, r"not one fits; ask for smaller ones \(--size\)"),
+        ({"count": 45, "size": 15.0}, r"no room for 45 tags .*ask for fewer"),
         ({"count": 50}, "1 to 49"),
         ({"count": 0}, "1 to 49"),
         ({"size": -3.0}, "from 2 to 200"),
