@@ -49,9 +49,9 @@ class Optics:
 
 @dataclass(frozen=True)
 class Picture:
-    """`image` (h, w) uint8 and the truth about the scene's m patches: the part (m,) of each, with
-    its margin, that is in the picture, and its `corners` (m, 4, 2) px, NaN behind the camera and
-    where the model of the lens has ended."""
+    """`image` (h, w) uint8 and the truth about the scene's m patches: the part (m,) of each,
+    without its margin, that is in the picture, and its `corners` (m, 4, 2) px, NaN behind the
+    camera and where the model of the lens has ended."""
 
     image: NDArray[np.uint8]
     visible: Float

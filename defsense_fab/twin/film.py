@@ -110,7 +110,7 @@ def film(
                 scene, instants = exposed(scene_at, camera, float(time), optics.exposure)
                 picture = renderer.shoot(scene, instants)
             writer.write(picture.image)
-            scenes.append(scene)
+            scenes.append(scene.moved(body=None))  # which would fill the memory
             seen.append((picture.corners, picture.visible))
             if len(scene.patches) != len(scenes[0].patches):
                 raise CaptureError(f"{path.name}: a film has the same patches in all its frames")

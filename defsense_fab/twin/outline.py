@@ -19,9 +19,9 @@ WHITE = 255.0
 
 def pieces(pattern: NDArray[np.uint8], margin: float, reach: float) -> tuple[Float, Float]:
     """Of a pattern (r, c) in its white margin: segments (k, 2, 2) no longer than `reach`, in cells
-    to the right and downwards from its upper left corner, and (k, 2) the weights with which they
-    count in the picture's values and in its cover. A segment's weight is added to what lies to the
-    right of one that goes down."""
+    to the right and downwards from its upper left corner, and (k, 3) the weights with which they
+    count in the picture's values, in its cover, and in that of the pattern alone. A weight is
+    added to what lies to the right of a segment that goes down."""
     return _pieces(pattern.tobytes(), pattern.shape, float(margin), float(reach))
 
 
@@ -50,16 +50,21 @@ def _edges(data: bytes, shape: tuple[int, int], margin: float) -> tuple[Float, F
     for i, change in enumerate(cells[:-1, 1:-1] - cells[1:, 1:-1]):
         found += [(a, i, b, i, w) for a, b, w in _runs(change)]
     inner = np.array(found).reshape(-1, 5)
+    frames = [_frame(rows, columns, m) for m in (margin, 0.0)]
+    segments = np.concatenate([inner[:, :4], *frames]).reshape(-1, 2, 2)
+    weights = np.zeros((len(segments), 3))
+    weights[:-8, 0] = inner[:, 4]
+    weights[-8:-4] = WHITE, 1.0, 0.0
+    weights[-4:, 2] = 1.0
+    return segments, weights
+
+
+def _frame(rows: int, columns: int, margin: float) -> Float:
     low, right, foot = -margin, columns + margin, rows + margin
-    outer = np.array(
+    return np.array(
         [[low, low, low, foot], [low, foot, right, foot],
          [right, foot, right, low], [right, low, low, low]]
     )  # fmt: skip
-    segments = np.concatenate([inner[:, :4], outer]).reshape(-1, 2, 2)
-    weights = np.zeros((len(segments), 2))
-    weights[:-4, 0] = inner[:, 4]
-    weights[-4:] = WHITE, 1.0
-    return segments, weights
 
 
 def _runs(change: Float) -> list[tuple[int, int, float]]:

@@ -12,8 +12,8 @@ import numpy as np
 
 
 @numba.njit(cache=True, nogil=True)
-def _add_edge(sums, x0, y0, x1, y1, value, cover):  # type: ignore[no-untyped-def]
-    """Add an edge in px from the buffer's corner to sums (h, w + 1, 2): it may leave the buffer."""
+def _add_edge(sums, x0, y0, x1, y1, weight):  # type: ignore[no-untyped-def]
+    """Add an edge in px from the buffer's corner to sums (h, w + 1, 3): it may leave the buffer."""
     sign = 1.0
     if y0 > y1:
         x0, y0, x1, y1, sign = x1, y1, x0, y0, -1.0
@@ -32,10 +32,9 @@ def _add_edge(sums, x0, y0, x1, y1, value, cover):  # type: ignore[no-untyped-de
         i, j = min(int(a), w - 1), min(int(np.ceil(b)), w)
         if j <= i + 1:
             part = d * (0.5 * (a + b) - i)
-            sums[row, i, 0] += value * (d - part)
-            sums[row, i, 1] += cover * (d - part)
-            sums[row, i + 1, 0] += value * part
-            sums[row, i + 1, 1] += cover * part
+            for c in range(3):
+                sums[row, i, c] += weight[c] * (d - part)
+                sums[row, i + 1, c] += weight[c] * part
             continue
         done = 0.0  # of d: what has been given to pixels so far
         for k in range(i, j):  # the area right of the edge in pixel k
@@ -43,48 +42,48 @@ def _add_edge(sums, x0, y0, x1, y1, value, cover):  # type: ignore[no-untyped-de
             before = d * (left - a) / (b - a)
             within = d * (right - left) / (b - a)
             area = before + within * (k + 1.0 - 0.5 * (left + right))
-            sums[row, k, 0] += value * (area - done)
-            sums[row, k, 1] += cover * (area - done)
+            for c in range(3):
+                sums[row, k, c] += weight[c] * (area - done)
             done = area
-        sums[row, j, 0] += value * (d - done)
-        sums[row, j, 1] += cover * (d - done)
+        for c in range(3):
+            sums[row, j, c] += weight[c] * (d - done)
 
 
 @numba.njit(cache=True, nogil=True)
 def paint(edges, weights, plane, scale, box, rays, depth, slack, inner, seen, left):  # type: ignore[no-untyped-def]
     """Paint one flat thing behind what is there already.
 
-    `edges` (k, 2, 2) px; `weights` (k, 2); `plane` (4,): n and d of n . X = d in the camera's
+    `edges` (k, 2, 2) px; `weights` (k, 3); `plane` (4,): n and d of n . X = d in the camera's
     frame; values are `scale`[0] + `scale`[1] * value; `box` (4,) px x0, y0, x1, y1 of the canvas;
     `rays` (h, w, 2), `depth` (h, w) mm of the body, `seen` and `left` (h, w): the light so far
     and the part that nothing has covered yet; `inner` (4,): the image in the canvas. Returns the
-    area in the image that is seen, px.
+    area in the image, px, that is seen of what the third weights outline.
     """
     x0, y0, x1, y1 = box
-    sums = np.zeros((y1 - y0, x1 - x0 + 1, 2))
+    sums = np.zeros((y1 - y0, x1 - x0 + 1, 3))
     for k in range(len(edges)):
         _add_edge(
             sums, edges[k, 0, 0] - x0, edges[k, 0, 1] - y0, edges[k, 1, 0] - x0,
-            edges[k, 1, 1] - y0, weights[k, 0], weights[k, 1],
+            edges[k, 1, 1] - y0, weights[k],
         )  # fmt: skip
     total = 0.0
     for i in range(y0, y1):
-        value = cover = 0.0
+        value = cover = core = 0.0
         inside = inner[1] <= i < inner[3]
         for j in range(x0, x1):
             value += sums[i - y0, j - x0, 0]
             cover += sums[i - y0, j - x0, 1]
+            core += sums[i - y0, j - x0, 2]
             if cover < 1e-9 or left[i, j] <= 0.0:
                 continue
             if depth[i, j] < np.inf:
                 facing = plane[0] * rays[i, j, 0] + plane[1] * rays[i, j, 1] + plane[2]
                 if abs(facing) * depth[i, j] + slack < abs(plane[3]):
                     continue
-            part = min(cover, 1.0) * left[i, j]
-            seen[i, j] += left[i, j] * (scale[0] * min(cover, 1.0) + scale[1] * value)
-            left[i, j] -= part
             if inside and inner[0] <= j < inner[2]:
-                total += part
+                total += min(core, 1.0) * left[i, j]
+            seen[i, j] += left[i, j] * (scale[0] * min(cover, 1.0) + scale[1] * value)
+            left[i, j] -= min(cover, 1.0) * left[i, j]
     return total
 
 

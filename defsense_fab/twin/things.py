@@ -24,9 +24,9 @@ _BEFORE = np.array([0.0, 0.0, 1.0, 0.0])  # the plane of what is right before th
 
 @dataclass(frozen=True)
 class Thing:
-    """`edges` (k, 2, 2) px from the canvas's corner, `weights` (k, 2) as in `outline.py`, the
+    """`edges` (k, 2, 2) px from the canvas's corner, `weights` (k, 3) as in `outline.py`, the
     `plane` (4,) n . X = d in the camera's frame, `scale` (2,) from pattern values to grey levels,
-    its `box`, the `area` of its outline, px, and which `patch` of the scene it is, or -1."""
+    its `box`, the `area` of its pattern, px, and which `patch` of the scene it is, or -1."""
 
     edges: Float
     weights: Float
@@ -144,9 +144,9 @@ def _reach(sides: Float, width: Float) -> Float:
 
 
 def _swept(edges: Float, weights: Float) -> Float:
-    """What each edge (k, 2, 2) adds to the area that is covered, px."""
+    """What each edge (k, 2, 2) adds to the area of the pattern, px."""
     cross = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
-    return np.asarray(weights[:, 1] * cross / 2)
+    return np.asarray(weights[:, 2] * cross / 2)
 
 
 def _filled(outline: Float, plane: Float, level: float, size: tuple[int, int]) -> Thing:
@@ -154,7 +154,7 @@ def _filled(outline: Float, plane: Float, level: float, size: tuple[int, int]) -
     edges = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
     turn = (edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]).sum()
     edges = edges if turn < 0 else np.ascontiguousarray(edges[:, ::-1])
-    weights, box = np.tile([0.0, 1.0], (len(edges), 1)), box_of(outline, size)
+    weights, box = np.tile([0.0, 1.0, 1.0], (len(edges), 1)), box_of(outline, size)
     area = float(abs(_swept(edges, weights).sum()))
     return Thing(edges, weights, plane, np.array([level, 0.0]), box, area, -1)
 

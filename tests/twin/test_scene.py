@@ -41,8 +41,8 @@ def test_a_patch_behind_another_shows_what_sticks_out():
     behind = FRONT.moved(np.array([20.0, 15, 0]), FRONT.axes)
     view = camera((0, -150, 0), lens=(0.0, 0.0, 0.0, 0.0))
     seen = shoot(Scene((behind, FRONT)), view).visible
-    # Widths of 40 mm with the margin; at depth 165 the front one's edge at x = 20 is at x = 22.
-    assert seen == pytest.approx([1 - (22 / 40), 1], abs=0.01)
+    # From 5 to 35 mm; at depth 165 the front one's edge, at 20 with its margin, is at 22.
+    assert seen == pytest.approx([13 / 30, 1], abs=0.01)
 
 
 def test_half_of_a_patch_behind_the_body():
