@@ -140,7 +140,7 @@ def _reach(sides: Float, width: Float) -> Float:
         bow = np.abs(along[..., 0] * off[..., 1] - along[..., 1] * off[..., 0])
         bow = np.nan_to_num(bow / np.linalg.norm(along, axis=-1)).max(1)
         reach = width * np.sqrt(_BOW / 2 / np.maximum(bow, 1e-9))
-    return np.asarray(2.0 ** np.floor(np.log2(np.clip(reach, 1 / 16, 4096))))
+    return np.asarray(2.0 ** np.floor(np.log2(np.clip(reach, 1 / 512, 4096))))
 
 
 def _swept(edges: Float, weights: Float) -> Float:

@@ -43,11 +43,13 @@ def test_the_centroid_of_a_square_is_where_the_model_has_it(x, z, tilt, sway, ro
     picture = Renderer(view, CLEAN, np.random.default_rng(0)).shoot(Scene((patch,), **FLAT))
     corners = view.project(patch.corners)
     assert np.allclose(picture.corners[0], corners, atol=1e-9)
-    if (corners.min(0) < 0).any() or (corners.max(0) > [319, 239]).any():
+    ray = (patch.center - view.center) / np.linalg.norm(patch.center - view.center)
+    aside = (corners.min(0) < 0).any() or (corners.max(0) > [319, 239]).any()
+    if aside or ray @ axes[:, 2] > -0.25:  # partly outside, or seen from its side
         return
     assert picture.visible[0] == pytest.approx(1, abs=1e-5)
     # Eight bits leave up to half a level in the pixels of the edge.
-    assert centroid(picture.image) == pytest.approx(expected_centroid(view, patch), abs=0.004)
+    assert centroid(picture.image) == pytest.approx(expected_centroid(view, patch), abs=0.005)
 
 
 def test_a_bent_edge_is_found_where_it_is():
@@ -62,7 +64,7 @@ def test_a_bent_edge_is_found_where_it_is():
         assert inside.any()
         middle = round(float(edge)) + 6
         filled = image[row, middle - 15 : middle].sum()
-        assert middle - 0.5 - filled == pytest.approx(edge, abs=0.01)
+        assert middle - 0.5 - filled == pytest.approx(edge, abs=0.005)
 
 
 def test_brute_force_gives_the_same_picture():
