@@ -10,6 +10,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+from . import cli_camera, cli_sheets
 from .cli_record import numbers
 from .core.errors import DeviceError
 from .core.progress import Progress
@@ -26,6 +27,8 @@ def add(commands: Any, bars: Bars) -> None:
         " printed tags.",
     )
     steps = parent.add_subparsers(dest="step", required=True, metavar="STEP")
+    cli_sheets.add(steps, bars)
+    cli_camera.add(steps, bars)
     _add_process(steps, bars)
 
 
