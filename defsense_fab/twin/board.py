@@ -11,6 +11,7 @@ import numpy as np
 
 from ..sensing.frames import PROTOCOL, Info, Message, Sample, Text, encode
 from ..sensing.readout import Dividers
+from .device_cords import DeviceCords
 from .specimen import SpecimenTwin
 
 _WAIT = 0.02  # s that a read waits
@@ -18,27 +19,40 @@ _WORDS = {"rate": 500, "channels": 0, "average": 255, "led": 65535}
 
 
 class BoardTwin:
-    """A board with its dividers on a specimen's cords; `speed` times as fast as real time."""
+    """A board with its dividers on the cords of a specimen or a device; `speed` times as fast as
+    real time. Its clock says `offset` + (1 + `drift`) times the seconds since it was made."""
 
     full_scale = 1024
 
     def __init__(
-        self, specimen: SpecimenTwin, reference: float = 2200.0, speed: float = 1.0
-    ) -> None:
+        self, specimen: SpecimenTwin | DeviceCords, reference: float = 2200.0, speed: float = 1.0,
+        offset: float = 0.0, drift: float = 0.0,
+    ) -> None:  # fmt: skip
         self._specimen, self._speed = specimen, speed
+        self._offset, self._drift = offset, drift
         count = len(specimen.channels)
         self._dividers = Dividers(np.full(count, reference), self.full_scale)
         self._about = {"channels": count, "average": 16, "rate": 50, "led": 1000}
         self._most = count
         self._framed, self._line, self._out = False, b"", b""
-        self._begun, self._done, self._counter = time.monotonic(), 0.0, 0
+        self.began_ns = time.monotonic_ns()
+        self._done, self._counter = 0.0, 0
 
     def lay(self, radius: float | None, face: str) -> None:
         """Lay the specimen on a jig, now."""
+        assert isinstance(self._specimen, SpecimenTwin)
         self._catch_up()
         before = self._specimen.cords.now
         self._specimen.lay(radius, face)
         self._done += self._specimen.cords.now - before  # nobody looks while hands are on it
+
+    def lit(self, seconds: float) -> bool:
+        """Whether its LED is on, so many s after it was made."""
+        led = self._about["led"]
+        return bool(led and int(self._clock(seconds) * 1000 / led) % 2)
+
+    def _clock(self, seconds: float) -> float:
+        return self._offset + (1 + self._drift) * seconds
 
     @property
     def in_waiting(self) -> int:
@@ -89,22 +103,23 @@ class BoardTwin:
 
     def _catch_up(self) -> None:
         """Samples up to now; of a long pause only the last second."""
-        now = (time.monotonic() - self._begun) * self._speed
+        now = (time.monotonic_ns() - self.began_ns) / 1e9 * self._speed
         step = 1 / self._about["rate"]
         while self._done + step <= now:
             behind = int((now - self._done) / step)
             if behind > self._about["rate"] * max(self._speed, 1):
                 self._counter += behind - 1
                 self._done += (behind - 1) * step
+            if isinstance(self._specimen, DeviceCords):
+                self._specimen.now = self._done  # a device has moved on while nobody read
             _, ohm = self._specimen.cords.hold(step, 1 / step)
             self._done += step
             counts = self._dividers.counts(ohm[0])[: self._about["channels"]]
             sums = np.round(counts * self._about["average"]).astype(int)
             if self._framed:
-                led = self._about["led"]
-                on = bool(led and int(self._done * 1000 / led) % 2)
+                micros = int(self._clock(self._done) * 1e6) % (1 << 32)
                 sample = Sample(
-                    self._counter % (1 << 32), int(self._done * 1e6) % (1 << 32), on, False,
+                    self._counter % (1 << 32), micros, self.lit(self._done), False,
                     self._about["average"], tuple(int(s) for s in sums),
                 )  # fmt: skip
                 self._out += encode(sample)
