@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from . import cli_camera, cli_sheets
+from . import cli_camera, cli_session, cli_sheets
 from .cli_record import numbers
 from .core.errors import DeviceError
 from .core.progress import Progress
@@ -29,6 +29,7 @@ def add(commands: Any, bars: Bars) -> None:
     steps = parent.add_subparsers(dest="step", required=True, metavar="STEP")
     cli_sheets.add(steps, bars)
     cli_camera.add(steps, bars)
+    cli_session.add(steps)
     _add_process(steps, bars)
 
 
@@ -44,15 +45,27 @@ def _add_process(steps: Any, bars: Bars) -> None:
         epilog="example:  defsense capture process --videos a.mkv b.mkv --calibration cameras.toml"
         " --tag-size 15 --dictionary 4X4_50 --out tracks.csv",
     )
-    sub.add_argument("--videos", type=Path, nargs="+", metavar="FILE", required=True,
+    sub.add_argument("session", type=Path, nargs="?", metavar="SESSION",
+                     help="what 'capture record' wrote; or give --videos")  # fmt: skip
+    sub.add_argument("--videos", type=Path, nargs="+", metavar="FILE",
                      help="one for each camera, in the order of the calibration")  # fmt: skip
-    sub.add_argument("--calibration", type=Path, metavar="TOML", required=True,
-                     help="of the cameras, as aniposelib has it")  # fmt: skip
-    sub.add_argument("--tag-size", type=float, metavar="MM", required=True,
-                     help="side of a tag's black square")  # fmt: skip
+    sub.add_argument("--calibration", type=Path, default=Path("cameras.toml"), metavar="TOML",
+                     help="of the cameras, as aniposelib has it (cameras.toml)")  # fmt: skip
+    sub.add_argument("--tag-size", type=float, metavar="MM", help="side of a tag's black square")
     sub.add_argument("--dictionary", default="4X4_50", metavar="NAME", help="of the tags (4X4_50)")
-    sub.add_argument("--out", type=Path, default=Path("tracks.csv"), metavar="FILE",
-                     help="(tracks.csv)")  # fmt: skip
+    sub.add_argument(
+        "--align", choices=("auto", "anchor", "all"), default="auto",
+        help="of a session: to rest by the anchor's tags, by all, or by the anchor's where they are"
+        " seen well enough (auto)",
+    )  # fmt: skip
+    sub.add_argument("--from-video", action="store_true",
+                     help="of a session: look for the tags anew, in its videos")  # fmt: skip
+    sub.add_argument(
+        "--smooth", type=float, metavar="S",
+        help="smooth the tracks by parabolas over so many s (not at all)",
+    )  # fmt: skip
+    sub.add_argument("--out", type=Path, metavar="FILE",
+                     help="(tracks.csv; of a session, a further file)")  # fmt: skip
     sub.add_argument("--rate", type=float, metavar="HZ", help="frames per second of images")
     sub.add_argument(
         "--offsets", metavar="S,S,...",
@@ -70,29 +83,75 @@ def ends(sub: argparse.ArgumentParser) -> None:
 
 def _process(options: argparse.Namespace, bars: Bars) -> int:
     from .capture.exchange import check_suffix, write_any
+    from .capture.smooth import smooth
     from .pipeline.process import process_videos
 
-    check_suffix(options.out)
+    if (options.session is None) == (options.videos is None):
+        raise DeviceError("give either a SESSION or --videos")
+    if options.out is not None:
+        check_suffix(options.out)
+    if options.session is not None:
+        return _process_session(options, bars)
+    if options.tag_size is None:
+        raise DeviceError("--tag-size is missing: the side of a tag's black square, mm")
     if options.rate is not None and not 0 < options.rate <= 10_000:
         raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")
     offsets = numbers("--offsets", options.offsets, "s") if options.offsets else None
+    out = options.out or Path("tracks.csv")
     with bars(options) as progress:
         found = process_videos(
             options.videos, options.calibration, options.tag_size, options.dictionary,
             rate=options.rate, offsets=offsets, progress=progress,
         )  # fmt: skip
-    write_any(options.out, found.tracks)
+    tracks, quality = found.tracks, found.quality
+    if options.smooth is not None:
+        tracks = smooth(tracks, options.smooth)
+        quality = {**quality, "smoothed": options.smooth}
+    write_any(out, tracks)
     if options.json:
-        sys.stdout.write(json.dumps(found.quality, indent=1) + "\n")
+        sys.stdout.write(json.dumps(quality, indent=1) + "\n")
         return 0
-    show_quality(found.quality)
-    sys.stdout.write(f"Look at: {options.out}\n")
+    show_quality(quality)
+    sys.stdout.write(f"Look at: {out}\n")
+    return 0
+
+
+def _process_session(options: argparse.Namespace, bars: Bars) -> int:
+    from .capture.exchange import write_any
+    from .capture.smooth import smooth
+    from .pipeline.capture_process import REPORT, process_session
+
+    with bars(options) as progress:
+        found = process_session(
+            options.session, anchor=options.align, video=options.from_video, progress=progress
+        )
+    q = found.quality
+    if options.out is not None:
+        aligned = found.aligned
+        write_any(options.out, smooth(aligned, options.smooth) if options.smooth else aligned)
+    if options.json:
+        sys.stdout.write(json.dumps(q, indent=1) + "\n")
+        return 0
+    lines = []
+    for run in q["runs"]:
+        s = run["sync"]
+        error = "not known" if s.get("error_ms") is None else f"{s['error_ms']:.1f} ms"
+        lines.append(f"{run['run']}: {run['ended']}; clocks by {s['method']}, error {error}")
+        lines += [f"  warning: {w}" for w in run["tracks"]["warnings"]]
+    lines += [f"{s['run']} was left out: {s['why']}" for s in q["skipped"]]
+    residual = q["residual"]["median"]
+    lines += [
+        f"{q['frames']} frames, {q['aligned_frames']:.0%} aligned to rest by {q['aligned_by']}"
+        + (f", residual {residual:.3f} mm" if residual is not None else ""),
+        *(f"warning: {w}" for w in q["warnings"]),
+        f"Look at: {options.session / REPORT}",
+    ]
+    say(lines)
     return 0
 
 
 def show_quality(q: dict[str, Any]) -> None:
     """What tracks are worth, in lines."""
-    from rich.console import Console
 
     def mm(value: float | None) -> str:
         return "-" if value is None else f"{value:.3f} mm"
@@ -110,6 +169,13 @@ def show_quality(q: dict[str, Any]) -> None:
     if q["impossible"]:
         lines.append(f"{q['impossible']} places were taken out: nothing moves like that")
     lines += [f"warning: {w}" for w in q["warnings"]]
+    say(lines)
+
+
+def say(lines: Sequence[str]) -> None:
+    """Print lines as they are."""
+    from rich.console import Console
+
     console = Console()
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)

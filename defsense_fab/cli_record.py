@@ -11,7 +11,7 @@ from typing import Any
 
 from .core.errors import CalibrationError, CaptureError, DefsenseError, DeviceError
 
-_REFERENCE = 2200.0
+REFERENCE = 2200.0
 _PORT = "/dev/ttyUSB0, COM3, socket://host:port, or twin (twin:speed=20,k=2,seed=1)"
 
 
@@ -113,7 +113,7 @@ def _board(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--reference",
         metavar="OHM,...",
-        help=f"reference resistors of the channels, or one for all ({_REFERENCE:g})",
+        help=f"reference resistors of the channels, or one for all ({REFERENCE:g})",
     )
     sub.add_argument("--rate", type=int, metavar="HZ", help="samples per second (20)")
     sub.add_argument("--average", type=int, metavar="N", help="conversions a sample (as it is)")
@@ -134,16 +134,17 @@ def numbers(option: str, text: str, unit: str = "mm") -> list[float]:
         ) from None
 
 
-def _references(text: str, channels: int) -> list[float]:
+def references(text: str, channels: int) -> list[float]:
+    """Resistances, one for all channels or one each. Raises DeviceError for others."""
     values = numbers("--reference", text, "ohm")
     if len(values) not in (1, channels):
         raise DeviceError(f"--reference {text}: give one resistance, or {channels}")
     for value in values:
-        _within("--reference", value, 1e-3, 1e9)
+        within("--reference", value, 1e-3, 1e9)
     return values * channels if len(values) == 1 else values
 
 
-def _within(option: str, value: float, low: float, high: float) -> None:
+def within(option: str, value: float, low: float, high: float) -> None:
     """Raises DeviceError for a number that is not in this range, or none."""
     if not low <= value <= high:
         raise DeviceError(f"{option} {value:g}: give a number from {low:g} to {high:g}")
@@ -216,8 +217,8 @@ def _look(options: argparse.Namespace, port: str) -> dict[str, Any]:
         return {"problem": str(error).removeprefix(f"{port}: ")}
     finally:
         source.close()
-    references = np.array(_references(options.reference or f"{_REFERENCE:g}", info.channels))
-    ohm = Dividers(references, float(info.full_scale)).resistance(latest.sample.counts)
+    known = np.array(references(options.reference or f"{REFERENCE:g}", info.channels))
+    ohm = Dividers(known, float(info.full_scale)).resistance(latest.sample.counts)
     return {"ohm": [float(r) if np.isfinite(r) else None for r in ohm]}
 
 
@@ -232,7 +233,7 @@ def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:
     from .terminal.wizard import bars
 
     dividers = Dividers(
-        np.array(_references(options.reference or f"{_REFERENCE:g}", info.channels)),
+        np.array(references(options.reference or f"{REFERENCE:g}", info.channels)),
         float(info.full_scale),
     )
     end = time.monotonic() + (options.seconds or float("inf"))
@@ -305,7 +306,7 @@ def _record(options: argparse.Namespace) -> int:
 #: Options of `record` by what they set in a session, with what is taken where they are not given.
 _PLAN = {
     "name": None, "rounds": 3, "radii": None, "faces": "ab", "tolerance": 0.05, "longest": 90.0,
-    "seed": 1, "reference": f"{_REFERENCE:g}", "rate": 20, "average": None,
+    "seed": 1, "reference": f"{REFERENCE:g}", "rate": 20, "average": None,
 }  # fmt: skip
 
 
@@ -327,7 +328,7 @@ def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any
         ("rounds", 1, 100), ("rate", 1, 500), ("tolerance", 1e-4, 10), ("longest", 10, 3600),
         ("seed", 0, 2**32),
     ):  # fmt: skip
-        _within(f"--{name}", o[name], low, high)
+        within(f"--{name}", o[name], low, high)
     radii = about["radii"] if o["radii"] is None else numbers("--radii", o["radii"])
     strange = [r for r in radii if r not in about["radii"]]
     if strange:
@@ -343,7 +344,7 @@ def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any
         "rounds": o["rounds"],
         "faces": list(o["faces"]),
         "seed": o["seed"],
-        "reference": _references(o["reference"], 3),
+        "reference": references(o["reference"], 3),
         "criterion": Criterion(tolerance=o["tolerance"] / 100, most=o["longest"]),
         "rate": o["rate"],
         "average": o["average"],
@@ -379,9 +380,9 @@ def _reference(options: argparse.Namespace) -> int:
     from .pipeline.sources import open_source
     from .sensing.readout import measured_reference
 
-    _within("--known", options.known, 1e-3, 1e9)
-    _within("--seconds", options.seconds, 0.1, 3600)
-    _within("--channels", options.channels, 1, 16)
+    within("--known", options.known, 1e-3, 1e9)
+    within("--seconds", options.seconds, 0.1, 3600)
+    within("--channels", options.channels, 1, 16)
     source = open_source(options.port, Settings(channels=options.channels)).source
     info = source.start()
     try:
@@ -411,10 +412,10 @@ def _twin(options: argparse.Namespace) -> int:
         ("time", 0.1, 1e4), ("spread", 0, 0.5), ("drift", -10, 10), ("misplaced", 0, 5),
         ("rounds", 1, 100), ("seed", 0, 2**32),
     ):  # fmt: skip
-        _within(f"--{name}", getattr(options, name), low, high)
+        within(f"--{name}", getattr(options, name), low, high)
     lengths = numbers("--lengths", options.lengths)
     for length in lengths:
-        _within("--lengths", length, 10, 1000)
+        within("--lengths", length, 10, 1000)
     folders = [options.folder / f"session-{length:g}" for length in lengths]
     there = [f for f in folders if f.exists()]
     if there or len(set(folders)) < len(folders):

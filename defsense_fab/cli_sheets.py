@@ -11,7 +11,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .core.errors import CaptureError
+from .cli_record import numbers
+from .core.errors import CaptureError, DeviceError
 from .core.progress import Progress
 
 _PAPER = "a4 (default), letter or a3"
@@ -40,6 +41,10 @@ def add(steps: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) -> 
     sub.add_argument(
         "--dictionary", default="4X4_50", metavar="NAME",
         help="family of tags: 4X4_50 (default), APRILTAG_36H11, ...",
+    )  # fmt: skip
+    sub.add_argument(
+        "--side", metavar="X,Y,Z",
+        help="only where cameras see them that look from this direction, as in 0,-1,1 (all round)",
     )  # fmt: skip
     sub.add_argument("--skin", action="store_true", help="choose places even where there are seats")
     sub.add_argument("--paper", default="a4", metavar="NAME", help=_PAPER)
@@ -81,6 +86,18 @@ def _common(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
 
 
+def _direction(text: str | None) -> Any:
+    """X,Y,Z as (3,), or None. Raises DeviceError for what is no direction."""
+    if text is None:
+        return None
+    import numpy as np
+
+    values = np.array(numbers("--side", text, "any unit"))
+    if values.shape != (3,) or not np.linalg.norm(values) > 0:
+        raise DeviceError(f"--side {text}: give a direction x,y,z, as in 0,-1,1")
+    return values
+
+
 def _markers(
     options: argparse.Namespace, bars: Callable[[Any], AbstractContextManager[Progress]]
 ) -> int:
@@ -97,6 +114,7 @@ def _markers(
             family=options.dictionary,
             paper=options.paper,
             skin=options.skin,
+            side=_direction(options.side),
             progress=progress,
         )
     m = found.markers

@@ -114,7 +114,7 @@ def write_rig(path: Path, cameras: Sequence[Camera], metadata: Mapping[str, Any]
             "",
         ]
     lines.append("[metadata]")
-    lines += [f"{key} = {_value(value)}" for key, value in metadata.items()]
+    lines += [f"{key} = {toml_value(value)}" for key, value in metadata.items()]
     with storage_errors(path):
         write_text(path, "\n".join(lines) + "\n")
 
@@ -128,11 +128,12 @@ def _text(value: str) -> str:
     return f'"{escaped}"'
 
 
-def _value(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """A plain value as TOML has it."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         return _text(value)
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
     return repr(value)

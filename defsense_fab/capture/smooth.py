@@ -22,11 +22,11 @@ _SINGULAR = 1e-9  # of the moments' determinant, relative to its greatest possib
 def smooth(tracks: Tracks, window: float) -> Tracks:
     """Each point that was seen replaced by the value there of the parabola fitted over `window` s
     about it (half before, half after), with weights 1/sigma^2, or equal ones for markers whose
-    sigma is not known throughout; `sigma` is that of the fit, from the points' own, as if their errors were
-    independent. What was not seen stays so; points with fewer than three others in the window, or
-    with points all on a moment or two of it, stay as they were. The caller must say that the result
-    was smoothed. Raises CaptureError for a window that smooths nothing, or sigma that is not
-    positive."""
+    sigma is not known throughout; `sigma` is that of the fit, from the points' own, as if their
+    errors were independent. What was not seen stays so; points with fewer than three others in the
+    window, or with points all on a moment or two of it, stay as they were. The caller must say that
+    the result was smoothed. Raises CaptureError for a window that smooths nothing, or sigma that is
+    not positive."""
     if not (np.isfinite(window) and window > 0):
         raise CaptureError(f"smoothing: a window of {window:g} s cannot be; give one above 0")
     time, seen = tracks.time, tracks.seen

@@ -20,6 +20,7 @@ _MOUTH, _DEEP = 1.5, 5.0  # mm: a piece keeps so far from a mouth, unless that i
 _POOL, _DENSITY = (400, 2500), 60  # places tried, and how many an area of one tag gets
 _WORSE = 0.7  # of its distance: what a place over a joint counts, or below, where bodies stand
 _BELOW = -0.7  # z of such a place's normal
+_SEEN = 0.45  # least cosine between a tag's normal and the direction that cameras look from
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class Place:
 class Wanted:
     """`count` tags with black squares of `size` mm on pieces of `outer` mm; at least `anchored` of
     them in the region where `anchor` is true of points (n, 3) mm; none over the mouths `avoid`
-    (k, 3) mm, and preferably none across the `joints`."""
+    (k, 3) mm, and preferably none across the `joints`; only places that can be seen from the
+    direction `side` (3,), where one is given."""
 
     count: int
     size: float
@@ -45,6 +47,7 @@ class Wanted:
     anchor: Callable[[Float], Bool]
     avoid: Float
     joints: Sequence[Plane]
+    side: Float | None = None
 
 
 def tag_places(body: Surface, wanted: Wanted) -> list[Place]:
@@ -58,6 +61,9 @@ def tag_places(body: Surface, wanted: Wanted) -> list[Place]:
         more = body.scatter(20 * count, rng)
         points = np.concatenate([points, more[wanted.anchor(more)][: count // 2]])
     centers, axes = _flat(body, points, wanted)
+    if wanted.side is not None:
+        seen = axes[:, :, 2] @ wanted.side >= _SEEN * float(np.linalg.norm(wanted.side))
+        centers, axes = centers[seen], axes[seen]
     if not len(centers):
         return []
     anchor = _anchored(centers, axes, wanted)

@@ -30,6 +30,7 @@ from ..twin.live import LiveCamera
 from ..twin.motion import Ramp, sway
 from ..twin.puppet import Puppet
 from ..twin.scene import Backdrop, Lamp, Patch, Scene
+from .levels import Levels
 from .stage_body import load_surface
 from .stage_mesh import load_mesh
 from .stage_simulate import load_fields
@@ -237,3 +238,13 @@ def known_cameras(rehearsal: Rehearsal, path: Path) -> None:
     from ..capture.rig_file import write_rig
 
     write_rig(path, rehearsal.cameras, {"adjusted": True, "twin": True})
+
+
+def levels_of(device: Device, markers: Markers) -> Levels | None:
+    """What tells how far each pose was shown; None for a device that is not built."""
+    try:
+        sim = simulated(device, markers)
+    except CaptureError:
+        return None
+    extents = np.array([sim.tags[r.states[-1]] for r in sim.ramps])
+    return Levels([r.name for r in sim.ramps], extents, markers.centers)

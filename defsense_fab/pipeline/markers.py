@@ -47,11 +47,13 @@ def write_markers(
     family: str = DICTIONARY,
     paper: str = "a4",
     skin: bool = False,
+    side: Float | None = None,
     progress: Progress = silent,
 ) -> Written:
     """Write `markers.json` and `markers.pdf` to `folder` (the device's `markers`): tags in the
     seats that its build has cut, or else (and with `skin`) `count` tags (12) of `size` mm, by
-    default the largest of SIZES with which they fit and three of the anchor are not on one line.
+    default the largest of SIZES with which they fit and three of the anchor are not on one line;
+    only where cameras see them from the direction `side` (3,), where one is given.
 
     Raises CaptureError where tags do not fit, StorageError where files cannot be written.
     """
@@ -80,7 +82,7 @@ def write_markers(
     if seats:
         markers, notes = _seated(device, body, tags, seats)
     else:
-        markers, notes = _chosen(device, body, tags, count or COUNT, size)
+        markers, notes = _chosen(device, body, tags, count or COUNT, size, side)
     out = device.source / FOLDER if folder is None else folder
     with storage_errors(out):
         out.mkdir(parents=True, exist_ok=True)
@@ -171,7 +173,12 @@ def _seated(
 
 
 def _chosen(
-    device: Device, body: Surface, tags: Dictionary, count: int, size: float | None
+    device: Device,
+    body: Surface,
+    tags: Dictionary,
+    count: int,
+    size: float | None,
+    side: Float | None,
 ) -> tuple[Markers, list[str]]:
     """Places on the skin. Where no size does for the anchor, the largest for the number."""
     avoid, joints = _cords(device, body)
@@ -184,7 +191,7 @@ def _chosen(
             body,
             Wanted(
                 count, tried, outer(tags, tried), anchored,
-                lambda p: _on_anchor(device, p), avoid, joints,
+                lambda p: _on_anchor(device, p), avoid, joints, side,
             ),
         )  # fmt: skip
         best = max(best, found, key=len)

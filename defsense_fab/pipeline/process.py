@@ -147,6 +147,21 @@ def watch(
     return watched
 
 
+def detect_all(
+    video: Video, camera: Camera, family: str, progress: Progress = silent
+) -> list[View]:
+    """The tags in every frame of one video."""
+    if video.size != camera.size:
+        raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
+    found = Detector(camera, dictionary(family))
+    views = []
+    for k, _, image in video.frames():
+        views.append(found.find(image))
+        progress("tags", min(k / max(video.expected, 1), 1.0), f"{k + 1} frames")
+    video.close()
+    return views
+
+
 def _nothing(paths: Sequence[Path], tags: Dictionary, rate: float | None) -> str:
     """What to say where no tag was found: perhaps there are others."""
     counts: dict[str, int] = {}

@@ -1,0 +1,323 @@
+"""From a recorded session to tracks in the rest frame, with the signals at the same times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..capture.align import Aligned, align
+from ..capture.clock import relate
+from ..capture.detect import View
+from ..capture.exchange import write_any
+from ..capture.recording import Recording, read_recording
+from ..capture.rest_pose import rest_pose
+from ..capture.synchronise import Sync, by_lamp, by_motion
+from ..capture.video import Video, timing
+from ..core.arrays import Bool, Float, Int
+from ..core.errors import CaptureError
+from ..core.files import storage_errors, write_json, write_text
+from ..core.progress import Progress, silent
+from ..core.tracks import Tracks
+from ..sensing.readout import Dividers
+from .capture_report import write_report
+from .capture_session import BOARD, REST, CaptureSession, ending, load, read_camera, read_log
+from .process import Processed, Watched, assemble, detect_all
+
+TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
+    "tracks.csv", "aligned.csv", "signals.csv", "quality.json", "report.html",
+)  # fmt: skip
+_PAUSE = 1.0  # s, between runs, in the tracks' time
+_OFTEN = 0.8  # of the frames that the anchor must give, to be used
+
+
+@dataclass(frozen=True)
+class Result:
+    """Tracks in the first camera's frame and in the device's rest frame, (R - R0)/R0 (t, c) and
+    resistances (t, c) ohm at their times, the residuals (t,) mm of the alignment, quality."""
+
+    tracks: Tracks
+    aligned: Tracks
+    signals: Float
+    ohm: Float
+    residual: Float
+    quality: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Run:
+    processed: Processed
+    ohm: Float
+    rest: Bool
+    sync: dict[str, Any]
+    told: dict[str, Any]
+
+
+def process_session(
+    folder: Path, *, anchor: str = "auto", video: bool = False, progress: Progress = silent
+) -> Result:
+    """Process all runs of a session and write the results into its folder. `anchor`: align by the
+    anchor's markers, by all, or by the anchor's where they are seen well enough (auto); `video`:
+    look for the tags anew in the recorded videos. Raises CaptureError where nothing can be made of
+    it."""
+    if anchor not in ("auto", "anchor", "all"):
+        raise CaptureError(f"--align {anchor}: choose auto, anchor or all")
+    session = load(folder)
+    if not session.runs:
+        raise CaptureError(f"{folder}: nothing was recorded yet; run 'defsense capture record'")
+    runs, skipped = [], []
+    for run in session.runs:
+        try:
+            runs.append(_run(session, run, video=video, progress=progress))
+        except CaptureError as error:
+            skipped.append({"run": run.name, "why": str(error), "ended": ending(run)})
+    if not runs:
+        why = "; ".join(f"{s['run']}: {s['why']}" for s in skipped)
+        raise CaptureError(f"{folder}: no run can be used: {why}")
+    result = _join(session, runs, skipped, anchor)
+    _write(folder, session, result)
+    progress("session", 1.0, "done")
+    return result
+
+
+def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress) -> _Run:
+    """One run by itself: its clocks are its own."""
+    events = read_log(run)
+    cameras = [read_camera(run, c.name) for c in session.rig.cameras]
+    if not any(len(c.time) for c in cameras):
+        raise CaptureError("no picture was recorded")
+    start = min(int(c.time[0]) for c in cameras if len(c.time))
+    watched = []
+    for camera, seen in zip(session.rig.cameras, cameras, strict=True):
+        time = (seen.time - start) / 1e9
+        views = _again(session, run, camera.name, len(time), progress) if video else seen.views
+        watched.append(Watched(time[: len(views)], views[: len(time)], timing(time), 0))
+    names = [f"{run.name}/{c.name}" for c in session.rig.cameras]
+    known = [_only(w, session.markers.ids) for w in watched]
+    processed = assemble(known, session.rig, session.markers.size, names, None, progress)
+    shift = processed.quality["offsets"]
+    tracks = processed.tracks
+    ohm = np.full((len(tracks.time), len(session.channels)), np.nan)
+    told: dict[str, Any] = {"method": "none"}
+    if (run / BOARD).exists():
+        board = read_recording(run / BOARD)
+        if len(board.counter) > 10:
+            ohm, told = _signals(session, board, cameras, start, shift, processed)
+    rest = _resting(session, events, tracks.time, start)
+    cut = sum(c.cut for c in cameras)
+    return _Run(processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut})
+
+
+def _only(watched: Watched, ids: Int) -> Watched:
+    """Without tags that are none of the device's."""
+    views = tuple(v.only(np.isin(v.ids, ids)) for v in watched.views)
+    return replace(watched, views=views)
+
+
+def _again(
+    session: CaptureSession, run: Path, name: str, count: int, progress: Progress
+) -> tuple[View, ...]:
+    """Tags from the run's video."""
+    path = run / f"{name}.mkv"
+    if not path.exists():
+        raise CaptureError(f"{path}: there is no video; the session was recorded without --video")
+    camera = next(c for c in session.rig.cameras if c.name == name)
+    views = detect_all(Video(path), camera, session.markers.dictionary, progress)
+    if abs(len(views) - count) > 0.1 * count + 5:
+        raise CaptureError(
+            f"{path}: has {len(views)} frames, {count} were recorded; it does not belong here"
+        )
+    return tuple(views)
+
+
+def _signals(
+    session: CaptureSession, board: Recording, cameras: Sequence[Any], start: int,
+    shift: Sequence[float], processed: Processed,
+) -> tuple[Float, dict[str, Any]]:  # fmt: skip
+    """Resistances (t, c) ohm at the tracks' times, by whichever way the clocks can be compared, and
+    what there is to tell of it."""
+    device = board.device_us / 1e6
+    host = (board.host_ns - start) / 1e9
+    scale = next((float(e["full_scale"]) for _, e in board.events if "full_scale" in e), 1024.0)
+    ohm = Dividers(np.array(session.reference), scale).resistance(board.counts)
+    arrival = relate(device, host)
+    tracks = processed.tracks
+    sync: Sync | None = None
+    why = []
+    for k, camera in enumerate(cameras):
+        if np.isfinite(camera.lamp).sum() < 30:
+            continue
+        time = (camera.time - start) / 1e9 + shift[k]
+        try:
+            found = by_lamp(time, camera.lamp, None, device, board.led.astype(bool), arrival)
+        except CaptureError as error:
+            why.append(str(error))
+            continue
+        if sync is None or found.error < sync.error:
+            sync = found
+    if sync is None:
+        try:
+            motion = _motion(tracks)
+            sync = by_motion(tracks.time, motion, device, ohm, arrival)
+        except CaptureError as error:
+            why.append(str(error))
+    if sync is not None:
+        at = sync.to_device(tracks.time)
+        told = {
+            "method": sync.method, "offset": sync.offset, "drift": sync.drift,
+            "error_ms": 1e3 * sync.error, "evidence": sync.evidence, "notes": why,
+        }  # fmt: skip
+    else:  # what remains: when samples arrived, which cameras' own delay is not in
+        at = (tracks.time - arrival.offset) / (1 + arrival.drift)
+        told = {
+            "method": "arrival", "offset": arrival.offset, "drift": arrival.drift,
+            "error_ms": None, "notes": why,
+        }  # fmt: skip
+    return _at(at, device, ohm), told
+
+
+def _motion(tracks: Tracks) -> Float:
+    """Distances (t, d) between markers that are seen often: they do not change as the whole
+    moves."""
+    share = tracks.seen.mean(axis=0)
+    often = np.argsort(-share)[:8]
+    often = often[share[often] > 0.5]
+    if len(often) < 2:
+        raise CaptureError("too few markers are seen often enough to tell how the device moves")
+    a, b = np.triu_indices(len(often), 1)
+    points = tracks.points[:, often]
+    return np.asarray(np.linalg.norm(points[:, a] - points[:, b], axis=2))
+
+
+def _at(when: Float, time: Float, values: Float) -> Float:
+    """Values (n, c) with times (n,) at other times (t,): linear in between, NaN outside and over
+    gaps."""
+    order = np.append(True, np.diff(time) > 0)
+    time, values = time[order], values[order]
+    out = np.stack([np.interp(when, time, v, left=np.nan, right=np.nan) for v in values.T], axis=1)
+    k = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
+    gap = time[k] - time[k - 1]
+    out[gap > 5 * np.median(np.diff(time))] = np.nan
+    return out
+
+
+def _resting(
+    session: CaptureSession, events: Sequence[dict[str, Any]], time: Float, start: int
+) -> Bool:
+    """Frames (t,) of finished rests, but for their beginnings."""
+    out = np.zeros(len(time), bool)
+    begun: dict[int, float] = {}
+    for event in events:
+        at, k = (event.get("host_ns", 0) - start) / 1e9, event.get("step", -1)
+        if event.get("event") == "step" and event.get("name") == REST:
+            begun[k] = at
+        elif event.get("event") == "done" and k in begun:
+            out |= (time > begun[k] + 0.3 * (at - begun[k])) & (time < at)
+    return out
+
+
+def _join(
+    session: CaptureSession, runs: Sequence[_Run], skipped: Sequence[dict[str, Any]], anchor: str
+) -> Result:
+    ids = session.markers.ids
+    time, points, sigma, rest, ohm = [], [], [], [], []
+    begin = 0.0
+    for run in runs:
+        t = run.processed.tracks
+        column = {int(i): k for k, i in enumerate(t.ids)}
+        p, s = (np.full((len(t.time), len(ids), 3), np.nan) for _ in range(2))
+        for k, i in enumerate(ids):
+            if int(i) in column:
+                p[:, k], s[:, k] = t.points[:, column[int(i)]], t.sigma[:, column[int(i)]]
+        time.append(t.time + begin - t.time[0])
+        begin = float(time[-1][-1]) + _PAUSE
+        points.append(p)
+        sigma.append(s)
+        rest.append(run.rest)
+        ohm.append(run.ohm)
+    T, P, S = np.concatenate(time), np.concatenate(points), np.concatenate(sigma)
+    resting, R = np.concatenate(rest), np.concatenate(ohm)
+    tracks = Tracks(T, ids, P, S, np.arange(len(T)))
+    aligned, by, placed, warnings = _aligned(session, tracks, resting, anchor)
+    with np.errstate(all="ignore"):
+        R0 = np.nanmedian(R[resting] if np.isfinite(R[resting]).any() else R, axis=0)
+    if not resting.any():
+        warnings.append("no rest was finished: R0 and the rest pose are those of the whole session")
+    back = Tracks(T, ids, aligned.points, aligned.sigma, np.arange(len(T)))
+    with np.errstate(all="ignore"):
+        quality = {
+            "session": str(session.folder), "device": session.device,
+            "runs": [r.told | {"sync": r.sync, "tracks": r.processed.quality} for r in runs],
+            "skipped": list(skipped), "frames": len(T), "seconds": float(T[-1] - T[0]),
+            "aligned_by": by, "aligned_frames": float(aligned.ok.mean()),
+            "residual": _quantiles(aligned.residual), "sigma": _quantiles(
+                np.linalg.norm(back.sigma, axis=-1)[back.seen]),
+            "seen": dict(zip(map(str, ids.tolist()), back.seen.mean(axis=0).tolist(), strict=True)),
+            "glued": placed, "R0": [float(r) if np.isfinite(r) else None for r in R0],
+            "warnings": warnings,
+        }  # fmt: skip
+        return Result(tracks, back, R / R0 - 1, R, aligned.residual, quality)
+
+
+def _aligned(
+    session: CaptureSession, tracks: Tracks, resting: Bool, anchor: str
+) -> tuple[Aligned, str, list[Any], list[str]]:
+    """Tracks in the rest frame, by which markers, those that were glued elsewhere, warnings."""
+    m = session.markers
+    frames = resting if resting.sum() >= 5 else np.ones(len(tracks.time), bool)
+    rest = rest_pose(tracks.points[frames], tracks.sigma[frames], m.centers, ids=m.ids)
+    # Markers that were hidden at rest are where the design has them.
+    pose = np.where(np.isfinite(rest.points), rest.points, m.centers)
+    warnings = []
+    placed = [
+        {"tag": int(i), "away": float(d)}
+        for i, d, far in zip(m.ids, rest.away, rest.moved, strict=True)
+        if far
+    ]
+    for p in placed:
+        warnings.append(
+            f"tag {p['tag']} is {p['away']:.1f} mm from where the design has it: its place as"
+            " measured is used"
+        )
+    if anchor != "all" and m.anchor.any():
+        try:
+            found = align(tracks.points, pose, mask=m.anchor, sigma=tracks.sigma, ids=m.ids)
+            if anchor == "anchor" or found.ok.mean() >= _OFTEN:
+                return found, "anchor", placed, warnings
+            warnings.append(
+                f"the anchor's tags are seen in {found.ok.mean():.0%} of the frames only: aligned"
+                " by all markers"
+            )
+        except CaptureError as error:
+            if anchor == "anchor":
+                raise
+            warnings.append(f"aligned by all markers: {error}")
+    return align(tracks.points, pose, sigma=tracks.sigma, ids=m.ids), "all", placed, warnings
+
+
+def _quantiles(values: Float) -> dict[str, float | None]:
+    good = values[np.isfinite(values)]
+    if not len(good):
+        return {"median": None, "95 %": None}
+    return {"median": float(np.median(good)), "95 %": float(np.quantile(good, 0.95))}
+
+
+def _write(folder: Path, session: CaptureSession, result: Result) -> None:
+    write_any(folder / TRACKS, result.tracks)
+    write_any(folder / ALIGNED, result.aligned)
+    names = ",".join(session.channels)
+    rows = [
+        f"{k},{t:.6f}," + ",".join("" if not np.isfinite(v) else f"{v:.6f}" for v in row)
+        + "," + ("" if not np.isfinite(d) else f"{d:.4f}")
+        for k, (t, row, d) in enumerate(
+            zip(result.tracks.time, result.signals, result.residual, strict=True)
+        )
+    ]  # fmt: skip
+    with storage_errors(folder):
+        text = f"frame,time,{names},alignment_residual\n" + "\n".join(rows) + "\n"
+        write_text(folder / SIGNALS, text)
+        write_json(folder / QUALITY, result.quality)
+    write_report(folder / REPORT, session, result)
