@@ -207,9 +207,7 @@ def _grid(
 ) -> tuple[float, float, float, float, int]:  # fmt: skip
     """Means of shift and drift, their standard deviations, and the toggles seen."""
     shift, reach, slope, steep = box
-    shifts, slopes = (
-        np.linspace(x - r, x + r, size) for x, r in ((shift, reach), (slope, steep))
-    )
+    shifts, slopes = (np.linspace(x - r, x + r, size) for x, r in ((shift, reach), (slope, steep)))
     value, used = _likelihood(lit, toggles, anchor, shifts, slopes, exposure, jitter)
     weight = np.exp(value - value.max())
     weight /= weight.sum()

@@ -43,6 +43,8 @@ class Detector:
         width, height = camera.size
         grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
         self._plane = camera.to_plane(grid) * camera.focal + camera.matrix[:2, 2]
+        # Compiled now, not at the first tag of a recording: that takes seconds on a new machine.
+        refine(np.zeros((1, 1), np.uint8), self._plane[:1, :1], np.zeros((0, 4, 2)), self._cells)
 
     def find(self, image: Image) -> View:
         """Tags whose four edges could be fitted. Raises CaptureError for an image of another

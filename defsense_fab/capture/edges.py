@@ -216,4 +216,5 @@ def _line(  # type: ignore[no-untyped-def]
     spread[0] = variance * inverse[0, 0] + left_out**2
     spread[1] = variance * inverse[0, 1]
     spread[2] = variance * inverse[1, 1] + (2 * left_out / length) ** 2
-    return True
+    # Equations that say next to nothing have no inverse that could be trusted.
+    return 0 < spread[0] < _MOVED**2 and spread[0] * spread[2] > spread[1] ** 2

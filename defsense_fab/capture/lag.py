@@ -187,7 +187,9 @@ def _search(x: _Rows, y: _Rows, within: float | None) -> int:
         start = x.first - y.first
         half = min(len(x.values), len(y.values)) // 2
         lags = np.arange(start - len(y.values) + half, start + len(x.values) - half, _COARSE)
-    thin = [_Rows(r.first // 2, r.values[r.first % 2 :: 2], r.known[r.first % 2 :: 2]) for r in (x, y)]
+    thin = [
+        _Rows(r.first // 2, r.values[r.first % 2 :: 2], r.known[r.first % 2 :: 2]) for r in (x, y)
+    ]
     thin = [_Rows((r.first + r.first % 2) // 2, t.values, t.known)
             for r, t in zip((x, y), thin, strict=True)]  # fmt: skip
     every = slice(0, len(thin[0].values))

@@ -103,9 +103,7 @@ def _seen(figure: Any, session: CaptureSession, result: Result) -> None:
     t = result.aligned
     bins = min(len(t.time), 400)
     edges = np.linspace(0, len(t.time), bins + 1).astype(int)
-    share = np.array(
-        [t.seen[a : max(b, a + 1)].mean(0) for a, b in pairwise(edges)]
-    )
+    share = np.array([t.seen[a : max(b, a + 1)].mean(0) for a, b in pairwise(edges)])
     image = axes.imshow(
         share.T, aspect="auto", cmap="Greens", vmin=0, vmax=1, interpolation="nearest",
         extent=(t.time[0], t.time[-1], len(t.ids) - 0.5, -0.5),

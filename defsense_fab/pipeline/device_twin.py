@@ -38,7 +38,8 @@ from .stages import read_json
 
 _FOCAL, _SIZE = 900.0, (1280, 720)
 _DISTORTIONS = np.array([0.04, -0.09, 0.0008, -0.0005, 0.01])
-_NEAR, _APART = 400.0, 0.45  # mm, at least; distance between cameras, of their distance
+_NEAR, _APART = 200.0, 0.45  # mm, at least; distance between cameras, of their distance
+_FILLS = 0.55  # of the picture's width, by the body
 _STEADY = 3.0  # mm and degrees of the hand that holds the device
 _DENSE = 60_000  # triangles, above which a body is not drawn
 _FRAMES = 15.0  # frames per second
@@ -190,7 +191,7 @@ def _cameras(body: Surface, markers: Markers, count: int) -> tuple[Camera, ...]:
     low, high = body.bounds
     middle = (low + high) / 2
     extent = float(np.linalg.norm(high - low))
-    away = max(_NEAR, 1.5 * extent * _FOCAL / _SIZE[0])
+    away = max(_NEAR, extent * _FOCAL / (_FILLS * _SIZE[0]))
     normals = markers.axes[:, :, 2]
     k = np.arange(400) + 0.5  # spread over the sphere (Fibonacci)
     polar, turn = np.arccos(1 - 2 * k / 400), np.pi * (1 + 5**0.5) * k

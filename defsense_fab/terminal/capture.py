@@ -161,6 +161,7 @@ class CaptureLines:
                 f" {view.tags} tags by several cameras\n"
             )
         for note in view.notes:
-            if note not in self._told:
-                self._told.add(note)
+            kind = "".join(c for c in note if not c.isdigit())  # not again for every new number
+            if kind not in self._told:
+                self._told.add(kind)
                 sys.stderr.write(f"note: {note}\n")
