@@ -20,7 +20,7 @@ from ..core.errors import CaptureError
 NARROW = 0.05
 #: Nor do those that leave a rotation with a larger standard deviation about its weakest axis, rad.
 DOUBT = 0.1
-_CHUNK = 4096  # frames whose covariances are found at once
+_CHUNK = 256  # frames whose covariances are found at once: what a cache holds
 
 
 @dataclass(frozen=True)
@@ -73,24 +73,30 @@ def align(
     t, m = points.shape[:2]
     names = np.arange(m) if ids is None else ids
     _check_shapes(points, rest, weights, mask, sigma, names)
-    seen = np.isfinite(points).all(axis=2)
-    chosen = np.isfinite(rest).all(axis=1) & np.broadcast_to(True if mask is None else mask, (t, m))
+    seen = np.asarray(np.isfinite(points).all(axis=2))
+    points = np.where(seen[..., None], points, np.nan)
+    known = np.asarray(np.isfinite(rest).all(axis=1))
+    chosen = known & np.broadcast_to(True if mask is None else mask, (t, m))
     used, w = _normalised(seen & chosen, weights, names)
-    always = np.isfinite(rest).all(axis=1) & (True if mask is None else np.atleast_2d(mask).any(0))
-    _check_rest(rest, always & _weighty(weights, m), names)
+    ever = known & _weighty(weights, m) & (True if mask is None else np.atleast_2d(mask).any(0))
+    _check_rest(rest, ever, names)
 
-    x, y = np.where(used[..., None], rest, 0.0), np.where(used[..., None], points, 0.0)
-    middle, center = (w[:, None] @ x)[:, 0], (w[:, None] @ y)[:, 0]
-    x, y = x - middle[:, None], y - center[:, None]
-    along, width = extents((w[..., None] * x).swapaxes(1, 2) @ x)
-    R, hold = _rotation((w[..., None] * y).swapaxes(1, 2) @ x)
+    shift = rest[ever].mean(axis=0)  # near zero, squares keep their digits
+    x, y = np.where(known[:, None], rest - shift, 0.0), np.where(used[..., None], points, 0.0)
+    middle, center = w @ x, (w[:, None] @ y)[:, 0]
+    squares = (w @ np.einsum("mi,mj->mij", x, x).reshape(m, 9)).reshape(t, 3, 3)
+    along, width = extents(squares - middle[:, :, None] * middle[:, None])
+    y -= center[:, None]
+    y *= w[..., None]
+    R, hold = _rotation(y.swapaxes(1, 2) @ x)
+    middle += shift
     count = used.sum(axis=1)
     ok = (count >= 3) & (np.minimum(width, hold) > NARROW**2 * along)
 
     R[~ok], center[~ok] = np.nan, np.nan
     out = (points - center[:, None]) @ R.swapaxes(1, 2) + middle[:, None]
-    out[~seen] = np.nan
-    away = ((np.where(used[..., None], out - rest, 0.0)) ** 2).sum(axis=(1, 2))
+    off = out - rest
+    away = np.where(used, np.einsum("tmi,tmi->tm", off, off), 0.0).sum(axis=1)
     covariance, turn = np.full((t, m, 3, 3), np.nan), np.full(t, np.nan)
     if sigma is not None:
         for k in range(0, t, _CHUNK):
@@ -110,11 +116,14 @@ def align(
 def turned(sigma: Float, rotation: Float) -> Float:
     """Standard deviations (t, m, 3) mm or covariances (t, m, 3, 3) mm^2 of points as covariances
     (t, m, 3, 3) mm^2 of those turned by `rotation` (t, 3, 3)."""
-    R = rotation[:, None]
-    if sigma.ndim == 3:
-        half = R * sigma[:, :, None, :]
-        return np.asarray(half @ half.swapaxes(2, 3))
-    return np.asarray(R @ sigma @ R.swapaxes(2, 3))
+    t, m = sigma.shape[:2]
+    if sigma.ndim == 3:  # R diag(v) R^T and R C R^T are linear in v and C
+        by = np.einsum("tik,tjk->tijk", rotation, rotation).reshape(t, 9, 3)
+        flat = sigma**2
+    else:
+        by = np.einsum("tik,tjl->tijkl", rotation, rotation).reshape(t, 9, 9)
+        flat = sigma.reshape(t, m, 9)
+    return np.asarray((flat @ by.swapaxes(1, 2)).reshape(t, m, 3, 3))
 
 
 def _normalised(used: Bool, weights: Float | None, names: Int) -> tuple[Bool, Float]:
@@ -185,27 +194,37 @@ def _uncertainty(S: Float, placed: Float, w: Float, ok: Bool) -> tuple[Float, Fl
     An error e of point k moves point i by e for i = k, and by -w (1 - [i] B [k]) e with the motion
     of all; [k] takes the cross product with k, and B is the inverse of sum w (k.k - k k^T).
     """
-    K = np.zeros((*placed.shape, 3))
-    K[..., 0, 1], K[..., 0, 2], K[..., 1, 2] = -placed[..., 2], placed[..., 1], -placed[..., 0]
-    K -= K.swapaxes(2, 3)
-    on = (w > 0)[..., None, None]
-    Kw, Sw = np.where(on, K, 0.0) * w[..., None, None], np.where(on, S, 0.0)
-    inertia = (Kw @ np.where(on, K, 0.0).swapaxes(2, 3)).sum(axis=1)
+    S = np.ascontiguousarray(np.moveaxis(S, (0, 1), (2, 3)))  # the fastest order for sums
+    on = w > 0
+    K, Ku = _crosses(placed), _crosses(np.where(on[..., None], placed, 0.0))
+    Kw, Su = Ku * w, np.where(on, S, 0.0)
+    inertia = np.einsum("ijtm,kjtm->tik", Kw, Ku)
     inertia[~ok] = np.eye(3)
     B = np.linalg.inv(inertia)
-    KS = Kw @ Sw
-    shift = (w[..., None, None] ** 2 * Sw).sum(axis=1)
-    mixed = B @ (KS * w[..., None, None]).sum(axis=1)
-    spin = B @ (KS @ Kw.swapaxes(2, 3)).sum(axis=1) @ B
-    KB = K @ B[:, None]
-    half = w[..., None, None] * (S - KB @ (K @ S)) + K @ mixed[:, None]
-    half = np.where(on, half, K @ mixed[:, None])
-    out = S + shift[:, None] - half - half.swapaxes(2, 3) + K @ spin[:, None] @ K.swapaxes(2, 3)
-    spin[~np.isfinite(spin).all(axis=(1, 2))] = np.nan
-    known = np.isfinite(spin[:, 0, 0])
+    KS = _product(Ku, Su)
+    shift = np.einsum("ijtm,tm->ijt", Su, w * w)[..., None]
+    mixed = np.moveaxis(B @ np.einsum("ijtm,tm->tij", KS, w * w), 0, 2)[..., None]
+    spin = B @ np.einsum("ijtm,kjtm->tik", KS * w, Kw) @ B
+    turning = _product(Ku, np.moveaxis(B, 0, 2)[..., None])
+    half = w * (Su - _product(turning, KS)) + _product(K, mixed)
+    rocked = _product(_product(K, np.moveaxis(spin, 0, 2)[..., None]), K)  # K^T = -K
+    out = S + shift - half - half.swapaxes(0, 1) - rocked
+    known = np.isfinite(spin).all(axis=(1, 2))
     turn = np.full(len(w), np.nan)
     turn[known] = np.sqrt(np.maximum(np.linalg.eigvalsh(spin[known])[:, -1], 0.0))
-    return out, turn
+    return np.moveaxis(out, (2, 3), (0, 1)), turn
+
+
+def _crosses(r: Float) -> Float:
+    """The matrices (3, 3, t, m) that take the cross product with r (t, m, 3)."""
+    x, y, z = (np.ascontiguousarray(r[..., i]) for i in range(3))
+    o = np.zeros_like(x)
+    return np.array([[o, -z, y], [z, o, -x], [-y, x, o]])
+
+
+def _product(a: Float, b: Float) -> Float:
+    """Of matrices (3, 3, ...)."""
+    return np.asarray(np.einsum("ij...,jk...->ik...", a, b))
 
 
 def _check_shapes(

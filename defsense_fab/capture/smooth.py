@@ -24,9 +24,9 @@ def smooth(tracks: Tracks, window: float) -> Tracks:
     about it (half before, half after), with weights 1/sigma^2, or equal ones for markers whose
     sigma is not known throughout; `sigma` is that of the fit, from the points' own, as if their
     errors were independent. What was not seen stays so; points with fewer than three others in the
-    window, or with points all on a moment or two of it, stay as they were. The caller must say that
-    the result was smoothed. Raises CaptureError for a window that smooths nothing, or sigma that is
-    not positive."""
+    window, or all but at one or two instants of it, stay as they were. The caller must say that the
+    result was smoothed. Raises CaptureError for a window that smooths nothing, or sigma that is not
+    positive."""
     if not (np.isfinite(window) and window > 0):
         raise CaptureError(f"smoothing: a window of {window:g} s cannot be; give one above 0")
     time, seen = tracks.time, tracks.seen
