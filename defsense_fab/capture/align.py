@@ -44,7 +44,7 @@ class Aligned:
     @property
     def sigma(self) -> Float:
         """Standard deviations (t, m, 3) mm along the axes of the rest frame."""
-        return np.asarray(np.sqrt(np.einsum("tmii->tmi", self.covariance)))
+        return np.asarray(np.sqrt(np.maximum(np.einsum("tmii->tmi", self.covariance), 0.0)))
 
 
 def align(

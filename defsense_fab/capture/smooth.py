@@ -7,11 +7,12 @@ was; the standard deviation never grows.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
+from numba import njit
 
-from ..core.arrays import Float
 from ..core.errors import CaptureError
 from ..core.tracks import Tracks
 
@@ -38,43 +39,61 @@ def smooth(tracks: Tracks, window: float) -> Tracks:
         raise CaptureError("smoothing: tracks have standard deviations that are not above 0")
     trusted = np.asarray((known | ~where).all(axis=(0, 2)))[:, None]
     variance = np.where(where & trusted, tracks.sigma, 1.0) ** 2
-    y = np.where(where, tracks.points, 0.0)
-
-    count = np.zeros(where.shape, np.int64)
-    S, V, T = (np.zeros((k, *where.shape)) for k in (5, 5, 3))
-    half = window / 2
-    reach = _reach(time, half)
-    for shift in range(-reach, reach + 1):
-        at = np.arange(max(0, -shift), len(time) - max(0, shift))
-        u = ((time[at + shift] - time[at]) / half)[:, None, None]
-        kernel = np.where(where[at + shift] & where[at], np.maximum(1 - u * u, 0.0), 0.0)
-        w = kernel * (variance[at] / variance[at + shift])
-        step = y[at + shift] - y[at]
-        count[at] += kernel > 0
-        for k in range(5):
-            S[k, at] += w * u**k
-            V[k, at] += w * kernel * u**k
-            if k < 3:
-                T[k, at] += w * u**k * step
-
-    a = np.stack([S[2] * S[4] - S[3] ** 2, S[2] * S[3] - S[1] * S[4], S[1] * S[3] - S[2] ** 2])
-    det = (S[:3] * a).sum(axis=0)
-    fit = (count >= _LEAST) & (det > _SINGULAR * S[0] * S[2] * S[4])
-    if not fit.any():
+    points, less = tracks.points.copy(), np.ones(where.shape)
+    fit = _smooth(tracks.time, tracks.points, variance, seen, window / 2, points, less)
+    if not fit:
         raise CaptureError(
             f"smoothing: no {_LEAST} points of a marker lie within {window:g} s; frames are"
             f" {np.median(np.diff(time)) if len(time) > 1 else np.nan:.3g} s apart: give a longer"
             " window"
         )
-    a /= np.where(fit, det, 1.0)
-    spread = sum(a[i] * a[j] * V[i + j] for i in range(3) for j in range(3))
-    points = np.where(fit, tracks.points + (a * T).sum(axis=0), tracks.points)
-    less = np.sqrt(np.where(fit, np.clip(spread, 0.0, 1.0), 1.0))
-    sigma = np.where(trusted & where, tracks.sigma * less, np.nan)
-    return replace(tracks, points=points, sigma=sigma)
+    return replace(tracks, points=points, sigma=np.where(trusted, tracks.sigma * less, np.nan))
 
 
-def _reach(time: Float, half: float) -> int:
-    """The most frames that are nearer than `half` s on one side of any."""
-    index = np.arange(len(time))
-    return int((np.searchsorted(time, time + half) - 1 - index).max(initial=0))
+@njit(cache=True, nogil=True)
+def _smooth(time, points, variance, seen, half, out, less):  # type: ignore[no-untyped-def]
+    """Write the fits to `out` and the ratios of their sigma to the points' own to `less`, where
+    there are any; how many."""
+    fitted = 0
+    S, V, T = np.empty(5), np.empty(5), np.empty(3)
+    for m in range(points.shape[1]):
+        for axis in range(3):
+            first = 0
+            for t in range(len(time)):
+                if not seen[t, m]:
+                    continue
+                while time[first] <= time[t] - half:
+                    first += 1
+                S[:], V[:], T[:] = 0.0, 0.0, 0.0
+                count = 0
+                for i in range(first, len(time)):
+                    u = (time[i] - time[t]) / half
+                    kernel = 1 - u * u
+                    if u >= 1:
+                        break
+                    if kernel <= 0 or not seen[i, m]:
+                        continue
+                    count += 1
+                    w = kernel * variance[t, m, axis] / variance[i, m, axis]
+                    step = points[i, m, axis] - points[t, m, axis]
+                    power = 1.0
+                    for k in range(5):
+                        S[k] += w * power
+                        V[k] += w * kernel * power
+                        if k < 3:
+                            T[k] += w * power * step
+                        power *= u
+                a0, a1, a2 = (
+                    S[2] * S[4] - S[3] ** 2,
+                    S[2] * S[3] - S[1] * S[4],
+                    S[1] * S[3] - S[2] ** 2,
+                )
+                det = S[0] * a0 + S[1] * a1 + S[2] * a2
+                if count < _LEAST or not det > _SINGULAR * S[0] * S[2] * S[4]:
+                    continue
+                out[t, m, axis] += (a0 * T[0] + a1 * T[1] + a2 * T[2]) / det
+                spread = a0 * a0 * V[0] + 2 * a0 * a1 * V[1] + (a1 * a1 + 2 * a0 * a2) * V[2]
+                spread += 2 * a1 * a2 * V[3] + a2 * a2 * V[4]
+                less[t, m, axis] = min(1.0, math.sqrt(max(0.0, spread)) / det)
+                fitted += 1
+    return fitted

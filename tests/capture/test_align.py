@@ -247,6 +247,26 @@ def test_markers_glued_elsewhere_are_told_and_pull_nothing():
     assert out.seen[6] == 0
 
 
+def test_several_markers_glued_elsewhere_are_told():
+    rng = np.random.default_rng(10)
+    design = rng.uniform(-40, 40, (9, 3))
+    glued = design.copy()
+    glued[[0, 4, 5, 8]] += [30, 20, 0]  # all one way: the mean would go with them
+    out = rest_pose(resting(20, rng, glued, 0.02, 0.0), None, design)
+    assert np.flatnonzero(out.moved).tolist() == [0, 4, 5, 8]
+    assert np.abs(out.points - glued).max() < 0.1
+
+
+def test_three_markers_take_up_what_alignment_takes_up():
+    points = REST[None, [0, 1, 2, 5]]
+    out = align(points, points[0], None, np.arange(4) < 3, sigma=np.full((1, 4, 3), 0.1))
+    normal = np.cross(REST[1] - REST[0], REST[2] - REST[0])
+    across = out.covariance[0] @ (normal / np.linalg.norm(normal))
+    np.testing.assert_allclose(across[:3], 0, atol=1e-12)  # they lie in the plane of the rest pose
+    assert np.isfinite(out.sigma).all()
+    assert out.sigma[0, 3].max() > 0.1
+
+
 def test_a_rest_pose_that_cannot_be_found_is_refused():
     rng = np.random.default_rng(9)
     points = resting(10, rng, missing=0)
