@@ -14,7 +14,6 @@ from typing import Protocol
 
 import numpy as np
 
-from ..capture.align import align
 from ..capture.detect import Image
 from ..capture.dictionary import dictionary
 from ..capture.recording import Recorder
@@ -22,7 +21,6 @@ from ..capture.solve import solve
 from ..capture.source import Source, Stamped
 from ..capture.webcam import Images
 from ..core.arrays import Bool, Float
-from ..core.errors import CaptureError
 from ..sensing.readout import Dividers
 from .capture_session import BOARD, LOG, REST, CaptureSession, Log, finished
 from .levels import Levels
@@ -246,7 +244,7 @@ class Recording:
         return np.asarray(self._history[-1] / self._rest - 1)
 
     def _locate(self, glances: Sequence[Glance | None]) -> tuple[Float | None, int, int, float]:
-        """Markers aligned to rest (m, 3), or None; how many by several cameras, by one; px."""
+        """Markers (m, 3) mm, or None for none; how many by several cameras, by one; px."""
         m = self._session.markers
         v = len(glances)
         corners = np.full((1, len(m.ids), v, 4, 2), np.nan)
@@ -265,14 +263,7 @@ class Recording:
         several, single = int((found.cameras >= 2).sum()), int((found.cameras == 1).sum())
         miss = found.miss[(found.cameras >= 2)]
         residual = float(np.median(miss)) if len(miss) else float("nan")
-        seen = np.isfinite(found.points[0, :, 0])
-        if seen.sum() < 3:
-            return None, several, single, residual
-        try:
-            back = align(found.points, m.centers, ids=m.ids)
-        except CaptureError:
-            return None, several, single, residual
-        return (back.points[0] if back.ok[0] else None), several, single, residual
+        return found.points[0], several, single, residual
 
     def _shown(self, w: Watcher, glance: Glance | None, glances: Sequence[Glance | None]) -> Shown:
         if glance is None:

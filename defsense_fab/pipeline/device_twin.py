@@ -30,8 +30,7 @@ from ..twin.live import LiveCamera
 from ..twin.motion import Ramp, sway
 from ..twin.puppet import Puppet
 from ..twin.scene import Backdrop, Lamp, Patch, Scene
-from .levels import Levels
-from .stage_body import load_surface
+from .levels import BINS, Levels
 from .stage_mesh import load_mesh
 from .stage_simulate import load_fields
 from .stages import read_json
@@ -68,7 +67,6 @@ def simulated(device: Device, markers: Markers) -> Simulated:
     folder = device.source / "build"
     if not (folder / "layout.json").exists() or not (folder / "fields" / "index.json").exists():
         raise CaptureError(f"{folder}: is not built; run 'defsense build {device.source}' first")
-    surface = load_surface(folder)
     names, _, fields = load_fields(folder)
     ramps = []
     for pose in device.poses:
@@ -82,7 +80,10 @@ def simulated(device: Device, markers: Markers) -> Simulated:
             ramps.append(Ramp(pose.name, np.array(order), np.array([levels[x] for x in order])))
     if not ramps:
         raise CaptureError(f"{folder}: holds no simulated pose; build the device again")
-    locator = PointLocator(QuadraticMesh.from_linear(load_mesh(folder)))
+    mesh = load_mesh(folder)
+    locator = PointLocator(QuadraticMesh.from_linear(mesh))
+    # The tets' boundary bends where a body's own triangles, which may be long, do not.
+    surface = _used(mesh.boundary())
 
     def at(points: Float) -> Float:
         return locator.displacement(locator.find(points), fields)
@@ -93,6 +94,12 @@ def simulated(device: Device, markers: Markers) -> Simulated:
         surface, at(surface.vertices), tuple(ramps), tuple(s["name"] for s in sensors), paths,
         tuple(at(p) for p in paths), np.array([s["length"] for s in sensors]), at(markers.centers),
     )  # fmt: skip
+
+
+def _used(surface: Surface) -> Surface:
+    """Without the vertices that no triangle has."""
+    used, faces = np.unique(surface.faces, return_inverse=True)
+    return Surface(surface.vertices[used], faces.reshape(surface.faces.shape))
 
 
 @dataclass
@@ -247,5 +254,9 @@ def levels_of(device: Device, markers: Markers) -> Levels | None:
         sim = simulated(device, markers)
     except CaptureError:
         return None
-    extents = np.array([sim.tags[r.states[-1]] for r in sim.ramps])
-    return Levels([r.name for r in sim.ramps], extents, markers.centers)
+    steps = np.arange(1, BINS + 1) / BINS
+    shapes = [
+        markers.centers + np.tensordot(r.weights(steps * r.levels[-1]), sim.tags[r.states], 1)
+        for r in sim.ramps
+    ]
+    return Levels([r.name for r in sim.ramps], np.array(shapes), markers.centers)
