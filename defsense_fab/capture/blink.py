@@ -139,28 +139,33 @@ def posterior(
     half, whole = _WINDOW / 2, max(lit.time[-1] - middle, middle - lit.time[0])
     shift, slope = 0.0, drift
     reach, steep = 0.03, _DRIFT
-    light, jitter = float(np.median(known)), 4e-3
+    light, jitter, first = float(np.median(known)), 4e-3, True
     while True:
         part = Lit(lit.time[np.abs(lit.time - middle) <= half + 1e-6],
                    lit.level[np.abs(lit.time - middle) <= half + 1e-6], lit.noise, lit.period)  # fmt: skip
         anchor = (middle, start.device)
-        for _ in range(4):
+        for turn in range(6 if first else 2):
             box = (shift, reach, slope, steep)
-            shift, slope, a, d, _ = _grid(part, toggles, anchor, box, light, jitter, 25)
+            shift, slope, a, d = _grid(part, toggles, anchor, box, light, jitter, 25)
             reach, steep = max(5 * a, 1e-4), max(5 * d, 1e-7)
-            light, jitter = _sharpest(part, toggles, anchor, (shift, reach, slope, steep), known)
+            if first and turn % 2:  # later the exposure is known
+                box = (shift, reach, slope, steep)
+                light, jitter = _sharpest(part, toggles, anchor, box, known)
         if half >= whole:
             break
-        half *= 2
+        half, first = 2 * half, False
         steep = max(steep, 1e-6)
     # About the middle of what was seen the shift and the drift are the least entangled.
     center = float((lit.time[0] + lit.time[-1]) / 2)
     device = start.device + (center - middle - shift) / (1 + slope)
     for _ in range(2):
         box = (0.0, reach, slope, steep)
-        moved, slope, a, d, used = _grid(lit, toggles, (center, device), box, light, jitter, 61)
+        moved, slope, a, d = _grid(lit, toggles, (center, device), box, light, jitter, 61)
         device -= moved / (1 + slope)
         reach, steep = max(5 * a, 1e-4), max(5 * d, 1e-7)
+    k = np.searchsorted(lit.time, center + (toggles.time - device) * (1 + slope))
+    k = k[(k > 0) & (k < len(lit.time))]
+    used = int((lit.time[k] - lit.time[k - 1] < 3 * lit.period).sum())
     return Found(
         0.0, slope, a, d, center, device, float(lit.time[-1] - lit.time[0]), used, light, jitter
     )
@@ -204,17 +209,19 @@ def shifts_alike(
 def _grid(
     lit: Lit, toggles: Toggles, anchor: tuple[float, float],
     box: tuple[float, float, float, float], exposure: float, jitter: float, size: int,
-) -> tuple[float, float, float, float, int]:  # fmt: skip
-    """Means of shift and drift, their standard deviations, and the toggles seen."""
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Means of shift and drift and their standard deviations."""
     shift, reach, slope, steep = box
-    shifts, slopes = (np.linspace(x - r, x + r, size) for x, r in ((shift, reach), (slope, steep)))
-    value, used = _likelihood(lit, toggles, anchor, shifts, slopes, exposure, jitter)
+    shifts, slopes = (
+        np.linspace(x - r, x + r, size) for x, r in ((shift, reach), (slope, steep))
+    )
+    value = _likelihood(lit, toggles, anchor, shifts, slopes, exposure, jitter)
     weight = np.exp(value - value.max())
     weight /= weight.sum()
     a, d = float(weight.sum(1) @ shifts), float(weight.sum(0) @ slopes)
     spread = float(np.sqrt(weight.sum(1) @ (shifts - a) ** 2 + (shifts[1] - shifts[0]) ** 2 / 12))
     turn = float(np.sqrt(weight.sum(0) @ (slopes - d) ** 2 + (slopes[1] - slopes[0]) ** 2 / 12))
-    return a, d, spread, turn, used
+    return a, d, spread, turn
 
 
 def _sharpest(
@@ -223,11 +230,16 @@ def _sharpest(
 ) -> tuple[float, float]:  # fmt: skip
     """Exposure and jitter that explain the frames best."""
     shift, reach, slope, steep = box
-    shifts, slopes = (np.linspace(x - r, x + r, 13) for x, r in ((shift, reach), (slope, steep)))
+    shifts, slopes = (
+        np.linspace(x - 0.6 * r, x + 0.6 * r, 15) for x, r in ((shift, reach), (slope, steep))
+    )
     best = (-np.inf, 0.0, 0.0)
+    edge = float(exposures.max()) / 2 + 4 * float(_JITTERS.max())  # of all: the same frames
     for exposure in exposures:
         for jitter in _JITTERS:
-            v, _ = _likelihood(lit, toggles, anchor, shifts, slopes, float(exposure), float(jitter))
+            v = _likelihood(
+                lit, toggles, anchor, shifts, slopes, float(exposure), float(jitter), edge
+            )
             total = float(v.max() + np.log(np.exp(v - v.max()).mean()))
             best = max(best, (total, float(exposure), float(jitter)))
     return best[1], best[2]
@@ -235,16 +247,16 @@ def _sharpest(
 
 def _likelihood(
     lit: Lit, toggles: Toggles, anchor: tuple[float, float], shifts: Float, slopes: Float,
-    exposure: float, jitter: float,
-) -> tuple[Float, int]:  # fmt: skip
-    """Its logarithm (a, d) at shifts (a,) and drifts (d,), and the toggles that it goes by."""
+    exposure: float, jitter: float, edge: float | None = None,
+) -> Float:  # fmt: skip
+    """Its logarithm (a, d) at shifts (a,) and drifts (d,), by frames within `edge` s of toggles."""
     middle, device = anchor
     c, a, d = lit.time - middle, float(shifts.mean()), float(slopes.mean())
     at = device + (c - a) / (1 + d)
     k = np.clip(np.searchsorted(toggles.time, at), 1, max(len(toggles.time) - 1, 1))
     k = np.where(at - toggles.time[k - 1] < toggles.time[k % len(toggles.time)] - at, k - 1, k)
     k = np.clip(k, 0, len(toggles.time) - 1)
-    edge = exposure / 2 + 4 * jitter + 2 * _FINE
+    edge = edge or exposure / 2 + 4 * jitter + 2 * _FINE
     apart = float(np.ptp(shifts)) / 2 + float(np.ptp(slopes)) / 2 * float(np.abs(c).max()) + edge
     near = np.abs(at - toggles.time[k]) < apart
     near &= (at >= toggles.start) & (at <= toggles.end)
@@ -261,7 +273,7 @@ def _likelihood(
         below = np.minimum(place.astype(int), last - 1)
         part = place - below
         out[:, j] = ((1 - part) * table[row, below] + part * table[row, below + 1]).sum(1)
-    return out, len(np.unique(k))
+    return out
 
 
 @lru_cache(maxsize=256)

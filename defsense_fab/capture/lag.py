@@ -30,6 +30,12 @@ _DRIFT_FROM = 40.0  # s; of less no drift is told
 _NO_DRIFT = 1e-4  # standard deviation of a drift that is not told
 _PART = 5.0  # s of a block
 _SHARED = 0.1  # nats of information at least
+_FORETOLD = 0.1  # of the signals' variance that motion foretells in the other half of the blocks
+_NOTHING = (
+    "synchronise: motion and signals have nothing in common; move the device about, faster and in"
+    " all its ways, or put the LED in view"
+)
+_UNLIKE = 1.4  # by which blocks that hang together make the jackknife's deviations too small
 _OTHER = 0.75  # of the best one's that another lag may share
 
 
@@ -177,6 +183,17 @@ def _shared(moments: Float, p: int) -> Float:
     return np.asarray((one + other - all_) / 2)
 
 
+def _foretells(learnt: Float, tested: Float, p: int) -> float:
+    """What part of the variance of the others the first p variables foretell, in other moments
+    than they were learnt from."""
+    one, other = slice(0, 1 + p), slice(1 + p, None)
+    ridge = _RIDGE * learnt[0, 0] * np.eye(1 + p)
+    b = np.linalg.solve(learnt[one, one] + ridge, learnt[one, other])
+    left = tested[other, other] - b.T @ tested[one, other]
+    left = np.trace(left - tested[other, one] @ b + b.T @ tested[one, one] @ b)
+    return float(1 - left / np.trace(tested[other, other]))
+
+
 def _search(x: _Rows, y: _Rows, within: float | None) -> int:
     """The best lag, in steps."""
     p = x.values.shape[1]
@@ -198,10 +215,7 @@ def _search(x: _Rows, y: _Rows, within: float | None) -> int:
     shared = np.where(count > 0.4 * count.max(), _shared(moments, p), 0.0)
     k = int(shared.argmax())
     if shared[k] < _SHARED:
-        raise CaptureError(
-            "synchronise: motion and signals have nothing in common; move the device about, faster"
-            " and in all its ways, or put the LED in view"
-        )
+        raise CaptureError(_NOTHING)
     if within is not None and k in (0, len(lags) - 1):
         raise CaptureError(
             f"synchronise: motion and signals go together best {within:g} s from the offset that"
@@ -228,7 +242,7 @@ def _refine(
     common = np.flatnonzero(x.known & (here >= 0) & (here < len(y.values)))
     start, stop = int(common[0]), int(common[-1]) + 1
     span, middle = (stop - start) * _STEP, (x.first + (start + stop - 1) / 2) * _STEP
-    count = int(np.clip(span / _PART, 4, 60))
+    count = int(np.clip(span / _PART, 4, 24))
     edges = np.linspace(start, stop, count + 1).astype(int)
     lags = np.arange(best - _AROUND, best + _AROUND + 1)
     blocks = np.array(
@@ -239,10 +253,10 @@ def _refine(
     )
     place = ((edges[:-1] + edges[1:]) / 2 - (start + stop) / 2) * _STEP
     free = fixed is None and span >= _DRIFT_FROM
-    scale = np.array([5e-3, 5e-3 / (span / 2)])  # lag and drift that matter about as much
+    scale = np.array([2e-3, 2e-3 / (span / 2)])  # lag and drift that matter about as much
 
-    def shared(points: Float, keep: Int) -> Float:
-        """At points (k, 2) of lag and drift, of some blocks."""
+    def sums(points: Float, keep: Int) -> Float:
+        """Moments at points (k, 2) of lag and drift, of some blocks."""
         at = (points[:, :1] + points[:, 1:] * place[keep]) / _STEP - lags[0]
         at = np.clip(at, 1, len(lags) - 2.001)
         low = at.astype(int)
@@ -255,34 +269,44 @@ def _refine(
         total = np.zeros((len(points), *blocks.shape[2:]))
         for k, w in enumerate(weights):
             total += np.einsum("kb,kbij->kij", w, blocks[keep, low + k - 1])
-        return _shared(total, p)
+        return total
 
-    def climb(point: Float, keep: Int, rounds: int) -> Float:
-        """Newton's method on the differences around a point."""
+    def shared(points: Float, keep: Int) -> Float:
+        return _shared(sums(points, keep), p)
+
+    def zoom(point: Float) -> Float:
+        """The best of a grid, ever finer: peaks may be as sharp as cusps."""
+        reach = np.array([0.08, 6e-4 if free else 0.0])
+        for _ in range(6):
+            sides = [np.linspace(-r, r, 17 if r else 1) for r in reach]
+            points = point + np.stack(np.meshgrid(*sides, indexing="ij"), -1).reshape(-1, 2)
+            point = points[int(shared(points, every).argmax())]
+            reach = reach / 4
+        return np.asarray(point)
+
+    def climb(point: Float, keep: Int) -> Float:
+        """Newton's method on the differences around a point near the peak."""
         side = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)], float)
         if not free:
             side = side[side[:, 1] == 0]
-        for _ in range(rounds):
+        for _ in range(3):
             v = shared(point + side * scale, keep)
-            powers = [np.ones(len(side)), side[:, 0], side[:, 0] ** 2]
-            if free:
-                powers += [side[:, 1], side[:, 1] ** 2, side[:, 0] * side[:, 1]]
-            c = np.linalg.lstsq(np.stack(powers, 1), v, rcond=None)[0]
-            if free:
-                bend = np.array([[2 * c[2], c[5]], [c[5], 2 * c[4]]])
-                slope = np.array([c[1], c[3]])
-            else:
-                bend, slope = np.array([[2 * c[2]]]), np.array([c[1]])
-            if (np.linalg.eigvalsh(bend) >= 0).any():
-                move = 2 * np.sign(slope)
-            else:
-                move = np.clip(-np.linalg.solve(bend, slope), -6, 6)
-            point = point + scale * np.append(move, [0.0] * (2 - len(move)))
+            x1, x2 = side.T
+            powers = [np.ones(len(side)), x1, x1**2, x2, x2**2, x1 * x2][: 6 if free else 3]
+            c = np.append(np.linalg.lstsq(np.stack(powers, 1), v, rcond=None)[0], [0.0] * 3)
+            bend = np.array([[2 * c[2], c[5]], [c[5], 2 * c[4] if free else -1.0]])
+            size, axes = np.linalg.eigh(bend)
+            move = axes @ (axes.T @ [c[1], c[3]] / np.maximum(np.abs(size), 1e-9))
+            point = point + scale * np.clip(move, -3, 3)
         return point
 
     every = np.arange(count)
-    first = climb(np.array([best * _STEP, fixed or 0.0]), every, 8)
-    without = np.array([climb(first, np.delete(every, b), 2) for b in every])
-    sigma = np.sqrt((count - 1) / count * ((without - without.mean(0)) ** 2).sum(0))
+    first = zoom(np.array([best * _STEP, fixed or 0.0]))
+    without = np.array([climb(first, np.delete(every, b)) for b in every])
+    without -= climb(first, every) - first
+    sigma = _UNLIKE * np.sqrt((count - 1) / count * ((without - without.mean(0)) ** 2).sum(0))
     turn = float(sigma[1]) if free else _NO_DRIFT
+    tells = [_foretells(*(sums(first[None], every[k::2])[0] for k in ab), p) for ab in ((0, 1), (1, 0))]
+    if min(tells) < _FORETOLD and fixed is None:
+        raise CaptureError(_NOTHING)
     return float(first[0]), float(first[1]), float(sigma[0]), turn, span, middle

@@ -13,11 +13,12 @@ import numpy as np
 from ..core.arrays import Float
 from .clock import relate
 
-_FIRST = 64  # frames that the median step alone may number
+_FIRST = 64  # frames that are numbered by their period alone
 _BLOCK = 40  # frames among which one is expected almost in time
 _NEAR = 0.1  # periods by which that one is late at most
 _SPREAD = 0.6  # periods by which nine of ten are late at most
-_BACK = 0.03  # periods that a stamp may be before its time
+_BACK = 0.05  # periods that a stamp may be before its time
+_ONSET = 0.4  # periods within which most stamps are
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,8 @@ def steady(stamp: Float) -> Steady:
     step = np.diff(stamp)
     if len(stamp) < _BLOCK or not (step > 0).any():
         return as_is
-    period, first = float(np.median(step[step > 0])), float(stamp[0])
-    n, line = min(_FIRST, len(stamp)), np.zeros(0)
+    n, line, first = min(_FIRST, len(stamp)), np.zeros(0), float(stamp[0])
+    period = _period(stamp[:n] - first, float(np.median(step[step > 0])))
     while True:
         for _ in range(3):
             place = (stamp[:n] - first) / period
@@ -58,11 +59,20 @@ def steady(stamp: Float) -> Steady:
     return Steady(line, True, float(np.median(late)))
 
 
+def _period(place: Float, about: float) -> float:
+    """At which the fractions of few stamps, in periods, are most alike."""
+    periods = about * np.linspace(0.94, 1.06, 241)
+    turns = np.exp(2j * np.pi * place / periods[:, None]).mean(1)
+    return float(periods[int(np.abs(turns).argmax())])
+
+
 def _number(place: Float) -> Float:
-    """Whole numbers of frames from their places, in periods, late by less than one: counted from
-    the widest gap on the circle of fractions."""
+    """Whole numbers of frames from their places, in periods, late by less than one: most are by
+    little, so that fractions begin where many follow and few precede, on a circle."""
     fraction = np.sort(place % 1)
-    gaps = np.diff(np.append(fraction, fraction[0] + 1))
-    k = int(gaps.argmax())
-    edge = fraction[(k + 1) % len(fraction)] - min(_BACK, gaps[k] / 2)
-    return np.asarray(np.floor(place - edge))
+    around = np.concatenate([fraction - 1, fraction, fraction + 1])
+    here, after, before = (
+        np.searchsorted(around, fraction + d) for d in (0.0, _ONSET, -_ONSET / 2)
+    )
+    edge = fraction[int(((after - here) - 2 * (here - before)).argmax())]
+    return np.asarray(np.floor(place - edge + _BACK))

@@ -21,6 +21,7 @@ from .toggles import check_clock, find_toggles
 _SHORTEST = 5.0  # s that both clocks must have in common
 _FEWEST = 6  # toggles
 _AGREE = 0.6  # frames that are as the board says, less those that are not: of all
+_LOOP = 0.3e-3  # s, standard deviation of where the board's loop puts all toggles
 _MOST_ERROR = 0.05  # s: what is known less well is not known
 
 
@@ -105,11 +106,12 @@ def by_lamp(
         )
     half = found.span / 2
     spread = float(np.hypot(found.shift_sigma, found.drift_sigma * half))
-    # Where one toggle may be, all may: a uniform distribution.
-    spread = float(np.hypot(spread, toggles.slack / np.sqrt(3)))
+    # Where one toggle may be, all may: a uniform distribution; the loop is late as well.
+    same = float(np.hypot(toggles.slack / np.sqrt(3), _LOOP))
+    spread = float(np.hypot(spread, same))
     unsteady = 0.0 if frames.even else found.jitter
     offset = found.middle + found.shift - (1 + found.drift) * found.device_middle
-    sigma = float(np.hypot(found.shift_sigma, toggles.slack / np.sqrt(3)))
+    sigma = float(np.hypot(found.shift_sigma, same))
     return Sync(
         offset, found.drift, sigma, found.drift_sigma, found.device_middle,
         2 * spread + unsteady, "lamp", float(found.toggles),
