@@ -60,16 +60,16 @@ def place(
     points, normals = skin.samples(body, size)
     tree = cKDTree(points)
     round_ = size / np.sqrt(2)
+    keep = _Keep(hollows, round_, wall + _ENGRAVED)
     rng = np.random.default_rng(0)
     found: list[tuple[Float, Float]] = []
     for k in rng.permutation(len(points)):
-        near = tree.query_ball_point(points[k], 1.6 * round_)
+        near = np.array(tree.query_ball_point(points[k], 1.6 * round_))
         # A thin body's other skin is near too: only what looks the same way counts.
-        near = [j for j in near if normals[j] @ normals[k] > 0]
-        close = [j for j in near if np.linalg.norm(points[j] - points[k]) <= round_]
-        normal = normals[close].mean(axis=0)
-        normal /= np.linalg.norm(normal)
+        near = near[normals[near] @ normals[k] > 0]
         offset = points[near] - points[k]
+        normal = normals[near][np.linalg.norm(offset, axis=1) <= round_].mean(axis=0)
+        normal /= np.linalg.norm(normal)
         height = offset @ normal
         aside = np.linalg.norm(offset - height[:, None] * normal, axis=1)
         under = aside < round_
@@ -79,7 +79,7 @@ def place(
         if high - low > DEEP:
             continue
         center = points[k] + low * normal
-        if all(_gap(p, center, normal, round_) - r >= wall + _ENGRAVED for p, r in hollows):
+        if keep.clear(center, normal):
             found.append((center, normal))
     clear = [all(abs(float((c - p.origin) @ p.normal)) > round_ for p in planes) for c, _ in found]
     return [
@@ -100,12 +100,25 @@ def _covered(offset: Float, normal: Float) -> bool:
     return bool(gaps.max() < np.radians(75))
 
 
-def _gap(points: Float, center: Float, normal: Float, radius: float) -> float:
-    """Least distance, mm, of points (n, 3) from a disc."""
-    offset = points - center
-    height = offset @ normal
-    aside = np.linalg.norm(offset - height[:, None] * normal, axis=1)
-    return float(np.hypot(height, np.maximum(aside - radius, 0.0)).min())
+class _Keep:
+    """Whether discs of one `radius` leave `wall` mm to hollows: points (n, 3) mm and a radius."""
+
+    def __init__(self, hollows: Sequence[tuple[Float, float]], radius: float, wall: float) -> None:
+        self._radius = radius
+        self._points = np.concatenate([np.zeros((0, 3)), *(p for p, _ in hollows)])
+        self._least = np.concatenate(
+            [np.zeros(0), *(np.full(len(p), r + wall) for p, r in hollows)]
+        )
+        self._tree = cKDTree(self._points)
+        self._reach = radius + float(self._least.max(initial=0.0))
+
+    def clear(self, center: Float, normal: Float) -> bool:
+        near = self._tree.query_ball_point(center, self._reach)
+        offset = self._points[near] - center
+        height = offset @ normal
+        aside = np.linalg.norm(offset - height[:, None] * normal, axis=1)
+        gap = np.hypot(height, np.maximum(aside - self._radius, 0.0))
+        return bool((gap >= self._least[near]).all())
 
 
 def _spread(

@@ -26,15 +26,15 @@ def write_coupon(
 
     Raises FabricationError for clearances that cannot be or a bed that does not hold the plate.
     """
-    from ..geometry.coupon import PEG, coupon
+    from ..geometry.coupon import PEG, coupon, sizes
 
     if not all(np.isfinite(c) for c in clearances) or len(set(clearances)) < len(clearances):
         raise FabricationError("coupon: give different clearances in mm")
     diameter, printer = cord_diameter(cord), Printer.named(process)
     ordered = sorted(clearances)
+    printer.check(sizes(diameter, ordered))
     solids = coupon(diameter, ordered)
     prints = {name: Print.of(name, solid, (0, 0, 1)) for name, solid in solids.items()}
-    printer.check(prints)
     data = {
         "cord": cord,
         "process": process,

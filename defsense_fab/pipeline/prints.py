@@ -59,11 +59,11 @@ class Printer:
         bed = (float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"]))
         return cls(name, float(row["clearance"]), float(row["wall"]), bed)
 
-    def check(self, prints: Mapping[str, Print]) -> None:
-        """Raises FabricationError for a part that the bed does not hold."""
+    def check(self, sizes: Mapping[str, Sequence[float]]) -> None:
+        """Raises FabricationError for a part of these sizes (3,), mm, that the bed does not
+        hold."""
         bed = self.bed
-        for name, one in prints.items():
-            x, y, z = one.size
+        for name, (x, y, z) in sizes.items():
             if z > bed[2] or not ((x <= bed[0] and y <= bed[1]) or (y <= bed[0] and x <= bed[1])):
                 raise FabricationError(
                     f"{name} measures {x:.0f} x {y:.0f} x {z:.0f} mm and does not fit the bed of"

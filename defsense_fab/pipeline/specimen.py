@@ -55,7 +55,7 @@ def write_specimen(
     progress("jigs", 1.0, "done")
     solids = halves(spec) | solids
     prints = {n: Print.of(n, solid, UP.get(n, (0, 1, 0))) for n, solid in solids.items()}
-    printer.check(prints)
+    printer.check({n: one.size for n, one in prints.items()})
     warnings = []
     skin = offset - spec.channel_diameter / 2
     if skin < wall:

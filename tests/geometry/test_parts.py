@@ -352,7 +352,7 @@ def test_no_seats_unless_asked_for_and_thin_bodies_take_them(bar):
     across = [cord("c", [0, 0, 1], [0, 20, 0], [1, 0, 0], STRAIGHT)]
     made = make_parts(plate, across, replace(RULES, seats=4, pockets=None))
     assert len(made.seats) == 4
-    small = make_parts(bar, straight, replace(RULES, seats=2, tag=3.0))
+    small = make_parts(bar, straight, replace(RULES, seats=2, tag=5.0))
     assert len(small.seats) == 2
 
 

@@ -19,7 +19,7 @@ from defsense_fab.core.errors import StorageError
 from defsense_fab.core.files import storage_errors
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.geometry import facets
-from defsense_fab.pipeline import stage_report
+from defsense_fab.pipeline import stage_fabricate, stage_report
 from defsense_fab.pipeline.stage_optimize import _uncalibrated
 from defsense_fab.pipeline.stage_report import _stl
 
@@ -178,7 +178,7 @@ def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(stage_report, "run", full)
+    monkeypatch.setattr(stage_fabricate, "run", full)
     assert cli.main(["build", str(copy)]) == 2
     assert "the disk is full" in capsys.readouterr().err
     assert snapshot(copy / "build") == before

@@ -33,11 +33,17 @@ def cube():
 
 
 @pytest.fixture(scope="module")
-def folder(cube, tmp_path_factory):
-    """The cube's parts as drawn, with signals made up."""
+def made(cube):
+    """The cube's parts as drawn."""
     device, body = cube
+    return fabricate(device, body.surface, device.sensors, lambda *_: None, body.solid)
+
+
+@pytest.fixture(scope="module")
+def folder(cube, made, tmp_path_factory):
+    """Their files, with signals made up."""
+    device, _ = cube
     out = tmp_path_factory.mktemp("cube")
-    made = fabricate(device, body.surface, device.sensors, lambda *_: None, body.solid)
     layout = [
         {**write_sensor(s), "points": c.inside.tolist(), "peak_strain": 0.1, "least_strain": 0.0}
         for s, c in zip(device.sensors, made.channels, strict=True)
@@ -184,10 +190,9 @@ def test_freecad_opens_the_step_files_with_the_same_volume(folder, manifest, tmp
     assert volumes["assembly.step"] == pytest.approx(total, rel=1e-6)
 
 
-def test_a_part_that_no_bed_holds_is_refused(cube):
-    device, body = cube
+def test_a_part_that_no_bed_holds_is_refused(cube, made):
+    device, _ = cube
     small = replace(device, fabrication=replace(device.fabrication, bed=(25.0, 25.0, 25.0)))
-    made = fabricate(small, body.surface, device.sensors, lambda *_: None)
     with pytest.raises(
         FabricationError, match=r"\d-[a-z-]+ measures .* does not fit the bed of fdm"
     ):
