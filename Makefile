@@ -9,6 +9,7 @@ BIN := $(VENV)/bin
 demo: setup
 	$(BIN)/defsense build fixtures/devices/bar
 
+# Shared fixtures are expensive: a file's tests stay in one worker, which uses one core.
 test: setup check
 	sh setup-system.sh test
 	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
