@@ -91,8 +91,8 @@ def place(
 def _covered(offset: Float, normal: Float) -> bool:
     """Whether points lie on all sides: not at the rim of a flat face."""
     x, y = frame(normal)[:, :2].T
-    reach = np.linalg.norm(offset, axis=1).max()
-    outer = offset[np.linalg.norm(offset, axis=1) > 0.6 * reach]
+    distance = np.linalg.norm(offset, axis=1)
+    outer = offset[distance > 0.6 * distance.max()]
     angle = np.sort(np.arctan2(outer @ y, outer @ x))
     if len(angle) < 4:
         return False

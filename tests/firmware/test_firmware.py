@@ -112,8 +112,10 @@ def test_no_converter_answers(board):
 def test_a_chip_that_falls_silent_is_not_read(board):
     running = board("ads1115", "--ads", "2", "--stop-chip", "3")
     with Reader(partial(open_port, running.port), "board", Settings(channels=8)) as reader:
-        items = [i for i in collect(reader, 4) if isinstance(i, Stamped)]
-    last = items[-1].sample.counts
+        last, end = np.zeros(8), time.monotonic() + 30  # a busy machine's board is behind its time
+        while not np.isnan(last[:4]).all() and time.monotonic() < end:
+            found = [i.sample.counts for i in collect(reader, 0.5) if isinstance(i, Stamped)]
+            last = found[-1] if found else last
     assert np.isnan(last[:4]).all()
     assert np.isfinite(last[4:]).all()
 

@@ -23,7 +23,7 @@ from defsense_fab.pipeline.stage_optimize import limits
 from tests.geometry import slicer
 from tests.geometry.random_layouts import random_layout
 
-COUNT = int(os.environ.get("DEFSENSE_RANDOM_LAYOUTS", "5"))
+COUNT = int(os.environ.get("DEFSENSE_RANDOM_LAYOUTS", "4"))
 DEVICES = Path(__file__).parents[2] / "fixtures" / "devices"
 
 

@@ -208,7 +208,7 @@ class Terminal:
         os.close(slave)
         self._master, self.text = master, ""
 
-    def until(self, pattern, seconds=20):
+    def until(self, pattern, seconds=60):
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             if re.search(pattern, self.text):
@@ -226,7 +226,7 @@ class Terminal:
         os.write(self._master, key.encode())
 
     def end(self):
-        code = self.process.wait(20)
+        code = self.process.wait(60)
         os.close(self._master)
         return code
 
