@@ -102,6 +102,7 @@ def _run(
 ) -> tuple[bool, Any]:
     """Record; whether the session is finished, and the session."""
     from .capture.reader import Settings
+    from .capture.toggles import LED_PERIOD
     from .capture.webcam import Webcam
     from .pipeline import capture_session as sessions
     from .pipeline.capture_record import Recording
@@ -122,7 +123,7 @@ def _run(
     openers = _openers(options.cameras, session, rehearsal, Webcam)
     board = None
     if options.port != "none":
-        settings = Settings(channels=len(session.channels), rate=options.rate, led=LED)
+        settings = Settings(channels=len(session.channels), rate=options.rate, led=LED_PERIOD)
         port = rehearsal.port() if rehearsal is not None else options.port
         board = open_source(port, settings).source
     levels = levels_of(device, markers)
@@ -141,10 +142,6 @@ def _run(
             sessions.discard_empty(session)
         raise
     return done, session
-
-
-#: ms, of the board's LED: no simple multiple of a frame's time (see `capture/toggles.py`).
-LED = 370
 
 
 def _begin(

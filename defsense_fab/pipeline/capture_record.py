@@ -125,8 +125,9 @@ class Recording:
                 for camera, opener in zip(session.rig.cameras, self._openers, strict=True):
                     watcher = Watcher(opener, camera, tags, folder, log, video=self._video)
                     stack.callback(watcher.close)
-                    watcher.start()
                     self._watchers.append(watcher)
+                for watcher in self._watchers:  # together: all of them are ready
+                    watcher.start()
                 log.event("start", device=session.device)
                 complete = self._steps()
                 why = "all steps were shown" if complete else why
