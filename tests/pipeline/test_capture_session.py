@@ -1,0 +1,192 @@
+"""Capture sessions: recorded, cut off at any moment, resumed, processed."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.align import align
+from defsense_fab.capture.detect import View
+from defsense_fab.capture.exchange import read_any
+from defsense_fab.core.errors import CaptureError, StorageError
+from defsense_fab.pipeline import capture_session as sessions
+from defsense_fab.pipeline.capture_process import process_session
+from tests.pipeline import capture_rig as rig
+
+KILLS = int(os.environ.get("DEFSENSE_KILLS", "2"))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A session whose second camera went away for a while."""
+    folder = tmp_path_factory.mktemp("capture") / "session"
+    session = rig.begin(folder, [("rest", 1.5), ("out", 5.0), ("rest", 1.0)])
+    screen = rig.Silent()
+    began = time.monotonic()
+    assert rig.record(session, screen, gone=4.0)
+    assert time.monotonic() - began < 60
+    return sessions.load(folder), screen
+
+
+def test_what_was_recorded_is_there_and_consecutive(recorded):
+    session, screen = recorded
+    run = session.runs[0]
+    assert sessions.finished(session) == [0, 1, 2]
+    assert sessions.ending(run) == "all steps were shown"
+    for name in ("cam_0", "cam_1"):
+        seen = sessions.read_camera(run, name)
+        assert seen.cut == 0
+        assert len(seen.time) > 20
+        assert (np.diff(seen.time) > 0).all()
+        assert np.median([len(v.ids) for v in seen.views]) == 6
+    kinds = [e["event"] for e in sessions.read_log(run)]
+    assert kinds.count("step") == kinds.count("done") == 3
+    assert "camera gone" in kinds
+    assert "camera back" in kinds
+    assert any("cam_1 is gone" in note for note in screen.notes)
+    assert screen.last.tags == 6
+
+
+def test_processed_in_the_rest_frame_with_signals(recorded):
+    session, _ = recorded
+    result = process_session(session.folder)
+    q = result.quality
+    assert q["aligned_by"] == "anchor"
+    assert q["aligned_frames"] > 0.95
+    assert q["residual"]["median"] < 0.05
+    assert q["runs"][0]["sync"]["method"] in ("motion", "arrival", "lamp")
+    t = read_any(session.folder / "aligned.csv")
+    several = t.sigma[..., 2] < 0.3
+    still = np.abs(t.points[:, :4] - rig.CENTERS[:4])
+    assert np.sqrt(np.nanmean(still[several[:, :4]] ** 2)) < 0.06
+    good = np.isfinite(result.signals[:, 0]) & several[:, 4] & np.isfinite(t.points[:, 4, 2])
+    assert good.sum() > 50
+    together = np.corrcoef(t.points[good, 4, 2], result.signals[good, 0])[0, 1]
+    assert together > 0.97
+    assert json.loads((session.folder / "quality.json").read_text())["frames"] == len(t.time)
+    assert "<h1>plate: session</h1>" in (session.folder / "report.html").read_text()
+    with pytest.raises(CaptureError, match="recorded without --video"):
+        process_session(session.folder, video=True)
+
+
+def test_stopped_and_resumed(tmp_path):
+    session = rig.begin(tmp_path / "s", [("rest", 1.0), ("out", 1.0)])
+    assert not rig.record(session, rig.Silent({8: "q"}))
+    assert sessions.finished(session) in ([], [0])
+    assert sessions.ending(session.runs[0]) == "stopped by the user"
+    assert rig.record(session)
+    assert sessions.finished(session) == [0, 1]
+    assert [r.name for r in session.runs] == ["run-1", "run-2"]
+    with pytest.raises(CaptureError, match="holds a session already"):
+        rig.begin(tmp_path / "s", [("rest", 1.0)])
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment(tmp_path):
+    """Each run is whole but for the line that was cut; the session opens and says how it ended."""
+    chance = random.Random(0)
+    folder = tmp_path / "s"
+    cut = rows = 0
+    for k in range(KILLS):
+        program = subprocess.Popen(
+            [sys.executable, "-m", "tests.pipeline.capture_rig", str(folder)],
+            cwd=Path(__file__).parents[2],
+        )
+        until = time.monotonic() + 90
+        written = folder / f"run-{k + 1}" / "cam_1.csv"
+        while time.monotonic() < until and not (written.exists() and written.stat().st_size > 2000):
+            time.sleep(0.02)
+        time.sleep(chance.uniform(0, 1.5))
+        program.send_signal(signal.SIGKILL)
+        program.wait()
+        session = sessions.load(folder)
+        run = session.runs[-1]
+        assert "cut off" in sessions.ending(run)
+        for name in ("cam_0", "cam_1"):
+            frames = np.loadtxt(
+                (run / f"{name}-frames.csv").read_text().splitlines()[1:-1], delimiter=",", ndmin=2
+            )
+            assert (frames[:, 0] == np.arange(len(frames))).all()
+            seen = sessions.read_camera(run, name)
+            assert seen.cut <= 2
+            cut += seen.cut
+            rows += len(seen.time)
+            assert all(len(v.ids) == 6 for v in seen.views[:-1])
+    assert rows > 10 * KILLS
+    result = process_session(folder)
+    assert len(result.quality["runs"]) == KILLS
+    assert all("cut off" in r["ended"] for r in result.quality["runs"])
+
+
+def test_tags_survive_their_file(tmp_path):
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(0, 1000, (3, 4, 2)).round(4)
+    root = rng.normal(size=(3, 8, 8)) * 0.02
+    views = View(np.array([4, 0, 9]), corners, root @ root.swapaxes(1, 2), corners)
+    tags = sessions.Stream(tmp_path / "c.csv", sessions.TAG_COLUMNS)
+    frames = sessions.Stream(tmp_path / "c-frames.csv", sessions.FRAME_COLUMNS)
+    for k in range(3):
+        frames.line(f"{k},{10**15 + k},nan")
+        if k != 1:
+            tags.line(sessions.tag_lines(k, 10**15 + k, views))
+    tags.line("2,55,")  # cut below
+    tags.close()
+    frames.close()
+    path = tmp_path / "c.csv"
+    path.write_bytes(path.read_bytes().removesuffix(b"55,\n"))
+    found = sessions.read_camera(tmp_path, "c")
+    assert found.cut == 1
+    assert [len(v.ids) for v in found.views] == [3, 0, 3]
+    assert found.time[2] == 10**15 + 2
+    np.testing.assert_array_equal(found.views[2].ids, [4, 0, 9])
+    np.testing.assert_allclose(found.views[0].corners, corners, atol=1e-9)
+    got = found.views[0].covariance
+    for k in range(4):
+        block = slice(2 * k, 2 * k + 2)
+        np.testing.assert_allclose(
+            got[:, block, block], views.covariance[:, block, block], rtol=1e-3
+        )
+
+
+def test_bad_sessions_are_one_clear_line(tmp_path):
+    with pytest.raises(CaptureError, match="cannot be read"):
+        sessions.load(tmp_path)
+    session = rig.begin(tmp_path / "s", [("rest", 1.0)])
+    with pytest.raises(CaptureError, match="nothing was recorded yet"):
+        process_session(session.folder)
+    run = session.folder / "run-1"
+    run.mkdir()
+    (run / sessions.LOG).write_text('{"event": "start"}\nnonsense\n')
+    with pytest.raises(CaptureError, match=r"log\.jsonl:2"):
+        sessions.read_log(run)
+    (run / "cam_0-frames.csv").write_text("frame,host_ns,lamp\n0,x,1\n")
+    (run / "cam_0.csv").write_text(",".join(sessions.TAG_COLUMNS) + "\n")
+    with pytest.raises(CaptureError, match=r"cam_0-frames\.csv:2"):
+        sessions.read_camera(run, "cam_0")
+    (session.folder / sessions.FILE).write_text("schema = 1\n")
+    with pytest.raises(CaptureError, match="not a session"):
+        sessions.load(session.folder)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_one_line(tmp_path):
+    stream = sessions.Stream(tmp_path / "x.csv", ("a",))
+    stream.close()
+    stream._file = os.open("/dev/full", os.O_WRONLY)
+    with pytest.raises(StorageError, match="the disk is full"):
+        stream.line("1")
+    stream.close()
+
+
+def test_the_rig_of_these_tests_is_what_it_says():
+    there = align(rig.places(0.3)[None], rig.CENTERS, mask=np.arange(6) < 4)
+    assert there.residual[0] < 1e-9
