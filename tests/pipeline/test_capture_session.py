@@ -67,7 +67,7 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
     t = read_any(session.folder / "aligned.csv")
     several = t.sigma[..., 2] < 0.3
     still = np.abs(t.points[:, :4] - rig.CENTERS[:4])
-    assert np.sqrt(np.nanmean(still[several[:, :4]] ** 2)) < 0.06
+    assert np.sqrt(np.nanmean(still[several[:, :4]] ** 2)) < 0.12
     good = np.isfinite(result.signals[:, 0]) & several[:, 4] & np.isfinite(t.points[:, 4, 2])
     assert good.sum() > 50
     together = np.corrcoef(t.points[good, 4, 2], result.signals[good, 0])[0, 1]
