@@ -24,6 +24,7 @@ _DRIFT = 600e-6  # from what is known beforehand, at most
 _WRONG = 0.02  # part of the frames that tell nothing
 _EXPOSURES = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 12.0, 16.0, 24.0, 32.0]) / 1e3
 _JITTERS = np.array([0.3, 0.8, 2.0, 4.0, 8.0]) / 1e3
+_WORSE = 7.0  # nats: explanations that are worse are given up
 _FINE = 2.5e-4  # s, in tables of likelihood
 _BINS = np.linspace(-0.3, 1.3, 33)
 _LEAST = 8.0  # contrast over noise
@@ -135,39 +136,35 @@ def posterior(
     """Shift and drift and their standard deviations, from a first shift on."""
     known = np.array([0.0, exposure]) if exposure is not None else _EXPOSURES
     known = known[known <= 1.05 * lit.period]
+    ways = [(float(e), float(j)) for e in known for j in _JITTERS]
     middle = start.shift + start.device
     half, whole = _WINDOW / 2, max(lit.time[-1] - middle, middle - lit.time[0])
-    shift, slope = 0.0, drift
-    reach, steep = 0.03, _DRIFT
-    light, jitter, first = float(np.median(known)), 4e-3, True
+    shift, slope, reach, steep = 0.0, drift, 0.03, _DRIFT
     while True:
-        part = Lit(lit.time[np.abs(lit.time - middle) <= half + 1e-6],
-                   lit.level[np.abs(lit.time - middle) <= half + 1e-6], lit.noise, lit.period)  # fmt: skip
+        near = np.abs(lit.time - middle) <= half + 1e-6
+        part = Lit(lit.time[near], lit.level[near], lit.noise, lit.period)
         anchor = (middle, start.device)
-        for turn in range(6 if first else 2):
+        for _ in range(3):
             box = (shift, reach, slope, steep)
-            shift, slope, a, d = _grid(part, toggles, anchor, box, light, jitter, 25)
-            reach, steep = max(5 * a, 1e-4), max(5 * d, 1e-7)
-            if first and turn % 2:  # later the exposure is known
-                box = (shift, reach, slope, steep)
-                light, jitter = _sharpest(part, toggles, anchor, box, known)
+            shift, slope, a, d, ways = _grid(part, toggles, anchor, box, ways, 21)
+            reach, steep = max(4 * a, 1e-4), max(4 * d, 1e-7)
         if half >= whole:
             break
-        half, first = 2 * half, False
+        half *= 2
         steep = max(steep, 1e-6)
     # About the middle of what was seen the shift and the drift are the least entangled.
     center = float((lit.time[0] + lit.time[-1]) / 2)
     device = start.device + (center - middle - shift) / (1 + slope)
     for _ in range(2):
         box = (0.0, reach, slope, steep)
-        moved, slope, a, d = _grid(lit, toggles, (center, device), box, light, jitter, 61)
+        moved, slope, a, d, ways = _grid(lit, toggles, (center, device), box, ways, 31)
         device -= moved / (1 + slope)
-        reach, steep = max(5 * a, 1e-4), max(5 * d, 1e-7)
+        reach, steep = max(4 * a, 1e-4), max(4 * d, 1e-7)
     k = np.searchsorted(lit.time, center + (toggles.time - device) * (1 + slope))
     k = k[(k > 0) & (k < len(lit.time))]
     used = int((lit.time[k] - lit.time[k - 1] < 3 * lit.period).sum())
     return Found(
-        0.0, slope, a, d, center, device, float(lit.time[-1] - lit.time[0]), used, light, jitter
+        0.0, slope, a, d, center, device, float(lit.time[-1] - lit.time[0]), used, *ways[0]
     )
 
 
@@ -208,46 +205,31 @@ def shifts_alike(
 
 def _grid(
     lit: Lit, toggles: Toggles, anchor: tuple[float, float],
-    box: tuple[float, float, float, float], exposure: float, jitter: float, size: int,
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """Means of shift and drift and their standard deviations."""
+    box: tuple[float, float, float, float], ways: list[tuple[float, float]], size: int,
+) -> tuple[float, float, float, float, list[tuple[float, float]]]:  # fmt: skip
+    """Means of shift and drift and their standard deviations, over all `ways`: exposures and
+    jitters; those that explain the frames nearly as well as the best one, which is the first."""
     shift, reach, slope, steep = box
     shifts, slopes = (
         np.linspace(x - r, x + r, size) for x, r in ((shift, reach), (slope, steep))
     )
-    value = _likelihood(lit, toggles, anchor, shifts, slopes, exposure, jitter)
-    weight = np.exp(value - value.max())
+    edge = max(e / 2 + 4 * j for e, j in ways)  # of all: the same frames
+    values = [_likelihood(lit, toggles, anchor, shifts, slopes, e, j, edge) for e, j in ways]
+    best = max(float(v.max()) for v in values)
+    order = sorted(range(len(ways)), key=lambda k: -float(values[k].max()))
+    left = [ways[k] for k in order if values[k].max() > best - _WORSE]
+    weight = np.sum([np.exp(v - best) for v in values], axis=0)
     weight /= weight.sum()
     a, d = float(weight.sum(1) @ shifts), float(weight.sum(0) @ slopes)
     spread = float(np.sqrt(weight.sum(1) @ (shifts - a) ** 2 + (shifts[1] - shifts[0]) ** 2 / 12))
     turn = float(np.sqrt(weight.sum(0) @ (slopes - d) ** 2 + (slopes[1] - slopes[0]) ** 2 / 12))
-    return a, d, spread, turn
-
-
-def _sharpest(
-    lit: Lit, toggles: Toggles, anchor: tuple[float, float],
-    box: tuple[float, float, float, float], exposures: Float,
-) -> tuple[float, float]:  # fmt: skip
-    """Exposure and jitter that explain the frames best."""
-    shift, reach, slope, steep = box
-    shifts, slopes = (
-        np.linspace(x - 0.6 * r, x + 0.6 * r, 15) for x, r in ((shift, reach), (slope, steep))
-    )
-    best = (-np.inf, 0.0, 0.0)
-    edge = float(exposures.max()) / 2 + 4 * float(_JITTERS.max())  # of all: the same frames
-    for exposure in exposures:
-        for jitter in _JITTERS:
-            v = _likelihood(
-                lit, toggles, anchor, shifts, slopes, float(exposure), float(jitter), edge
-            )
-            total = float(v.max() + np.log(np.exp(v - v.max()).mean()))
-            best = max(best, (total, float(exposure), float(jitter)))
-    return best[1], best[2]
+    # A grid too coarse for sharp likelihoods must not leave them out.
+    return a, d, spread, turn, left if spread > 1.5 * (shifts[1] - shifts[0]) else ways
 
 
 def _likelihood(
     lit: Lit, toggles: Toggles, anchor: tuple[float, float], shifts: Float, slopes: Float,
-    exposure: float, jitter: float, edge: float | None = None,
+    exposure: float, jitter: float, edge: float,
 ) -> Float:  # fmt: skip
     """Its logarithm (a, d) at shifts (a,) and drifts (d,), by frames within `edge` s of toggles."""
     middle, device = anchor
@@ -256,7 +238,7 @@ def _likelihood(
     k = np.clip(np.searchsorted(toggles.time, at), 1, max(len(toggles.time) - 1, 1))
     k = np.where(at - toggles.time[k - 1] < toggles.time[k % len(toggles.time)] - at, k - 1, k)
     k = np.clip(k, 0, len(toggles.time) - 1)
-    edge = edge or exposure / 2 + 4 * jitter + 2 * _FINE
+    edge += 2 * _FINE
     apart = float(np.ptp(shifts)) / 2 + float(np.ptp(slopes)) / 2 * float(np.abs(c).max()) + edge
     near = np.abs(at - toggles.time[k]) < apart
     near &= (at >= toggles.start) & (at <= toggles.end)

@@ -109,7 +109,7 @@ def by_lamp(
     # Where one toggle may be, all may: a uniform distribution; the loop is late as well.
     same = float(np.hypot(toggles.slack / np.sqrt(3), _LOOP))
     spread = float(np.hypot(spread, same))
-    unsteady = 0.0 if frames.even else found.jitter
+    unsteady = 0.0 if frames.even else 3 * found.jitter  # late stamps: all in one sense
     offset = found.middle + found.shift - (1 + found.drift) * found.device_middle
     sigma = float(np.hypot(found.shift_sigma, same))
     return Sync(
