@@ -25,6 +25,7 @@ _WRONG = 0.02  # part of the frames that tell nothing
 _EXPOSURES = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 12.0, 16.0, 24.0, 32.0]) / 1e3
 _JITTERS = np.array([0.3, 0.8, 2.0, 4.0, 8.0]) / 1e3
 _WORSE = 7.0  # nats: explanations that are worse are given up
+_TRUST = 0.5  # of the likelihood: frames about one toggle are not independent
 _FINE = 2.5e-4  # s, in tables of likelihood
 _BINS = np.linspace(-0.3, 1.3, 33)
 _LEAST = 8.0  # contrast over noise
@@ -210,15 +211,13 @@ def _grid(
     """Means of shift and drift and their standard deviations, over all `ways`: exposures and
     jitters; those that explain the frames nearly as well as the best one, which is the first."""
     shift, reach, slope, steep = box
-    shifts, slopes = (
-        np.linspace(x - r, x + r, size) for x, r in ((shift, reach), (slope, steep))
-    )
+    shifts, slopes = (np.linspace(x - r, x + r, size) for x, r in ((shift, reach), (slope, steep)))
     edge = max(e / 2 + 4 * j for e, j in ways)  # of all: the same frames
     values = [_likelihood(lit, toggles, anchor, shifts, slopes, e, j, edge) for e, j in ways]
     best = max(float(v.max()) for v in values)
     order = sorted(range(len(ways)), key=lambda k: -float(values[k].max()))
     left = [ways[k] for k in order if values[k].max() > best - _WORSE]
-    weight = np.sum([np.exp(v - best) for v in values], axis=0)
+    weight = np.sum([np.exp(_TRUST * (v - best)) for v in values], axis=0)
     weight /= weight.sum()
     a, d = float(weight.sum(1) @ shifts), float(weight.sum(0) @ slopes)
     spread = float(np.sqrt(weight.sum(1) @ (shifts - a) ** 2 + (shifts[1] - shifts[0]) ** 2 / 12))

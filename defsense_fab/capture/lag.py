@@ -306,7 +306,9 @@ def _refine(
     without -= climb(first, every) - first
     sigma = _UNLIKE * np.sqrt((count - 1) / count * ((without - without.mean(0)) ** 2).sum(0))
     turn = float(sigma[1]) if free else _NO_DRIFT
-    tells = [_foretells(*(sums(first[None], every[k::2])[0] for k in ab), p) for ab in ((0, 1), (1, 0))]
+    tells = [
+        _foretells(*(sums(first[None], every[k::2])[0] for k in ab), p) for ab in ((0, 1), (1, 0))
+    ]
     if min(tells) < _FORETOLD and fixed is None:
         raise CaptureError(_NOTHING)
     return float(first[0]), float(first[1]), float(sigma[0]), turn, span, middle
