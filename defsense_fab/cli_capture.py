@@ -31,6 +31,7 @@ def add(commands: Any, bars: Bars) -> None:
     cli_camera.add(steps, bars)
     cli_session.add(steps)
     _add_process(steps, bars)
+    _add_convert(steps)
 
 
 def _add_process(steps: Any, bars: Bars) -> None:
@@ -58,6 +59,11 @@ def _add_process(steps: Any, bars: Bars) -> None:
         help="of a session: to rest by the anchor's tags, by all, or by the anchor's where they are"
         " seen well enough (auto)",
     )  # fmt: skip
+    sub.add_argument(
+        "--tracks", type=Path, metavar="FILE",
+        help="of a session: take markers from this file (.c3d, .trc, ...) of a motion-capture"
+        " system in place of its cameras",
+    )  # fmt: skip
     sub.add_argument("--from-video", action="store_true",
                      help="of a session: look for the tags anew, in its videos")  # fmt: skip
     sub.add_argument(
@@ -73,6 +79,39 @@ def _add_process(steps: Any, bars: Bars) -> None:
     )  # fmt: skip
     ends(sub)
     sub.set_defaults(run=lambda options: _process(options, bars))
+
+
+def _add_convert(steps: Any) -> None:
+    sub = steps.add_parser(
+        "convert",
+        help="tracks from one format to another, as of a motion-capture system",
+        description="Read tracks of markers (.csv, .npz, .parquet, .c3d, .trc) and write them in"
+        " another of these formats, in mm, with missing markers missing. Labels become numbers:"
+        " those at their ends, where these differ, or else their order.",
+        epilog="example:  defsense capture convert take.c3d tracks.csv",
+    )
+    sub.add_argument("source", type=Path, metavar="FROM")
+    sub.add_argument("out", type=Path, metavar="TO")
+    ends(sub)
+    sub.set_defaults(run=_convert)
+
+
+def _convert(options: argparse.Namespace) -> int:
+    from .capture.exchange import check_suffix, read_any, write_any
+
+    check_suffix(options.out)
+    tracks = read_any(options.source)
+    write_any(options.out, tracks)
+    seen = float(tracks.seen.mean()) if tracks.points.size else 0.0
+    data = {"frames": len(tracks.time), "markers": len(tracks.ids), "seen": seen}
+    if options.json:
+        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+    else:
+        say([
+            f"{data['frames']} frames of {data['markers']} markers, {seen:.0%} seen",
+            f"Look at: {options.out}",
+        ])  # fmt: skip
+    return 0
 
 
 def ends(sub: argparse.ArgumentParser) -> None:
@@ -123,8 +162,9 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
 
     with bars(options) as progress:
         found = process_session(
-            options.session, anchor=options.align, video=options.from_video, progress=progress
-        )
+            options.session, anchor=options.align, video=options.from_video,
+            tracks=options.tracks, progress=progress,
+        )  # fmt: skip
     q = found.quality
     if options.out is not None:
         aligned = found.aligned

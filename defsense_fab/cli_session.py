@@ -14,7 +14,10 @@ from typing import Any
 from .cli_record import REFERENCE, references, within
 from .core.errors import CaptureError, DefsenseError, DeviceError
 
-_CAMERAS = "one for each of the calibration: 0, /dev/video0; or twin (twin:seed=1)"
+_CAMERAS = (
+    "one for each of the calibration: 0, /dev/video0; twin (twin:seed=1); or none, where another"
+    " system records the markers"
+)
 
 
 def add(steps: Any) -> None:
@@ -71,6 +74,8 @@ def _record(options: argparse.Namespace) -> int:
     device = load_device(options.device)
     markers = read_markers(options.markers or device.source / "markers")
     folder = options.out or device.source / "session"
+    if options.cameras == ["none"] and options.port == "none":
+        raise DeviceError("--cameras none --port none: there would be nothing to record")
     twin = options.cameras[0].partition(":")[0] == "twin" or options.port == "twin"
     with ExitStack() as stack:
         rehearsal = _rehearsal(options, device, markers, stack) if twin else None
@@ -163,6 +168,8 @@ def _begin(
     if rehearsal is not None and options.reference is None:
         reference = [rehearsal.extra["reference"]] * max(len(channels), 1)
     calibration = options.calibration or Path("cameras.toml")
+    if options.cameras == ["none"]:
+        calibration = None
     if rehearsal is not None and options.calibration is None:
         calibration = device.source / "twin-cameras.toml"
         known_cameras(rehearsal, calibration)
@@ -179,6 +186,8 @@ def _openers(
     words: Sequence[str], session: Any, rehearsal: Any, webcam: Any
 ) -> list[Callable[[], Any]]:
     cameras = session.rig.cameras
+    if words == ["none"] and not cameras:
+        return []
     if rehearsal is not None:
         if len(rehearsal.sources) != len(cameras):
             raise CaptureError(

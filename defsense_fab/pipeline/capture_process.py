@@ -12,7 +12,7 @@ import numpy as np
 from ..capture.align import Aligned, align
 from ..capture.clock import relate
 from ..capture.detect import View
-from ..capture.exchange import write_any
+from ..capture.exchange import read_any, write_any
 from ..capture.recording import Recording, read_recording
 from ..capture.rest_pose import rest_pose
 from ..capture.synchronise import Sync, by_lamp, by_motion
@@ -57,21 +57,30 @@ class _Run:
 
 
 def process_session(
-    folder: Path, *, anchor: str = "auto", video: bool = False, progress: Progress = silent
-) -> Result:
+    folder: Path, *, anchor: str = "auto", video: bool = False, tracks: Path | None = None,
+    progress: Progress = silent,
+) -> Result:  # fmt: skip
     """Process all runs of a session and write the results into its folder. `anchor`: align by the
     anchor's markers, by all, or by the anchor's where they are seen well enough (auto); `video`:
-    look for the tags anew in the recorded videos. Raises CaptureError where nothing can be made of
-    it."""
+    look for the tags anew in the recorded videos; `tracks`: a file of a motion-capture system that
+    takes the cameras' place, for a session of one run. Raises CaptureError where nothing can be
+    made of it."""
     if anchor not in ("auto", "anchor", "all"):
         raise CaptureError(f"--align {anchor}: choose auto, anchor or all")
     session = load(folder)
+    if tracks is not None and len(session.runs) != 1:
+        raise CaptureError(
+            f"{folder}: has {len(session.runs)} runs; a file of tracks belongs to a session of one"
+        )
     if not session.runs:
         raise CaptureError(f"{folder}: nothing was recorded yet; run 'defsense capture record'")
     runs, skipped = [], []
     for run in session.runs:
         try:
-            runs.append(_run(session, run, video=video, progress=progress))
+            if tracks is None:
+                runs.append(_run(session, run, video=video, progress=progress))
+            else:
+                runs.append(_captured(session, run, tracks))
         except CaptureError as error:
             skipped.append({"run": run.name, "why": str(error), "ended": ending(run)})
     if not runs:
@@ -111,6 +120,49 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     return _Run(processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut})
 
 
+def _captured(session: CaptureSession, run: Path, path: Path) -> _Run:
+    """A run whose markers are those of another system, in step by how they move."""
+    tracks = read_any(path)
+    known = np.isin(tracks.ids, session.markers.ids)
+    if known.sum() < 3:
+        have, want = (", ".join(map(str, i.tolist())) for i in (tracks.ids, session.markers.ids))
+        raise CaptureError(
+            f"{path}: its markers are {have}, the device's are {want}; name them by these numbers"
+            " (tag_1, tag_2, ...)"
+        )
+    tracks = Tracks(
+        tracks.time, tracks.ids[known], tracks.points[:, known], tracks.sigma[:, known],
+        tracks.frame,
+    )  # fmt: skip
+    board = read_recording(run / BOARD)
+    device = board.device_us / 1e6
+    ohm = _resistances(session, board)
+    sync = by_motion(tracks.time, _motion(tracks), device, ohm)
+    told = _told(sync, [])
+    quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.seen.mean()),
+                               "by_one": 0.0, "impossible": 0}  # fmt: skip
+    covariance = np.full((*tracks.points.shape, 3), np.nan)
+    processed = Processed(tracks, covariance, 2 * tracks.seen.astype(np.int64), quality)
+    at = _at(sync.to_device(tracks.time), device, ohm)
+    arrival = relate(device, board.host_ns / 1e9)
+    rest = _resting(session, read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
+    about = {"run": run.name, "ended": ending(run), "cut": board.cut, "tracks_of": str(path)}
+    return _Run(processed, at, rest, told, about)
+
+
+def _resistances(session: CaptureSession, board: Recording) -> Float:
+    """(n, c) ohm of a recording's samples."""
+    scale = next((float(e["full_scale"]) for _, e in board.events if "full_scale" in e), 1024.0)
+    return Dividers(np.array(session.reference), scale).resistance(board.counts)
+
+
+def _told(sync: Sync, notes: Sequence[str]) -> dict[str, Any]:
+    return {
+        "method": sync.method, "offset": sync.offset, "drift": sync.drift,
+        "error_ms": 1e3 * sync.error, "evidence": sync.evidence, "notes": list(notes),
+    }  # fmt: skip
+
+
 def _only(watched: Watched, ids: Int) -> Watched:
     """Without tags that are none of the device's."""
     views = tuple(v.only(np.isin(v.ids, ids)) for v in watched.views)
@@ -141,8 +193,7 @@ def _signals(
     what there is to tell of it."""
     device = board.device_us / 1e6
     host = (board.host_ns - start) / 1e9
-    scale = next((float(e["full_scale"]) for _, e in board.events if "full_scale" in e), 1024.0)
-    ohm = Dividers(np.array(session.reference), scale).resistance(board.counts)
+    ohm = _resistances(session, board)
     arrival = relate(device, host)
     tracks = processed.tracks
     sync: Sync | None = None
@@ -166,10 +217,7 @@ def _signals(
             why.append(str(error))
     if sync is not None:
         at = sync.to_device(tracks.time)
-        told = {
-            "method": sync.method, "offset": sync.offset, "drift": sync.drift,
-            "error_ms": 1e3 * sync.error, "evidence": sync.evidence, "notes": why,
-        }  # fmt: skip
+        told = _told(sync, why)
     else:  # what remains: when samples arrived, which cameras' own delay is not in
         at = (tracks.time - arrival.offset) / (1 + arrival.drift)
         told = {

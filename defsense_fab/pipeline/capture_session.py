@@ -67,15 +67,18 @@ class CaptureSession:
 
 def create(
     folder: Path, *, device: str, steps: Sequence[Step], channels: Sequence[str],
-    reference: Sequence[float], calibration: Path, markers: Markers,
+    reference: Sequence[float], calibration: Path | None, markers: Markers,
 ) -> CaptureSession:  # fmt: skip
-    """Begin a session. Raises CaptureError where the folder holds one, StorageError."""
+    """Begin a session, without cameras where there is no calibration. Raises CaptureError where the
+    folder holds one, StorageError."""
     if (folder / FILE).exists():
         raise CaptureError(f"{folder}: holds a session already; choose another folder with --out")
-    rig = calibration.read_text(encoding="utf-8")
+    if calibration is not None:
+        read_rig(calibration)
     with storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / CAMERAS, rig)
+        if calibration is not None:
+            write_text(folder / CAMERAS, calibration.read_text(encoding="utf-8"))
         write_markers_file(markers, folder / MARKERS)
         lines = [
             "schema = 1",
@@ -108,8 +111,9 @@ def load(folder: Path) -> CaptureSession:
         ) from None
     except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
         raise CaptureError(f"{path}: not a session: {error}") from None
+    rig = read_rig(folder / CAMERAS) if (folder / CAMERAS).exists() else Rig(())
     return CaptureSession(
-        folder, device, steps, channels, reference, read_rig(folder / CAMERAS),
+        folder, device, steps, channels, reference, rig,
         read_markers(folder / MARKERS), begun,
     )  # fmt: skip
 
