@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,11 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.align import align
 from defsense_fab.capture.detect import View
-from defsense_fab.capture.exchange import read_any
+from defsense_fab.capture.exchange import read_any, write_any
 from defsense_fab.core.errors import CaptureError, StorageError
+from defsense_fab.core.tracks import Tracks
 from defsense_fab.pipeline import capture_session as sessions
 from defsense_fab.pipeline.capture_process import process_session
 from tests.pipeline import capture_rig as rig
@@ -76,6 +79,30 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
     assert "<h1>plate: session</h1>" in (session.folder / "report.html").read_text()
     with pytest.raises(CaptureError, match="recorded without --video"):
         process_session(session.folder, video=True)
+
+
+def test_markers_of_another_system_take_the_cameras_place(recorded, tmp_path):
+    session, _ = recorded
+    copy = tmp_path / "s"
+    shutil.copytree(session.folder, copy)
+    time_ = np.arange(0, 7.0, 0.01)
+    moved = Rotation.from_rotvec([0.3, -0.2, 0.5])
+    points = np.array([moved.apply(rig.places(t)) + [100, 50, 900] for t in time_])
+    points[200:230, 2] = np.nan
+    nothing = np.full(points.shape, np.nan)
+    take = Tracks(time_, np.arange(6), points, nothing, np.arange(len(time_)))
+    write_any(tmp_path / "take.c3d", take)
+    result = process_session(copy, tracks=tmp_path / "take.c3d")
+    assert result.quality["runs"][0]["sync"]["method"] == "motion"
+    assert result.quality["residual"]["95 %"] < 0.01
+    good = np.isfinite(result.signals[:, 0]) & np.isfinite(result.aligned.points[:, 4, 2])
+    assert good.sum() > 300
+    lift = result.aligned.points[good, 4, 2]
+    assert np.corrcoef(lift, result.signals[good, 0])[0, 1] > 0.97
+    wrong = Tracks(time_, np.arange(20, 26), points, nothing, np.arange(len(time_)))
+    write_any(tmp_path / "wrong.trc", wrong)
+    with pytest.raises(CaptureError, match="its markers are 20, 21"):
+        process_session(copy, tracks=tmp_path / "wrong.trc")
 
 
 def test_stopped_and_resumed(tmp_path):
