@@ -9,6 +9,7 @@ one block out at a time (the jackknife) tells how sure lag and drift are.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -79,7 +80,7 @@ def find_lag(
     lag, d, a, s, span, middle = _refine(*whole, best)
     slow = [_main(_fast(_slow(r, _APART[0]), _SLOW), "motion") for r in (x, y)]
     fast = [_main(_fast(r, _APART[1]), "motion") for r in (x, y)]
-    ends = [_refine(*pair, best, fixed=d) for pair in (slow, fast)]
+    ends = [_refine(r0, r1, best, fixed=d) for r0, r1 in (slow, fast)]
     apart = abs(ends[0][0] - ends[1][0])
     sure = apart > 2 * float(np.hypot(ends[0][2], ends[1][2]))
     at = (middle - lag - before.offset) / (1 + before.drift)
@@ -246,10 +247,7 @@ def _refine(
     edges = np.linspace(start, stop, count + 1).astype(int)
     lags = np.arange(best - _AROUND, best + _AROUND + 1)
     blocks = np.array(
-        [
-            [_moments(x, y, int(k), slice(a, b)) for k in lags]
-            for a, b in zip(edges[:-1], edges[1:], strict=True)
-        ]
+        [[_moments(x, y, int(k), slice(a, b)) for k in lags] for a, b in pairwise(edges)]
     )
     place = ((edges[:-1] + edges[1:]) / 2 - (start + stop) / 2) * _STEP
     free = fixed is None and span >= _DRIFT_FROM
@@ -306,9 +304,8 @@ def _refine(
     without -= climb(first, every) - first
     sigma = _UNLIKE * np.sqrt((count - 1) / count * ((without - without.mean(0)) ** 2).sum(0))
     turn = float(sigma[1]) if free else _NO_DRIFT
-    tells = [
-        _foretells(*(sums(first[None], every[k::2])[0] for k in ab), p) for ab in ((0, 1), (1, 0))
-    ]
+    halves = [sums(first[None], every[k::2])[0] for k in (0, 1)]
+    tells = (_foretells(halves[0], halves[1], p), _foretells(halves[1], halves[0], p))
     if min(tells) < _FORETOLD and fixed is None:
         raise CaptureError(_NOTHING)
     return float(first[0]), float(first[1]), float(sigma[0]), turn, span, middle

@@ -16,7 +16,7 @@ import numpy as np
 from ..core.arrays import Bool, Float, Int
 from ..core.errors import CaptureError
 
-#: A period for the firmware's `led N`, ms, where the offset is known beforehand to 0.35 s, as by the
+#: A period for the firmware's `led N`, ms, where the offset is known beforehand to 0.35 s, as by
 #: times of arrival; and one where it is known to 0.9 s. With 60 s of either, toggles fall in steps
 #: of 1.4 ms and less on all places between two frames (15, 24, 25, 29.97, 30, 50, 60 a second) and
 #: between two samples (20, 40, 50, 100, 200 a second). 1000 does so nowhere.
@@ -101,8 +101,8 @@ def find_toggles(time: Float, led: Bool, conversion: float = 0.0) -> Toggles:
     while first < len(at):
         n, grid, phase, slack = _run(low[first:], high[first:], on[first:])
         last = float(high[first + n - 1])
-        k = np.arange(int(round((last - phase) / grid)) + 1 if n > 1 else 1)
-        times.append(phase + k * grid)
+        k = np.arange(round((last - phase) / grid) + 1 if n > 1 else 1)
+        times.append(np.asarray(phase + k * grid, float))
         states.append((k % 2 == 0) == on[first])
         slacks.append(slack)
         counts.append(n)
