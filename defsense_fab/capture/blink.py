@@ -27,6 +27,7 @@ _JITTERS = np.array([0.3, 0.8, 2.0, 4.0, 8.0]) / 1e3
 _WORSE = 7.0  # nats: explanations that are worse are given up
 _TRUST = 0.5  # of the likelihood: frames about one toggle are not independent
 _FINE = 2.5e-4  # s, in tables of likelihood
+_BLURRED = (8e-3, 2e-3, 0.0, 0.0)  # s, jitters of one search after the other, at least
 _BINS = np.linspace(-0.3, 1.3, 33)
 _LEAST = 8.0  # contrast over noise
 
@@ -145,9 +146,12 @@ def posterior(
         near = np.abs(lit.time - middle) <= half + 1e-6
         part = Lit(lit.time[near], lit.level[near], lit.noise, lit.period)
         anchor = (middle, start.device)
-        for _ in range(3):
+        for least in _BLURRED:
             box = (shift, reach, slope, steep)
-            shift, slope, a, d, ways = _grid(part, toggles, anchor, box, ways, 21)
+            # A grid still too coarse for sharp likelihoods would take one of their side peaks.
+            some = [w for w in ways if w[1] >= least] or ways
+            shift, slope, a, d, left = _grid(part, toggles, anchor, box, some, 21)
+            ways = left if len(some) == len(ways) else ways
             reach, steep = max(4 * a, 1e-4), max(4 * d, 1e-7)
         if half >= whole:
             break

@@ -18,6 +18,7 @@ _BLOCK = 40  # frames among which one is expected almost in time
 _NEAR = 0.1  # periods by which that one is late at most
 _SPREAD = 0.6  # periods by which nine of ten are late at most
 _BACK = 0.05  # periods that a stamp may be before its time
+_EARLY = 0.03  # periods before the earliest fiftieth of the stamps: misnumbered
 _ONSET = 0.4  # periods within which most stamps are
 
 
@@ -45,7 +46,11 @@ def steady(stamp: Float) -> Steady:
             number = _number(place)
             if len(np.unique(number)) < 0.98 * n:
                 return as_is
-            clocks = relate(number, stamp[:n])
+            x = number - number[0]
+            rest = stamp[:n] - np.polyval(np.polyfit(x, stamp[:n], 1), x)
+            # One that came so late that it seems the next one's would bend the line.
+            fair = rest >= np.quantile(rest, 0.02) - _EARLY * period
+            clocks = relate(number[fair], stamp[:n][fair])
             first, period = clocks.offset, 1 + clocks.drift
         line = first + period * number
         if n == len(stamp):

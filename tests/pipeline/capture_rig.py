@@ -5,6 +5,7 @@ Run as a program it records a session into the folder that it is given, until it
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from pathlib import Path
@@ -13,12 +14,16 @@ import numpy as np
 
 from defsense_fab.capture.dictionary import dictionary
 from defsense_fab.capture.reader import Reader, Settings
+from defsense_fab.capture.recording import Recorder
 from defsense_fab.capture.rig_file import write_rig
+from defsense_fab.capture.source import Event, Stamped
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Markers
 from defsense_fab.pipeline import capture_session as sessions
 from defsense_fab.pipeline.capture_record import Recording
+from defsense_fab.sensing.frames import Sample
+from defsense_fab.sensing.readout import Dividers
 from defsense_fab.sensing.response import Response
 from defsense_fab.twin.board import BoardTwin
 from defsense_fab.twin.camera import Optics, Renderer
@@ -27,6 +32,7 @@ from defsense_fab.twin.device_cords import DeviceCords
 from defsense_fab.twin.scene import Patch, Scene
 
 SIZE, SIDE, RATE = (360, 270), 15.0, 25.0
+TRAITS = Traits(Response.line(1.0), noise=0.001, play=1e-4, healing=0.01)
 CENTERS = np.array([[x, y, 0.0] for x in (-32.0, 0, 32) for y in (-20.0, 20)])
 FACING = np.diag([1.0, -1, -1])
 
@@ -117,13 +123,16 @@ class Silent:
         self.notes |= set(view.notes)
 
 
-def begin(folder: Path, steps: list[tuple[str, float]]) -> sessions.CaptureSession:
-    """A session of these steps."""
+def begin(
+    folder: Path, steps: list[tuple[str, float]], *, seen: bool = True
+) -> sessions.CaptureSession:
+    """A session of these steps, with cameras or without."""
     calibration = folder.parent / f"{folder.name}-cameras.toml"
     write_rig(calibration, cameras(), {})
     return sessions.create(
         folder, device="plate", steps=[sessions.Step(*s) for s in steps],
-        channels=("a", "b"), reference=(1500.0, 1500.0), calibration=calibration, markers=markers(),
+        channels=("a", "b"), reference=(1500.0, 1500.0), calibration=calibration if seen else None,
+        markers=markers(),
     )  # fmt: skip
 
 
@@ -131,8 +140,7 @@ def record(session: sessions.CaptureSession, screen=None, gone: float = float("i
     """One run of it."""
     began = time.monotonic_ns()
     cords = DeviceCords(
-        ("a", "b"), np.array([100.0, 100.0]),
-        lambda s: np.array([0.1, -0.06]) * level(s), Traits(Response.line(1.0), noise=0.001, play=1e-4, healing=0.01),
+        ("a", "b"), np.array([100.0, 100.0]), lambda s: np.array([0.1, -0.06]) * level(s), TRAITS,
         np.random.default_rng(1),
     )  # fmt: skip
     board = BoardTwin(cords, 1500.0)
@@ -141,6 +149,31 @@ def record(session: sessions.CaptureSession, screen=None, gone: float = float("i
     openers = [lambda c=c: Pictures(c, began, gone if c.name == "cam_1" else float("inf"))
                for c in session.rig.cameras]  # fmt: skip
     return Recording(session, openers, source, screen or Silent(), None, auto=True).run()
+
+
+def board_alone(session: sessions.CaptureSession, seconds: float) -> None:
+    """A run in which the board alone was recorded, without waiting for it: rest is the first tenth
+    and the last."""
+    run = session.folder / "run-1"
+    run.mkdir()
+    cords = DeviceCords(
+        ("a", "b"), np.array([100.0, 100.0]), lambda s: np.array([0.1, -0.06]) * level(s), TRAITS,
+        np.random.default_rng(1),
+    )  # fmt: skip
+    dividers = Dividers(np.full(2, 1500.0), 1024.0)
+    with Recorder(run / sessions.BOARD, 2) as recorder:
+        recorder.add(Event(0, "start", {"full_scale": 1024}))
+        for k in range(int(seconds * 50)):
+            ohm = cords.hold(0.02, 50)[1][0]
+            sums = tuple(int(x) for x in np.round(16 * dividers.counts(ohm)))
+            at = k / 50 + 0.02
+            sample = Sample(k, int(at * 1e6), False, False, 16, sums)
+            recorder.add(Stamped(int(at * 1e9) + 2_000_000, int(at * 1e6), sample))
+    lines = []
+    for name, at in (("step", 0.0), ("done", seconds / 10)):
+        event = {"event": name, "step": 0, "name": "rest", "host_ns": int(at * 1e9)}
+        lines.append(json.dumps(event) + "\n")
+    (run / sessions.LOG).write_text("".join(lines))
 
 
 if __name__ == "__main__":
