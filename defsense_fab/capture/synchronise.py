@@ -131,9 +131,8 @@ def by_motion(
     known. The offset and drift at which they have most in common; the offset is looked for within
     `within` s of `rough` (None: at all at which half of the shorter recording is in both).
 
-    What the cords lag behind the body is not told from the offset: a lag of 0.1 s in a third of the
-    signal moves it by up to some 30 ms. Where slow and fast motion disagree about the offset, as
-    they do then, `error` grows by that; a lag that is the same for all of them stays unseen.
+    What the cords lag behind the body is not told from the offset, and not in `error`: a lag of
+    0.1 s in a third of the signal moves it by some 30 ms. With cords that lag only the LED tells.
 
     Raises CaptureError for clocks that jump, too short a recording, and where nothing moves, or
     motion and signals have nothing in common, or several offsets explain the same."""

@@ -16,6 +16,7 @@ from ..capture.exchange import read_any, write_any
 from ..capture.recording import Recording, read_recording
 from ..capture.rest_pose import rest_pose
 from ..capture.synchronise import Sync, by_lamp, by_motion
+from ..capture.toggles import conversion_time
 from ..capture.video import Video, timing
 from ..core.arrays import Bool, Float, Int
 from ..core.errors import CaptureError
@@ -156,6 +157,14 @@ def _resistances(session: CaptureSession, board: Recording) -> Float:
     return Dividers(np.array(session.reference), scale).resistance(board.counts)
 
 
+def _conversion(board: Recording) -> float:
+    """s that the conversions of a sample take, as the board said of itself."""
+    for _, e in board.events:
+        if {"converter", "channels", "averages"} <= set(e):
+            return conversion_time(int(e["converter"]), int(e["channels"]), int(e["averages"]))
+    return 0.0
+
+
 def _told(sync: Sync, notes: Sequence[str]) -> dict[str, Any]:
     return {
         "method": sync.method, "offset": sync.offset, "drift": sync.drift,
@@ -203,7 +212,10 @@ def _signals(
             continue
         time = (camera.time - start) / 1e9 + shift[k]
         try:
-            found = by_lamp(time, camera.lamp, None, device, board.led.astype(bool), arrival)
+            found = by_lamp(
+                time, camera.lamp, None, device, board.led.astype(bool), arrival,
+                conversion=_conversion(board),
+            )  # fmt: skip
         except CaptureError as error:
             why.append(str(error))
             continue

@@ -25,7 +25,8 @@ _STYLE = (
 )
 _SYNC = {
     "lamp": "the board's LED in the pictures",
-    "motion": "how motion and signals go together (no LED was seen)",
+    "motion": "how motion and signals go together (no LED was seen); what the cords lag behind the"
+    " body is not in the error",
     "arrival": "when samples arrived: the cameras' own delay is not known",
     "none": "no board was recorded",
 }
