@@ -65,7 +65,7 @@ def by_lamp(
     flags (n,) in samples with times (n,) s: what `micros` said. `exposure` s; None: found from
     frames in which the LED switched. `rough`: clocks or an offset known beforehand to `within` s;
     None: none is known, and a blinking that never changes is refused. `conversion` s that the
-    conversions of a sample take (`toggles.conversion_time`): half of it is what a sample's flag is
+    conversions of a sample take (`readout.conversion_time`): half of it is what a sample's flag is
     older than its time.
 
     Raises CaptureError for clocks that jump, too short a recording, no toggles in either, and where

@@ -23,19 +23,6 @@ from ..core.errors import CaptureError
 LED_PERIOD, LED_PERIOD_SLOW = 383, 953
 _LATE = 1.5e-3  # s by which a toggle may be off its grid
 _GAP = 1.0  # s without samples that part a recording
-_CONVERSION = (0.124e-3, 1.84e-3)  # s, of the converters 0 and 1, with what goes on between two
-_INPUTS = 4  # of a chip of converter 1; chips convert at the same time
-_MORE_CHIPS = 0.37e-3  # s that every further chip adds to a conversion
-
-
-def conversion_time(converter: int, channels: int, averages: int) -> float:
-    """How long the conversions of a sample take, s, by what `Info` tells of the board: measured
-    with the firmware in simulation (16 MHz), for its `converter` 0 or 1."""
-    if converter == 0:
-        return _CONVERSION[0] * channels * averages
-    chips = -(-channels // _INPUTS)
-    each = _CONVERSION[1] + _MORE_CHIPS * (chips - 1)
-    return each * min(channels, _INPUTS) * averages
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,13 @@ from ..capture.exchange import read_any, write_any
 from ..capture.recording import Recording, read_recording
 from ..capture.rest_pose import rest_pose
 from ..capture.synchronise import Sync, by_lamp, by_motion
-from ..capture.toggles import conversion_time
 from ..capture.video import Video, timing
 from ..core.arrays import Bool, Float, Int
 from ..core.errors import CaptureError
 from ..core.files import storage_errors, write_json, write_text
 from ..core.progress import Progress, silent
 from ..core.tracks import Tracks
-from ..sensing.readout import Dividers
+from ..sensing.readout import Dividers, conversion_time
 from .capture_report import write_report
 from .capture_session import BOARD, REST, CaptureSession, ending, load, read_camera, read_log
 from .process import Processed, Watched, assemble, detect_all

@@ -20,6 +20,9 @@ E24 = (
     1.0, 1.1, 1.2, 1.3, 1.5, 1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 3.0,
     3.3, 3.6, 3.9, 4.3, 4.7, 5.1, 5.6, 6.2, 6.8, 7.5, 8.2, 9.1,
 )  # fmt: skip
+_CONVERSION = (0.124e-3, 1.84e-3)  # s, of the converters 0 and 1, with what goes on between two
+_INPUTS = 4  # of a chip of converter 1; chips convert at the same time
+_MORE_CHIPS = 0.37e-3  # s that every further chip adds to a conversion
 
 
 @dataclass(frozen=True)
@@ -83,3 +86,13 @@ def measured_reference(counts: Float, known: float, full_scale: Float | float) -
             " resistor in the place of every cord"
         )
     return np.asarray(known * (full_scale / counts - 1))
+
+
+def conversion_time(converter: int, channels: int, averages: int) -> float:
+    """How long the conversions of a sample take, s, by what `Info` tells of the board: measured
+    with the firmware in simulation (16 MHz), for its `converter` 0 or 1."""
+    if converter == 0:
+        return _CONVERSION[0] * channels * averages
+    chips = -(-channels // _INPUTS)
+    each = _CONVERSION[1] + _MORE_CHIPS * (chips - 1)
+    return each * min(channels, _INPUTS) * averages

@@ -10,7 +10,7 @@ import time
 import numpy as np
 
 from ..sensing.frames import PROTOCOL, Info, Message, Sample, Text, encode
-from ..sensing.readout import Dividers
+from ..sensing.readout import Dividers, conversion_time
 from .device_cords import DeviceCords
 from .specimen import SpecimenTwin
 
@@ -117,9 +117,12 @@ class BoardTwin:
             counts = self._dividers.counts(ohm[0])[: self._about["channels"]]
             sums = np.round(counts * self._about["average"]).astype(int)
             if self._framed:
+                # As the firmware has it: the time of the middle of the conversions, and the LED as
+                # it was at their beginning.
+                half = conversion_time(0, len(sums), self._about["average"]) / 2
                 micros = int(self._clock(self._done) * 1e6) % (1 << 32)
                 sample = Sample(
-                    self._counter % (1 << 32), micros, self.lit(self._done), False,
+                    self._counter % (1 << 32), micros, self.lit(self._done - half), False,
                     self._about["average"], tuple(int(s) for s in sums),
                 )  # fmt: skip
                 self._out += encode(sample)

@@ -6,8 +6,9 @@ import pytest
 from defsense_fab.capture.clock import Clocks
 from defsense_fab.capture.stamps import steady
 from defsense_fab.capture.synchronise import by_lamp, by_motion
-from defsense_fab.capture.toggles import LED_PERIOD, conversion_time, find_toggles
+from defsense_fab.capture.toggles import LED_PERIOD, find_toggles
 from defsense_fab.core.errors import CaptureError
+from defsense_fab.sensing.readout import conversion_time
 from defsense_fab.twin.film import Shutter
 
 START, OFFSET, DRIFT = 100.0, 0.05, 1e-4
