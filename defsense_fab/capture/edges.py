@@ -1,8 +1,8 @@
 """Corners of a tag from lines fitted to its four edges.
 
 Across an edge the image goes from the black border to the white around it as a step that lens,
-motion and pixels have blurred: a + b Phi(d / s), with d the distance from the line. Line, levels
-and blur are fitted to all pixels beside the edge at once (Gauss-Newton), in the coordinates of a
+motion and pixels have blurred: a + b Phi(d / s), with d the distance from the line. Line, levels,
+blur and the light's change along the edge are fitted to all pixels beside it at once (Gauss-Newton), in the coordinates of a
 camera without distortion, in which edges are straight. Corners are where two lines cross; their
 covariance follows from that of the lines.
 """
@@ -25,10 +25,17 @@ _ROUNDS, _STEPS = 3, 3
 _SHARP, _BLURRED = 0.3, 4.0  # px, bounds of s
 _CONTRAST = 12.0  # grey levels, least step
 _MOVED = 3.0  # px that a line may move from where the detector saw it
-#: px, standard deviation of what the model leaves out, of a line's offset; and what is added when
-#: the blur reaches from one cell to the next, by the cube of their ratio.
-_SYSTEMATIC, _BLEEDS = 0.01, 2.0
+#: Standard deviations of the blur that are kept from the next cell and from the next edge; px, band
+#: that is left at least.
+_CLEAR, _CLEAR_END, _LEAST = 1.7, 2.2, 1.25
+#: px, standard deviation of what the model leaves out, of a line's offset; and what is added, per
+#: blur, by the part of the next cell's step that reaches into the band.
+_SYSTEMATIC, _BLEEDS = 0.002, 0.2
+_UNSURE = 1.0  # px, standard deviation of a corner of which nothing is said
 _MOST = 6000
+_FREE = 6  # offset, angle, two levels, blur, and how the light changes along the edge
+_UNEVEN = 0.0015  # per px, standard deviation of that change
+_GUESS = 4.0  # grey levels squared, of the noise before it is known
 
 
 def refine(
@@ -107,7 +114,10 @@ def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignor
             S[2 * k, 2 * k], S[2 * k + 1, 2 * k + 1] = spread[k, 0], spread[k, 2]
             S[2 * k, 2 * k + 1] = S[2 * k + 1, 2 * k] = spread[k, 1]
         covariance[tag] = J @ S @ J.T
-        good[tag] = True
+        unsure = False
+        for k in range(8):
+            unsure = unsure or not covariance[tag, k, k] < _UNSURE**2
+        good[tag] = not unsure
 
 
 @njit(cache=True, nogil=True)
@@ -134,9 +144,12 @@ def _line(  # type: ignore[no-untyped-def]
     i0 = max(int(min(seen[k, 1], seen[e, 1]) - reach), 0)
     i1 = min(int(max(seen[k, 1], seen[e, 1]) + reach) + 2, h)
     offset, angle, low, step, blur = 0.0, 0.0, 0.0, 0.0, 1.0
-    A, g = np.empty((5, 5)), np.empty(5)
-    total, variance = 0.0, 0.0
+    A, g, u = np.empty((_FREE, _FREE)), np.empty(_FREE), np.empty(_FREE)
+    light, total, variance = 0.0, 0.0, _GUESS
     for turn in range(_ROUNDS):
+        if turn:
+            band = min(max(across / cells - _CLEAR * blur, _LEAST), _WIDE)
+            half = length / 2 - min(max(_END, _END_PART * length, _CLEAR_END * blur), length / 4)
         ax, ay = nx - angle * -ny, ny - angle * nx  # n turned by the angle, to first order
         norm = math.hypot(ax, ay)
         ax, ay = ax / norm, ay / norm
@@ -176,11 +189,13 @@ def _line(  # type: ignore[no-untyped-def]
                 s = -ny * xs[m] + nx * ys[m]
                 d = (nx * xs[m] + ny * ys[m] - offset - angle * s) / blur
                 p = 0.5 + 0.5 * math.erf(d * 0.7071067811865476)
-                f = 0.3989422804014327 * math.exp(-0.5 * d * d) * step / blur
-                r = grey[m] - low - step * p
+                lit = 1 + light * s
+                f = 0.3989422804014327 * math.exp(-0.5 * d * d) * step * lit / blur
+                r = grey[m] - (low + step * p) * lit
                 weight = 1.0 if abs(r) < limit else 0.0  # a finger on the edge
-                u = (-f, -f * s, 1.0, p, -f * d)
-                for a in range(5):
+                u[0], u[1], u[2], u[3], u[4] = -f, -f * s, lit, p * lit, -f * d
+                u[5] = (low + step * p) * s
+                for a in range(_FREE):
                     g[a] += weight * u[a] * r
                     for b in range(a + 1):
                         A[a, b] += weight * u[a] * u[b]
@@ -188,17 +203,20 @@ def _line(  # type: ignore[no-untyped-def]
                 total += weight
             if total < 12:
                 return False
-            for a in range(5):
+            for a in range(_FREE):
                 for b in range(a):
                     A[b, a] = A[a, b]
-            for a in range(5):
+            for a in range(_FREE):
                 A[a, a] += 1e-9 * A[a, a] + 1e-12
+            A[5, 5] += variance / _UNEVEN**2
+            g[5] -= light * variance / _UNEVEN**2
             variance = square / (total - 5) + 1 / 12  # rounding to whole grey levels
             delta = np.linalg.solve(A, g)
             offset += min(max(delta[0], -1.0), 1.0)
             angle += min(max(delta[1], -2.0 / length), 2.0 / length)
             low += delta[2]
             step += delta[3]
+            light += delta[5]
             blur = min(max(blur + min(max(delta[4], -0.5), 0.5), _SHARP), _BLURRED)
             if not step > _CONTRAST / 2:
                 return False
@@ -212,7 +230,8 @@ def _line(  # type: ignore[no-untyped-def]
     line[3] = length
     middle[0], middle[1] = mx, my
     inverse = np.linalg.inv(A)
-    left_out = _SYSTEMATIC + _BLEEDS * (blur * cells / across) ** 3
+    leak = 0.5 - 0.5 * math.erf((across / cells - band) / blur * 0.7071067811865476)
+    left_out = _SYSTEMATIC + _BLEEDS * blur * leak
     spread[0] = variance * inverse[0, 0] + left_out**2
     spread[1] = variance * inverse[0, 1]
     spread[2] = variance * inverse[1, 1] + (2 * left_out / length) ** 2
