@@ -31,6 +31,15 @@ _CLEAR, _CLEAR_END, _LEAST = 1.7, 2.2, 1.25
 #: px, standard deviation of what the model leaves out, of a line's offset; and what is added, per
 #: blur, by the part of the next cell's step that reaches into the band.
 _SYSTEMATIC, _BLEEDS = 0.002, 0.2
+#: Residuals, as parts of the step and in grey levels, that a pixel may have at first, and later, in
+#: standard deviations; and what all may have.
+_ODD_STEP, _ODD_GREY, _ODD_SIGMAS = 0.25, 8.0, 4.0
+_ODD_FIT, _ODD_NOISE = 0.08, 4.0
+#: Parts of the pixels left out: that call for more rounds; above which an edge is not used; and
+#: what they add to the standard deviation, per blur.
+_CLEAN, _HIDDEN, _HIDES, _MORE = 0.02, 0.5, 0.5, 2
+#: An edge in pieces, and what part of one may be left out without the rest of it.
+_PIECES, _PART = 16, 0.12
 _UNSURE = 1.0  # px, standard deviation of a corner of which nothing is said
 _MOST = 6000
 _FREE = 6  # offset, angle, two levels, blur, and how the light changes along the edge
@@ -146,7 +155,10 @@ def _line(  # type: ignore[no-untyped-def]
     offset, angle, low, step, blur = 0.0, 0.0, 0.0, 0.0, 1.0
     A, g, u = np.empty((_FREE, _FREE)), np.empty(_FREE), np.empty(_FREE)
     light, total, variance = 0.0, 0.0, _GUESS
-    for turn in range(_ROUNDS):
+    dropped, hidden = 0.0, np.zeros(_PIECES, np.bool_)
+    for turn in range(_ROUNDS + _MORE):
+        if turn >= _ROUNDS and dropped < _CLEAN:
+            break
         if turn:
             band = min(max(across / cells - _CLEAR * blur, _LEAST), _WIDE)
             half = length / 2 - min(max(_END, _END_PART * length, _CLEAR_END * blur), length / 4)
@@ -178,9 +190,13 @@ def _line(  # type: ignore[no-untyped-def]
             low, step = darkest / dark, brightest / bright - darkest / dark
             if step < _CONTRAST:
                 return False
+        blocked, scale = hidden.any(), _PIECES / (2 * half)
+        # What lies on the edge, such as a finger, is left out, more strictly from round to round.
         limit = 1e9
-        if turn == _ROUNDS - 1:
-            limit = 4 * math.sqrt(variance)
+        if turn == 1:
+            limit = _ODD_STEP * step + _ODD_GREY
+        elif turn > 1:
+            limit = _ODD_SIGMAS * math.sqrt(variance)
         for _ in range(_STEPS):
             A[:] = 0.0
             g[:] = 0.0
@@ -192,7 +208,9 @@ def _line(  # type: ignore[no-untyped-def]
                 lit = 1 + light * s
                 f = 0.3989422804014327 * math.exp(-0.5 * d * d) * step * lit / blur
                 r = grey[m] - (low + step * p) * lit
-                weight = 1.0 if abs(r) < limit else 0.0  # a finger on the edge
+                weight = 1.0 if abs(r) < limit else 0.0
+                if blocked and hidden[min(max(int((s + half) * scale), 0), _PIECES - 1)]:
+                    weight = 0.0
                 u[0], u[1], u[2], u[3], u[4] = -f, -f * s, lit, p * lit, -f * d
                 u[5] = (low + step * p) * s
                 for a in range(_FREE):
@@ -220,6 +238,25 @@ def _line(  # type: ignore[no-untyped-def]
             blur = min(max(blur + min(max(delta[4], -0.5), 0.5), _SHARP), _BLURRED)
             if not step > _CONTRAST / 2:
                 return False
+        dropped = 1 - total / count
+        if turn and dropped > _CLEAN:
+            # Where part of a piece of the edge is hidden, none of that piece is an edge.
+            hidden[:] = False
+            width = 2 * half / _PIECES
+            out, all_ = np.zeros(_PIECES), np.zeros(_PIECES)
+            for m in range(count):
+                s = -ny * xs[m] + nx * ys[m]
+                d = (nx * xs[m] + ny * ys[m] - offset) / blur
+                p = 0.5 + 0.5 * math.erf(d * 0.7071067811865476)
+                piece = min(max(int((s + half) / width), 0), _PIECES - 1)
+                all_[piece] += 1
+                if abs(grey[m] - (low + step * p) * (1 + light * s)) >= limit:
+                    out[piece] += 1
+            for piece in range(_PIECES):
+                if out[piece] > _PART * all_[piece]:
+                    hidden[max(piece - 1, 0) : piece + 2] = True
+    if dropped > _HIDDEN or math.sqrt(variance) > _ODD_FIT * step + _ODD_NOISE:
+        return False
     if step < _CONTRAST or abs(offset) > _MOVED or blur >= _BLURRED:
         return False
     ax, ay = nx + angle * ny, ny - angle * nx
@@ -231,7 +268,7 @@ def _line(  # type: ignore[no-untyped-def]
     middle[0], middle[1] = mx, my
     inverse = np.linalg.inv(A)
     leak = 0.5 - 0.5 * math.erf((across / cells - band) / blur * 0.7071067811865476)
-    left_out = _SYSTEMATIC + _BLEEDS * blur * leak
+    left_out = _SYSTEMATIC + blur * (_BLEEDS * leak + _HIDES * max(dropped - _CLEAN, 0.0))
     spread[0] = variance * inverse[0, 0] + left_out**2
     spread[1] = variance * inverse[0, 1]
     spread[2] = variance * inverse[1, 1] + (2 * left_out / length) ** 2
