@@ -37,9 +37,10 @@ _ODD_STEP, _ODD_GREY, _ODD_SIGMAS = 0.25, 8.0, 4.0
 _ODD_FIT, _ODD_NOISE = 0.08, 4.0
 #: Parts of the pixels left out: that call for more rounds; above which an edge is not used; and
 #: what they add to the standard deviation, per blur.
-_CLEAN, _HIDDEN, _HIDES, _MORE = 0.02, 0.5, 0.5, 2
+_CLEAN, _HIDDEN, _HIDES, _MORE = 0.02, 0.35, 0.5, 2
 #: An edge in pieces, and what part of one may be left out without the rest of it.
 _PIECES, _PART = 16, 0.12
+_LEAST_NOISE = 1.0  # grey levels
 _UNSURE = 1.0  # px, standard deviation of a corner of which nothing is said
 _MOST = 6000
 _FREE = 6  # offset, angle, two levels, blur, and how the light changes along the edge
@@ -155,6 +156,7 @@ def _line(  # type: ignore[no-untyped-def]
     offset, angle, low, step, blur = 0.0, 0.0, 0.0, 0.0, 1.0
     A, g, u = np.empty((_FREE, _FREE)), np.empty(_FREE), np.empty(_FREE)
     light, total, variance = 0.0, 0.0, _GUESS
+    middling, often = 1e9, np.zeros(1024, np.int64)
     dropped, hidden = 0.0, np.zeros(_PIECES, np.bool_)
     for turn in range(_ROUNDS + _MORE):
         if turn >= _ROUNDS and dropped < _CLEAN:
@@ -196,7 +198,7 @@ def _line(  # type: ignore[no-untyped-def]
         if turn == 1:
             limit = _ODD_STEP * step + _ODD_GREY
         elif turn > 1:
-            limit = _ODD_SIGMAS * math.sqrt(variance)
+            limit = min(_ODD_SIGMAS * math.sqrt(variance), middling)
         for _ in range(_STEPS):
             A[:] = 0.0
             g[:] = 0.0
@@ -239,22 +241,30 @@ def _line(  # type: ignore[no-untyped-def]
             if not step > _CONTRAST / 2:
                 return False
         dropped = 1 - total / count
-        if turn and dropped > _CLEAN:
+        if turn:
             # Where part of a piece of the edge is hidden, none of that piece is an edge.
             hidden[:] = False
             width = 2 * half / _PIECES
             out, all_ = np.zeros(_PIECES), np.zeros(_PIECES)
+            often[:] = 0
             for m in range(count):
                 s = -ny * xs[m] + nx * ys[m]
                 d = (nx * xs[m] + ny * ys[m] - offset) / blur
                 p = 0.5 + 0.5 * math.erf(d * 0.7071067811865476)
                 piece = min(max(int((s + half) / width), 0), _PIECES - 1)
                 all_[piece] += 1
-                if abs(grey[m] - (low + step * p) * (1 + light * s)) >= limit:
+                r = abs(grey[m] - (low + step * p) * (1 + light * s))
+                often[min(int(4 * r), len(often) - 1)] += 1
+                if r >= limit:
                     out[piece] += 1
             for piece in range(_PIECES):
                 if out[piece] > _PART * all_[piece]:
                     hidden[max(piece - 1, 0) : piece + 2] = True
+            below, half_way = 0, 0
+            while 2 * below < count and half_way < len(often):
+                below += often[half_way]
+                half_way += 1
+            middling = _ODD_SIGMAS * max(1.4826 * half_way / 4, _LEAST_NOISE)
     if dropped > _HIDDEN or math.sqrt(variance) > _ODD_FIT * step + _ODD_NOISE:
         return False
     if step < _CONTRAST or abs(offset) > _MOVED or blur >= _BLURRED:

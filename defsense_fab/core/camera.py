@@ -16,6 +16,7 @@ from .errors import CaptureError
 
 _COEFFICIENTS = 8
 _STEPS, _CLOSE = 20, 1e-12
+_RADII = 1000
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,12 @@ class Camera:
             raise CaptureError(f"camera {self.name}: holds something that is no number")
         if min(self.matrix[0, 0], self.matrix[1, 1]) <= 0 or self.matrix[0, 1] != 0:
             raise CaptureError(f"camera {self.name}: focal lengths must be positive, skew 0")
-        if np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-6:
+        if self.matrix[1, 0] != 0 or (self.matrix[2] != [0, 0, 1]).any():
+            raise CaptureError(
+                f"camera {self.name}: its matrix must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+            )
+        off = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
+        if off > 1e-6 or np.linalg.det(self.rotation) < 0:
             raise CaptureError(f"camera {self.name}: its rotation is none")
 
     @property
@@ -105,7 +111,8 @@ def distort(plane: Float, coefficients: Float) -> tuple[Float, Float]:
 
 
 def undistort(seen: Float, coefficients: Float) -> Float:
-    """The inverse of `distort`, by Newton's method: NaN where there is none."""
+    """The inverse of `distort`, by Newton's method: NaN where there is none, and beyond the radius
+    at which the model of the lens folds back."""
     if not np.any(coefficients):
         return np.asarray(seen, float)
     plane = np.array(seen, float)
@@ -117,8 +124,20 @@ def undistort(seen: Float, coefficients: Float) -> Float:
             plane[..., 0] -= (J[..., 1, 1] * miss[..., 0] - J[..., 0, 1] * miss[..., 1]) / det
             plane[..., 1] -= (J[..., 0, 0] * miss[..., 1] - J[..., 1, 0] * miss[..., 0]) / det
         if not np.nanmax(np.abs(miss), initial=0.0) > _CLOSE:
-            return plane
-    with np.errstate(invalid="ignore"):
-        lost = ~(np.abs(distort(plane, coefficients)[0] - seen).max(-1) < 1e-7)
-    plane[lost] = np.nan
+            break
+    with np.errstate(invalid="ignore", over="ignore"):
+        found = np.abs(distort(plane, coefficients)[0] - seen).max(-1) < 1e-7
+        radius = np.hypot(plane[..., 0], plane[..., 1])
+    found &= radius < _fold(coefficients, float(radius[found].max(initial=0.0)))
+    plane[~found] = np.nan
     return plane
+
+
+def _fold(coefficients: Float, most: float) -> float:
+    """Radius at depth one, of at most so much, beyond which the image no longer grows with it."""
+    radius = np.linspace(0, most, _RADII)
+    radial = np.array(coefficients, float)
+    radial[2:4] = 0
+    seen = distort(np.stack([radius, 0 * radius], axis=-1), radial)[0][:, 0]
+    back = np.flatnonzero(~(np.diff(seen) > 0))
+    return float(radius[back[0]]) if len(back) and most > 0 else float("inf")
