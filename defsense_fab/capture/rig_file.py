@@ -6,6 +6,7 @@ camera), translation (here mm); and `[metadata]`, with what is known of the cali
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -80,7 +81,8 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
     size = numbers("size", (2,))
     bent = numbers("distortions", ()).ravel()
     rotation, translation = numbers("rotation", (3,)), numbers("translation", (3,))
-    if not np.isfinite(rotation).all() or (size != np.round(size)).any():
+    plain = np.isfinite(rotation).all() and np.isfinite(size).all()
+    if not plain or (size != np.round(size)).any():
         raise CaptureError(f"{path}: [{key}] size and rotation must be plain numbers")
     try:
         return Camera(
@@ -124,8 +126,7 @@ def _list(values: Any) -> str:
 
 
 def _text(value: str) -> str:
-    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML escapes as JSON
 
 
 def toml_value(value: Any) -> str:

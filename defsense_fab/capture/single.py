@@ -16,8 +16,6 @@ from .locate import Located
 
 _STEPS = 8
 _MISS = 2.0  # px, root mean square: more is no square of this size
-#: Standard deviation of the printed size, relative: what a caliper on paper allows.
-SIZE_SIGMA = 0.002
 
 
 def square(size: float) -> Float:
@@ -28,12 +26,13 @@ def square(size: float) -> Float:
 
 
 def locate_single(
-    camera: Camera, corners: Float, covariance: Float, size: float, size_sigma: float = SIZE_SIGMA
+    camera: Camera, corners: Float, covariance: Float, size: float, size_sigma: float = 0.0
 ) -> Located:
     """Tags of `size` mm by one camera: as `locate` with v = 1.
 
-    `corners` (n, 4, 2) px without distortion, `covariance` (n, 8, 8) px^2; `size_sigma`, the
-    relative standard deviation of the size, is in the covariance.
+    `corners` (n, 4, 2) px without distortion, `covariance` (n, 8, 8) px^2. A wrong size scales all
+    places from the camera together; its relative standard deviation `size_sigma` (0.002 is what a
+    caliper on paper allows) is added along the line of sight.
     """
     n = len(corners)
     used = np.asarray(np.isfinite(corners).all(axis=(1, 2)))

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.arrays import Float, Int
 from ..core.camera import Camera
 from .locate import locate
-from .single import SIZE_SIGMA, locate_single
+from .single import locate_single
 
 _CHUNK = 20_000  # tags solved at once: what the matrices may take of memory
 
@@ -35,10 +35,11 @@ def solve(
     corners: Float,
     covariance: Float,
     size: float,
-    size_sigma: float = SIZE_SIGMA,
+    size_sigma: float = 0.0,
 ) -> Solved:
     """Tags of `size` mm by v cameras: those that two see by triangulation, those that one sees by
-    their size. `corners` (n, m, v, 4, 2) px without distortion, `covariance` (n, m, v, 8, 8)."""
+    their size, with `size_sigma` as in `locate_single`. `corners` (n, m, v, 4, 2) px without
+    distortion, `covariance` (n, m, v, 8, 8)."""
     n, m, v = corners.shape[:3]
     flat, spread = corners.reshape(-1, v, 4, 2), covariance.reshape(-1, v, 8, 8)
     points, cov = np.full((n * m, 3), np.nan), np.full((n * m, 3, 3), np.nan)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +51,8 @@ class Video:
         self._capture: cv2.VideoCapture | None = None
         pattern = "%" in path.name
         if path.is_dir():
-            self._files = sorted(p for p in path.iterdir() if p.suffix.lower() in _IMAGES)
+            images = (p for p in path.iterdir() if p.suffix.lower() in _IMAGES)
+            self._files = sorted(images, key=_by_number)
             if not self._files:
                 raise CaptureError(f"{path}: has no images ({', '.join(_IMAGES)})")
         elif not path.exists() and not pattern:
@@ -97,6 +99,12 @@ class Video:
         """Let go of the file."""
         if self._capture is not None:
             self._capture.release()
+
+
+def _by_number(path: Path) -> tuple[list[str | int], str]:
+    """For a9 to come before a10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [int(p) if k % 2 else p for k, p in enumerate(parts)], path.name
 
 
 def _image(path: Path) -> Image:

@@ -90,7 +90,7 @@ def test_dark_backgrounds_and_uneven_light(backdrop, optics):
     assert squares.mean() < 2
 
 
-@pytest.mark.parametrize("level", [30.0, 120.0, 210.0])
+@pytest.mark.parametrize("level", [30.0, 210.0])
 def test_a_finger_on_an_edge_moves_no_corner(level):
     rng = np.random.default_rng(5)
     patches = tags(rng, "4X4_50", 50, 0.3)

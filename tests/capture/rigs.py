@@ -1,0 +1,34 @@
+"""Cameras around a place, tags there, and what the cameras see of them, without images."""
+
+import numpy as np
+
+from defsense_fab.capture.single import square
+from tests.twin.views import camera, turn
+
+EYES = {"left": (-120, -380, 60), "right": (120, -380, 60), "top": (0, -300, 260)}
+
+
+def rig(count=2):
+    return [
+        camera(eye, focal=900.0, size=(1280, 720), name=name, lens=(-0.1, 0.05, 0, 0, 0))
+        for name, eye in list(EYES.items())[:count]
+    ]
+
+
+def tags(n, rng, size=15.0, tilt=0.5):
+    """Corners (n, 4, 3) mm of tags that face the cameras, more or less."""
+    out = []
+    for _ in range(n):
+        axes = turn(*rng.uniform(-tilt, tilt, 3)) @ turn(np.pi / 2)
+        out.append(square(size) @ axes.T + rng.uniform(-40, 40, 3))
+    return np.array(out)
+
+
+def flat(view, corners):
+    """Corners (..., 4, 2) px as the camera sees them without distortion."""
+    at = view.to_camera(corners)
+    return at[..., :2] / at[..., 2:] * view.focal + view.matrix[:2, 2]
+
+
+def spread(shape, sigma):
+    return np.broadcast_to(np.eye(8) * sigma**2, (*shape, 8, 8)).copy()
