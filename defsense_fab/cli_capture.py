@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -12,7 +13,7 @@ from typing import Any
 
 from . import cli_camera, cli_session, cli_sheets
 from .cli_record import numbers
-from .core.errors import DeviceError
+from .core.errors import DeviceError, StorageError
 from .core.progress import Progress
 
 Bars = Callable[[Any], AbstractContextManager[Progress]]
@@ -129,6 +130,9 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
         raise DeviceError("give either a SESSION or --videos")
     if options.out is not None:
         check_suffix(options.out)
+        _writable(options.out)
+    if options.smooth is not None and not 0 < options.smooth < 1e6:
+        raise DeviceError(f"--smooth {options.smooth:g}: give seconds, above 0")
     if options.session is not None:
         return _process_session(options, bars)
     if options.tag_size is None:
@@ -137,6 +141,7 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
         raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")
     offsets = numbers("--offsets", options.offsets, "s") if options.offsets else None
     out = options.out or Path("tracks.csv")
+    _writable(out)
     with bars(options) as progress:
         found = process_videos(
             options.videos, options.calibration, options.tag_size, options.dictionary,
@@ -153,6 +158,16 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
     show_quality(quality)
     sys.stdout.write(f"Look at: {out}\n")
     return 0
+
+
+def _writable(out: Path) -> None:
+    """Raises StorageError, before the work and not after it, where nothing can be written."""
+    if not out.parent.is_dir():
+        raise StorageError(f"{out}: there is no folder {out.parent}; make it, or choose another")
+    if out.is_dir():
+        raise StorageError(f"{out}: is a folder; give a file in it")
+    if not os.access(out.parent, os.W_OK):
+        raise StorageError(f"{out}: {out.parent} cannot be written to; choose another folder")
 
 
 def _process_session(options: argparse.Namespace, bars: Bars) -> int:

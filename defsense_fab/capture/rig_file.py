@@ -81,12 +81,15 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
     size = numbers("size", (2,))
     bent = numbers("distortions", ()).ravel()
     rotation, translation = numbers("rotation", (3,)), numbers("translation", (3,))
+    matrix = numbers("matrix", (3, 3))
     plain = np.isfinite(rotation).all() and np.isfinite(size).all()
     if not plain or (size != np.round(size)).any():
         raise CaptureError(f"{path}: [{key}] size and rotation must be plain numbers")
+    if not ((size >= 1) & (size <= 100_000)).all():
+        raise CaptureError(f"{path}: [{key}] size: width and height in pixels")
     try:
         return Camera(
-            str(table.get("name", key)), (int(size[0]), int(size[1])), numbers("matrix", (3, 3)),
+            str(table.get("name", key)), (int(size[0]), int(size[1])), matrix,
             _shortest(bent), Rotation.from_rotvec(rotation).as_matrix(), translation,
         )  # fmt: skip
     except CaptureError as error:

@@ -16,22 +16,28 @@ import numpy as np
 from ..capture.detect import Detector, View, detector, to_grey, wrong_size
 from ..capture.dictionary import FAMILIES, Dictionary, dictionary
 from ..capture.gate import possible
-from ..capture.observe import Observations, at, collect
-from ..capture.offset import find_offset
+from ..capture.observe import Observations, collect
 from ..capture.rig_file import Rig, read_rig
 from ..capture.solve import Solved, solve
 from ..capture.video import Timing, Video, timing
-from ..core.arrays import Float, Int
+from ..core.arrays import Bool, Float, Int
 from ..core.camera import Camera
 from ..core.errors import CaptureError
 from ..core.progress import Progress, silent
 from ..core.tracks import Tracks
+from .in_step import in_step, together
 
 #: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
 _AGREEING = 0.5
 _SCALE = 0.03  # by which the located size of tags may differ from the one that was told
-_LOOKED = 12  # frames in which other dictionaries are tried
-_REACH, _IN_STEP = 0.25, 1e-3  # s, between clocks: looked for, and not worth a correction
+_LOOKED, _SOME = 4, 3  # frames of a video in which other families are tried; tags that tell
+#: px, root mean square, and so many medians of it: views of a tag that miss by more are not of one
+#: instant, or not of one tag.
+_ODD, _ODDER = 0.3, 8.0
+_MANY = 20  # places, to tell what is odd
+_FAR = 1e6  # s, offsets at most
+_DISAGREE = 0.25  # px: a median above which the cameras are not in step, or have moved
+_SHORT = 0.25  # s, difference of length that is worth a word
 _CLOSE = 1.5  # px that a permutation of cameras must fit by to be believed
 
 
@@ -86,6 +92,7 @@ def process_videos(
         )
     if len({p.resolve() for p in paths}) < len(paths):
         raise CaptureError("the same video is given twice")
+    check_offsets(offsets, len(paths))
     watched = watch(paths, rig.cameras, tags, rate, progress)
     return assemble(watched, rig, size, [str(p) for p in paths], offsets, progress)
 
@@ -164,24 +171,32 @@ def detect_all(
 
 def _nothing(paths: Sequence[Path], tags: Dictionary, rate: float | None) -> str:
     """What to say where no tag was found: perhaps there are others."""
-    counts: dict[str, int] = {}
+    found: dict[str, list[int]] = {}
+    # The small families of a kind are the first tags of the largest one.
+    small = tuple(f"_{n}" for n in (50, 100, 250))
+    kinds = [name for name in FAMILIES if not name.endswith(small)]
+    detectors = {name: detector(dictionary(name)) for name in kinds}
     for path in paths:
         video = Video(path, rate)
         every = max(video.expected // _LOOKED, 1)
         for k, _, image in video.frames():
+            if k >= _LOOKED * every:
+                break
             if k % every:
                 continue
-            if k > _LOOKED * every:
-                break
-            for name in FAMILIES:
-                if name != tags.name:
-                    _, numbers, _ = detector(dictionary(name)).detectMarkers(to_grey(image))
-                    counts[name] = counts.get(name, 0) + (0 if numbers is None else len(numbers))
+            for name, one in detectors.items():
+                _, numbers, _ = one.detectMarkers(to_grey(image))
+                if numbers is not None:
+                    found.setdefault(name, []).extend(np.asarray(numbers).ravel().tolist())
         video.close()
-    best = max(counts, key=lambda name: counts[name], default="")
+    best = max(found, key=lambda name: len(found[name]), default="")
     where = ", ".join(str(p) for p in paths)
-    if counts.get(best, 0) >= 3:
-        return f"{where}: no tag of {tags.name}, but tags of {best}: give --dictionary {best}"
+    if len(found.get(best, ())) >= _SOME:
+        if best.endswith("_1000"):
+            most = max(found[best])
+            best = best[:4] + str(next(n for n in (50, 100, 250, 1000) if most < n))
+        if best != tags.name:
+            return f"{where}: no tag of {tags.name}, but tags of {best}: give --dictionary {best}"
     return (
         f"{where}: no tag of {tags.name} found in any frame; look at light, focus and the white"
         " margin around the tags"
@@ -198,26 +213,25 @@ def assemble(
 ) -> Processed:
     """Tracks from what the cameras saw, at the times of the first one; where no offsets are given
     they are found. Raises CaptureError where the cameras do not agree."""
-    if offsets is not None and len(offsets) != len(watched):
-        raise CaptureError(f"offsets: {len(offsets)} given for {len(watched)} cameras")
-    shift = list(offsets or [0.0] * len(watched))
+    told = check_offsets(offsets, len(watched))
     ids = np.unique(np.concatenate([v.ids for w in watched for v in w.views]))
     seen: list[Observations] = []
-    for w, s in zip(watched, shift, strict=True):
+    for w, s in zip(watched, told, strict=True):
         first = np.append(True, np.diff(w.time) > 0)  # a frame that came twice counts once
         kept = [v for v, f in zip(w.views, first, strict=True) if f]
         seen.append(collect(w.time[first] + s, kept, ids))
     time = seen[0].time
     progress("tracks", 0.1, "comparing clocks")
-    if offsets is None:
-        shift, seen = _synchronised(rig, seen)
+    clocks = in_step(rig, seen, told=offsets is not None)
     progress("tracks", 0.2, "triangulating")
-    corners, covariance = _together(seen, time)
+    corners, covariance = together(clocks.seen, time)
     found = solve(rig.cameras, corners, covariance, size)
     _check(found, rig, corners, covariance, size, names)
     progress("tracks", 0.7, "looking for what cannot be")
-    keep = possible(time, found.points, found.covariance)
-    wrong = int((np.isfinite(found.points[..., 0]) & ~keep).sum())
+    odd = _odd(found)
+    points = np.where(odd[..., None], np.nan, found.points)
+    keep = possible(time, points, found.covariance)
+    wrong = int((np.isfinite(points[..., 0]) & ~keep).sum())
     first_camera = rig.cameras[0]
     points = np.where(keep[..., None], first_camera.to_camera(found.points), np.nan)
     turned = first_camera.rotation @ found.covariance @ first_camera.rotation.T
@@ -231,36 +245,43 @@ def assemble(
     cameras = np.where(keep, found.cameras, 0)[:, there]
     progress("tracks", 1.0, "done")
     quality = _quality(watched, found, keep, wrong, tracks, cameras, size, names)
-    quality["offsets"] = shift
-    if offsets is None and any(shift):
-        told = ", ".join(f"{1e3 * s:+.1f}" for s in shift)
+    quality["offsets"] = [a + b for a, b in zip(told, clocks.shift, strict=True)]
+    quality["disagreeing"] = int(odd.sum())
+    quality["warnings"] += clocks.warnings(names, offsets is not None)
+    if odd.any():
         quality["warnings"].append(
-            f"the videos were not in step: {told} ms added to their times, by how the tags move"
+            f"{int(odd.sum())} places were left out: the cameras' views of the tag disagree"
+        )
+    if (quality["residual"] or 0.0) > _DISAGREE:
+        quality["warnings"].append(
+            f"the cameras' views miss each other by {quality['residual']:.2f} px: they are not in"
+            " step, or one was moved since it was arranged; places may be wrong by millimetres"
         )
     return Processed(tracks, turned[:, there], cameras, quality)
 
 
-def _synchronised(rig: Rig, seen: Sequence[Observations]) -> tuple[list[float], list[Observations]]:
-    """Cameras in step with the first one, and what was added to their times, s."""
-    shift, out = [0.0], [seen[0]]
-    for camera, s in zip(rig.cameras[1:], seen[1:], strict=True):
-        found = find_offset([rig.cameras[0], camera], seen[0], s, _REACH)
-        late = (
-            found is not None
-            and abs(found.value) > max(_IN_STEP, 4 * found.sigma)
-            and found.after < 0.8 * found.before
-            and found.after < _CLOSE
+def check_offsets(offsets: Sequence[float] | None, count: int) -> list[float]:
+    """Offsets (count,) s by the first camera's clock, zero where none are given. Raises
+    CaptureError."""
+    if offsets is None:
+        return [0.0] * count
+    if len(offsets) != count:
+        raise CaptureError(f"offsets: {len(offsets)} given for {count} cameras; give one for each")
+    if not all(abs(s) < _FAR for s in offsets):
+        raise CaptureError(
+            f"offsets {', '.join(f'{s:g}' for s in offsets)}: give seconds, what is to be added to"
+            " each video's times"
         )
-        by = found.value if found is not None and late else 0.0
-        shift.append(by)
-        out.append(Observations(s.time + by, s.ids, s.corners, s.covariance))
-    return shift, out
+    return [s - offsets[0] for s in offsets]
 
 
-def _together(seen: Sequence[Observations], time: Float) -> tuple[Float, Float]:
-    """Corners (n, m, v, 4, 2) and covariances (n, m, v, 8, 8) of all cameras at the times (n,)."""
-    parts = [(seen[0].corners, seen[0].covariance), *(at(s, time) for s in seen[1:])]
-    return np.stack([p[0] for p in parts], axis=2), np.stack([p[1] for p in parts], axis=2)
+def _odd(found: Solved) -> Bool:
+    """Places (t, m) of which the views miss each other much more than those of the others do."""
+    several = (found.cameras >= 2) & np.isfinite(found.miss)
+    if several.sum() < _MANY:
+        return np.zeros(several.shape, bool)
+    limit = max(_ODD, _ODDER * float(np.median(found.miss[several])))
+    return np.asarray(several & (found.miss > limit))
 
 
 def _check(
@@ -274,7 +295,8 @@ def _check(
     scale = float(np.nanmedian(found.sides)) / size if agreeing else 0.0
     if agreeing >= _AGREEING and abs(scale - 1) <= _SCALE:
         return
-    other = _permuted(rig, corners[several], covariance[several], size)
+    fit = float(np.median(found.miss[found.cameras >= 2])) if agreeing >= _AGREEING else _CLOSE
+    other = _permuted(rig, corners[several], covariance[several], size, min(_CLOSE, fit / 2))
     if other is not None:
         pairs = ", ".join(
             f"{name} is of {rig.cameras[k].name}" for name, k in zip(names, other, strict=True)
@@ -303,9 +325,11 @@ def _check(
     )
 
 
-def _permuted(rig: Rig, corners: Float, covariance: Float, size: float) -> tuple[int, ...] | None:
-    """Cameras in the order that fits the videos, where there is one."""
-    some = slice(None, None, max(len(corners) // 200, 1))
+def _permuted(
+    rig: Rig, corners: Float, covariance: Float, size: float, close: float
+) -> tuple[int, ...] | None:
+    """Cameras in the order that fits the videos to so many px, where there is one."""
+    some = slice(None, None, max(len(corners) // (200 if len(rig.cameras) < 5 else 30), 1))
     for order in list(itertools.permutations(range(len(rig.cameras))))[1:]:
         cameras = [rig.cameras[k] for k in order]
         # Corners are without distortion but in pixels of the camera that was told.
@@ -321,7 +345,7 @@ def _permuted(rig: Rig, corners: Float, covariance: Float, size: float) -> tuple
         if (found.cameras[many] < 2).mean() > 0.2:
             continue
         scale = float(np.nanmedian(found.sides)) / size
-        if np.nanmedian(found.miss) < _CLOSE and abs(scale - 1) <= _SCALE:
+        if np.nanmedian(found.miss) < close and abs(scale - 1) <= _SCALE:
             return order
     return None
 
@@ -352,11 +376,22 @@ def _quality(
                 f"{name}: {t.missing} frames missing and {t.repeated} repeated, by its time stamps"
             )
     spans = [w.time[-1] - w.time[0] for w in watched]
-    if len(spans) > 1 and max(spans) - min(spans) > 0.5:
+    if len(spans) > 1 and max(spans) - min(spans) > _SHORT:
         told = ", ".join(f"{s:.1f}" for s in spans)
         warnings.append(f"the videos are of different length ({told} s): the rest is from fewer")
     if several.any() and one.sum() > several.sum():
         warnings.append("most places are from one camera alone: their depth is uncertain")
+    if one.any() and not several.any() and len(watched) > 1:
+        warnings.append("all places are from one camera alone: their depth is uncertain")
+    for name, w in zip(names, watched, strict=True):
+        if not any(len(v.ids) for v in w.views):
+            warnings.append(f"{name}: shows no tag in any frame; is it the right video?")
+        twice = sorted({int(i) for v in w.views for i in v.ids[_again(v.ids)]})
+        if twice:
+            warnings.append(
+                f"{name}: shows tags {', '.join(map(str, twice))} twice at once; print each number"
+                " once, or cover what is a reflection"
+            )
     never = sorted(set(tracks.ids.tolist()) - set(tracks.ids[several.any(axis=0)].tolist()))
     if never and len(watched) > 1:
         warnings.append(f"tags {', '.join(map(str, never))} were never seen by two cameras at once")
@@ -376,6 +411,14 @@ def _quality(
             "videos": videos,
             "warnings": warnings,
         }
+
+
+def _again(ids: Int) -> Bool:
+    """Which numbers (n,) came before."""
+    first = np.unique(ids, return_index=True)[1]
+    again = np.ones(len(ids), bool)
+    again[first] = False
+    return again
 
 
 def _median(values: Float) -> float | None:
