@@ -2,9 +2,9 @@
 
 Across an edge the image goes from the black border to the white around it as a step that lens,
 motion and pixels have blurred: a + b Phi(d / s), with d the distance from the line. Line, levels,
-blur and the light's change along the edge are fitted to all pixels beside it at once (Gauss-Newton), in the coordinates of a
-camera without distortion, in which edges are straight. Corners are where two lines cross; their
-covariance follows from that of the lines.
+blur and the light's change along the edge are fitted to all pixels beside it at once (Gauss-
+Newton), in the coordinates of a camera without distortion, in which edges are straight. Corners are
+where two lines cross; their covariance follows from that of the lines.
 """
 
 from __future__ import annotations
@@ -43,6 +43,17 @@ _PIECES, _PART = 16, 0.12
 _LEAST_NOISE = 1.0  # grey levels
 _UNSURE = 1.0  # px, standard deviation of a corner of which nothing is said
 _MOST = 6000
+_ENOUGH = 5e-4  # px, change of the line at its ends below which a round has converged
+_FAR, _PER = 6.0, 256.0  # of the table of Phi and its derivative: its end, entries in a unit
+
+
+def _step() -> Float:
+    d = np.arange(-_FAR, _FAR + 1.5 / _PER, 1 / _PER)
+    phi = [0.5 + 0.5 * math.erf(x / math.sqrt(2)) for x in d]
+    return np.column_stack([phi, np.exp(-d * d / 2) / math.sqrt(2 * math.pi)])
+
+
+_TABLE = _step()  # which numba takes as a constant
 _FREE = 6  # offset, angle, two levels, blur, and how the light changes along the edge
 _UNEVEN = 0.0015  # per px, standard deviation of that change
 _GUESS = 4.0  # grey levels squared, of the noise before it is known
@@ -68,6 +79,7 @@ def refine(
 def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignore[no-untyped-def]
     h, w = image.shape
     xs, ys, grey = np.empty(_MOST), np.empty(_MOST), np.empty(_MOST)
+    near = np.empty((_MOST, 3))
     lines = np.empty((4, 4))  # nx, ny, nx * mx + ny * my + c; length
     spread = np.empty((4, 3))  # variances and covariance of offset and angle
     middle = np.empty((4, 2))
@@ -91,7 +103,7 @@ def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignor
         fitted = True
         for k in range(4):
             if not _line(
-                image, plane, corners[tag], ideal, k, cx, cy, cells, xs, ys, grey, lines[k],
+                image, plane, corners[tag], ideal, k, cx, cy, cells, near, xs, ys, grey, lines[k],
                 spread[k], middle[k],
             ):  # fmt: skip
                 fitted = False
@@ -132,7 +144,7 @@ def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignor
 
 @njit(cache=True, nogil=True)
 def _line(  # type: ignore[no-untyped-def]
-    image, plane, seen, ideal, k, cx, cy, cells, xs, ys, grey, line, spread, middle
+    image, plane, seen, ideal, k, cx, cy, cells, near, xs, ys, grey, line, spread, middle
 ):
     """Fit edge k, from corner k to the next; whether that went well."""
     h, w = image.shape
@@ -156,7 +168,7 @@ def _line(  # type: ignore[no-untyped-def]
     offset, angle, low, step, blur = 0.0, 0.0, 0.0, 0.0, 1.0
     A, g, u = np.empty((_FREE, _FREE)), np.empty(_FREE), np.empty(_FREE)
     light, total, variance = 0.0, 0.0, _GUESS
-    middling, often = 1e9, np.zeros(1024, np.int64)
+    middling, often, found = 1e9, np.zeros(1024, np.int64), 0
     dropped, hidden = 0.0, np.zeros(_PIECES, np.bool_)
     for turn in range(_ROUNDS + _MORE):
         if turn >= _ROUNDS and dropped < _CLEAN:
@@ -171,19 +183,28 @@ def _line(  # type: ignore[no-untyped-def]
         wide = band + (1.0 if turn == 0 else 0.0)
         count, darkest, brightest = 0, 0.0, 0.0
         dark, bright = 0, 0
-        for i in range(i0, i1):
-            for j in range(j0, j1):
-                x, y = plane[i, j, 0] - mx, plane[i, j, 1] - my
-                d = ax * x + ay * y - offset
-                if -wide <= d <= wide and abs(-ay * x + ax * y) <= half and count < _MOST:
-                    xs[count], ys[count], grey[count] = x, y, image[i, j]
-                    count += 1
-                    if d > wide / 2:
-                        brightest += image[i, j]
-                        bright += 1
-                    elif d < -wide / 2:
-                        darkest += image[i, j]
-                        dark += 1
+        if turn == 0:  # all that any round can want
+            found = 0
+            for i in range(i0, i1):
+                for j in range(j0, j1):
+                    x, y = plane[i, j, 0] - mx, plane[i, j, 1] - my
+                    d = nx * x + ny * y
+                    beside = -reach <= d <= reach and 2 * abs(-ny * x + nx * y) <= length
+                    if beside and found < _MOST:
+                        near[found, 0], near[found, 1], near[found, 2] = x, y, image[i, j]
+                        found += 1
+        for m in range(found):
+            x, y, value = near[m, 0], near[m, 1], near[m, 2]
+            d = ax * x + ay * y - offset
+            if -wide <= d <= wide and abs(-ay * x + ax * y) <= half:
+                xs[count], ys[count], grey[count] = x, y, value
+                count += 1
+                if d > wide / 2:
+                    brightest += value
+                    bright += 1
+                elif d < -wide / 2:
+                    darkest += value
+                    dark += 1
         if count < 12 or not dark or not bright:
             return False
         # The frame turns with the line: angles are small again.
@@ -206,21 +227,26 @@ def _line(  # type: ignore[no-untyped-def]
             for m in range(count):
                 s = -ny * xs[m] + nx * ys[m]
                 d = (nx * xs[m] + ny * ys[m] - offset - angle * s) / blur
-                p = 0.5 + 0.5 * math.erf(d * 0.7071067811865476)
+                at = (min(max(d, -_FAR), _FAR) + _FAR) * _PER
+                entry = int(at)
+                part = at - entry
+                p = _TABLE[entry, 0] + part * (_TABLE[entry + 1, 0] - _TABLE[entry, 0])
+                f = _TABLE[entry, 1] + part * (_TABLE[entry + 1, 1] - _TABLE[entry, 1])
                 lit = 1 + light * s
-                f = 0.3989422804014327 * math.exp(-0.5 * d * d) * step * lit / blur
+                f *= step * lit / blur
                 r = grey[m] - (low + step * p) * lit
-                weight = 1.0 if abs(r) < limit else 0.0
+                if abs(r) >= limit:
+                    continue
                 if blocked and hidden[min(max(int((s + half) * scale), 0), _PIECES - 1)]:
-                    weight = 0.0
+                    continue
                 u[0], u[1], u[2], u[3], u[4] = -f, -f * s, lit, p * lit, -f * d
                 u[5] = (low + step * p) * s
                 for a in range(_FREE):
-                    g[a] += weight * u[a] * r
+                    g[a] += u[a] * r
                     for b in range(a + 1):
-                        A[a, b] += weight * u[a] * u[b]
-                square += weight * r * r
-                total += weight
+                        A[a, b] += u[a] * u[b]
+                square += r * r
+                total += 1.0
             if total < 12:
                 return False
             for a in range(_FREE):
@@ -240,6 +266,8 @@ def _line(  # type: ignore[no-untyped-def]
             blur = min(max(blur + min(max(delta[4], -0.5), 0.5), _SHARP), _BLURRED)
             if not step > _CONTRAST / 2:
                 return False
+            if abs(delta[0]) + abs(delta[1]) * length / 2 < _ENOUGH:
+                break
         dropped = 1 - total / count
         if turn:
             # Where part of a piece of the edge is hidden, none of that piece is an edge.
@@ -250,7 +278,7 @@ def _line(  # type: ignore[no-untyped-def]
             for m in range(count):
                 s = -ny * xs[m] + nx * ys[m]
                 d = (nx * xs[m] + ny * ys[m] - offset) / blur
-                p = 0.5 + 0.5 * math.erf(d * 0.7071067811865476)
+                p = _TABLE[int((min(max(d, -_FAR), _FAR) + _FAR) * _PER + 0.5), 0]
                 piece = min(max(int((s + half) / width), 0), _PIECES - 1)
                 all_[piece] += 1
                 r = abs(grey[m] - (low + step * p) * (1 + light * s))
