@@ -2,9 +2,10 @@
 
 Across an edge the image goes from the black border to the white around it as a step that lens,
 motion and pixels have blurred: a + b Phi(d / s), with d the distance from the line. Line, levels,
-blur and the light's change along the edge are fitted to all pixels beside it at once (Gauss-
-Newton), in the coordinates of a camera without distortion, in which edges are straight. Corners are
-where two lines cross; their covariance follows from that of the lines.
+blur and the light's change along the edge are fitted to all pixels beside it at once
+(Gauss-Newton), in the coordinates of a camera without distortion, in which edges are straight. What
+lies on an edge is left out. Corners are where two lines cross; their covariance follows from that
+of the lines.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ from .board_view import BoardView
 LEAST_VIEWS = 8
 _ODD = 3.0  # medians of the views' errors, above which one is left out
 _ABOVE = 0.15  # px, below which none is
+_PARALLEL = 5.0  # degrees of all boards from their mean
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,16 @@ def calibrate(
             f"camera {name}: the views do not fit one camera ({fit.error:.1f} px); is board.json"
             " that of this board, is the board flat, and were zoom and focus left alone?"
         )
-    if np.max(fit.tilt[used]) < 12 or fit.sigma[0] > 0.02 * fit.matrix[0, 0]:
+    # Boards that are parallel to each other say nothing, wherever they are in the image; what they
+    # are solved for is then wrong by far more than its sigma.
+    normals = fit.normals[used]
+    middle = normals.mean(axis=0) / np.linalg.norm(normals.mean(axis=0))
+    apart = np.degrees(np.arccos(np.clip(normals @ middle, -1, 1)))
+    if (
+        apart.max() < _PARALLEL
+        or np.max(fit.tilt[used]) < 12
+        or fit.sigma[0] > 0.02 * fit.matrix[0, 0]
+    ):
         raise CaptureError(
             f"camera {name}: the board always faces the camera, which leaves the focal length open"
             f" ({fit.matrix[0, 0]:.0f} +- {fit.sigma[0]:.0f} px); tilt it by 30 to 45 degrees,"
@@ -79,6 +89,7 @@ class _Fit:
     errors: Float
     sigma: Float
     tilt: Float
+    normals: Float  # (n, 3), of the boards in the camera's frame
 
 
 def _solve(size: tuple[int, int], board: Board, views: Sequence[BoardView], used: Bool) -> _Fit:
@@ -102,24 +113,26 @@ def _solve(size: tuple[int, int], board: Board, views: Sequence[BoardView], used
     assert best is not None
     error, matrix, distortions, _, _, sigma, *_ = best
     distortions = np.asarray(distortions, float).ravel()[:5]
-    errors, tilt = np.empty(len(views)), np.empty(len(views))
+    errors, tilt, normals = np.empty(len(views)), np.empty(len(views)), np.empty((len(views), 3))
     for k, view in enumerate(views):
-        errors[k], tilt[k] = _one(board, view, matrix, distortions)
+        errors[k], tilt[k], normals[k] = _one(board, view, matrix, distortions)
     return _Fit(
         np.asarray(matrix, float), distortions, float(error), errors,
-        np.asarray(sigma, float).ravel()[:9], tilt,
+        np.asarray(sigma, float).ravel()[:9], tilt, normals,
     )  # fmt: skip
 
 
-def _one(board: Board, view: BoardView, matrix: Float, distortions: Float) -> tuple[float, float]:
-    """A view's root mean square error, px, and tilt, degrees."""
+def _one(
+    board: Board, view: BoardView, matrix: Float, distortions: Float
+) -> tuple[float, float, Float]:
+    """A view's root mean square error, px, tilt, degrees, and the board's normal (3,)."""
     points = board.corners[view.ids]
     found, r, t = cv2.solvePnP(points, view.corners, matrix, distortions)
     if not found:
-        return float("inf"), 0.0
+        return float("inf"), 0.0, np.array([0.0, 0.0, 1.0])
     shown, _ = cv2.projectPoints(points, r, t, matrix, distortions)
     miss = np.asarray(shown).reshape(-1, 2) - view.corners
     normal = cv2.Rodrigues(r)[0][:, 2]
     sight = np.asarray(t).ravel() / np.linalg.norm(t)
     tilt = np.degrees(np.arccos(np.clip(abs(float(normal @ sight)), 0, 1)))
-    return float(np.sqrt((miss**2).sum(axis=1).mean())), float(tilt)
+    return float(np.sqrt((miss**2).sum(axis=1).mean())), float(tilt), np.asarray(normal, float)

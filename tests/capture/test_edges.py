@@ -79,7 +79,11 @@ def test_the_stated_covariance_is_that_of_the_errors(px, blur, noise, tilt):
 
 @pytest.mark.parametrize(
     ("backdrop", "optics"),
-    [(Backdrop(20.0), {}), (Backdrop(120.0, (160.0, 120.0)), {}), (Backdrop(), {"vignetting": 0.7})],
+    [
+        (Backdrop(20.0), {}),
+        (Backdrop(120.0, (160.0, 120.0)), {}),
+        (Backdrop(), {"vignetting": 0.7}),
+    ],
 )
 def test_dark_backgrounds_and_uneven_light(backdrop, optics):
     patches = tags(np.random.default_rng(3), "4X4_50", 44, 0.5)
