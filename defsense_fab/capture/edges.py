@@ -270,7 +270,7 @@ def _line(  # type: ignore[no-untyped-def]
             if abs(delta[0]) + abs(delta[1]) * length / 2 < _ENOUGH:
                 break
         dropped = 1 - total / count
-        if turn:
+        if turn == 1 or (turn and dropped > _CLEAN):
             # Where part of a piece of the edge is hidden, none of that piece is an edge.
             hidden[:] = False
             width = 2 * half / _PIECES
