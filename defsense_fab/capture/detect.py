@@ -15,6 +15,7 @@ from .dictionary import Dictionary
 from .edges import refine
 
 Image = NDArray[np.uint8]
+_ROWS = 8
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,7 @@ class Detector:
         self.camera = camera
         self._cells = dictionary.cells + 2
         self._detector = detector(dictionary)
-        width, height = camera.size
-        grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
-        self._plane = camera.to_plane(grid) * camera.focal + camera.matrix[:2, 2]
+        self._plane = _plane(camera)
         # Compiled now, not at the first tag of a recording: that takes seconds on a new machine.
         refine(np.zeros((1, 1), np.uint8), self._plane[:1, :1], np.zeros((0, 4, 2)), self._cells)
 
@@ -60,6 +59,18 @@ class Detector:
         seen = np.stack([np.asarray(q, float).reshape(4, 2) for q in quads])
         corners, covariance, good = refine(grey, self._plane, seen, self._cells)
         return View(ids, corners, covariance, seen).only(good)
+
+
+def _plane(camera: Camera) -> Float:
+    """Where each pixel is without distortion (h, w, 2) px; in pieces that stay in the processor's
+    cache, each with as many steps as it needs."""
+    width, height = camera.size
+    out = np.empty((height, width, 2))
+    for top in range(0, height, _ROWS):
+        rows = np.arange(top, min(top + _ROWS, height))
+        grid = np.stack(np.meshgrid(np.arange(width), rows), axis=-1).astype(float)
+        out[rows] = camera.to_plane(grid) * camera.focal + camera.matrix[:2, 2]
+    return out
 
 
 def detector(dictionary: Dictionary) -> cv2.aruco.ArucoDetector:

@@ -31,7 +31,7 @@ _FITS = 3.0  # mean squares of a frame's noise, with which the result is believe
 class Steps:
     """Of the second camera: `time` (t,) s of each of its frames on the first one's clock, NaN where
     that is not certain; the `offsets` (s,) s by which its clock was behind, one after the other,
-    and the times `at` (s - 1,) s at which they changed."""
+    and the times `at` (s - 1,) s at which they changed, if they did."""
 
     time: Float
     offsets: Float
@@ -42,7 +42,7 @@ def find_steps(
     cameras: Sequence[Camera], first: Observations, second: Observations, reach: float
 ) -> Steps | None:
     """Of two cameras whose clocks differ by at most `reach` s; None where the offset does not
-    change, or too little moves to tell."""
+    change and all frames fit it, or too little moves to tell."""
     if min(len(first.time), len(second.time)) < 10:
         return None
     period = float(np.median(np.diff(second.time)))
@@ -63,26 +63,30 @@ def find_steps(
     noise = max(_NOISE**2, 4 * float(np.median(best)))
     cost = np.minimum(np.where(np.isfinite(square), square / noise, 1.0), _CAP)
     path = _cheapest(cost)
+    spent = cost[path, np.arange(len(path))]
+    alone = cost.sum(axis=1)
+    if spent.sum() > 0.7 * alone.min():
+        path[:] = alone.argmin()
+        spent = cost[path, np.arange(len(path))]
     starts = np.flatnonzero(np.diff(path, prepend=-1))
-    if len(starts) < 2:
-        return None
-    alone = cost.sum(axis=1).min()
-    spent = float(cost[path, np.arange(len(path))].sum())
-    if spent / len(path) > _FITS or spent > 0.7 * alone:
+    # Too few for a change of their own, as at the end: another offset fits them, this one does not.
+    doubt = np.asarray((spent > _CAP / 2) & (cost.min(axis=0) < _FITS))
+    if spent.mean() > _FITS or (len(starts) < 2 and not doubt.any()):
         return None
     ends = np.append(starts[1:], len(path))
     offsets = np.array([
         grid[path[i]] + _between(cost[:, i:j].sum(axis=1), path[i]) * period / _FINE
         for i, j in zip(starts, ends, strict=True)
     ])  # fmt: skip
-    doubt = np.zeros(len(path), bool)
     for k in range(1, len(starts)):
         near = slice(starts[k - 1], ends[k])
-        doubt[near] |= _doubtful(cost[:, near], path[starts[k - 1]], path[starts[k]],
-                                 starts[k] - starts[k - 1])  # fmt: skip
+        unsure = np.zeros(len(path), bool)
+        unsure[near] = _doubtful(
+            cost[:, near], path[starts[k - 1]], path[starts[k]], starts[k] - starts[k - 1]
+        )
         x, y = (_shown(b, second.time, first.time - offsets[n]) for n in (k - 1, k))
-        move = np.nanmax(np.where(np.isfinite(x - y), np.abs(x - y), 0.0), axis=(1, 2))
-        doubt[near] &= move[near] > _STILL
+        move = np.where(np.isfinite(x - y), np.abs(x - y), 0.0).max(axis=(1, 2))
+        doubt |= unsure & (move > _STILL)
     edges = np.append(first.time[starts], np.inf)
     edges[0] = -np.inf
     time = _placed(second.time, offsets, edges, first.time[doubt], period)

@@ -65,7 +65,9 @@ def in_step(rig: Rig, seen: Sequence[Observations], *, told: bool) -> InStep:
     for c, s in enumerate(seen[1:], 1):
         pair = [rig.cameras[0], rig.cameras[c]]
         changed = find_steps(pair, seen[0], s, _REACH)
-        if changed is not None:
+        if changed is not None and not len(changed.at):
+            s = _only(s, np.isfinite(changed.time))
+        elif changed is not None:
             steps[c] = changed
             shift.append(float(np.median(changed.offsets)))
             good = np.isfinite(changed.time)
@@ -91,6 +93,10 @@ def together(seen: Sequence[Observations], time: Float) -> tuple[Float, Float]:
     return np.stack([p[0] for p in parts], axis=2), np.stack([p[1] for p in parts], axis=2)
 
 
+def _only(s: Observations, rows: Bool) -> Observations:
+    return Observations(s.time[rows], s.ids, s.corners[rows], s.covariance[rows])
+
+
 def _thawed(seen: Sequence[Observations]) -> tuple[list[Observations], list[int]]:
     """Without frames that repeat the picture before although things move: the camera's next picture
     shows it, or another camera does."""
@@ -109,7 +115,7 @@ def _thawed(seen: Sequence[Observations]) -> tuple[list[Observations], list[int]
             corners, covariance = corners.copy(), covariance.copy()
             corners[wrong], covariance[wrong] = np.nan, np.nan
         if c:  # the others are interpolated; the first has the frames that are asked for
-            out.append(Observations(s.time[~wrong], s.ids, corners[~wrong], covariance[~wrong]))
+            out.append(_only(s, ~wrong))
         else:
             out.append(Observations(s.time, s.ids, corners, covariance))
     return out, counts

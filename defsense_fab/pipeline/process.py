@@ -295,8 +295,7 @@ def _check(
     scale = float(np.nanmedian(found.sides)) / size if agreeing else 0.0
     if agreeing >= _AGREEING and abs(scale - 1) <= _SCALE:
         return
-    fit = float(np.median(found.miss[found.cameras >= 2])) if agreeing >= _AGREEING else _CLOSE
-    other = _permuted(rig, corners[several], covariance[several], size, min(_CLOSE, fit / 2))
+    other = _permuted(rig, corners[several], covariance[several], size, found)
     if other is not None:
         pairs = ", ".join(
             f"{name} is of {rig.cameras[k].name}" for name, k in zip(names, other, strict=True)
@@ -326,17 +325,19 @@ def _check(
 
 
 def _permuted(
-    rig: Rig, corners: Float, covariance: Float, size: float, close: float
+    rig: Rig, corners: Float, covariance: Float, size: float, told: Solved
 ) -> tuple[int, ...] | None:
-    """Cameras in the order that fits the videos to so many px, where there is one."""
+    """Cameras in the order that fits the videos better than that which was `told`, if any."""
+    agree = told.cameras[told.seen >= 2]
+    fit = float(np.median(told.miss[told.cameras >= 2])) if (agree >= 2).any() else np.inf
     some = slice(None, None, max(len(corners) // (200 if len(rig.cameras) < 5 else 30), 1))
     for order in list(itertools.permutations(range(len(rig.cameras))))[1:]:
         cameras = [rig.cameras[k] for k in order]
         # Corners are without distortion but in pixels of the camera that was told.
         moved = np.stack(
             [
-                (corners[some, c] - told.matrix[:2, 2]) / told.focal * is_.focal + is_.matrix[:2, 2]
-                for c, (told, is_) in enumerate(zip(rig.cameras, cameras, strict=True))
+                (corners[some, c] - was.matrix[:2, 2]) / was.focal * is_.focal + is_.matrix[:2, 2]
+                for c, (was, is_) in enumerate(zip(rig.cameras, cameras, strict=True))
             ],
             axis=1,
         )
@@ -345,7 +346,8 @@ def _permuted(
         if (found.cameras[many] < 2).mean() > 0.2:
             continue
         scale = float(np.nanmedian(found.sides)) / size
-        if np.nanmedian(found.miss) < close and abs(scale - 1) <= _SCALE:
+        miss, more = float(np.nanmedian(found.miss)), found.cameras[many].mean() - agree.mean()
+        if miss < _CLOSE and abs(scale - 1) <= _SCALE and (more > 0.3 or miss < fit / 2):
             return order
     return None
 
