@@ -117,34 +117,42 @@ def corners_of(views: list[View], count: int = TAGS) -> tuple[Float, Float]:
     return np.stack([s.corners for s in seen], 2), np.stack([s.covariance for s in seen], 2)
 
 
-def error(points: Float, truth: Float) -> Float:
-    """Distances (n,) mm after rigid alignment of a frame (m, 3)."""
+def error(points: Float, truth: Float, covariance: Float | None = None) -> Float:
+    """Distances (n,) mm after rigid alignment of a frame (m, 3), weighted where places (m, 3, 3)
+    tell how good they are."""
     good = np.isfinite(points[:, 0])
-    back = align(points[None], truth)
+    weights = None
+    if covariance is not None:
+        weights = np.where(good, 1 / np.trace(covariance, axis1=1, axis2=2), 0.0)
+    back = align(points[None], truth, weights)
     return np.asarray(np.linalg.norm(back.points[0][good] - truth[good], axis=1))
 
 
 # --- speed ------------------------------------------------------------------------------------
 
 
-def ours(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[Float]], Float]:
+Result = tuple[Float, Float | None]
+
+
+def ours(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[Float]], Result]:
     detectors = [Detector(c, family) for c in rig]
     pool = ThreadPoolExecutor(len(rig))
 
-    def run(images: list[Float]) -> Float:
+    def run(images: list[Float]) -> Result:
         jobs = [pool.submit(d.find, i) for d, i in zip(detectors, images, strict=True)]
         corners, covariance = corners_of([j.result() for j in jobs])
-        return solve(rig, corners, covariance, side).points[0]
+        found = solve(rig, corners, covariance, side)
+        return found.points[0], found.covariance[0]
 
     return run
 
 
-def plain(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[Float]], Float]:
+def plain(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[Float]], Result]:
     """ArucoDetector and one camera's PnP, as tutorials have it, averaged over the cameras."""
     detector = cv2.aruco.ArucoDetector(family.table, cv2.aruco.DetectorParameters())
     model = square(side)
 
-    def run(images: list[Float]) -> Float:
+    def run(images: list[Float]) -> Result:
         sums, count = np.zeros((TAGS, 3)), np.zeros(TAGS)
         for camera, image in zip(rig, images, strict=True):
             quads, ids, _ = detector.detectMarkers(image)
@@ -156,18 +164,18 @@ def plain(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[
                 sums[number] += camera.rotation.T @ (t.ravel() - camera.translation)
                 count[number] += 1
         with np.errstate(all="ignore"):
-            return sums / np.where(count > 0, count, np.nan)[:, None]
+            return sums / np.where(count > 0, count, np.nan)[:, None], None
 
     return run
 
 
-def apriltags(rig: list[Camera], side: float) -> Callable[[list[Float]], Float]:
+def apriltags(rig: list[Camera], side: float) -> Callable[[list[Float]], Result]:
     """pupil-apriltags with its pose, averaged over the cameras; half a pixel taken off."""
     import pupil_apriltags
 
     detector = pupil_apriltags.Detector("tag36h11", nthreads=2, quad_decimate=1.0)
 
-    def run(images: list[Float]) -> Float:
+    def run(images: list[Float]) -> Result:
         sums, count = np.zeros((TAGS, 3)), np.zeros(TAGS)
         for camera, image in zip(rig, images, strict=True):
             for tag in detector.detect(image):
@@ -182,7 +190,7 @@ def apriltags(rig: list[Camera], side: float) -> Callable[[list[Float]], Float]:
                     sums[tag.tag_id] += camera.rotation.T @ (t - camera.translation)
                     count[tag.tag_id] += 1
         with np.errstate(all="ignore"):
-            return sums / np.where(count > 0, count, np.nan)[:, None]
+            return sums / np.where(count > 0, count, np.nan)[:, None], None
 
     return run
 
@@ -217,9 +225,9 @@ def speed(frames: int = 30) -> None:
             took, errors, lost = [], [], 0
             for images, truth in shown:
                 begun = time.perf_counter()
-                points = run(images)
+                points, covariance = run(images)
                 took.append(time.perf_counter() - begun)
-                errors.append(error(points, truth))
+                errors.append(error(points, truth, covariance))
                 lost += int(np.isnan(points[:, 0]).sum())
             ms = 1e3 * float(np.median(took))
             rms = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
@@ -263,7 +271,7 @@ def trial(
             gap = rig[0].to_camera(found.points[0]) - true[0].to_camera(truth)
             errors.append(np.linalg.norm(gap[good], axis=1))
         else:
-            errors.append(error(found.points[0], truth))
+            errors.append(error(found.points[0], truth, found.covariance[0]))
         spread = np.sqrt(np.trace(found.covariance[0], axis1=1, axis2=2))[good]
         scaled.append(errors[-1] / spread)
     e, s = np.concatenate(errors), np.concatenate(scaled)

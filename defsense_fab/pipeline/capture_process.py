@@ -331,6 +331,7 @@ def _aligned(
     # Markers that were hidden at rest are where the design has them.
     pose = np.where(np.isfinite(rest.points), rest.points, m.centers)
     warnings = []
+    weights = _weights(tracks.sigma)
     placed = [
         {"tag": int(i), "away": float(d)}
         for i, d, far in zip(m.ids, rest.away, rest.moved, strict=True)
@@ -343,7 +344,7 @@ def _aligned(
         )
     if anchor != "all" and m.anchor.any():
         try:
-            found = align(tracks.points, pose, mask=m.anchor, sigma=tracks.sigma, ids=m.ids)
+            found = align(tracks.points, pose, weights, m.anchor, sigma=tracks.sigma, ids=m.ids)
             if anchor == "anchor" or found.ok.mean() >= _OFTEN:
                 return found, "anchor", placed, warnings
             warnings.append(
@@ -354,7 +355,17 @@ def _aligned(
             if anchor == "anchor":
                 raise
             warnings.append(f"aligned by all markers: {error}")
-    return align(tracks.points, pose, sigma=tracks.sigma, ids=m.ids), "all", placed, warnings
+    found = align(tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids)
+    return found, "all", placed, warnings
+
+
+def _weights(sigma: Float) -> Float | None:
+    """(t, m), by which places that several cameras saw count more than those of one; None where
+    nothing is known of them."""
+    with np.errstate(all="ignore"):
+        weights = 1 / (sigma**2).mean(axis=2)
+    known = np.isfinite(weights)
+    return np.where(known, weights, 0.0) if known.any() else None
 
 
 def _quantiles(values: Float) -> dict[str, float | None]:
