@@ -89,6 +89,13 @@ def _live(sources: Sequence[str]) -> bool:
 
 
 def _board(options: argparse.Namespace) -> Any:
+    """What the sources show, after a look at the other options. Raises DeviceError."""
+    if options.rate is not None and not 0 < options.rate <= 10_000:
+        raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")
+    if not 1 <= options.views <= 80:
+        raise DeviceError(f"--views {options.views}: give a number from 1 to 80")
+    if not options.calibration.parent.is_dir():
+        raise DeviceError(f"{options.calibration}: there is no folder {options.calibration.parent}")
     from .capture.board import load_board
 
     board = load_board(options.board)
@@ -108,8 +115,9 @@ def _names(options: argparse.Namespace) -> list[str]:
         f"cam_{k}" if s.isdigit() or s.startswith("/dev/") else Path(s).stem
         for k, s in enumerate(options.sources)
     ]
-    if len(set(names)) < len(names):
-        raise DeviceError(f"two cameras are called {names[0]}; give each a --name")
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise DeviceError(f"two cameras are called {twice}; give each a --name")
     return names
 
 
@@ -185,6 +193,7 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
             data["names"], data["distances"], data["errors"], strict=True
         )
     ]
+    lines += [f"warning: {w}" for w in data["warnings"]]
     lines.append("Next:    defsense capture process --videos FILE FILE --calibration"
                  f" {options.calibration} --tag-size MM")  # fmt: skip
     _say(lines)

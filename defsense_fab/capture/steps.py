@@ -20,6 +20,7 @@ from .observe import Observations
 _FINE = 8  # offsets tried in a period
 _TAGS = 8  # looked at in each frame at most: those that the second camera sees most often
 _NOISE = 0.05  # px, least that rays miss each other by
+_NOISIEST = 1.0  # px, above which nothing can be told
 _CAP = 9.0  # squares of that which a frame counts at most
 _PRICE = 16.0  # of a change
 _SURE = 8.0  # by which another place of a change must be worse, to be ruled out
@@ -61,6 +62,8 @@ def find_steps(
     if len(best) < 10:
         return None
     noise = max(_NOISE**2, 4 * float(np.median(best)))
+    if noise > _NOISIEST**2:
+        return None  # a camera was moved: then any offset is as good, or as bad
     cost = np.minimum(np.where(np.isfinite(square), square / noise, 1.0), _CAP)
     path = _cheapest(cost)
     spent = cost[path, np.arange(len(path))]
@@ -90,7 +93,10 @@ def find_steps(
     edges = np.append(first.time[starts], np.inf)
     edges[0] = -np.inf
     time = _placed(second.time, offsets, edges, first.time[doubt], period)
-    return Steps(time, offsets, first.time[starts[1:]])
+    # Where the second camera has nothing to show, an offset costs nothing and says nothing.
+    ahead, behind = edges[:-1] - period / 2, edges[1:] - period / 2
+    told = ((time >= ahead[:, None]) & (time < behind[:, None])).any(axis=1)
+    return Steps(time, offsets[told], first.time[starts[told]][1:])
 
 
 def _often(first: Observations, second: Observations) -> Int:

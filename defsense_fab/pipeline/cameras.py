@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,8 @@ from .camera_report import write_report
 #: Views that a calibration is made of at most, and that are wanted.
 MOST, WANTED = 60, 25
 _TOGETHER = 40  # instants of several cameras
-_NO_SIGMA = [0.0] * 9
+_ARRANGED = ("error", "board_error")  # what is only known of cameras that were arranged
+_BAD = 0.5  # px, and mm: more is no good arrangement
 
 
 @dataclass(frozen=True)
@@ -50,11 +52,14 @@ def look(
     """Find the board in videos or folders of images. Raises CaptureError for what is none."""
     videos = [Video(p, rate if not p.is_dir() else rate or 1.0) for p in paths]
     total, done = max(sum(v.expected for v in videos), 1), [0]
+    stop = threading.Event()
 
     def one(video: Video) -> Seen:
         finder = BoardFinder(board)
         times, views = [], []
         for _, at, image in video.frames():
+            if stop.is_set():
+                break
             times.append(at)
             views.append(finder.find(image))
             done[0] += 1
@@ -68,7 +73,11 @@ def look(
     cv2.setNumThreads(1)
     try:
         with ThreadPoolExecutor(min(len(videos), 4)) as pool:
-            out = list(pool.map(one, videos))
+            try:
+                out = list(pool.map(one, videos))
+            except BaseException:
+                stop.set()
+                raise
     finally:
         cv2.setNumThreads(threads)
     progress("board", 1.0, "done")
@@ -134,8 +143,13 @@ def store(out: Path, done: Sequence[Calibrated], board: Board) -> None:
     metadata: dict[str, Any] = {}
     if out.exists():
         rig = read_rig(out)
-        cameras = {c.name: c for c in rig.cameras}
-        metadata = dict(rig.metadata)
+        # Where one of them stands to the others is not known any more.
+        cameras = {
+            c.name: replace(c, rotation=np.eye(3), translation=np.zeros(3)) for c in rig.cameras
+        }
+        metadata = plain(rig)
+        for key in _ARRANGED:
+            metadata.pop(key, None)
     for d in done:
         c = d.intrinsics.camera
         metadata[f"sigma_{c.name}"] = d.intrinsics.sigma.tolist()
@@ -163,19 +177,41 @@ def arrange_cameras(
     seen = look(paths, board, rate, progress)
     instants = together(rig.cameras, seen, paths, board)
     progress("solve", 0.0, f"{len(instants)} boards")
-    sigma = [np.array(rig.metadata.get(f"sigma_{c.name}", _NO_SIGMA), float) for c in rig.cameras]
-    return finish_arranging(rig, board, instants, sigma, calibration, progress)
+    return finish_arranging(rig, board, instants, calibration, progress)
+
+
+def sigma_of(rig: Rig, name: str) -> Float:
+    """Standard deviations (9,) of a camera's parameters; zero, so that they stay as they are, where
+    its file does not say."""
+    try:
+        sigma = np.array(rig.metadata.get(f"sigma_{name}", []), float)
+    except (TypeError, ValueError):
+        return np.zeros(9)
+    known = sigma.shape == (9,) and np.isfinite(sigma).all() and (sigma >= 0).all()
+    return sigma if known else np.zeros(9)
+
+
+def plain(rig: Rig) -> dict[str, Any]:
+    """Of a file's metadata what can be written again."""
+    one = (bool, int, float, str)
+    return {
+        key: value
+        for key, value in rig.metadata.items()
+        if isinstance(value, one)
+        or (isinstance(value, list) and all(isinstance(v, one) for v in value))
+    }
 
 
 def finish_arranging(
-    rig: Rig, board: Board, instants: Sequence[dict[int, BoardView]], sigma: Sequence[Float],
-    out: Path, progress: Progress = silent,
+    rig: Rig, board: Board, instants: Sequence[dict[int, BoardView]], out: Path,
+    progress: Progress = silent,
 ) -> dict[str, Any]:  # fmt: skip
     """Solve and write; the numbers to tell."""
+    sigma = [sigma_of(rig, c.name) for c in rig.cameras]
     found = arrange(rig.cameras, board, instants, sigma if any(s.any() for s in sigma) else None)
     progress("solve", 1.0, "done")
     checked = check_rig(found.cameras, board, instants)
-    metadata = dict(rig.metadata) | _about(board)
+    metadata = plain(rig) | _about(board)
     metadata |= {"adjusted": True, "error": found.error, "board_error": checked.length}
     write_rig(out, found.cameras, metadata)
     distances = [float(np.linalg.norm(c.center - found.cameras[0].center)) for c in found.cameras]
@@ -184,7 +220,18 @@ def finish_arranging(
         "shared": found.shared.tolist(), "distances": distances,
         "names": [c.name for c in found.cameras], "length_error": checked.length,
         "square_measured": board.measured is not None,
+        "warnings": _doubts(found.error, checked.length),
     }  # fmt: skip
+
+
+def _doubts(error: float, length: float) -> list[str]:
+    """What there is to say of an arrangement that is not as good as it should be."""
+    if not (error > _BAD or length > _BAD):
+        return []
+    return [
+        f"the corners are missed by {error:.2f} px and {length:.2f} mm: were the videos started at"
+        " the same time, was the board held still, and is it flat? Do not use it for measuring"
+    ]
 
 
 def check_cameras(
@@ -243,7 +290,9 @@ def together(
             first = min(views)
             # Another pair of cameras is another view, too.
             shapes.append(
-                np.append(descriptor(views[first], board, seen[first].size), sum(views) + first)
+                np.append(
+                    descriptor(views[first], board, seen[first].size), sum(2.0**c for c in views)
+                )
             )
             speeds.append(speed)
             found.append(views)

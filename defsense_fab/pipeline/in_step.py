@@ -14,7 +14,7 @@ from ..capture.steps import Steps, find_steps
 from ..core.arrays import Bool, Float
 
 _REACH, _IN_STEP = 0.25, 1e-3  # s, between clocks: looked for, and not worth a correction
-_CLOSE = 1.5  # px that rays may miss each other by where an offset is believed
+_CLOSE = 1.0  # px that rays may miss each other by where an offset is believed
 _MOVES = 0.5  # px that a tag moves, for a picture that came twice to be wrong
 
 

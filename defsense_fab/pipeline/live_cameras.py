@@ -107,8 +107,7 @@ def arrange_live(
     """Several cameras at once; as `calibrate_live`."""
     rig = rig_of(calibration, [Path(s) for s in sources])
     instants = _gather(sources, rig.cameras, board, wanted, screen, opener, several=True)
-    sigma = [np.array(rig.metadata.get(f"sigma_{c.name}", [0.0] * 9), float) for c in rig.cameras]
-    return finish_arranging(rig, board, instants, sigma, calibration)
+    return finish_arranging(rig, board, instants, calibration)
 
 
 def check_live(
@@ -161,7 +160,9 @@ def _gather(
             near = (max(stamps) - min(stamps)) / 1e9 <= _TOGETHER
             if still and near and len(seen) >= (2 if several else 1):
                 c = min(seen)
-                shape = np.append(descriptor(seen[c], board, cameras[c].size), sum(seen) + c)
+                shape = np.append(
+                    descriptor(seen[c], board, cameras[c].size), sum(2.0**k for k in seen)
+                )
                 if is_new(shape, shapes):
                     taken = True
                     kept.append(seen)

@@ -34,6 +34,7 @@ _LOOKED, _SOME = 4, 3  # frames of a video in which other families are tried; ta
 #: px, root mean square, and so many medians of it: views of a tag that miss by more are not of one
 #: instant, or not of one tag.
 _ODD, _ODDER = 0.3, 8.0
+_ROUNDED = 8e-4  # s, that stamps in whole ms may be off
 _MANY = 20  # places, to tell what is odd
 _FAR = 1e6  # s, offsets at most
 _DISAGREE = 0.25  # px: a median above which the cameras are not in step, or have moved
@@ -125,7 +126,7 @@ def watch(
             if k == 0:
                 progress("tags", min(sum(done) / total, 1.0), f"{done[0]} frames")
         videos[k].close()
-        stamps = np.array(times)
+        stamps = _even(np.array(times))
         return Watched(stamps, tuple(views), timing(stamps), videos[k].expected)
 
     threads = cv2.getNumThreads()
@@ -152,6 +153,21 @@ def watch(
     if not any(len(v.ids) for w in watched for v in w.views):
         raise CaptureError(_nothing(paths, tags, rate))
     return watched
+
+
+def _even(time: Float) -> Float:
+    """Stamps (t,) s; evenly spaced where they are that to the whole ms that Matroska keeps: half a
+    ms is 0.05 mm at 100 mm/s."""
+    if len(time) < 3:
+        return time
+    number = np.arange(len(time))
+    fit = np.polyval(np.polyfit(number, time, 1), number)
+    whole = np.abs(1e3 * time - np.round(1e3 * time)).max() < 1e-6
+    return (
+        np.asarray(fit - fit[0] + time[0])
+        if whole and np.abs(fit - time).max() < _ROUNDED
+        else time
+    )
 
 
 def detect_all(
@@ -317,7 +333,7 @@ def _check(
         f"the calibration is in {guess}, it must be in mm"
         if guess
         else f"measure the black square of a tag (--tag-size {scale * size:.2f}?), and the board's"
-        " squares; or is the calibration of other cameras?"
+        " squares; or has a camera been moved?"
     )
     raise CaptureError(
         f"tags of {size:g} mm look {scale * size:.3g} mm large to these cameras: {why}"

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
+
 from rich.columns import Columns
 from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from ..core.errors import DeviceError
 from ..pipeline.live_cameras import BoardShown
 from .keys import Keys
 from .picture import GREEN, picture
@@ -21,6 +24,11 @@ class BoardScreen:
         self._console, self._keys = Console(), Keys()
 
     def __enter__(self) -> BoardScreen:
+        if not sys.stdin.isatty():
+            raise DeviceError(
+                "live cameras are calibrated by keys and a picture, but standard input is no"
+                " terminal; run it in one, or give recordings"
+            )
         self._keys.__enter__()
         self._live = Live(console=self._console, screen=True, auto_refresh=False)
         self._live.__enter__()
