@@ -2,44 +2,19 @@
 
 from __future__ import annotations
 
-import sys
-
 from rich.columns import Columns
-from rich.console import Console, Group
-from rich.live import Live
+from rich.console import Group
 from rich.text import Text
 
-from ..core.errors import DeviceError
 from ..pipeline.live_cameras import BoardShown
-from .keys import Keys
 from .picture import GREEN, picture
+from .screen import LiveScreen
 
 _SHADES = " ░▒▓█"
 
 
-class BoardScreen:
+class BoardScreen(LiveScreen):
     """Shows a `BoardShown`; enter it before use."""
-
-    def __init__(self) -> None:
-        self._console, self._keys = Console(), Keys()
-
-    def __enter__(self) -> BoardScreen:
-        if not sys.stdin.isatty():
-            raise DeviceError(
-                "live cameras are calibrated by keys and a picture, but standard input is no"
-                " terminal; run it in one, or give recordings"
-            )
-        self._keys.__enter__()
-        self._live = Live(console=self._console, screen=True, auto_refresh=False)
-        self._live.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._live.__exit__(None, None, None)
-        self._keys.__exit__(None, None, None)
-
-    def key(self, timeout: float) -> str | None:
-        return self._keys.get(timeout)
 
     def show(self, shown: BoardShown) -> None:
         if shown.flash:
@@ -63,4 +38,4 @@ class BoardScreen:
                 )  # fmt: skip
         parts += [Text(f"> {h}", "yellow") for h in shown.hints[:3]]
         parts.append(Text("Enter finish   q stop", "bold"))
-        self._live.update(Group(*parts), refresh=True)  # type: ignore[arg-type]
+        self._draw(Group(*parts))  # type: ignore[arg-type]

@@ -8,15 +8,14 @@ import time
 
 import numpy as np
 from rich.columns import Columns
-from rich.console import Console, Group
-from rich.live import Live
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
 from ..pipeline.capture_record import CaptureView, Shown
 from .canvas import Canvas
-from .keys import Keys
 from .picture import GREEN, YELLOW, picture
+from .screen import LiveScreen
 
 _KEYS = {
     "ready": "Enter begin   b back   s skip   q stop (resume later)",
@@ -26,30 +25,18 @@ _KEYS = {
 _BAR, _TRACE, _COLORS = 20, (60, 5), ("red", "green", "blue", "magenta", "cyan", "yellow")
 
 
-class CaptureTerminal:
+class CaptureTerminal(LiveScreen):
     """A `CaptureScreen`; enter it before use. Rings the bell when a step is over."""
 
     def __init__(self) -> None:
-        self._console, self._keys, self._phase = Console(), Keys(), ""
-
-    def __enter__(self) -> CaptureTerminal:
-        self._keys.__enter__()
-        self._live = Live(console=self._console, screen=True, auto_refresh=False)
-        self._live.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._live.__exit__(None, None, None)
-        self._keys.__exit__(None, None, None)
-
-    def key(self, timeout: float) -> str | None:
-        return self._keys.get(timeout)
+        super().__init__()
+        self._phase = ""
 
     def show(self, view: CaptureView) -> None:
         if view.phase == "ready" and self._phase == "showing":
             self._console.bell()
         self._phase = view.phase
-        self._live.update(page(view, self._console.width), refresh=True)
+        self._draw(page(view, self._console.width))
 
 
 def page(view: CaptureView, width: int) -> Group:

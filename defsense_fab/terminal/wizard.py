@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import sys
 
-from rich.console import Console, Group
-from rich.live import Live
+from rich.console import Group
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
@@ -16,7 +15,7 @@ from ..calibration.settling import Criterion
 from ..pipeline.record import View
 from ..pipeline.session import CHANNELS
 from .canvas import Canvas
-from .keys import Keys
+from .screen import LiveScreen
 
 _STYLES = {"top": "red", "neutral": "green", "bottom": "blue"}
 _FACES = {"a": ("BOTTOM", "top"), "b": ("TOP", "bottom")}
@@ -31,32 +30,19 @@ _PLOT = 60, 14
 _BAR = 24
 
 
-class Terminal:
+class Terminal(LiveScreen):
     """A `Screen`; enter it before use. Rings the bell when the next specimen is to be laid."""
 
     def __init__(self, criterion: Criterion, thickness: float, length: float) -> None:
         self._criterion, self._thickness, self._length = criterion, thickness, length
-        self._console = Console()
-        self._keys, self._phase = Keys(), ""
-
-    def __enter__(self) -> Terminal:
-        self._keys.__enter__()
-        self._live = Live(console=self._console, screen=True, auto_refresh=False)
-        self._live.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._live.__exit__(None, None, None)
-        self._keys.__exit__(None, None, None)
+        super().__init__()
+        self._phase = ""
 
     def show(self, view: View) -> None:
         if view.phase == "place" and self._phase == "settling":
             self._console.bell()
         self._phase = view.phase
-        self._live.update(self._page(view), refresh=True)
-
-    def key(self, timeout: float) -> str | None:
-        return self._keys.get(timeout)
+        self._draw(self._page(view))
 
     def _page(self, view: View) -> Group:
         parts: list[object] = [_progress(view)]
