@@ -378,16 +378,19 @@ def _quantiles(values: Float) -> dict[str, float | None]:
 def _write(folder: Path, session: CaptureSession, result: Result) -> None:
     write_any(folder / TRACKS, result.tracks)
     write_any(folder / ALIGNED, result.aligned)
-    names = ",".join(session.channels)
+    columns = ["frame", "time", *session.channels, "alignment_residual"]
     rows = [
-        f"{k},{t:.6f}," + ",".join("" if not np.isfinite(v) else f"{v:.6f}" for v in row)
-        + "," + ("" if not np.isfinite(d) else f"{d:.4f}")
-        for k, (t, row, d) in enumerate(
+        ",".join([str(k), f"{t:.6f}", *map(_cell, signals), _cell(residual)])
+        for k, (t, signals, residual) in enumerate(
             zip(result.tracks.time, result.signals, result.residual, strict=True)
         )
-    ]  # fmt: skip
+    ]
     with storage_errors(folder):
-        text = f"frame,time,{names},alignment_residual\n" + "\n".join(rows) + "\n"
-        write_text(folder / SIGNALS, text)
+        write_text(folder / SIGNALS, "\n".join([",".join(columns), *rows]) + "\n")
         write_json(folder / QUALITY, result.quality)
     write_report(folder / REPORT, session, result)
+
+
+def _cell(value: float) -> str:
+    """A number, or nothing where there is none."""
+    return f"{value:.6f}" if np.isfinite(value) else ""
