@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 from defsense_fab import cli
+from defsense_fab.capture.exchange import read_any
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.files import storage_errors
+from defsense_fab.core.markers import read_markers
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.geometry import facets
 from defsense_fab.pipeline import stage_fabricate, stage_report
@@ -285,3 +287,31 @@ def test_strains_outside_of_the_calibrated_range_are_told():
     device = replace(device, cord=replace(device.cord, response=spec))
     (told,) = _uncalibrated(device, sensors)
     assert "cord 'a': strains of -3.0% to 9.0% leave the calibrated range of -6.7% to 6.7%" in told
+
+
+def test_a_built_device_is_shown_to_cameras_and_recorded(copy, capsys):
+    """Tags placed, the twin recorded by the command, and processed: places and signals follow the
+    pose that the twin was asked for."""
+    markers = ["capture", "markers", str(copy), "--side", "0,-1,1", "--count", "8"]
+    assert cli.main(markers) == 0
+    record = ["capture", "record", str(copy), "--cameras", "twin", "--port", "twin", "--auto"]
+    record += ["--rounds", "1", "--seconds", "3", "--free", "0", "--rest", "2"]
+    assert cli.main(record) == 0
+    assert cli.main([*record]) == 2  # it is finished
+    capsys.readouterr()
+    assert cli.main(["capture", "process", str(copy / "session"), "--align", "all", "--json"]) == 0
+    quality = json.loads(capsys.readouterr().out)
+    assert quality["runs"][0]["ended"] == "all steps were shown"
+    assert quality["aligned_frames"] > 0.7
+    assert not quality["skipped"]
+    tracks = read_any(copy / "session" / "aligned.csv")
+    assert len(tracks.ids) == 8
+    design = read_markers(copy / "markers").centers
+    moved = np.linalg.norm(tracks.points - design, axis=2)
+    assert np.nanmax(moved) > 8  # bends of 30 degrees, by what remains after alignment by all
+    at_rest = tracks.time < 1.5
+    assert np.nanmedian(moved[at_rest]) < 1
+    rows = (copy / "session" / "signals.csv").read_text().splitlines()
+    signals = np.array([[float(c) if c else np.nan for c in r.split(",")[2:-1]] for r in rows[1:]])
+    assert signals.shape == (len(tracks.time), 2)
+    assert np.nanmax(np.abs(signals)) > 0.02
