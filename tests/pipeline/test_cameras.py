@@ -13,6 +13,8 @@ from rich.live import Live
 from defsense_fab.capture.board import Board, save_board
 from defsense_fab.capture.rig_file import read_rig, write_rig
 from defsense_fab.core.errors import CaptureError, DeviceError
+from defsense_fab.core.progress import silent
+from defsense_fab.pipeline import cameras
 from defsense_fab.pipeline.live_cameras import arrange_live, calibrate_live, check_live
 from defsense_fab.terminal.board import BoardScreen
 from defsense_fab.twin.film import Shutter
@@ -35,9 +37,24 @@ def boards(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def looked():
+    """`look`, which finds a board in the same video once: that takes the most time."""
+    known, original = {}, cameras.look
+
+    def look(paths, board, rate=None, progress=silent):
+        for path in paths:
+            if (path, board, rate) not in known:
+                known[path, board, rate] = original([path], board, rate, progress)[0]
+        return [known[path, board, rate] for path in paths]
+
+    return look
+
+
 @pytest.fixture
-def camera(boards, tmp_path, capsys, monkeypatch):
+def camera(boards, looked, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(boards)
+    monkeypatch.setattr(cameras, "look", looked)
 
     def run(what, *sources, board="board.json", out=None, more=()):
         before = {p: p.read_bytes() for p in tmp_path.iterdir()}
