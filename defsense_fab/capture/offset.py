@@ -18,6 +18,7 @@ from .observe import Observations, at
 
 _MOST = 300  # tags looked at: those that move most
 _LEAST = 30
+_COARSE = 60  # of them, on the grid
 _FINE = 1e-4  # s
 
 
@@ -42,15 +43,15 @@ def find_offset(
     if rows is None or not 0 < period < reach:
         return None
 
-    def miss(offset: float) -> float:
+    def miss(offset: float, every: int = 1) -> float:
         moved = Observations(second.time + offset, second.ids, second.corners, second.covariance)
-        frames, tags = rows
+        frames, tags = rows[0][::every], rows[1][::every]
         corners, covariance = at(moved, first.time[frames])
         n = np.arange(len(frames))
         both = np.stack([first.corners[frames, tags], corners[n, tags]], axis=1)
         spread = np.stack([first.covariance[frames, tags], covariance[n, tags]], axis=1)
         there = np.isfinite(both).all(axis=(1, 2, 3))
-        if there.sum() < _LEAST / 2:
+        if there.sum() * every < _LEAST / 2:
             return float("inf")
         found = locate(cameras, both[there], spread[there])
         # Those that disagree count with what they may disagree at most.
@@ -58,7 +59,8 @@ def find_offset(
         return float(np.mean(m**2))
 
     grid = np.arange(-reach, reach + period / 4, period / 2)
-    values = np.array([miss(o) for o in grid])
+    coarse = max(len(rows[0]) // _COARSE, 1)
+    values = np.array([miss(o, coarse) for o in grid])
     k = int(values.argmin())
     if not 0 < k < len(grid) - 1 or not np.isfinite(values[k - 1 : k + 2]).all():
         return None
