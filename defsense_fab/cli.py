@@ -28,10 +28,12 @@ _STAGES = {
 }
 
 
-_INTERRUPTED = (
-    "interrupted; the last build is untouched, and the same command goes on from the last finished"
-    " stage"
-)
+_INTERRUPTED = {
+    "build": "interrupted; the last build is untouched, and the same command goes on from the last"
+    " finished stage",
+    "capture": "interrupted; what was recorded is there, and files that were being written are not",
+    "calibrate": "interrupted; what was recorded is there, and the same command goes on",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -49,11 +51,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except MemoryError:
             return _refuse("out of memory; use a larger [mesh] edge_length in device.toml")
         except KeyboardInterrupt:
-            return _refuse(_INTERRUPTED)
+            return _refuse(_INTERRUPTED.get(options.command, _INTERRUPTED["build"]))
         except Exception:
             if not interrupted:
                 raise
-            return _refuse(_INTERRUPTED)
+            return _refuse(_INTERRUPTED.get(options.command, _INTERRUPTED["build"]))
 
 
 @contextlib.contextmanager

@@ -25,7 +25,8 @@ from ..core.tracks import Tracks
 from ..sensing.readout import Dividers, conversion_time
 from .capture_report import write_report
 from .capture_session import BOARD, REST, CaptureSession, ending, load, read_camera, read_log
-from .process import Processed, Watched, assemble, detect_all
+from .process import Processed, assemble
+from .watch import Watched, detect_all
 
 TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
     "tracks.csv", "aligned.csv", "signals.csv", "quality.json", "report.html",

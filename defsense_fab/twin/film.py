@@ -112,8 +112,10 @@ def film(
             writer.write(picture.image)
             scenes.append(scene.moved(body=None))  # which would fill the memory
             seen.append((picture.corners, picture.visible))
-            if len(scene.patches) != len(scenes[0].patches):
-                raise CaptureError(f"{path.name}: a film has the same patches in all its frames")
+            if len(scene.patches) != len(scenes[0].patches) or not scene.patches:
+                raise CaptureError(
+                    f"{path.name}: a film has the same patches in all its frames, one at least"
+                )
         writer.release()
         with storage_errors(path):
             os.replace(part, path)
