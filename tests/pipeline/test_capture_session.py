@@ -68,7 +68,9 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
     assert q["runs"][0]["sync"]["method"] in ("motion", "arrival", "lamp")
     t = read_any(session.folder / "aligned.csv")
     several = t.sigma[..., 2] < 0.3
-    still = np.abs(t.points[:, :4] - rig.CENTERS[:4])
+    # The last two move at rest, too, which tilts the rest pose in the design's frame: what counts
+    # is that the anchor stays.
+    still = t.points[:, :4] - np.nanmedian(t.points[:, :4], axis=0)
     assert np.sqrt(np.nanmean(still[several[:, :4]] ** 2)) < 0.12
     good = np.isfinite(result.signals[:, 0]) & several[:, 4] & np.isfinite(t.points[:, 4, 2])
     assert good.sum() > 50
