@@ -22,7 +22,7 @@ from ..core.arrays import Bool, Float
 _END, _END_PART = 2.0, 0.1
 #: px: band of pixels beside an edge: at least, at most, and how much less than a tag's cell.
 _NARROW, _WIDE, _SPARE = 1.5, 4.0, 1.3
-_ROUNDS, _STEPS = 3, 3
+_ROUNDS, _STEPS = 3, 2
 _SHARP, _BLURRED = 0.3, 4.0  # px, bounds of s
 _CONTRAST = 12.0  # grey levels, least step
 _MOVED = 3.0  # px that a line may move from where the detector saw it
@@ -44,7 +44,7 @@ _PIECES, _PART = 16, 0.12
 _LEAST_NOISE = 1.0  # grey levels
 _UNSURE = 1.0  # px, standard deviation of a corner of which nothing is said
 _MOST = 6000
-_ENOUGH = 5e-4  # px, change of the line at its ends below which a round has converged
+_ENOUGH = 1e-3  # px, change of the line at its ends below which a round has converged
 _FAR, _PER = 6.0, 256.0  # of the table of Phi and its derivative: its end, entries in a unit
 
 
@@ -80,7 +80,7 @@ def refine(
 def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignore[no-untyped-def]
     h, w = image.shape
     xs, ys, grey = np.empty(_MOST), np.empty(_MOST), np.empty(_MOST)
-    near = np.empty((_MOST, 3))
+    near, rows = np.empty((_MOST, 3)), np.empty((_MOST, _FREE + 1))
     lines = np.empty((4, 4))  # nx, ny, nx * mx + ny * my + c; length
     spread = np.empty((4, 3))  # variances and covariance of offset and angle
     middle = np.empty((4, 2))
@@ -104,8 +104,8 @@ def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignor
         fitted = True
         for k in range(4):
             if not _line(
-                image, plane, corners[tag], ideal, k, cx, cy, cells, near, xs, ys, grey, lines[k],
-                spread[k], middle[k],
+                image, plane, corners[tag], ideal, k, cx, cy, cells, near, rows, xs, ys, grey,
+                lines[k], spread[k], middle[k],
             ):  # fmt: skip
                 fitted = False
                 break
@@ -145,7 +145,7 @@ def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignor
 
 @njit(cache=True, nogil=True)
 def _line(  # type: ignore[no-untyped-def]
-    image, plane, seen, ideal, k, cx, cy, cells, near, xs, ys, grey, line, spread, middle
+    image, plane, seen, ideal, k, cx, cy, cells, near, rows, xs, ys, grey, line, spread, middle
 ):
     """Fit edge k, from corner k to the next; whether that went well."""
     h, w = image.shape
@@ -167,8 +167,8 @@ def _line(  # type: ignore[no-untyped-def]
     i0 = max(int(min(seen[k, 1], seen[e, 1]) - reach), 0)
     i1 = min(int(max(seen[k, 1], seen[e, 1]) + reach) + 2, h)
     offset, angle, low, step, blur = 0.0, 0.0, 0.0, 0.0, 1.0
-    A, g, u = np.empty((_FREE, _FREE)), np.empty(_FREE), np.empty(_FREE)
-    light, total, variance = 0.0, 0.0, _GUESS
+    A, g = np.empty((_FREE, _FREE)), np.empty(_FREE)
+    light, total, variance = 0.0, 0, _GUESS
     middling, often, found = 1e9, np.zeros(1024, np.int64), 0
     dropped, hidden = 0.0, np.zeros(_PIECES, np.bool_)
     for turn in range(_ROUNDS + _MORE):
@@ -222,9 +222,7 @@ def _line(  # type: ignore[no-untyped-def]
         elif turn > 1:
             limit = min(_ODD_SIGMAS * math.sqrt(variance), middling)
         for _ in range(_STEPS):
-            A[:] = 0.0
-            g[:] = 0.0
-            square, total = 0.0, 0.0
+            used = 0
             for m in range(count):
                 s = -ny * xs[m] + nx * ys[m]
                 d = (nx * xs[m] + ny * ys[m] - offset - angle * s) / blur
@@ -240,19 +238,15 @@ def _line(  # type: ignore[no-untyped-def]
                     continue
                 if blocked and hidden[min(max(int((s + half) * scale), 0), _PIECES - 1)]:
                     continue
+                u = rows[used]
                 u[0], u[1], u[2], u[3], u[4] = -f, -f * s, lit, p * lit, -f * d
-                u[5] = (low + step * p) * s
-                for a in range(_FREE):
-                    g[a] += u[a] * r
-                    for b in range(a + 1):
-                        A[a, b] += u[a] * u[b]
-                square += r * r
-                total += 1.0
-            if total < 12:
+                u[5], u[6] = (low + step * p) * s, r
+                used += 1
+            if used < 12:
                 return False
-            for a in range(_FREE):
-                for b in range(a):
-                    A[b, a] = A[a, b]
+            B = rows[:used].T @ rows[:used]
+            A[:], g[:] = B[:_FREE, :_FREE], B[:_FREE, _FREE]
+            square, total = B[_FREE, _FREE], used
             for a in range(_FREE):
                 A[a, a] += 1e-9 * A[a, a] + 1e-12
             A[5, 5] += variance / _UNEVEN**2
