@@ -22,7 +22,7 @@ from ..core.arrays import Bool, Float
 _END, _END_PART = 2.0, 0.1
 #: px: band of pixels beside an edge: at least, at most, and how much less than a tag's cell.
 _NARROW, _WIDE, _SPARE = 1.5, 4.0, 1.3
-_ROUNDS, _STEPS = 3, 2
+_ROUNDS, _STEPS = 3, 3
 _SHARP, _BLURRED = 0.3, 4.0  # px, bounds of s
 _CONTRAST = 12.0  # grey levels, least step
 _MOVED = 3.0  # px that a line may move from where the detector saw it
