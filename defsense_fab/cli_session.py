@@ -106,6 +106,8 @@ def _run(
     options: argparse.Namespace, device: Any, markers: Any, folder: Path, rehearsal: Any
 ) -> tuple[bool, Any]:
     """Record; whether the session is finished, and the session."""
+    import numpy as np
+
     from .capture.reader import Settings
     from .capture.toggles import LED_PERIOD
     from .capture.webcam import Webcam
@@ -118,6 +120,18 @@ def _run(
     begun = (folder / sessions.FILE).exists()
     if begun:
         session = sessions.load(folder)
+        if session.device != device.name:
+            raise CaptureError(
+                f"{folder}: is a session of {session.device}, not of {device.name}; choose another"
+                " folder with --out"
+            )
+        if not np.array_equal(session.markers.ids, markers.ids) or not np.allclose(
+            session.markers.centers, markers.centers
+        ):
+            raise CaptureError(
+                f"{folder}: was begun with other tags than the device has now; begin another"
+                " session with --out"
+            )
         if len(sessions.finished(session)) == len(session.steps):
             raise CaptureError(
                 f"{folder}: this session is finished; process it (defsense capture process"
@@ -125,15 +139,15 @@ def _run(
             )
     else:
         session = _begin(options, device, markers, folder, rehearsal, sessions, known_cameras)
-    openers = _openers(options.cameras, session, rehearsal, Webcam)
-    board = None
-    if options.port != "none":
-        settings = Settings(channels=len(session.channels), rate=options.rate, led=LED_PERIOD)
-        port = rehearsal.port() if rehearsal is not None else options.port
-        board = open_source(port, settings).source
-    levels = levels_of(device, markers)
-    hands = rehearsal.perform if rehearsal is not None else None
     try:
+        openers = _openers(options.cameras, session, rehearsal, Webcam)
+        board = None
+        if options.port != "none":
+            settings = Settings(channels=len(session.channels), rate=options.rate, led=LED_PERIOD)
+            port = rehearsal.port() if rehearsal is not None else options.port
+            board = open_source(port, settings).source
+        levels = levels_of(device, session.markers)
+        hands = rehearsal.perform if rehearsal is not None else None
         if options.auto:
             screen: Any = CaptureLines()
             done = Recording(session, openers, board, screen, levels, auto=True,

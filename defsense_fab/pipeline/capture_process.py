@@ -32,6 +32,7 @@ TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
     "tracks.csv", "aligned.csv", "signals.csv", "quality.json", "report.html",
 )  # fmt: skip
 _PAUSE = 1.0  # s, between runs, in the tracks' time
+_DRIFTS = 5e-4  # relative: no board's clock is off by more
 _OFTEN = 0.8  # of the frames that the anchor must give, to be used
 
 
@@ -97,8 +98,12 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     """One run by itself: its clocks are its own."""
     events = read_log(run)
     cameras = [read_camera(run, c.name) for c in session.rig.cameras]
-    if not any(len(c.time) for c in cameras):
-        raise CaptureError("no picture was recorded")
+    empty = [c.name for c, s in zip(session.rig.cameras, cameras, strict=True) if not len(s.time)]
+    if empty or not cameras:
+        raise CaptureError(f"no picture was recorded by {', '.join(empty) or 'any camera'}")
+    for camera, seen in zip(session.rig.cameras, cameras, strict=True):
+        if (np.diff(seen.time) <= 0).any():
+            raise CaptureError(f"the times of camera {camera.name} go back: its file is damaged")
     start = min(int(c.time[0]) for c in cameras if len(c.time))
     watched = []
     for camera, seen in zip(session.rig.cameras, cameras, strict=True):
@@ -152,7 +157,12 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _Run:
 
 
 def _resistances(session: CaptureSession, board: Recording) -> Float:
-    """(n, c) ohm of a recording's samples."""
+    """(n, c) ohm of a recording's samples. Raises CaptureError for other channels."""
+    if board.sums.shape[1] != len(session.channels):
+        raise CaptureError(
+            f"{BOARD} has {board.sums.shape[1]} channels, the session {len(session.channels)}: it"
+            " does not belong here"
+        )
     scale = next((float(e["full_scale"]) for _, e in board.events if "full_scale" in e), 1024.0)
     return Dividers(np.array(session.reference), scale).resistance(board.counts)
 
@@ -236,6 +246,14 @@ def _signals(
             "method": "arrival", "offset": arrival.offset, "drift": arrival.drift,
             "error_ms": None, "notes": why,
         }  # fmt: skip
+    restarted = any(e.get("event") == "restart" for _, e in board.events)
+    if restarted or abs(told["drift"]) > _DRIFTS:
+        told["error_ms"] = None
+        told["notes"] = [
+            *told["notes"],
+            "the board's clock began anew or jumped in this run: signals may be tens of ms off;"
+            " record it again",
+        ]
     return _at(at, device, ohm), told
 
 
@@ -302,8 +320,7 @@ def _join(
     resting, R = np.concatenate(rest), np.concatenate(ohm)
     tracks = Tracks(T, ids, P, S, np.arange(len(T)))
     aligned, by, placed, warnings = _aligned(session, tracks, resting, anchor)
-    with np.errstate(all="ignore"):
-        R0 = np.nanmedian(R[resting] if np.isfinite(R[resting]).any() else R, axis=0)
+    R0 = _medians(R[resting] if np.isfinite(R[resting]).any() else R)
     if not resting.any():
         warnings.append("no rest was finished: R0 and the rest pose are those of the whole session")
     back = Tracks(T, ids, aligned.points, aligned.sigma, np.arange(len(T)))
@@ -343,7 +360,7 @@ def _aligned(
             f"tag {p['tag']} is {p['away']:.1f} mm from where the design has it: its place as"
             " measured is used"
         )
-    if anchor != "all" and m.anchor.any():
+    if anchor == "anchor" or (anchor == "auto" and m.anchor.any()):
         try:
             found = align(tracks.points, pose, weights, m.anchor, sigma=tracks.sigma, ids=m.ids)
             if anchor == "anchor" or found.ok.mean() >= _OFTEN:
@@ -395,3 +412,9 @@ def _write(folder: Path, session: CaptureSession, result: Result) -> None:
 def _cell(value: float) -> str:
     """A number, or nothing where there is none."""
     return f"{value:.6f}" if np.isfinite(value) else ""
+
+
+def _medians(values: Float) -> Float:
+    """Of columns (n, c), NaN for those without a number."""
+    finite = [v[np.isfinite(v)] for v in values.T]
+    return np.array([float(np.median(v)) if len(v) else np.nan for v in finite])

@@ -207,6 +207,8 @@ def _rows(path: Path, columns: Sequence[str]) -> tuple[Float, int]:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise CaptureError(f"{path}: is damaged: it is no text") from None
     lines = text.split("\n")
     cut = int(bool(lines.pop()))
     if not lines:
@@ -216,7 +218,10 @@ def _rows(path: Path, columns: Sequence[str]) -> tuple[Float, int]:
     out = np.empty((len(lines) - 1, len(columns)))
     for k, line in enumerate(lines[1:]):
         try:
-            out[k] = np.array(line.split(","), float)
+            cells = np.array(line.split(","), float)
+            if cells.shape != (len(columns),) or not np.isfinite(cells[:2]).all():
+                raise ValueError
+            out[k] = cells
         except ValueError:
             raise CaptureError(
                 f"{path}:{k + 2}: not {len(columns)} numbers: {line[:50]!r}"
@@ -231,6 +236,8 @@ def read_log(run: Path) -> list[dict[str, Any]]:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise CaptureError(f"{path}: is damaged: it is no text") from None
     out = []
     for number, line in enumerate(text.split("\n")[:-1], 1):
         try:
@@ -283,13 +290,19 @@ def as_mapping(session: CaptureSession) -> Mapping[str, Any]:
 
 
 def discard_empty(session: CaptureSession) -> None:
-    """Remove a session that never saw a picture: it could not begin, and must not bind the next."""
+    """Remove a session that never saw a picture or a sample: it could not begin, and must not bind
+    the next."""
+    if any(_has_rows(path) for run in session.runs for path in run.glob("*.csv")):
+        return
     for run in session.runs:
-        if any(p.stat().st_size > 200 for p in run.glob("*-frames.csv")):
-            return
-    for path in sorted(session.folder.glob("run-*/*")):
-        path.unlink()
-    for run in session.runs:
+        for path in run.iterdir():
+            path.unlink()
         run.rmdir()
     for name in (FILE, CAMERAS, MARKERS):
         (session.folder / name).unlink(missing_ok=True)
+
+
+def _has_rows(path: Path) -> bool:
+    """Whether a stream has a line of numbers."""
+    with path.open("rb") as file:
+        return any(line[:1].isdigit() for line in file)

@@ -51,7 +51,7 @@ class Watcher:
         self._spot: tuple[int, int] | None = None
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
-        self.frames = self.late = 0
+        self.frames = self.late = self.repeated = 0
         self.gone = False
         self.latest: Glance | None = None
         self.failure: Exception | None = None
@@ -77,6 +77,12 @@ class Watcher:
         self._over.set()
         if self._thread.is_alive():
             self._thread.join(5)
+        if self._thread.is_alive():
+            # It hangs in the camera's driver: what it may still write to stays open.
+            self._log.event("camera hangs", camera=self.camera.name)
+            return
+        if self.repeated:
+            self._log.event("repeated", camera=self.camera.name, pictures=self.repeated)
         if self._source is not None:
             self._source.close()
         if self._film is not None:
@@ -126,7 +132,8 @@ class Watcher:
 
     def _take(self, image: Image, host_ns: int) -> None:
         if host_ns <= self._last_ns:
-            return  # the same picture once more, or a clock that jumped: told by `late`
+            self.repeated += 1  # the same picture once more, or a clock that jumped
+            return
         grey = to_grey(image)
         view = self._detector.find(grey)
         lamp = self._brightness(grey)
