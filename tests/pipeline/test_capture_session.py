@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -215,6 +216,36 @@ def test_a_full_disk_is_one_line(tmp_path):
     with pytest.raises(StorageError, match="the disk is full"):
         stream.line("1")
     stream.close()
+
+
+def test_only_what_is_empty_is_discarded(tmp_path):
+    session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
+    other = session.folder / "run-old"
+    other.mkdir()
+    (other / "thesis.csv").write_text("mine\n")
+    rig.board_alone(session, 2)
+    sessions.discard_empty(session)
+    assert (session.folder / "run-1" / sessions.BOARD).exists()
+    (session.folder / "run-1" / sessions.BOARD).write_text("# nothing\n")
+    sessions.discard_empty(session)
+    assert not (session.folder / "run-1").exists()
+    assert not (session.folder / sessions.FILE).exists()
+    assert (other / "thesis.csv").exists()
+
+
+def test_a_run_without_pictures_of_one_camera_is_left_out(recorded, tmp_path):
+    session, _ = recorded
+    shutil.copytree(session.folder, tmp_path / "s")
+    broken = tmp_path / "s" / "run-2"
+    shutil.copytree(tmp_path / "s" / "run-1", broken)
+    (broken / "cam_1-frames.csv").write_text(",".join(sessions.FRAME_COLUMNS) + "\n")
+    result = process_session(tmp_path / "s")
+    assert [r["run"] for r in result.quality["runs"]] == ["run-1"]
+    assert "no picture was recorded by cam_1" in result.quality["skipped"][0]["why"]
+    frames = broken / "cam_0-frames.csv"
+    frames.write_text(frames.read_text() + "5\n")
+    with pytest.raises(CaptureError, match="not 3 numbers"):
+        sessions.read_camera(broken, "cam_0")
 
 
 def test_the_rig_of_these_tests_is_what_it_says():
