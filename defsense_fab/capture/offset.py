@@ -19,6 +19,7 @@ from .observe import Observations, at
 _MOST = 300  # tags looked at: those that move most
 _LEAST = 30
 _COARSE = 60  # of them, on the grid
+_AGREE = 1.5  # px: views that miss by more, root mean square, are not of one time
 _FINE = 1e-4  # s
 
 
@@ -83,6 +84,8 @@ def find_offset(
     h = period / 4
     bend = max((miss(best - h) + miss(best + h) - 2 * least) / h**2, 1e-12)
     sigma = float(np.sqrt(2 * least / bend / max(len(rows[0]) - 1, 1)))
+    if least > _AGREE**2:
+        return None  # nowhere in reach do they see the same
     return Offset(float(best), sigma, float(np.sqrt(before)), float(np.sqrt(least)))
 
 
