@@ -10,6 +10,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+from .cli_record import say
 from .core.errors import DeviceError
 from .core.progress import Progress
 
@@ -158,7 +159,7 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
         f"Next:    defsense capture camera arrange SOURCE SOURCE --board {options.board}"
         f" --calibration {options.calibration}",
     ]
-    _say(lines)
+    say(lines)
     return 0
 
 
@@ -196,7 +197,7 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
     lines += [f"warning: {w}" for w in data["warnings"]]
     lines.append("Next:    defsense capture process --videos FILE FILE --calibration"
                  f" {options.calibration} --tag-size MM")  # fmt: skip
-    _say(lines)
+    say(lines)
     return 0
 
 
@@ -240,13 +241,5 @@ def _check(options: argparse.Namespace, bars: Bars) -> int:
         )
     else:
         lines.append("The calibration does not hold: a camera has been moved. Arrange them again.")
-    _say(lines)
+    say(lines)
     return 0 if found.holds else 1
-
-
-def _say(lines: Sequence[str]) -> None:
-    from rich.console import Console
-
-    console = Console()
-    for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -6,13 +6,13 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 from . import cli_camera, cli_session, cli_sheets
-from .cli_record import numbers
+from .cli_record import numbers, say
 from .core.errors import DeviceError, StorageError
 from .core.progress import Progress
 
@@ -225,12 +225,3 @@ def show_quality(q: dict[str, Any]) -> None:
         lines.append(f"{q['impossible']} places were taken out: nothing moves like that")
     lines += [f"warning: {w}" for w in q["warnings"]]
     say(lines)
-
-
-def say(lines: Sequence[str]) -> None:
-    """Print lines as they are."""
-    from rich.console import Console
-
-    console = Console()
-    for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)

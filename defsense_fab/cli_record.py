@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,15 @@ def numbers(option: str, text: str, unit: str = "mm") -> list[float]:
         raise DeviceError(
             f"{option} {text}: write numbers in {unit} with commas, as in 75,100,150"
         ) from None
+
+
+def say(lines: Iterable[str]) -> None:
+    """Print lines as they are, for terminals of any width."""
+    from rich.console import Console
+
+    console = Console()
+    for line in lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def references(text: str, channels: int) -> list[float]:
