@@ -28,6 +28,7 @@ from defsense_fab.capture.intrinsics import calibrate
 from defsense_fab.capture.observe import collect
 from defsense_fab.capture.single import square
 from defsense_fab.capture.solve import solve
+from defsense_fab.capture.threads import one_thread_per_call
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
 from defsense_fab.twin.camera import Optics, Renderer
@@ -139,8 +140,9 @@ def ours(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[F
     pool = ThreadPoolExecutor(len(rig))
 
     def run(images: list[Float]) -> Result:
-        jobs = [pool.submit(d.find, i) for d, i in zip(detectors, images, strict=True)]
-        corners, covariance = corners_of([j.result() for j in jobs])
+        with one_thread_per_call():
+            jobs = [pool.submit(d.find, i) for d, i in zip(detectors, images, strict=True)]
+            corners, covariance = corners_of([j.result() for j in jobs])
         found = solve(rig, corners, covariance, side)
         return found.points[0], found.covariance[0]
 

@@ -51,10 +51,10 @@ _FAR, _PER = 6.0, 256.0  # of the table of Phi and its derivative: its end, entr
 def _step() -> Float:
     d = np.arange(-_FAR, _FAR + 1.5 / _PER, 1 / _PER)
     phi = [0.5 + 0.5 * math.erf(x / math.sqrt(2)) for x in d]
-    return np.column_stack([phi, np.exp(-d * d / 2) / math.sqrt(2 * math.pi)])
+    return np.array([phi, np.exp(-d * d / 2) / math.sqrt(2 * math.pi)])
 
 
-_TABLE = _step()  # which numba takes as a constant
+_PHI, _DENSITY = _step()  # which numba takes as constants
 _FREE = 6  # offset, angle, two levels, blur, and how the light changes along the edge
 _UNEVEN = 0.0015  # per px, standard deviation of that change
 _GUESS = 4.0  # grey levels squared, of the noise before it is known
@@ -80,7 +80,7 @@ def refine(
 def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignore[no-untyped-def]
     h, w = image.shape
     xs, ys, grey = np.empty(_MOST), np.empty(_MOST), np.empty(_MOST)
-    near, rows = np.empty((_MOST, 3)), np.empty((_MOST, _FREE + 1))
+    near, rows = np.empty((_MOST, 3)), np.empty((_FREE + 1, _MOST))
     lines = np.empty((4, 4))  # nx, ny, nx * mx + ny * my + c; length
     spread = np.empty((4, 3))  # variances and covariance of offset and angle
     middle = np.empty((4, 2))
@@ -168,6 +168,7 @@ def _line(  # type: ignore[no-untyped-def]
     i1 = min(int(max(seen[k, 1], seen[e, 1]) + reach) + 2, h)
     offset, angle, low, step, blur = 0.0, 0.0, 0.0, 0.0, 1.0
     A, g = np.empty((_FREE, _FREE)), np.empty(_FREE)
+    B, delta = np.empty((_FREE + 1, _FREE + 1)), np.empty(_FREE)
     light, total, variance = 0.0, 0, _GUESS
     middling, often, found = 1e9, np.zeros(1024, np.int64), 0
     dropped, hidden = 0.0, np.zeros(_PIECES, np.bool_)
@@ -186,8 +187,12 @@ def _line(  # type: ignore[no-untyped-def]
         dark, bright = 0, 0
         if turn == 0:  # all that any round can want
             found = 0
+            slant = seen[e, 1] - seen[k, 1]
+            run = (seen[e, 0] - seen[k, 0]) / slant if abs(slant) > 1 else 1e9
+            aside = (reach + 2) * math.hypot(1.0, run)  # along a row, with room for distortion
             for i in range(i0, i1):
-                for j in range(j0, j1):
+                center = seen[k, 0] + (i - seen[k, 1]) * run
+                for j in range(int(max(center - aside, j0)), int(min(center + aside + 2, j1))):
                     x, y = plane[i, j, 0] - mx, plane[i, j, 1] - my
                     d = nx * x + ny * y
                     beside = -reach <= d <= reach and 2 * abs(-ny * x + nx * y) <= length
@@ -214,7 +219,19 @@ def _line(  # type: ignore[no-untyped-def]
             low, step = darkest / dark, brightest / bright - darkest / dark
             if step < _CONTRAST:
                 return False
-        blocked, scale = hidden.any(), _PIECES / (2 * half)
+        shown = count
+        if hidden.any():  # pixels of hidden pieces go to the end
+            scale = _PIECES / (2 * half)
+            m = 0
+            while m < shown:
+                s = -ny * xs[m] + nx * ys[m]
+                if hidden[min(max(int((s + half) * scale), 0), _PIECES - 1)]:
+                    shown -= 1
+                    xs[m], xs[shown] = xs[shown], xs[m]
+                    ys[m], ys[shown] = ys[shown], ys[m]
+                    grey[m], grey[shown] = grey[shown], grey[m]
+                else:
+                    m += 1
         # What lies on the edge, such as a finger, is left out, more strictly from round to round.
         limit = 1e9
         if turn == 1:
@@ -222,29 +239,11 @@ def _line(  # type: ignore[no-untyped-def]
         elif turn > 1:
             limit = min(_ODD_SIGMAS * math.sqrt(variance), middling)
         for _ in range(_STEPS):
-            used = 0
-            for m in range(count):
-                s = -ny * xs[m] + nx * ys[m]
-                d = (nx * xs[m] + ny * ys[m] - offset - angle * s) / blur
-                at = (min(max(d, -_FAR), _FAR) + _FAR) * _PER
-                entry = int(at)
-                part = at - entry
-                p = _TABLE[entry, 0] + part * (_TABLE[entry + 1, 0] - _TABLE[entry, 0])
-                f = _TABLE[entry, 1] + part * (_TABLE[entry + 1, 1] - _TABLE[entry, 1])
-                lit = 1 + light * s
-                f *= step * lit / blur
-                r = grey[m] - (low + step * p) * lit
-                if abs(r) >= limit:
-                    continue
-                if blocked and hidden[min(max(int((s + half) * scale), 0), _PIECES - 1)]:
-                    continue
-                u = rows[used]
-                u[0], u[1], u[2], u[3], u[4] = -f, -f * s, lit, p * lit, -f * d
-                u[5], u[6] = (low + step * p) * s, r
-                used += 1
+            used = _equations(
+                xs, ys, grey, shown, nx, ny, offset, angle, blur, low, step, light, limit, rows, B
+            )
             if used < 12:
                 return False
-            B = rows[:used].T @ rows[:used]
             A[:], g[:] = B[:_FREE, :_FREE], B[:_FREE, _FREE]
             square, total = B[_FREE, _FREE], used
             for a in range(_FREE):
@@ -252,7 +251,8 @@ def _line(  # type: ignore[no-untyped-def]
             A[5, 5] += variance / _UNEVEN**2
             g[5] -= light * variance / _UNEVEN**2
             variance = square / (total - 5) + 1 / 12  # rounding to whole grey levels
-            delta = np.linalg.solve(A, g)
+            if not _solve(A, g, B, delta):
+                return False
             offset += min(max(delta[0], -1.0), 1.0)
             angle += min(max(delta[1], -2.0 / length), 2.0 / length)
             low += delta[2]
@@ -273,7 +273,7 @@ def _line(  # type: ignore[no-untyped-def]
             for m in range(count):
                 s = -ny * xs[m] + nx * ys[m]
                 d = (nx * xs[m] + ny * ys[m] - offset) / blur
-                p = _TABLE[int((min(max(d, -_FAR), _FAR) + _FAR) * _PER + 0.5), 0]
+                p = _PHI[int((min(max(d, -_FAR), _FAR) + _FAR) * _PER + 0.5)]
                 piece = min(max(int((s + half) / width), 0), _PIECES - 1)
                 all_[piece] += 1
                 r = abs(grey[m] - (low + step * p) * (1 + light * s))
@@ -307,3 +307,68 @@ def _line(  # type: ignore[no-untyped-def]
     spread[2] = variance * inverse[1, 1] + (2 * left_out / length) ** 2
     # Equations that say next to nothing have no inverse that could be trusted.
     return 0 < spread[0] < _MOVED**2 and spread[0] * spread[2] > spread[1] ** 2
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _equations(  # type: ignore[no-untyped-def]
+    xs, ys, grey, count, nx, ny, offset, angle, blur, low, step, light, limit, rows, B
+):
+    """Put the normal equations of a step into B (7, 7), with the residuals last; how many pixels
+    are in them. Columns and no branches: the processor takes several pixels at once."""
+    by_offset, by_angle, by_low, by_step, by_blur, by_light, left = (
+        rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]
+    )  # fmt: skip
+    inverse, used = 1 / blur, 0.0
+    for m in range(count):
+        s = -ny * xs[m] + nx * ys[m]
+        d = (nx * xs[m] + ny * ys[m] - offset - angle * s) * inverse
+        at = (min(max(d, -_FAR), _FAR) + _FAR) * _PER
+        entry = np.int32(at + 0.5)
+        part = (at - entry) / _PER
+        f = _DENSITY[entry]
+        p = _PHI[entry] + part * f  # Taylor's series: 5e-7 off at most
+        f -= part * d * f
+        bright, level = 1 + light * s, low + step * p
+        r = grey[m] - level * bright
+        weight = 1.0 if abs(r) < limit else 0.0
+        bright *= weight
+        f *= -step * inverse * bright
+        by_offset[m], by_angle[m], by_blur[m] = f, f * s, f * d
+        by_low[m], by_step[m], by_light[m] = bright, p * bright, level * s * weight
+        left[m] = r * weight
+        used += weight
+    for a in range(_FREE + 1):
+        for b in range(a, _FREE + 1):
+            total = 0.0
+            for m in range(count):
+                total += rows[a, m] * rows[b, m]
+            B[a, b] = B[b, a] = total
+    return int(used)
+
+
+@njit(cache=True, nogil=True)
+def _solve(A, g, L, x):  # type: ignore[no-untyped-def]
+    """x of A x = g, A (n, n) symmetric, by Cholesky's factors, for which L has room; whether A is
+    positive definite. For matrices this small a library's call takes longer than its work."""
+    n = len(g)
+    for a in range(n):
+        for b in range(a + 1):
+            total = A[a, b]
+            for c in range(b):
+                total -= L[a, c] * L[b, c]
+            if a > b:
+                L[a, b] = total / L[b, b]
+            elif total > 0:
+                L[a, a] = math.sqrt(total)
+            else:
+                return False
+        total = g[a]
+        for c in range(a):
+            total -= L[a, c] * x[c]
+        x[a] = total / L[a, a]
+    for a in range(n - 1, -1, -1):
+        total = x[a]
+        for c in range(a + 1, n):
+            total -= L[c, a] * x[c]
+        x[a] = total / L[a, a]
+    return True

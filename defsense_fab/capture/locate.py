@@ -16,7 +16,7 @@ import numpy as np
 from ..core.arrays import Bool, Float
 from ..core.camera import Camera
 
-_STEPS = 3
+_STEPS, _ENOUGH = 3, 1e-5  # at most; mm, a step after which there is no other
 #: px, root mean square: a tag whose corners miss by more is not the same in all views.
 _MISS = 2.0
 _MIDDLE = np.tile(np.eye(3) / 4, 4)  # (3, 12): mean of the corners
@@ -91,6 +91,7 @@ def _solve(cameras: Sequence[Camera], corners: Float, covariance: Float, used: B
     X = _begin(cameras, seen, use)
     cov = np.zeros((len(use), 12, 12))
     square = np.zeros(len(use))
+    last = False
     for step in range(_STEPS + 1):
         N, g = np.zeros((len(use), 12, 12)), np.zeros((len(use), 12))
         chi, square = np.zeros(len(use)), np.zeros(len(use))
@@ -102,9 +103,11 @@ def _solve(cameras: Sequence[Camera], corners: Float, covariance: Float, used: B
             g += (JW @ miss[..., None])[..., 0]
             chi += (miss * (W[:, c] @ miss[..., None])[..., 0]).sum(axis=1)
             square += (miss**2).sum(axis=1)
-        if step == _STEPS:
+        if last or step == _STEPS:
             break
-        X = X + np.linalg.solve(N, g[..., None])[..., 0].reshape(-1, 4, 3)
+        move = np.linalg.solve(N, g[..., None])[..., 0]
+        X = X + move.reshape(-1, 4, 3)
+        last = bool(np.abs(move).max() < _ENOUGH)
     free = 8 * use.sum(axis=1) - 12
     cov = np.linalg.inv(N) * np.maximum(chi / free, 1.0)[:, None, None]
     out.corners[enough] = X

@@ -5,12 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from ..capture.arrange import arrange
@@ -21,6 +19,7 @@ from ..capture.detect import wrong_size
 from ..capture.intrinsics import Intrinsics, calibrate
 from ..capture.rig_check import RigCheck, check_rig
 from ..capture.rig_file import Rig, read_rig, write_rig
+from ..capture.threads import in_threads
 from ..capture.video import Video
 from ..core.arrays import Float
 from ..core.camera import Camera
@@ -52,9 +51,8 @@ def look(
     """Find the board in videos or folders of images. Raises CaptureError for what is none."""
     videos = [Video(p, rate if not p.is_dir() else rate or 1.0) for p in paths]
     total, done = max(sum(v.expected for v in videos), 1), [0]
-    stop = threading.Event()
 
-    def one(video: Video) -> Seen:
+    def one(video: Video, stop: threading.Event) -> Seen:
         finder = BoardFinder(board)
         times, views = [], []
         for _, at, image in video.frames():
@@ -69,17 +67,7 @@ def look(
             raise CaptureError(f"{video.path}: no frame of it can be read; is it damaged?")
         return Seen(video.size, np.array(times), tuple(views), video.path.is_dir())
 
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        with ThreadPoolExecutor(min(len(videos), 4)) as pool:
-            try:
-                out = list(pool.map(one, videos))
-            except BaseException:
-                stop.set()
-                raise
-    finally:
-        cv2.setNumThreads(threads)
+    out = in_threads(one, videos, 4)
     progress("board", 1.0, "done")
     for path, seen in zip(paths, out, strict=True):
         if not any(seen.views):

@@ -19,6 +19,7 @@ from ..capture.dictionary import dictionary
 from ..capture.recording import Recorder
 from ..capture.solve import solve
 from ..capture.source import Source, Stamped
+from ..capture.threads import one_thread_per_call
 from ..capture.webcam import Images
 from ..core.arrays import Bool, Float
 from ..sensing.readout import Dividers
@@ -121,6 +122,7 @@ class Recording:
                     stack.callback(self._board.close)
                     self._dividers = Dividers(np.array(session.reference), float(info.full_scale))
                     log.event("board", full_scale=info.full_scale, rate=info.rate)
+                stack.enter_context(one_thread_per_call(len(self._openers) > 1))
                 self._watchers = []
                 for camera, opener in zip(session.rig.cameras, self._openers, strict=True):
                     watcher = Watcher(opener, camera, tags, folder, log, video=self._video)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from ..capture.detect import Detector, View, detector, to_grey, wrong_size
 from ..capture.dictionary import FAMILIES, Dictionary, dictionary
+from ..capture.threads import in_threads
 from ..capture.video import Timing, Video, timing
 from ..core.arrays import Float
 from ..core.camera import Camera
@@ -46,10 +45,10 @@ def watch(
     for video, camera in zip(videos, cameras, strict=True):
         if video.size != camera.size:
             raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
-    done, stop = [0] * len(videos), threading.Event()
+    done = [0] * len(videos)
     total = max(sum(v.expected for v in videos), 1)
 
-    def look(k: int) -> Watched:
+    def look(k: int, stop: threading.Event) -> Watched:
         found = Detector(cameras[k], tags)
         times, views = [], []
         for _, time, image in videos[k].frames():
@@ -64,18 +63,7 @@ def watch(
         stamps = _even(np.array(times))
         return Watched(stamps, tuple(views), timing(stamps), videos[k].expected)
 
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        with ThreadPoolExecutor(len(videos)) as pool:
-            jobs = [pool.submit(look, k) for k in range(len(videos))]
-            try:
-                watched = [job.result() for job in jobs]
-            except BaseException:
-                stop.set()
-                raise
-    finally:
-        cv2.setNumThreads(threads)
+    watched = in_threads(look, range(len(videos)), len(videos))
     progress("tags", 1.0, "done")
     for path, w in zip(paths, watched, strict=True):
         if not len(w.time):
