@@ -34,6 +34,11 @@ class View:
         return View(self.ids[which], self.corners[which], self.covariance[which], self.seen[which])
 
 
+NOTHING = View(
+    np.zeros(0, int), np.zeros((0, 4, 2)), np.zeros((0, 8, 8)), np.zeros((0, 4, 2))
+)  # fmt: skip
+
+
 class Detector:
     """Finds tags of a dictionary in the images of a camera."""
 
@@ -53,8 +58,7 @@ class Detector:
             raise CaptureError(wrong_size(self.camera, grey.shape[1], grey.shape[0]))
         quads, numbers, _ = self._detector.detectMarkers(grey)
         if numbers is None or not len(numbers):
-            return View(np.zeros(0, int), np.zeros((0, 4, 2)), np.zeros((0, 8, 8)),
-                        np.zeros((0, 4, 2)))  # fmt: skip
+            return NOTHING
         ids = np.asarray(numbers).reshape(-1).astype(np.int64)
         seen = np.stack([np.asarray(q, float).reshape(4, 2) for q in quads])
         corners, covariance, good = refine(grey, self._plane, seen, self._cells)

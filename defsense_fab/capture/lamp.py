@@ -20,7 +20,7 @@ from ..core.errors import CaptureError
 
 _BLOCK = 8  # px, three times halved
 _KEPT = 600  # frames
-_LOOK = 300  # frames between two looks
+_FIRST, _LOOK = 100, 1200  # frames until the first look; between two looks, at most
 _AROUND = 2  # blocks about the one that blinks
 _STEPS = 25  # frames by whose steps blocks are chosen
 _MOST = 100  # blocks that are looked at
@@ -60,6 +60,7 @@ class LampWatch:
         self._recent: deque[_Blocks] = deque(maxlen=_KEPT)
         self._count = 0
         self._size: tuple[int, int] | None = None
+        self._next = _FIRST
         self._found: tuple[int, int] | None = None
         self._near: list[_Blocks] = []  # of the blocks around what was found, from frame
         self._since = 0
@@ -82,8 +83,15 @@ class LampWatch:
             self._near.append(blocks[_around(self._found)].copy())
             return
         self._recent.append(blocks)
-        if self._count % _LOOK == 0:
+        if self._count >= self._next:
+            # A look takes as long as some frames: less and less often, where there is no LED.
+            self._next += min(self._count, _LOOK)
             self._look()
+
+    @property
+    def found(self) -> bool:
+        """Whether it is known where the LED is."""
+        return self._found is not None
 
     def trace(self) -> Trace | None:
         """Where the LED is and how bright it was; None where nothing blinks as it does."""

@@ -11,28 +11,36 @@ import numpy as np
 
 from ..capture.align import Aligned, align
 from ..capture.clock import relate
-from ..capture.detect import View
+from ..capture.detect import NOTHING, View
 from ..capture.exchange import read_any, write_any
-from ..capture.recording import Recording, read_recording
+from ..capture.recording import read_recording
 from ..capture.rest_pose import rest_pose
-from ..capture.synchronise import Sync, by_lamp, by_motion
+from ..capture.synchronise import by_motion
 from ..capture.video import Video, timing
 from ..core.arrays import Bool, Float, Int
+from ..core.camera import Camera
 from ..core.errors import CaptureError
 from ..core.files import storage_errors, write_json, write_text
 from ..core.progress import Progress, silent
 from ..core.tracks import Tracks
-from ..sensing.readout import Dividers, conversion_time
 from .capture_report import write_report
 from .capture_session import BOARD, REST, CaptureSession, ending, load, read_camera, read_log
+from .capture_signals import (
+    at_times,
+    motion,
+    resistances,
+    restarts,
+    signals_in_step,
+    told_of,
+)  # fmt: skip
 from .process import Processed, assemble
 from .watch import Watched, detect_all
+from .watcher import FILM_RATE
 
 TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
     "tracks.csv", "aligned.csv", "signals.csv", "quality.json", "report.html",
 )  # fmt: skip
 _PAUSE = 1.0  # s, between runs, in the tracks' time
-_DRIFTS = 5e-4  # relative: no board's clock is off by more
 _OFTEN = 0.8  # of the frames that the anchor must give, to be used
 
 
@@ -105,22 +113,28 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
         if (np.diff(seen.time) <= 0).any():
             raise CaptureError(f"the times of camera {camera.name} go back: its file is damaged")
     start = min(int(c.time[0]) for c in cameras if len(c.time))
-    watched = []
+    watched, lacking = [], {}
     for camera, seen in zip(session.rig.cameras, cameras, strict=True):
-        time = (seen.time - start) / 1e9
-        views = _again(session, run, camera.name, len(time), progress) if video else seen.views
-        watched.append(Watched(time[: len(views)], views[: len(time)], timing(time), 0))
+        time, views = (seen.time - start) / 1e9, seen.views
+        if video:
+            views, lacks = _again(session, run, camera, len(time), progress)
+            if lacks:
+                lacking[camera.name] = lacks
+        watched.append(Watched(time, views, timing(time), 0))
     names = [f"{run.name}/{c.name}" for c in session.rig.cameras]
     known = [_only(w, session.markers.ids) for w in watched]
     processed = assemble(known, session.rig, session.markers.size, names, None, progress)
+    processed.quality["warnings"] += [
+        f"{run.name}/{name}.mkv lacks {n} of the recorded frames: no tags are known in those"
+        for name, n in lacking.items()
+    ]
     shift = processed.quality["offsets"]
     tracks = processed.tracks
     ohm = np.full((len(tracks.time), len(session.channels)), np.nan)
     told: dict[str, Any] = {"method": "none"}
     if (run / BOARD).exists():
         board = read_recording(run / BOARD)
-        if len(board.counter) > 10:
-            ohm, told = _signals(session, board, cameras, start, shift, processed)
+        ohm, told = signals_in_step(session, board, cameras, start, shift, tracks)
     rest = _resting(session, events, tracks.time, start)
     cut = sum(c.cut for c in cameras)
     return _Run(processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut})
@@ -142,44 +156,24 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _Run:
     )  # fmt: skip
     board = read_recording(run / BOARD)
     device = board.device_us / 1e6
-    ohm = _resistances(session, board)
-    sync = by_motion(tracks.time, _motion(tracks), device, ohm)
-    told = _told(sync, [])
+    ohm = resistances(session, board)
+    sync = by_motion(tracks.time, motion(tracks), device, ohm)
+    about_sync = told_of(sync, [])
+    if restarts(board):
+        about_sync["error_ms"] = None
+        about_sync["notes"] = [
+            "the board began anew in this run: signals from then on may be tens of ms off; record"
+            " it again"
+        ]
     quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.seen.mean()),
                                "by_one": 0.0, "impossible": 0}  # fmt: skip
     covariance = np.full((*tracks.points.shape, 3), np.nan)
     processed = Processed(tracks, covariance, 2 * tracks.seen.astype(np.int64), quality)
-    at = _at(sync.to_device(tracks.time), device, ohm)
+    at = at_times(sync.to_device(tracks.time), device, ohm)
     arrival = relate(device, board.host_ns / 1e9)
     rest = _resting(session, read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
     about = {"run": run.name, "ended": ending(run), "cut": board.cut, "tracks_of": str(path)}
-    return _Run(processed, at, rest, told, about)
-
-
-def _resistances(session: CaptureSession, board: Recording) -> Float:
-    """(n, c) ohm of a recording's samples. Raises CaptureError for other channels."""
-    if board.sums.shape[1] != len(session.channels):
-        raise CaptureError(
-            f"{BOARD} has {board.sums.shape[1]} channels, the session {len(session.channels)}: it"
-            " does not belong here"
-        )
-    scale = next((float(e["full_scale"]) for _, e in board.events if "full_scale" in e), 1024.0)
-    return Dividers(np.array(session.reference), scale).resistance(board.counts)
-
-
-def _conversion(board: Recording) -> float:
-    """s that the conversions of a sample take, as the board said of itself."""
-    for _, e in board.events:
-        if {"converter", "channels", "averages"} <= set(e):
-            return conversion_time(int(e["converter"]), int(e["channels"]), int(e["averages"]))
-    return 0.0
-
-
-def _told(sync: Sync, notes: Sequence[str]) -> dict[str, Any]:
-    return {
-        "method": sync.method, "offset": sync.offset, "drift": sync.drift,
-        "error_ms": 1e3 * sync.error, "evidence": sync.evidence, "notes": list(notes),
-    }  # fmt: skip
+    return _Run(processed, at, rest, about_sync, about)
 
 
 def _only(watched: Watched, ids: Int) -> Watched:
@@ -189,97 +183,25 @@ def _only(watched: Watched, ids: Int) -> Watched:
 
 
 def _again(
-    session: CaptureSession, run: Path, name: str, count: int, progress: Progress
-) -> tuple[View, ...]:
-    """Tags from the run's video."""
-    path = run / f"{name}.mkv"
+    session: CaptureSession, run: Path, camera: Camera, count: int, progress: Progress
+) -> tuple[tuple[View, ...], int]:
+    """Tags of `count` frames from the run's video, and how many of those it lacks: a video that was
+    cut off, or that a full disk has left gaps in, says by its times which it has."""
+    path = run / f"{camera.name}.mkv"
     if not path.exists():
         raise CaptureError(f"{path}: there is no video; the session was recorded without --video")
-    camera = next(c for c in session.rig.cameras if c.name == name)
-    views = detect_all(Video(path), camera, session.markers.dictionary, progress)
-    if abs(len(views) - count) > 0.1 * count + 5:
+    time, found = detect_all(Video(path), camera, session.markers.dictionary, progress)
+    number = np.round(time * FILM_RATE).astype(int)
+    there = (number >= 0) & (number < count)
+    if there.sum() < 0.5 * count or not there.all() or len(np.unique(number)) < len(number):
         raise CaptureError(
-            f"{path}: has {len(views)} frames, {count} were recorded; it does not belong here"
+            f"{path}: has {len(found)} frames, {count} were recorded; it is damaged, or does not"
+            " belong here"
         )
-    return tuple(views)
-
-
-def _signals(
-    session: CaptureSession, board: Recording, cameras: Sequence[Any], start: int,
-    shift: Sequence[float], processed: Processed,
-) -> tuple[Float, dict[str, Any]]:  # fmt: skip
-    """Resistances (t, c) ohm at the tracks' times, by whichever way the clocks can be compared, and
-    what there is to tell of it."""
-    device = board.device_us / 1e6
-    host = (board.host_ns - start) / 1e9
-    ohm = _resistances(session, board)
-    arrival = relate(device, host)
-    tracks = processed.tracks
-    sync: Sync | None = None
-    why = []
-    for k, camera in enumerate(cameras):
-        if np.isfinite(camera.lamp).sum() < 30:
-            continue
-        time = (camera.time - start) / 1e9 + shift[k]
-        try:
-            found = by_lamp(
-                time, camera.lamp, None, device, board.led.astype(bool), arrival,
-                conversion=_conversion(board),
-            )  # fmt: skip
-        except CaptureError as error:
-            why.append(str(error))
-            continue
-        if sync is None or found.error < sync.error:
-            sync = found
-    if sync is None:
-        try:
-            motion = _motion(tracks)
-            sync = by_motion(tracks.time, motion, device, ohm, arrival)
-        except CaptureError as error:
-            why.append(str(error))
-    if sync is not None:
-        at = sync.to_device(tracks.time)
-        told = _told(sync, why)
-    else:  # what remains: when samples arrived, which cameras' own delay is not in
-        at = (tracks.time - arrival.offset) / (1 + arrival.drift)
-        told = {
-            "method": "arrival", "offset": arrival.offset, "drift": arrival.drift,
-            "error_ms": None, "notes": why,
-        }  # fmt: skip
-    restarted = any(e.get("event") == "restart" for _, e in board.events)
-    if restarted or abs(told["drift"]) > _DRIFTS:
-        told["error_ms"] = None
-        told["notes"] = [
-            *told["notes"],
-            "the board's clock began anew or jumped in this run: signals may be tens of ms off;"
-            " record it again",
-        ]
-    return _at(at, device, ohm), told
-
-
-def _motion(tracks: Tracks) -> Float:
-    """Distances (t, d) between markers that are seen often: they do not change as the whole
-    moves."""
-    share = tracks.seen.mean(axis=0)
-    often = np.argsort(-share)[:8]
-    often = often[share[often] > 0.5]
-    if len(often) < 2:
-        raise CaptureError("too few markers are seen often enough to tell how the device moves")
-    a, b = np.triu_indices(len(often), 1)
-    points = tracks.points[:, often]
-    return np.asarray(np.linalg.norm(points[:, a] - points[:, b], axis=2))
-
-
-def _at(when: Float, time: Float, values: Float) -> Float:
-    """Values (n, c) with times (n,) at other times (t,): linear in between, NaN outside and over
-    gaps."""
-    order = np.append(True, np.diff(time) > 0)
-    time, values = time[order], values[order]
-    out = np.stack([np.interp(when, time, v, left=np.nan, right=np.nan) for v in values.T], axis=1)
-    k = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
-    gap = time[k] - time[k - 1]
-    out[gap > 5 * np.median(np.diff(time))] = np.nan
-    return out
+    views = [NOTHING] * count
+    for n, view in zip(number, found, strict=True):
+        views[n] = view
+    return tuple(views), count - len(found)
 
 
 def _resting(

@@ -244,7 +244,10 @@ class Recording:
     def _signals(self) -> Float:
         if not self._history:
             return np.full(len(self._session.channels), np.nan)
-        return np.asarray(self._history[-1] / self._rest - 1)
+        rest = self._rest
+        if not np.isfinite(rest).all():  # a session that is gone on with, before its next rest
+            rest = np.median(np.array(self._history), axis=0)
+        return np.asarray(self._history[-1] / rest - 1)
 
     def _locate(self, glances: Sequence[Glance | None]) -> tuple[Float | None, int, int, float]:
         """Markers (m, 3) mm, or None for none; how many by several cameras, by one; px."""

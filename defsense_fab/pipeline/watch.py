@@ -95,17 +95,18 @@ def _even(time: Float) -> Float:
 
 def detect_all(
     video: Video, camera: Camera, family: str, progress: Progress = silent
-) -> list[View]:
-    """The tags in every frame of one video."""
+) -> tuple[Float, list[View]]:
+    """The times (t,) s of every frame of one video, as its file has them, and the tags in each."""
     if video.size != camera.size:
         raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
     found = Detector(camera, dictionary(family))
-    views = []
-    for k, _, image in video.frames():
+    times, views = [], []
+    for k, time, image in video.frames():
+        times.append(time)
         views.append(found.find(image))
         progress("tags", min(k / max(video.expected, 1), 1.0), f"{k + 1} frames")
     video.close()
-    return views
+    return np.array(times), views
 
 
 def _nothing(paths: Sequence[Path], tags: Dictionary, rate: float | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 import time
 from collections.abc import Callable
@@ -18,8 +19,10 @@ from ..core.camera import Camera
 from ..core.errors import CaptureError, StorageError
 from .capture_session import FRAME_COLUMNS, TAG_COLUMNS, Log, Stream, tag_lines
 
+FILM_RATE = 30.0  # at which videos count frames; their times are in the frames' file
+_ROOM = 500e6  # bytes that a video leaves free: other streams say so when the disk is full, it not
 _AGAIN = 1.0  # s between attempts to open a camera that vanished
-_LAMP = 100  # frames between looks for the lamp
+_OFTEN = 100  # frames between looks at the room that is left
 _AROUND = 3  # px around it that are taken for its brightness
 
 
@@ -63,7 +66,7 @@ class Watcher:
         self._source = self._open()
         if self._path is not None:
             code = cv2.VideoWriter.fourcc(*"FFV1")
-            self._film = cv2.VideoWriter(str(self._path), code, 30.0, self.camera.size, False)
+            self._film = cv2.VideoWriter(str(self._path), code, FILM_RATE, self.camera.size, False)
             if not self._film.isOpened():
                 raise StorageError(f"{self._path}: cannot be written; leave out --video")
         self._thread.start()
@@ -150,14 +153,24 @@ class Watcher:
         self._frames.line(f"{number},{host_ns},{lamp:.2f}")
         if self._film is not None:
             self._film.write(grey)
+            if self.frames % _OFTEN == 0:
+                self._check_room()
         self.frames += 1
         self.latest = Glance(number, host_ns, view, image)
+
+    def _check_room(self) -> None:
+        assert self._path is not None
+        if shutil.disk_usage(self._path.parent).free < _ROOM:
+            raise StorageError(
+                f"{self._path}: the disk is nearly full; what was recorded is whole: make room, or"
+                " leave out --video, and give the command again"
+            )
 
     def _brightness(self, grey: Image) -> float:
         """Of the board's lamp, once it is known where that is."""
         if self._spot is None:
             self._lamp.add(grey)
-            if self.frames % _LAMP == _LAMP - 1:
+            if self._lamp.found:
                 found = self._lamp.trace()
                 if found is not None:
                     self._spot = (round(float(found.place[0])), round(float(found.place[1])))

@@ -136,7 +136,9 @@ def begin(
     )  # fmt: skip
 
 
-def record(session: sessions.CaptureSession, screen=None, gone: float = float("inf")) -> bool:
+def record(
+    session: sessions.CaptureSession, screen=None, gone: float = float("inf"), video: bool = False
+) -> bool:
     """One run of it."""
     began = time.monotonic_ns()
     cords = DeviceCords(
@@ -148,7 +150,9 @@ def record(session: sessions.CaptureSession, screen=None, gone: float = float("i
     source = Reader(lambda: board, "twin", Settings(channels=2, rate=100))
     openers = [lambda c=c: Pictures(c, began, gone if c.name == "cam_1" else float("inf"))
                for c in session.rig.cameras]  # fmt: skip
-    return Recording(session, openers, source, screen or Silent(), None, auto=True).run()
+    return Recording(
+        session, openers, source, screen or Silent(), None, auto=True, video=video
+    ).run()
 
 
 def board_alone(session: sessions.CaptureSession, seconds: float) -> None:

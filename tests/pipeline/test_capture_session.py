@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,12 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.capture.align import align
 from defsense_fab.capture.detect import View
 from defsense_fab.capture.exchange import read_any, write_any
+from defsense_fab.capture.recording import read_recording
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.tracks import Tracks
 from defsense_fab.pipeline import capture_session as sessions
 from defsense_fab.pipeline.capture_process import process_session
+from defsense_fab.pipeline.capture_signals import signals_in_step
 from tests.pipeline import capture_rig as rig
 
 KILLS = int(os.environ.get("DEFSENSE_KILLS", "2"))
@@ -107,6 +110,71 @@ def test_markers_of_another_system_take_the_cameras_place(tmp_path):
     write_any(tmp_path / "wrong.trc", wrong)
     with pytest.raises(CaptureError, match="its markers are 20, 21"):
         process_session(session.folder, tracks=tmp_path / "wrong.trc")
+
+
+def test_videos_that_lack_frames_are_paired_by_their_times(tmp_path):
+    session = rig.begin(tmp_path / "s", [("rest", 1.0), ("out", 3.0)])
+    assert rig.record(session, video=True)
+    whole = process_session(session.folder, video=True)
+    assert not [w for r in whole.quality["runs"] for w in r["tracks"]["warnings"] if "lacks" in w]
+    film = session.folder / "run-1" / "cam_0.mkv"
+    data = film.read_bytes()
+    for damaged, told in (
+        (data[: int(0.7 * len(data))], True),
+        (data[: len(data) // 2] + bytes(150_000) + data[len(data) // 2 + 150_000 :], True),
+        (data[: len(data) // 2] + bytes(200) + data[len(data) // 2 + 200 :], False),
+    ):
+        film.write_bytes(damaged)
+        result = process_session(session.folder, video=True)
+        notes = [w for r in result.quality["runs"] for w in r["tracks"]["warnings"]]
+        assert bool([w for w in notes if "cam_0.mkv lacks" in w]) >= told
+        k = np.clip(np.searchsorted(whole.tracks.time, result.tracks.time), 0, None)
+        same = k < len(whole.tracks.time)
+        there = result.tracks.sigma[same].max(axis=2) < 0.3
+        off = result.tracks.points[same] - whole.tracks.points[k[same]]
+        assert there.sum() > 100
+        assert np.abs(off[there]).max() < 0.4
+    film.write_bytes(data[:1000])
+    with pytest.raises(CaptureError, match=r"cam_0\.mkv"):
+        process_session(session.folder, video=True)
+
+
+def test_a_video_stops_before_the_disk_is_full(tmp_path, monkeypatch):
+    session = rig.begin(tmp_path / "s", [("rest", 2.0)])
+    monkeypatch.setattr("defsense_fab.pipeline.watcher._ROOM", 1e18)
+    with pytest.raises(StorageError, match="the disk is nearly full"):
+        rig.record(session, video=True)
+    assert "the disk is nearly full" in sessions.ending(session.runs[0])
+
+
+def test_a_board_that_begins_anew_is_put_in_step_in_parts(tmp_path):
+    session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
+    rig.board_alone(session, 60)
+    board = read_recording(session.folder / "run-1" / sessions.BOARD)
+    half = len(board.counter) // 2
+    late = np.where(np.arange(len(board.counter)) < half, 0, 60_000)  # us
+    again = replace(
+        board, device_us=board.device_us + late,
+        host_ns=board.host_ns + np.random.default_rng(0).exponential(4e6, len(late)).astype(int),
+        events=(*board.events, (half, {"event": "restart"})),
+    )  # fmt: skip
+    time_ = np.arange(0.5, 59.5, 0.04)
+    points = np.array([rig.places(t) for t in time_])
+    tracks = Tracks(time_, np.arange(6), points, np.full(points.shape, 0.01), np.arange(len(time_)))
+    ohm, told = signals_in_step(session, again, [], 0, [], tracks)
+    assert [p["method"] for p in told["parts"]] == ["motion", "motion"]
+    assert "began anew" in told["notes"][0]
+    assert told["error_ms"] < 40
+    truth, _ = signals_in_step(session, board, [], 0, [], tracks)
+    good = np.isfinite(ohm[:, 0]) & np.isfinite(truth[:, 0])
+    assert good.mean() > 0.95
+    speed = np.nanmax(np.abs(np.diff(truth[:, 0]))) / 0.04
+    # By what the signal changes at most in a second: as time, s.
+    off = np.abs(ohm[good, 0] - truth[good, 0]).max() / speed
+    as_one, _ = signals_in_step(session, replace(again, events=board.events), [], 0, [], tracks)
+    both = good & np.isfinite(as_one[:, 0])
+    assert off < 0.005
+    assert np.abs(as_one[both, 0] - truth[both, 0]).max() / speed > 0.02
 
 
 def test_stopped_and_resumed(tmp_path):
