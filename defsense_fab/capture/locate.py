@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Bool, Float, Int
 from ..core.camera import Camera
 
 _STEPS, _ENOUGH = 3, 1e-5  # at most; mm, a step after which there is no other
@@ -49,25 +49,26 @@ def locate(cameras: Sequence[Camera], corners: Float, covariance: Float) -> Loca
     used = np.asarray(np.isfinite(corners).all(axis=(2, 3)))
     out = _solve(cameras, corners, covariance, used)
     wrong = out.used.any(axis=1) & ~_agrees(out)
-    for n in np.flatnonzero(wrong):
-        best: Located | None = None
-        for leave in np.flatnonzero(used[n]) if used[n].sum() > 2 else ():
-            keep = used[n].copy()
-            keep[leave] = False
-            tried = _solve(cameras, corners[n : n + 1], covariance[n : n + 1], keep[None])
-            if _agrees(tried)[0] and (best is None or tried.miss[0] < best.miss[0]):
-                best = tried
-        _put(out, int(n), best)
+    _put(out, wrong, None)
+    for leave in range(len(cameras)):
+        rows = np.flatnonzero(wrong & used[:, leave] & (used.sum(axis=1) > 2))
+        keep = used[rows]
+        keep[:, leave] = False
+        tried = _solve(cameras, corners[rows], covariance[rows], keep)
+        with np.errstate(invalid="ignore"):
+            better = _agrees(tried) & ~(tried.miss >= out.miss[rows])
+        _put(out, rows[better], tried, better)
     return out
 
 
-def _put(out: Located, n: int, one: Located | None) -> None:
+def _put(out: Located, rows: Int | Bool, one: Located | None, which: Bool | None = None) -> None:
+    """Into `rows` what was found of `which`, or nothing."""
     if one is None:
-        out.corners[n], out.covariance[n], out.miss[n] = np.nan, np.nan, np.nan
-        out.used[n] = False
+        out.corners[rows], out.covariance[rows], out.miss[rows] = np.nan, np.nan, np.nan
+        out.used[rows] = False
         return
-    out.corners[n], out.covariance[n] = one.corners[0], one.covariance[0]
-    out.used[n], out.miss[n] = one.used[0], one.miss[0]
+    out.corners[rows], out.covariance[rows] = one.corners[which], one.covariance[which]
+    out.used[rows], out.miss[rows] = one.used[which], one.miss[which]
 
 
 def _agrees(found: Located) -> Bool:

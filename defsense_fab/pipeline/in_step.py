@@ -58,8 +58,25 @@ class InStep:
         return out
 
 
-def in_step(rig: Rig, seen: Sequence[Observations], *, told: bool) -> InStep:
-    """Cameras in step with the first one; offsets that were `told` stay."""
+def in_step(
+    rig: Rig, seen: Sequence[Observations], *, told: bool, without: int | None = None
+) -> InStep:
+    """Cameras in step with the first one; offsets that were `told` stay. The views of one that is
+    left out, `without`, are gone; where that is the first, its clock is taken for the second's."""
+    if without is not None:
+        kept = [c for c in range(len(seen)) if c != without]
+        part = in_step(
+            Rig(tuple(rig.cameras[c] for c in kept)), [seen[c] for c in kept],
+            told=told,
+        )  # fmt: skip
+        gone = seen[without]
+        nothing = np.full_like(gone.corners, np.nan), np.full_like(gone.covariance, np.nan)
+        out = list(part.seen)
+        out.insert(without, Observations(gone.time, gone.ids, *nothing))
+        shift, frozen = list(part.shift), list(part.frozen)
+        shift.insert(without, 0.0)
+        frozen.insert(without, 0)
+        return InStep(out, shift, {kept[c]: s for c, s in part.steps.items()}, frozen)
     seen, frozen = _thawed(seen)
     shift, out, steps = [0.0], [seen[0]], {}
     for c, s in enumerate(seen[1:], 1):

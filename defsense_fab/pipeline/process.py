@@ -20,10 +20,12 @@ from ..core.errors import CaptureError
 from ..core.progress import Progress, silent
 from ..core.tracks import Tracks
 from .in_step import in_step, together
+from .moved import moved_camera
 from .watch import Watched, watch
 
 #: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
 _AGREEING = 0.5
+_USED = 0.9  # of the views, that agree where all is well
 _SCALE = 0.03  # by which the located size of tags may differ from the one that was told
 #: px, root mean square, and so many medians of it: views of a tag that miss by more are not of one
 #: instant, or not of one tag.
@@ -103,6 +105,12 @@ def assemble(
     clocks = in_step(rig, seen, told=offsets is not None)
     progress("tracks", 0.2, "triangulating")
     corners, covariance = together(clocks.seen, time)
+    moved = None
+    if len(rig.cameras) > 2:
+        moved = moved_camera(rig.cameras, [(corners, covariance), together(seen, time)], size)
+    if moved is not None:
+        clocks = in_step(rig, seen, told=offsets is not None, without=moved)
+        corners, covariance = together(clocks.seen, time)
     found = solve(rig.cameras, corners, covariance, size)
     _check(found, rig, corners, covariance, size, names)
     progress("tracks", 0.7, "looking for what cannot be")
@@ -126,6 +134,12 @@ def assemble(
     quality["offsets"] = [a + b for a, b in zip(told, clocks.shift, strict=True)]
     quality["disagreeing"] = int(odd.sum())
     quality["warnings"] += clocks.warnings(names, offsets is not None)
+    if moved is not None:
+        quality["warnings"].append(
+            f"{names[moved]}: its views do not fit those of the other cameras, which fit together:"
+            " it was moved since they were arranged, or is not in step; it was left out. Run"
+            " 'defsense capture camera check'"
+        )
     if odd.any():
         quality["warnings"].append(
             f"{int(odd.sum())} places were left out: the cameras' views of the tag disagree"
@@ -171,7 +185,9 @@ def _check(
         return
     agreeing = float((found.cameras[several] >= 2).mean())
     scale = float(np.nanmedian(found.sides)) / size if agreeing else 0.0
-    if agreeing >= _AGREEING and abs(scale - 1) <= _SCALE:
+    believable = agreeing >= _AGREEING and abs(scale - 1) <= _SCALE
+    used = float(found.cameras[several].sum() / found.seen[several].sum())
+    if believable and used >= _USED and float(np.nanmedian(found.miss)) <= _DISAGREE:
         return
     other = _permuted(rig, corners[several], covariance[several], size, found)
     if other is not None:
@@ -181,6 +197,8 @@ def _check(
         raise CaptureError(
             f"the videos are in another order than the cameras: it seems that {pairs}"
         )
+    if believable:
+        return
     if agreeing < _AGREEING:
         raise CaptureError(
             "the views do not fit the calibration: of the tags that several cameras see, only"
