@@ -13,7 +13,10 @@ import numpy as np
 from ..core.arrays import Float
 from .clock import relate
 
+_ABOUT = 0.06  # of the period, by which the median step may be off
+_SOME = 2000  # frames by which a period is found
 _FIRST = 64  # frames that are numbered by their period alone
+_SAME = 3  # frames that may seem to be the next one, among a hundred two more: so late they came
 _BLOCK = 40  # frames among which one is expected almost in time
 _NEAR = 0.1  # periods by which that one is late at most
 _SPREAD = 0.6  # periods by which nine of ten are late at most
@@ -39,12 +42,13 @@ def steady(stamp: Float) -> Steady:
     if len(stamp) < _BLOCK or not (step > 0).any():
         return as_is
     n, line, first = min(_FIRST, len(stamp)), np.zeros(0), float(stamp[0])
-    period = _period(stamp[:n] - first, float(np.median(step[step > 0])))
+    period, reach = float(np.median(step[step > 0])), _ABOUT
     while True:
+        period = _period(stamp[:n] - first, period, reach)
         for _ in range(3):
             place = (stamp[:n] - first) / period
             number = _number(place)
-            if len(np.unique(number)) < 0.98 * n:
+            if n - len(np.unique(number)) > _SAME + 0.02 * n:
                 return as_is
             x = number - number[0]
             rest = stamp[:n] - np.polyval(np.polyfit(x, stamp[:n], 1), x)
@@ -56,6 +60,7 @@ def steady(stamp: Float) -> Steady:
         if n == len(stamp):
             break
         n = min(2 * n, len(stamp))
+        reach = 1 / n  # by which the last of them would be a frame off
     late = stamp - line
     parts = np.array_split(late, max(len(late) // _BLOCK, 1))
     worst = max(float(part.min()) for part in parts)
@@ -64,11 +69,12 @@ def steady(stamp: Float) -> Steady:
     return Steady(line, True, float(np.median(late)))
 
 
-def _period(place: Float, about: float) -> float:
-    """At which the fractions of few stamps, in periods, are most alike."""
-    periods = about * np.linspace(0.94, 1.06, 241)
-    turns = np.exp(2j * np.pi * place / periods[:, None]).mean(1)
-    return float(periods[int(np.abs(turns).argmax())])
+def _period(place: Float, about: float, reach: float) -> float:
+    """At which the fractions of some stamps, in periods, are most alike."""
+    place = place[:: max(len(place) // _SOME, 1)]
+    periods = about * np.linspace(1 - reach, 1 + reach, 241)
+    turns = [abs(np.exp(2j * np.pi * place / p).mean()) for p in periods]
+    return float(periods[int(np.argmax(turns))])
 
 
 def _number(place: Float) -> Float:
