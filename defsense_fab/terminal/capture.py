@@ -95,6 +95,8 @@ def _tags(view: CaptureView) -> Text:
 def _signals(view: CaptureView) -> list[object]:
     """Bars of (R - R0)/R0, and their course."""
     table = Table.grid(padding=(0, 1))
+    for width in (None, 8, _BAR):
+        table.add_column(no_wrap=True, min_width=width)
     for k, (name, value) in enumerate(zip(view.channels, view.signals, strict=True)):
         color = _COLORS[k % len(_COLORS)]
         if not math.isfinite(value):
@@ -113,7 +115,9 @@ def _signals(view: CaptureView) -> list[object]:
     for k in range(course.shape[1]):
         good = np.flatnonzero(np.isfinite(course[:, k]))
         canvas.dots(((float(i), float(course[i, k])) for i in good), _COLORS[k % len(_COLORS)])
-    return [Columns([Group(*canvas.lines()), table])]
+    beside = Table.grid(padding=(0, 2))
+    beside.add_row(Group(*canvas.lines()), table)
+    return [beside]
 
 
 def _poses(view: CaptureView) -> list[object]:
