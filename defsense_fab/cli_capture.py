@@ -54,7 +54,7 @@ def _add_process(steps: Any, bars: Bars) -> None:
     sub.add_argument("--calibration", type=Path, default=Path("cameras.toml"), metavar="TOML",
                      help="of the cameras, as aniposelib has it (cameras.toml)")  # fmt: skip
     sub.add_argument("--tag-size", type=float, metavar="MM", help="side of a tag's black square")
-    sub.add_argument("--dictionary", default="4X4_50", metavar="NAME", help="of the tags (4X4_50)")
+    sub.add_argument("--dictionary", metavar="NAME", help="of the tags (4X4_50)")
     sub.add_argument(
         "--align", choices=("auto", "anchor", "all"), default="auto",
         help="of a session: to rest by the anchor's tags, by all, or by the anchor's where they are"
@@ -133,7 +133,11 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
         _writable(options.out)
     if options.smooth is not None and not 0 < options.smooth < 1e6:
         raise DeviceError(f"--smooth {options.smooth:g}: give seconds, above 0")
+    alone = "--tag-size", "--dictionary", "--rate", "--offsets"
     if options.session is not None:
+        for name in alone:
+            if getattr(options, name[2:].replace("-", "_")) is not None:
+                raise DeviceError(f"{name} is for --videos: a session knows its own")
         return _process_session(options, bars)
     if options.tag_size is None:
         raise DeviceError("--tag-size is missing: the side of a tag's black square, mm")
@@ -144,7 +148,7 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
     _writable(out)
     with bars(options) as progress:
         found = process_videos(
-            options.videos, options.calibration, options.tag_size, options.dictionary,
+            options.videos, options.calibration, options.tag_size, options.dictionary or "4X4_50",
             rate=options.rate, offsets=offsets, progress=progress,
         )  # fmt: skip
     tracks, quality = found.tracks, found.quality
@@ -192,7 +196,7 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
         s = run["sync"]
         error = "not known" if s.get("error_ms") is None else f"{s['error_ms']:.1f} ms"
         lines.append(f"{run['run']}: {run['ended']}; clocks by {s['method']}, error {error}")
-        lines += [f"  warning: {w}" for w in run["tracks"]["warnings"]]
+        lines += [f"  warning: {w}" for w in run["tracks"]["warnings"] + s.get("notes", [])]
     lines += [f"{s['run']} was left out: {s['why']}" for s in q["skipped"]]
     residual = q["residual"]["median"]
     lines += [

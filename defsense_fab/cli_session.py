@@ -88,7 +88,8 @@ def _rehearsal(options: argparse.Namespace, device: Any, markers: Any, stack: Ex
     from .pipeline.device_twin import rehearse
 
     word = options.cameras[0]
-    if word.partition(":")[0] != "twin" or options.port not in ("twin", "none"):
+    others = len(options.cameras) > 1
+    if word.partition(":")[0] != "twin" or others or options.port not in ("twin", "none"):
         raise DeviceError("a twin has its own cameras and board: give --cameras twin --port twin")
     values = {"seed": 1, "cameras": 2}
     for pair in filter(None, word.partition(":")[2].split(",")):

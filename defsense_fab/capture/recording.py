@@ -141,11 +141,9 @@ def read_recording(path: Path) -> Recording:
     """A recording, finished or not: what was cut is left out. Raises CaptureError with the line
     for what cannot be read."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise CaptureError(f"{path}: is no recording") from None
     lines = text.split("\n")
     unfinished = lines.pop()
     if not lines or lines[0] != _FIRST:
@@ -157,7 +155,7 @@ def read_recording(path: Path) -> Recording:
     events: list[tuple[int, dict[str, Any]]] = []
     cut = int(bool(unfinished))
     for number, line in enumerate(lines[2:], 3):
-        if line.endswith(_CUT):
+        if line.endswith(_CUT) or "\0" in line or "\ufffd" in line:  # or a disk's damaged block
             cut += 1
         elif line.startswith("#"):
             try:

@@ -25,6 +25,7 @@ _CAP = 9.0  # squares of that which a frame counts at most
 _PRICE = 16.0  # of a change
 _SURE = 8.0  # by which another place of a change must be worse, to be ruled out
 _STILL = 0.15  # px: what moves less is the same at both offsets
+_WHOLE = 0.3  # periods that a change may differ from whole frames by
 _FITS = 3.0  # mean squares of a frame's noise, with which the result is believed
 
 
@@ -96,6 +97,9 @@ def find_steps(
     # Where the second camera has nothing to show, an offset costs nothing and says nothing.
     ahead, behind = edges[:-1] - period / 2, edges[1:] - period / 2
     told = ((time >= ahead[:, None]) & (time < behind[:, None])).any(axis=1)
+    jumps = np.diff(offsets[told]) / period
+    if (np.abs(jumps - np.round(jumps)) > _WHOLE).any():
+        return None  # no frames were lost: a camera was moved
     return Steps(time, offsets[told], first.time[starts[told]][1:])
 
 

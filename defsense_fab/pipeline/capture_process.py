@@ -41,6 +41,7 @@ TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
     "tracks.csv", "aligned.csv", "signals.csv", "quality.json", "report.html",
 )  # fmt: skip
 _PAUSE = 1.0  # s, between runs, in the tracks' time
+_ALONE = 5.0  # s without tags that are worth a word
 _OFTEN = 0.8  # of the frames that the anchor must give, to be used
 
 
@@ -132,11 +133,18 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     tracks = processed.tracks
     ohm = np.full((len(tracks.time), len(session.channels)), np.nan)
     told: dict[str, Any] = {"method": "none"}
+    lost: list[str] = []
     if (run / BOARD).exists():
         board = read_recording(run / BOARD)
         ohm, told = signals_in_step(session, board, cameras, start, shift, tracks)
+        if board.cut:
+            lost.append(f"lines of {run.name}/{BOARD}: {board.cut}")
     rest = _resting(session, events, tracks.time, start)
     cut = sum(c.cut for c in cameras)
+    lost += [f"lines of {n}'s files: {c.cut}" for n, c in zip(names, cameras, strict=True) if c.cut]
+    if lost:
+        processed.quality["warnings"].append(f"cut or damaged, and left out: {', '.join(lost)}")
+    processed.quality["warnings"] += _ends_early(names, known)
     return _Run(processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut})
 
 
@@ -174,6 +182,20 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _Run:
     rest = _resting(session, read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
     about = {"run": run.name, "ended": ending(run), "cut": board.cut, "tracks_of": str(path)}
     return _Run(processed, at, rest, about_sync, about)
+
+
+def _ends_early(names: Sequence[str], watched: Sequence[Watched]) -> list[str]:
+    """Of cameras that see no tag for long at the end: was it moved, or is its file cut off?"""
+    out = []
+    for name, w in zip(names, watched, strict=True):
+        seen = np.flatnonzero([len(v.ids) > 0 for v in w.views])
+        left = w.time[-1] - w.time[seen[-1]] if len(seen) else 0.0
+        if left > _ALONE:
+            out.append(
+                f"{name}: shows no tag in its last {left:.0f} s; was it covered, or is its file"
+                " damaged?"
+            )
+    return out
 
 
 def _only(watched: Watched, ids: Int) -> Watched:

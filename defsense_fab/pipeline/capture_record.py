@@ -28,6 +28,7 @@ from .levels import Levels
 from .watcher import Glance, Watcher
 
 _TICK = 0.1  # s between looks
+_PATIENCE = 15.0  # s, for the first pictures
 _STALE = 0.5  # s after which a picture or a sample is old
 _REST_WITHIN = 0.8  # of the rest's time: frames that rest resistances are taken from
 #: Tells a twin's hands which pose to show, and for how many s.
@@ -130,6 +131,7 @@ class Recording:
                     self._watchers.append(watcher)
                 for watcher in self._watchers:  # together: all of them are ready
                     watcher.start()
+                self._first_pictures()
                 log.event("start", device=session.device)
                 complete = self._steps()
                 why = "all steps were shown" if complete else why
@@ -141,6 +143,15 @@ class Recording:
             finally:
                 log.event("end", why=why)
         return complete
+
+    def _first_pictures(self) -> None:
+        """Wait for them: a step that begins before has none."""
+        begun = time.monotonic()
+        while time.monotonic() - begun < _PATIENCE:
+            self._check()
+            if all(w.latest is not None or w.gone for w in self._watchers):
+                return
+            time.sleep(_TICK)
 
     def _steps(self) -> bool:
         todo = [k for k in range(len(self._session.steps)) if k not in finished(self._session)]

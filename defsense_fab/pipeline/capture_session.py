@@ -202,13 +202,11 @@ def _view(rows: Float) -> View:
 
 
 def _rows(path: Path, columns: Sequence[str]) -> tuple[Float, int]:
-    """Numbers (n, columns) of a stream and how many lines were cut."""
+    """Numbers (n, columns) of a stream and how many lines were cut or damaged."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise CaptureError(f"{path}: is damaged: it is no text") from None
     lines = text.split("\n")
     cut = int(bool(lines.pop()))
     if not lines:
@@ -216,7 +214,11 @@ def _rows(path: Path, columns: Sequence[str]) -> tuple[Float, int]:
     if lines[0] != ",".join(columns):
         raise CaptureError(f"{path}:1: the columns must be {','.join(columns)}")
     out = np.empty((len(lines) - 1, len(columns)))
+    good = np.ones(len(out), bool)
     for k, line in enumerate(lines[1:]):
+        if _unreadable(line):
+            good[k] = False
+            continue
         try:
             cells = np.array(line.split(","), float)
             if cells.shape != (len(columns),) or not np.isfinite(cells[:2]).all():
@@ -226,20 +228,25 @@ def _rows(path: Path, columns: Sequence[str]) -> tuple[Float, int]:
             raise CaptureError(
                 f"{path}:{k + 2}: not {len(columns)} numbers: {line[:50]!r}"
             ) from None
-    return out, cut
+    return out[good], cut + int((~good).sum())
+
+
+def _unreadable(line: str) -> bool:
+    """What a disk's damaged block leaves of lines."""
+    return "\0" in line or "\ufffd" in line
 
 
 def read_log(run: Path) -> list[dict[str, Any]]:
-    """Events of a run; a line that was cut is left out."""
+    """Events of a run; lines that were cut or damaged are left out."""
     path = run / LOG
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise CaptureError(f"{path}: is damaged: it is no text") from None
     out = []
     for number, line in enumerate(text.split("\n")[:-1], 1):
+        if _unreadable(line):
+            continue
         try:
             event = json.loads(line)
             if not isinstance(event, dict):

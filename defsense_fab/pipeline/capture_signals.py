@@ -23,6 +23,7 @@ from .capture_session import BOARD, Camera, CaptureSession
 
 _DRIFTS = 5e-4  # relative: no board's clock is off by more
 _LATE = 0.01  # s: what delays do to a short part's drift
+_AHEAD = 0.2  # s, by which no sample comes before its time
 _FEW = 10  # samples that are not yet a recording
 _BESIDE = 1.0  # s of frames beside a part's samples that are compared with it
 
@@ -38,7 +39,7 @@ def signals_in_step(
     out = np.full((len(tracks.time), ohm.shape[1]), np.nan)
     if len(board.counter) <= _FEW:
         return out, {"method": "none"}
-    ends = np.unique([0, *restarts(board), len(board.counter)])
+    ends = np.unique([0, *restarts(board), *_jumps(board), len(board.counter)])
     parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     parts = [p for p in parts if p.stop - p.start > _FEW]
     told = []
@@ -55,7 +56,7 @@ def signals_in_step(
         "error_ms": None if None in errors else max(errors),
         "parts": told,
         "notes": [
-            f"the board began anew in this run: its {len(told)} parts are each in step by"
+            f"the board's clock began anew in this run: its {len(told)} parts are each in step by"
             " themselves",
             *dict.fromkeys(note for t in told for note in t["notes"]),
         ],
@@ -65,6 +66,13 @@ def signals_in_step(
 def restarts(board: Recording) -> list[int]:
     """The samples before which the board began anew."""
     return [n for n, e in board.events if e.get("event") == "restart"]
+
+
+def _jumps(board: Recording) -> list[int]:
+    """The samples before which the board's clock went back, or ahead of the time that passed:
+    damaged files, that do not say that it began anew."""
+    device, host = np.diff(board.device_us) / 1e6, np.diff(board.host_ns) / 1e9
+    return [int(k) + 1 for k in np.flatnonzero((device < 0) | (device > host + _AHEAD))]
 
 
 def resistances(session: CaptureSession, board: Recording) -> Float:

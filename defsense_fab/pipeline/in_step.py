@@ -12,9 +12,12 @@ from ..capture.offset import find_offset
 from ..capture.rig_file import Rig
 from ..capture.steps import Steps, find_steps
 from ..core.arrays import Bool, Float
+from ..core.camera import Camera
 
 _REACH, _IN_STEP = 0.25, 1e-3  # s, between clocks: looked for, and not worth a correction
-_CLOSE = 1.0  # px that rays may miss each other by where an offset is believed
+_APART = 10.0  # s, between videos that were begun by hand
+_CLOSE, _BETTER = 0.5, 0.5  # px that rays may miss by where an offset is believed; and of before
+_FEW = 3  # frames that are not worth a word
 _MOVES = 0.5  # px that a tag moves, for a picture that came twice to be wrong
 
 
@@ -22,12 +25,13 @@ _MOVES = 0.5  # px that a tag moves, for a picture that came twice to be wrong
 class InStep:
     """What v cameras saw, by the first one's clock; what was added to each one's times, `shift`
     (v,) s; where that changed on the way, `steps` by camera; and how many frames of each showed the
-    picture before once more, `frozen` (v,)."""
+    picture before once more, `frozen` (v,), or fit no offset, `unfit` (v,)."""
 
     seen: list[Observations]
     shift: list[float]
     steps: dict[int, Steps]
     frozen: list[int]
+    unfit: list[int]
 
     def warnings(self, names: Sequence[str], told: bool) -> list[str]:
         """What there is to say of it, `told` where the offsets were given."""
@@ -36,6 +40,12 @@ class InStep:
             " left out; is the video damaged, or was the computer too slow?"
             for name, count in zip(names, self.frozen, strict=True)
             if count
+        ]
+        out += [
+            f"{name}: {count} frames do not fit those of {names[0]} at any offset near by, and were"
+            " left out: was a camera moved on the way, or do its times jump?"
+            for name, count in zip(names, self.unfit, strict=True)
+            if count > _FEW
         ]
         if not told and any(self.shift):
             ms = ", ".join(f"{1e3 * s:+.1f}" for s in self.shift)
@@ -73,20 +83,25 @@ def in_step(
         nothing = np.full_like(gone.corners, np.nan), np.full_like(gone.covariance, np.nan)
         out = list(part.seen)
         out.insert(without, Observations(gone.time, gone.ids, *nothing))
-        shift, frozen = list(part.shift), list(part.frozen)
+        shift, frozen, unfit = list(part.shift), list(part.frozen), list(part.unfit)
         shift.insert(without, 0.0)
         frozen.insert(without, 0)
-        return InStep(out, shift, {kept[c]: s for c, s in part.steps.items()}, frozen)
+        unfit.insert(without, 0)
+        return InStep(out, shift, {kept[c]: s for c, s in part.steps.items()}, frozen, unfit)
     seen, frozen = _thawed(seen)
-    shift, out, steps = [0.0], [seen[0]], {}
+    shift, out, steps, unfit = [0.0], [seen[0]], {}, [0] * len(seen)
     for c, s in enumerate(seen[1:], 1):
         pair = [rig.cameras[0], rig.cameras[c]]
+        begun = 0.0 if told else _begun(pair, seen[0], s)
+        s = replace(s, time=s.time + begun)
         changed = find_steps(pair, seen[0], s, _REACH)
         if changed is not None and not len(changed.at):
-            s = _only(s, np.isfinite(changed.time))
+            fits = np.isfinite(changed.time)
+            unfit[c] = int((~fits).sum())
+            s = _only(s, fits)
         elif changed is not None:
             steps[c] = changed
-            shift.append(float(np.median(changed.offsets)))
+            shift.append(begun + float(np.median(changed.offsets)))
             good = np.isfinite(changed.time)
             out.append(Observations(changed.time[good], s.ids, s.corners[good], s.covariance[good]))
             continue
@@ -94,13 +109,24 @@ def in_step(
         late = (
             found is not None
             and abs(found.value) > max(_IN_STEP, 4 * found.sigma)
-            and found.after < 0.8 * found.before
+            and found.after < _BETTER * found.before
             and found.after < _CLOSE
         )
         by = found.value if found is not None and late else 0.0
-        shift.append(by)
+        shift.append(begun + by)
         out.append(replace(s, time=s.time + by))
-    return InStep(out, shift, steps, frozen)
+    return InStep(out, shift, steps, frozen, unfit)
+
+
+def _begun(pair: list[Camera], first: Observations, second: Observations) -> float:
+    """s, by about how much the second video began later, if that is more than clocks differ by."""
+    near = find_offset(pair, first, second, _REACH)
+    if near is not None and near.after < _CLOSE:
+        return 0.0
+    far = find_offset(pair, first, second, _APART)
+    if far is None or abs(far.value) <= _REACH - 0.05 or far.after > _CLOSE:
+        return 0.0
+    return far.value if far.after < _BETTER * far.before else 0.0
 
 
 def together(seen: Sequence[Observations], time: Float) -> tuple[Float, Float]:

@@ -12,7 +12,8 @@ from ..core.camera import Camera
 
 _SOME = 300  # tags that are looked at
 _FEW = 20  # that tell nothing
-_FITS, _AGREE = 0.25, 0.9  # px and part of the tags, by which cameras fit together
+_WELL, _FITS = 0.1, 0.25  # px, that raise no doubt, and by which the others may fit together
+_AGREE = 0.9  # of the tags, on which they agree
 _WORSE = 3.0  # times as far, that is
 
 
@@ -24,7 +25,7 @@ def moved_camera(
     their covariance (n, m, v, 8, 8), once as the cameras' clocks were brought in step, where all
     may fit, and once as they were: views of a camera that was moved can look late."""
     taken = [_some(*v) for v in views]
-    if any(t is None or _miss(cameras, *t, size) <= _FITS for t in taken):
+    if any(t is None or _miss(cameras, *t, size) <= _WELL for t in taken):
         return None
     found = (_odd_one(cameras, *t, size) for t in reversed(taken) if t is not None)
     return next((k for k in found if k is not None), None)

@@ -30,6 +30,7 @@ _SCALE = 0.03  # by which the located size of tags may differ from the one that 
 #: px, root mean square, and so many medians of it: views of a tag that miss by more are not of one
 #: instant, or not of one tag.
 _ODD, _ODDER = 0.3, 8.0
+_APART = 0.5  # of the tags that several cameras see in a frame
 _MANY = 20  # places, to tell what is odd
 _FAR = 1e6  # s, offsets at most
 _DISAGREE = 0.25  # px: a median above which the cameras are not in step, or have moved
@@ -115,6 +116,8 @@ def assemble(
     _check(found, rig, corners, covariance, size, names)
     progress("tracks", 0.7, "looking for what cannot be")
     odd = _odd(found)
+    apart = _apart(found, odd)
+    odd |= apart[:, None] & (found.cameras >= 2)
     points = np.where(odd[..., None], np.nan, found.points)
     keep = possible(time, points, found.covariance)
     wrong = int((np.isfinite(points[..., 0]) & ~keep).sum())
@@ -139,6 +142,19 @@ def assemble(
             f"{names[moved]}: its views do not fit those of the other cameras, which fit together:"
             " it was moved since they were arranged, or is not in step; it was left out. Run"
             " 'defsense capture camera check'"
+        )
+    shared = found.seen >= 3
+    out = shared & (found.cameras >= 2) & (found.cameras < found.seen)
+    if out.sum() > (1 - _USED) * max(shared.sum(), 1):
+        quality["warnings"].append(
+            f"of the tags that three cameras see, one disagrees on {out.sum() / shared.sum():.0%},"
+            f" first at {time[out.any(axis=1)][0]:.2f} s, and was left out there: was it moved?"
+        )
+    if apart.any():
+        quality["warnings"].append(
+            f"in {int(apart.sum())} frames, the first at {time[apart][0]:.2f} s, the cameras' views"
+            " of most tags disagree: a camera was moved, or its times jump; what they see together"
+            " there was left out"
         )
     if odd.any():
         quality["warnings"].append(
@@ -176,6 +192,14 @@ def _odd(found: Solved) -> Bool:
     return np.asarray(several & (found.miss > limit))
 
 
+def _apart(found: Solved, odd: Bool) -> Bool:
+    """Frames (t,) in which the cameras' views of most tags disagree: those that seem to agree do so
+    by chance."""
+    several = found.seen >= 2
+    wrong = several & (odd | (found.cameras < 2))
+    return np.asarray(wrong.sum(axis=1) > _APART * np.maximum(several.sum(axis=1), 1))
+
+
 def _check(
     found: Solved, rig: Rig, corners: Float, covariance: Float, size: float, names: Sequence[str]
 ) -> None:
@@ -203,7 +227,8 @@ def _check(
         raise CaptureError(
             "the views do not fit the calibration: of the tags that several cameras see, only"
             f" {agreeing:.0%} agree; has a camera been moved, or is a video of another camera?"
-            " Run 'defsense capture camera check', then arrange again"
+            " Run 'defsense capture camera check', then arrange again; where videos began more than"
+            " some seconds apart, tell by how much (--offsets)"
         )
     guess = next(
         (u for u, f in (("m", 1e3), ("cm", 10.0), ("inches", 25.4)) if 0.8 < scale * f < 1.25),
@@ -226,6 +251,7 @@ def _permuted(
     """Cameras in the order that fits the videos better than that which was `told`, if any."""
     agree = told.cameras[told.seen >= 2]
     fit = float(np.median(told.miss[told.cameras >= 2])) if (agree >= 2).any() else np.inf
+    best: tuple[float, tuple[int, ...]] | None = None
     some = slice(None, None, max(len(corners) // (200 if len(rig.cameras) < 5 else 30), 1))
     for order in list(itertools.permutations(range(len(rig.cameras))))[1:]:
         cameras = [rig.cameras[k] for k in order]
@@ -244,8 +270,8 @@ def _permuted(
         scale = float(np.nanmedian(found.sides)) / size
         miss, more = float(np.nanmedian(found.miss)), found.cameras[many].mean() - agree.mean()
         if miss < _CLOSE and abs(scale - 1) <= _SCALE and (more > 0.3 or miss < fit / 2):
-            return order
-    return None
+            best = min(best or (np.inf, order), (miss, order))
+    return best[1] if best else None
 
 
 def _quality(

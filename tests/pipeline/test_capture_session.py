@@ -130,13 +130,31 @@ def test_videos_that_lack_frames_are_paired_by_their_times(tmp_path):
         assert bool([w for w in notes if "cam_0.mkv lacks" in w]) >= told
         k = np.clip(np.searchsorted(whole.tracks.time, result.tracks.time), 0, None)
         same = k < len(whole.tracks.time)
-        there = result.tracks.sigma[same].max(axis=2) < 0.3
-        off = result.tracks.points[same] - whole.tracks.points[k[same]]
-        assert there.sum() > 100
-        assert np.abs(off[there]).max() < 0.4
+        # The tags that do not move: few pictures of a busy machine, and linear ways between them.
+        sigma = result.tracks.sigma[same][:, :4]
+        there = sigma.max(axis=2) < 0.3
+        off = (result.tracks.points[same] - whole.tracks.points[k[same]])[:, :4]
+        assert there.sum() > 60
+        assert (np.abs(off[there]) < 0.1 + 5 * sigma[there]).all()
     film.write_bytes(data[:1000])
     with pytest.raises(CaptureError, match=r"cam_0\.mkv"):
         process_session(session.folder, video=True)
+
+
+def test_a_damaged_block_costs_its_lines_alone(recorded, tmp_path):
+    session, _ = recorded
+    whole = process_session(session.folder)
+    shutil.copytree(session.folder, tmp_path / "s")
+    for name in ("cam_0.csv", "cam_1-frames.csv", sessions.BOARD, sessions.LOG):
+        path = tmp_path / "s" / "run-1" / name
+        data = path.read_bytes()
+        at = len(data) // 2
+        path.write_bytes(data[:at] + bytes(300) + data[at + 300 :])
+    result = process_session(tmp_path / "s")
+    assert len(result.tracks.time) > 0.9 * len(whole.tracks.time)
+    told = " ".join(w for r in result.quality["runs"] for w in r["tracks"]["warnings"])
+    assert "lines of run-1/cam_0's files: 1" in told
+    assert f"lines of run-1/{sessions.BOARD}: 1" in told
 
 
 def test_a_video_stops_before_the_disk_is_full(tmp_path, monkeypatch):
@@ -172,6 +190,11 @@ def test_a_board_that_begins_anew_is_put_in_step_in_parts(tmp_path):
     # By what the signal changes at most in a second: as time, s.
     off = np.abs(ohm[good, 0] - truth[good, 0]).max() / speed
     as_one, _ = signals_in_step(session, replace(again, events=board.events), [], 0, [], tracks)
+    # Back by 20 s without an event, as in a file that was put together: known all the same.
+    back = replace(again, events=board.events, device_us=board.device_us - 300 * late)
+    parts, about = signals_in_step(session, back, [], 0, [], tracks)
+    assert len(about["parts"]) == 2
+    np.testing.assert_allclose(parts[good], ohm[good], rtol=1e-3)
     both = good & np.isfinite(as_one[:, 0])
     assert off < 0.005
     assert np.abs(as_one[both, 0] - truth[both, 0]).max() / speed > 0.02
