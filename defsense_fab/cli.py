@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from . import __version__, cli_calibrate, cli_capture
+from .cli_options import console, say
 from .core.errors import DefsenseError, DeviceError, StorageError
 from .core.progress import Progress, silent
 
@@ -188,27 +189,23 @@ def _modes(options: argparse.Namespace) -> int:
 
 
 def _show_modes(found: Any, options: argparse.Namespace) -> None:
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console()
-    console.on_broken_pipe = _leave  # type: ignore[method-assign]
+    out = console()
     table = Table(title=f"modes with {options.fixed!r} held")
     for column in ("Hz", "kind", "order"):
         table.add_column(column, justify="left" if column == "kind" else "right")
     for mode in found.modes:
         table.add_row(f"{mode.frequency:.3g}", mode.kind, str(mode.order))
-    console.print(table)
-    console.print(found.text, highlight=False, markup=False, soft_wrap=True)
+    out.print(table)
+    say([found.text])
     following = (
         f"defsense build {options.folder}"
         if options.write
         else f"defsense modes {options.folder} --fixed {options.fixed} --write, or paste the text"
         " into device.toml"
     )
-    console.print(
-        f"Look at: {found.picture}\nNext:    {following}", highlight=False, soft_wrap=True
-    )
+    say([f"Look at: {found.picture}", f"Next:    {following}"])
 
 
 def _study(options: argparse.Namespace) -> int:
@@ -245,11 +242,9 @@ def _range(text: str) -> tuple[int, int]:
 
 
 def _show_study(found: Any, options: argparse.Namespace) -> None:
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console()
-    console.on_broken_pipe = _leave  # type: ignore[method-assign]
+    out = console()
     table = Table(title=f"predicted RMSE, mm, {found.decoder} decoder, by number of cords")
     for column in ("cords", "with noise", "without", "held out", "affine floor", ""):
         table.add_column(column, justify="right" if column else "left")
@@ -258,25 +253,19 @@ def _show_study(found: Any, options: argparse.Namespace) -> None:
         cells = ("-" if v != v else f"{v:.3f}" for v in numbers)
         mark = "recommended" if r.sensors == found.knee else ""
         table.add_row(str(r.sensors), *cells, mark)
-    console.print(table)
+    out.print(table)
     if found.ended:
-        console.print(
-            f"note: ended early: {found.ended}", highlight=False, markup=False, soft_wrap=True
-        )
+        say([f"note: ended early: {found.ended}"])
     if any(r.held_out != r.held_out for r in found.rows):
-        console.print(
+        say([
             "note: no states are held out; [states] held_out in device.toml tells how the layouts"
-            " do between the poses",
-            highlight=False,
-            soft_wrap=True,
-        )
-    console.print(
-        f"Look at: {found.picture}\nNext:    [design] sensors = {found.knee} in"
-        f" {options.folder / 'device.toml'}, then defsense build {options.folder}",
-        highlight=False,
-        markup=False,
-        soft_wrap=True,
-    )
+            " do between the poses"
+        ])  # fmt: skip
+    say([
+        f"Look at: {found.picture}",
+        f"Next:    [design] sensors = {found.knee} in {options.folder / 'device.toml'}, then"
+        f" defsense build {options.folder}",
+    ])  # fmt: skip
 
 
 def _build(options: argparse.Namespace) -> int:
@@ -370,38 +359,21 @@ def _percent(error: float | None) -> str:
     return "an unknown error" if error is None else f"{error:.2%}"
 
 
-def _leave() -> None:
-    """In place of rich's own exit with code 1."""
-    raise BrokenPipeError
-
-
-def _notes(console: Any, warnings: Sequence[str]) -> None:
-    """Warnings as they are written: brackets name tables of device.toml, not colours."""
-    for warning in warnings:
-        console.print(f"note: {warning}", highlight=False, markup=False, soft_wrap=True)
-
-
 def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console()
-    console.on_broken_pipe = _leave  # type: ignore[method-assign]
+    out = console()
     if not data["made"]:
-        console.print("Everything is up to date.")
+        say(["Everything is up to date."])
     folder = data["build"]
     chosen = data.get("mesh", {}).get("accuracy")
     if chosen:
-        console.print(
+        say([
             f"mesh: an edge length of {data['mesh']['edge_length']:.3g} mm"
             f" ({data['mesh']['tets']} tets) keeps signals within {_percent(chosen['reached'])};"
-            f" {chosen['asked']:.2%} was asked",
-            highlight=False,
-            soft_wrap=True,
-        )
-    _notes(
-        console, [w for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", [])]
-    )
+            f" {chosen['asked']:.2%} was asked"
+        ])  # fmt: skip
+    say(f"note: {w}" for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", []))
     if "layout" in data:
         layout = data["layout"]
         first, best = layout["initial"], layout["prediction"]
@@ -422,7 +394,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
         )
         band = layout["band"]
         table.add_row("90 % of devices", "", f"{band['low']:.2f} to {band['high']:.2f}", "")
-        console.print(table)
+        out.print(table)
     if "manifest" in data:
         manifest = data["manifest"]
         table = Table(title="parts")
@@ -432,14 +404,14 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             low, high = p["bbox"]
             size = " x ".join(f"{b - a:.1f}" for a, b in zip(low, high, strict=True))
             table.add_row(p["name"], f"{p['volume'] / 1000:.2f}", size)
-        console.print(table)
+        out.print(table)
         table = Table(title="cut list")
         for column in ("cord", "cut to, mm", "expected, ohm"):
             table.add_column(column, justify="left" if column == "cord" else "right")
         for c in manifest["cords"]:
             table.add_row(c["sensor"], f"{c['cut_length']:.0f}", f"{c['resistance']:.0f}")
-        console.print(table)
-        _notes(console, manifest["warnings"])
+        out.print(table)
+        say(f"note: {w}" for w in manifest["warnings"])
     where = f"{folder}/report.html" if options.until == "report" else folder
     following = {
         "build": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
@@ -450,7 +422,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
         "report": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
     }[options.command]
     text = f"Look at: {where}\nNext:    {following}"
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
+    say([text])
 
 
 if __name__ == "__main__":

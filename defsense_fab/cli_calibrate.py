@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from . import cli_record
-from .cli_record import numbers
+from .cli_options import numbers
 from .core.errors import DeviceError
 from .core.progress import Progress
 

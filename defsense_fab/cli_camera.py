@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from .cli_record import say
+from .cli_options import say
 from .core.errors import DeviceError
 from .core.progress import Progress
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from . import cli_camera, cli_session, cli_sheets
-from .cli_record import numbers, say
+from .cli_options import numbers, say
 from .core.errors import DeviceError, StorageError
 from .core.progress import Progress
 

@@ -6,13 +6,12 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from .cli_options import REFERENCE, numbers, references, within
 from .core.errors import CalibrationError, CaptureError, DefsenseError, DeviceError
 
-REFERENCE = 2200.0
 _PORT = "/dev/ttyUSB0, COM3, socket://host:port, or twin (twin:speed=20,k=2,seed=1)"
 
 
@@ -123,41 +122,6 @@ def _board(sub: argparse.ArgumentParser) -> None:
 def _ends(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--json", action="store_true", help="print the result as JSON")
     sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
-
-
-def numbers(option: str, text: str, unit: str = "mm") -> list[float]:
-    """Numbers with commas between. Raises DeviceError for anything else."""
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        raise DeviceError(
-            f"{option} {text}: write numbers in {unit} with commas, as in 75,100,150"
-        ) from None
-
-
-def say(lines: Iterable[str]) -> None:
-    """Print lines as they are, for terminals of any width."""
-    from rich.console import Console
-
-    console = Console()
-    for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-
-
-def references(text: str, channels: int) -> list[float]:
-    """Resistances, one for all channels or one each. Raises DeviceError for others."""
-    values = numbers("--reference", text, "ohm")
-    if len(values) not in (1, channels):
-        raise DeviceError(f"--reference {text}: give one resistance, or {channels}")
-    for value in values:
-        within("--reference", value, 1e-3, 1e9)
-    return values * channels if len(values) == 1 else values
-
-
-def within(option: str, value: float, low: float, high: float) -> None:
-    """Raises DeviceError for a number that is not in this range, or none."""
-    if not low <= value <= high:
-        raise DeviceError(f"{option} {value:g}: give a number from {low:g} to {high:g}")
 
 
 def _ports(options: argparse.Namespace) -> int:

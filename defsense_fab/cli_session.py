@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from .cli_record import REFERENCE, references, within
+from .cli_options import REFERENCE, references, within
 from .core.errors import CaptureError, DefsenseError, DeviceError
 
 _CAMERAS = (

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from .cli_record import numbers
+from .cli_options import numbers
 from .core.errors import CaptureError, DeviceError
 from .core.progress import Progress
 
