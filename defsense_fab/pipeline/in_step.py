@@ -92,20 +92,26 @@ def in_step(
     shift, out, steps, unfit = [0.0], [seen[0]], {}, [0] * len(seen)
     for c, s in enumerate(seen[1:], 1):
         pair = [rig.cameras[0], rig.cameras[c]]
-        begun = 0.0 if told else _begun(pair, seen[0], s)
-        s = replace(s, time=s.time + begun)
+        near = None if told else find_offset(pair, seen[0], s, _REACH)
+        begun = 0.0
+        if not told and (near is None or near.after >= _CLOSE):
+            begun = _begun(pair, seen[0], s)
+            s = replace(s, time=s.time + begun)
         changed = find_steps(pair, seen[0], s, _REACH)
         if changed is not None and not len(changed.at):
             fits = np.isfinite(changed.time)
             unfit[c] = int((~fits).sum())
             s = _only(s, fits)
+            near = None
         elif changed is not None:
             steps[c] = changed
             shift.append(begun + float(np.median(changed.offsets)))
             good = np.isfinite(changed.time)
             out.append(Observations(changed.time[good], s.ids, s.corners[good], s.covariance[good]))
             continue
-        found = None if told else find_offset(pair, seen[0], s, _REACH)
+        found = near
+        if not told and (near is None or begun):
+            found = find_offset(pair, seen[0], s, _REACH)
         late = (
             found is not None
             and abs(found.value) > max(_IN_STEP, 4 * found.sigma)
@@ -120,9 +126,6 @@ def in_step(
 
 def _begun(pair: list[Camera], first: Observations, second: Observations) -> float:
     """s, by about how much the second video began later, if that is more than clocks differ by."""
-    near = find_offset(pair, first, second, _REACH)
-    if near is not None and near.after < _CLOSE:
-        return 0.0
     far = find_offset(pair, first, second, _APART)
     if far is None or abs(far.value) <= _REACH - 0.05 or far.after > _CLOSE:
         return 0.0

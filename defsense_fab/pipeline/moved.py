@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -18,16 +18,19 @@ _WORSE = 3.0  # times as far, that is
 
 
 def moved_camera(
-    cameras: Sequence[Camera], views: Sequence[tuple[Float, Float]], size: float
+    cameras: Sequence[Camera], views: Iterable[tuple[Float, Float]], size: float
 ) -> int | None:
     """The one without which the others fit together, where they do so without no other; None where
     all fit, or it cannot be told which. `views`: corners (n, m, v, 4, 2) px without distortion and
     their covariance (n, m, v, 8, 8), once as the cameras' clocks were brought in step, where all
     may fit, and once as they were: views of a camera that was moved can look late."""
-    taken = [_some(*v) for v in views]
-    if any(t is None or _miss(cameras, *t, size) <= _WELL for t in taken):
-        return None
-    found = (_odd_one(cameras, *t, size) for t in reversed(taken) if t is not None)
+    taken = []
+    for corners, covariance in views:
+        some = _some(corners, covariance)
+        if some is None or _miss(cameras, *some, size) <= _WELL:
+            return None
+        taken.append(some)
+    found = (_odd_one(cameras, *some, size) for some in reversed(taken))
     return next((k for k in found if k is not None), None)
 
 

@@ -108,7 +108,9 @@ def assemble(
     corners, covariance = together(clocks.seen, time)
     moved = None
     if len(rig.cameras) > 2:
-        moved = moved_camera(rig.cameras, [(corners, covariance), together(seen, time)], size)
+        fitted = (corners, covariance)
+        views = (fitted if s is not seen else together(seen, time) for s in (clocks.seen, seen))
+        moved = moved_camera(rig.cameras, views, size)
     if moved is not None:
         clocks = in_step(rig, seen, told=offsets is not None, without=moved)
         corners, covariance = together(clocks.seen, time)
