@@ -23,13 +23,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.robustness import BODIES, body, clamp, material
-from defsense_fab.mechanics.conditions import BoundaryConditions
-from defsense_fab.mechanics.locate import PointLocator
-from defsense_fab.mechanics.material import Material
-from defsense_fab.mechanics.path import solve_ramp
-from defsense_fab.mechanics.tet10 import QuadraticMesh
-from defsense_fab.mechanics.threads import cores
-from defsense_fab.pipeline.mesh_density import probing_lines
+from defsense_fab.mechanics.elements.material import Material
+from defsense_fab.mechanics.elements.point_location import PointLocator
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.mechanics.elements.threads import cores
+from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions
+from defsense_fab.mechanics.solver.load_stepping import solve_ramp
+from defsense_fab.pipeline.build.mesh_density import probing_lines
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.signal import signals
 

@@ -16,7 +16,7 @@ import time
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.capture.align import align
+from defsense_fab.capture.tracking.alignment import align
 
 
 def frames(t, m, seed=0):

@@ -5,7 +5,7 @@
 
 Every row runs in a process of its own, so that its peak of memory is its own; imports and loading
 of the body are not counted in the seconds, but the memory holds them. Layouts are seeded ones of
-`tests/geometry/random_layouts.py`, but for bar and cube, whose cords are drawn.
+`tests/geometry/parts/random_layouts.py`, but for bar and cube, whose cords are drawn.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def one(kind: str, name: str, seed: int | None = None, cell: float | None = None
 def load(name: str, cell: float | None):
     from defsense_fab.core.device_file import load_device
     from defsense_fab.core.mesh import Surface
-    from defsense_fab.geometry.body import Body, load_body
+    from defsense_fab.geometry.bodies.body import Body, load_body
 
     device = load_device(DEVICES / name)
     if cell is None:
@@ -82,9 +82,9 @@ def load(name: str, cell: float | None):
 
 
 def parts(device, body, seed: int | None) -> dict:
-    from defsense_fab.pipeline.stage_fabricate import fabricate
-    from defsense_fab.pipeline.stage_optimize import limits
-    from tests.geometry.random_layouts import random_layout
+    from defsense_fab.pipeline.build.stage_fabricate import fabricate
+    from defsense_fab.pipeline.build.stage_optimize import limits
+    from tests.geometry.parts.random_layouts import random_layout
 
     coarse = load(device.name, None)[0].surface
     sensors = device.sensors if seed is None else random_layout(coarse, limits(device), seed)
@@ -110,13 +110,13 @@ def straight(body):
 
 
 def by_manifold(body, device) -> dict:
-    from defsense_fab.geometry import facets
+    from defsense_fab.geometry.kernels import triangle_kernel
 
     plane, curve = straight(body)
     begin = time.perf_counter()
-    solid = facets.to_manifold(body.surface, "body")
+    solid = triangle_kernel.to_manifold(body.surface, "body")
     path = plane.to_world(curve.sample(24))
-    solid = solid - facets.tube(path, plane.normal, device.channel_diameter)
+    solid = solid - triangle_kernel.tube(path, plane.normal, device.channel_diameter)
     halves = solid.split_by_plane(plane.normal, float(plane.normal @ plane.origin))
     volumes = [h.volume() for h in halves]
     return {"seconds": time.perf_counter() - begin, "volume": sum(volumes)}
@@ -126,8 +126,8 @@ def by_build123d(body, device) -> dict:
     import build123d as bd
 
     from defsense_fab.core.biarc import arcs
-    from defsense_fab.geometry import occ
-    from defsense_fab.geometry.export import write_stl
+    from defsense_fab.geometry.kernels import occ
+    from defsense_fab.geometry.kernels.export import write_stl
 
     plane, curve = straight(body)
     with tempfile.TemporaryDirectory() as folder:

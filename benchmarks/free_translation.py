@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.agreement import ROOT, compare, interpreter
 from benchmarks.robustness import material
 from benchmarks.speed import bar, pose
-from defsense_fab.mechanics import tet10
-from defsense_fab.mechanics.path import solve_ramp
+from defsense_fab.mechanics.elements import tet10
+from defsense_fab.mechanics.solver.load_stepping import solve_ramp
 
 
 def main() -> None:

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from defsense_fab.core.device import Sensor
-from defsense_fab.optimize.constraints import Constraints
-from defsense_fab.optimize.freedom import CordFreedom
-from defsense_fab.optimize.objective import Objective
-from defsense_fab.optimize.problem import Problem
+from defsense_fab.optimize.limits.constraints import Constraints
+from defsense_fab.optimize.problem.cord_parameters import CordFreedom
+from defsense_fab.optimize.problem.objective import Objective
+from defsense_fab.optimize.problem.problem import Problem
 
 
 def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # type: ignore[no-untyped-def]

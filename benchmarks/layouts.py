@@ -22,21 +22,21 @@ from scipy.optimize import minimize
 
 from benchmarks import joint
 from defsense_fab.core.device_file import load_device
-from defsense_fab.optimize import baselines
-from defsense_fab.optimize.candidates import build_pool
-from defsense_fab.optimize.constraints import Constraints
-from defsense_fab.optimize.descent import descend
-from defsense_fab.optimize.families import through
-from defsense_fab.optimize.freedom import CordFreedom, sample_path
-from defsense_fab.optimize.objective import Objective
-from defsense_fab.optimize.problem import Problem
-from defsense_fab.optimize.refine import layout_error, optimise
-from defsense_fab.optimize.seeds import choices, seeds
-from defsense_fab.optimize.slivers import Slivers
-from defsense_fab.optimize.verify import verify
+from defsense_fab.decoding.ridge import fit
+from defsense_fab.optimize.limits.constraints import Constraints
+from defsense_fab.optimize.limits.thin_parts import Slivers
+from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.problem.cord_parameters import CordFreedom, sample_path
+from defsense_fab.optimize.problem.objective import Objective
+from defsense_fab.optimize.problem.problem import Problem
+from defsense_fab.optimize.refinement.descent import descend
+from defsense_fab.optimize.refinement.refine import layout_error, optimise
+from defsense_fab.optimize.search import baselines
+from defsense_fab.optimize.search.candidate_families import through
+from defsense_fab.optimize.search.candidates import build_pool
+from defsense_fab.optimize.search.starting_layouts import choices, seeds
 from defsense_fab.pipeline.build import build
-from defsense_fab.pipeline.stage_optimize import Task, load_task, predict
-from defsense_fab.sensing.decoder import fit
+from defsense_fab.pipeline.build.stage_optimize import Task, load_task, predict
 
 BAR = Path("fixtures/devices/bar")
 

@@ -18,21 +18,21 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.capture.align import align
-from defsense_fab.capture.arrange import arrange
-from defsense_fab.capture.board import Board
-from defsense_fab.capture.board_view import BoardFinder
-from defsense_fab.capture.detect import Detector, View
-from defsense_fab.capture.dictionary import Dictionary, dictionary
-from defsense_fab.capture.intrinsics import calibrate
-from defsense_fab.capture.observe import collect
-from defsense_fab.capture.single import square
-from defsense_fab.capture.solve import solve
-from defsense_fab.capture.threads import one_thread_per_call
+from defsense_fab.capture.cameras.camera_threads import one_thread_per_call
+from defsense_fab.capture.cameras.extrinsics import arrange
+from defsense_fab.capture.cameras.intrinsics import calibrate
+from defsense_fab.capture.tags.board_detection import BoardFinder
+from defsense_fab.capture.tags.charuco_board import Board
+from defsense_fab.capture.tags.tag_detection import Detector, View
+from defsense_fab.capture.tags.tag_dictionary import Dictionary, dictionary
+from defsense_fab.capture.tracking.alignment import align
+from defsense_fab.capture.tracking.observations import collect
+from defsense_fab.capture.tracking.reconstruction import solve
+from defsense_fab.capture.tracking.single_camera import square
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
-from defsense_fab.twin.camera import Optics, Renderer
-from defsense_fab.twin.scene import Patch, Scene
+from defsense_fab.twin.filming.renderer import Optics, Renderer
+from defsense_fab.twin.filming.scene import Patch, Scene
 
 SIZE, FOCAL, AWAY, BASE, TAGS, SIDE = (1280, 720), 900.0, 400.0, 160.0, 20, 15.0
 DISTORTIONS = np.array([0.05, -0.1, 0.001, -0.0005, 0.02])

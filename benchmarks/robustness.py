@@ -17,14 +17,19 @@ import numpy as np
 
 from benchmarks.independent import faults
 from defsense_fab.core.device_file import load_device
-from defsense_fab.geometry.body import load_body
-from defsense_fab.geometry.conform import conform
-from defsense_fab.geometry.tetrahedra import tetrahedralise
-from defsense_fab.mechanics.conditions import BoundaryConditions, RigidHandle
-from defsense_fab.mechanics.material import Material, neo_hookean, split, stable_neo_hookean
-from defsense_fab.mechanics.path import Equilibrium, Status, solve_ramp
-from defsense_fab.mechanics.tet10 import QuadraticMesh
-from defsense_fab.mechanics.threads import cores
+from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.geometry.bodies.region_conforming import conform
+from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.mechanics.elements.material import (
+    Material,
+    neo_hookean,
+    split,
+    stable_neo_hookean,
+)
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.mechanics.elements.threads import cores
+from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle
+from defsense_fab.mechanics.solver.load_stepping import Equilibrium, Status, solve_ramp
 
 DEVICES = Path(__file__).parents[1] / "fixtures" / "devices"
 #: Region held, regions moved, edge length (mm), long direction.

@@ -23,15 +23,15 @@ import numpy as np
 from benchmarks import agreement
 from benchmarks.grid import grid_of_tets
 from benchmarks.robustness import material
-from defsense_fab.mechanics import tet10
-from defsense_fab.mechanics.conditions import BoundaryConditions, RigidHandle, rest
-from defsense_fab.mechanics.interactive import Interactive
-from defsense_fab.mechanics.locate import PointLocator
-from defsense_fab.mechanics.newton import System
-from defsense_fab.mechanics.path import follow
-from defsense_fab.mechanics.tet10 import QuadraticMesh
-from defsense_fab.mechanics.threads import cores
-from defsense_fab.pipeline.mesh_density import probing_lines
+from defsense_fab.mechanics.elements import tet10
+from defsense_fab.mechanics.elements.point_location import PointLocator
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.mechanics.elements.threads import cores
+from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle, rest
+from defsense_fab.mechanics.solver.interactive import Interactive
+from defsense_fab.mechanics.solver.load_stepping import follow
+from defsense_fab.mechanics.solver.newton import System
+from defsense_fab.pipeline.build.mesh_density import probing_lines
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.signal import signals
 

@@ -7,7 +7,7 @@ from benchmarks.grid import grid_of_tets
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import Sensor
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
 
 
 def box_surface(low, high):

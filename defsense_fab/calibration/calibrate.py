@@ -11,11 +11,11 @@ from ..core.arrays import Float, Int
 from ..core.errors import CalibrationError
 from ..core.response import ResponseSpec
 from . import neutral
-from .choice import Tried, choose, compare
 from .fit import Data, Fitted, free_gains
 from .interval import Doubt, doubt
+from .model_selection import Tried, choose, compare
 from .neutral import Drift, Policy
-from .plausible import check
+from .plausibility import check
 from .readings import Piece, Readings
 
 #: Standard deviation between specimens that is taken for granted until there are many; between

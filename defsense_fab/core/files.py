@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +27,29 @@ def storage_errors(path: Path) -> Iterator[None]:
         ) from None
 
 
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A name beside `path`, of the same suffix and of this process only, to write to: moved into
+    place at the end, gone after an error. Raises StorageError where the system refuses."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    try:
+        with storage_errors(path):
+            yield temporary
+            os.replace(temporary, path)
+    finally:
+        with suppress(OSError):  # there is none where its folder could not be written
+            temporary.unlink()
+
+
 def write_json(path: Path, data: Any) -> None:
-    """Write `data` to a temporary name and move it into place."""
+    """`data` as JSON, whole or not at all. Raises StorageError."""
     write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` to a temporary name and move it into place."""
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+    """`text` in UTF-8 with its line ends as they are, whole or not at all. Raises StorageError."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
 
 
 def load_json(path: Path, error: type[DefsenseError], hint: str) -> Any:

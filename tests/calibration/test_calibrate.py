@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from defsense_fab.calibration.calibrate import calibrate
-from defsense_fab.calibration.choice import compare
 from defsense_fab.calibration.fit import Data, fit
 from defsense_fab.calibration.memory import PLAYS, Memory, half_width
+from defsense_fab.calibration.model_selection import compare
 from defsense_fab.calibration.models import model
 from defsense_fab.calibration.neutral import drift
 from defsense_fab.calibration.readings import Geometry, joined

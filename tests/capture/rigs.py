@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from defsense_fab.capture.single import square
+from defsense_fab.capture.tracking.single_camera import square
 from tests.twin.views import camera, turn
 
 EYES = {"left": (-120, -380, 60), "right": (120, -380, 60), "top": (0, -300, 260)}

@@ -11,8 +11,7 @@ from defsense_fab.core.catalogue import read_rows
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.response import ResponseSpec
-
-BAR = Path(__file__).parents[2] / "fixtures" / "devices" / "bar"
+from tests.places import BAR
 
 
 @pytest.fixture

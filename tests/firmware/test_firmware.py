@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from defsense_fab.capture.ports import open_port
-from defsense_fab.capture.reader import Reader, Settings
-from defsense_fab.capture.source import Event, Stamped
+from defsense_fab.capture.readout.ports import open_port
+from defsense_fab.capture.readout.reader import Reader, Settings
+from defsense_fab.capture.readout.source import Event, Stamped
 from defsense_fab.core.errors import CaptureError
 from tests.firmware.build import FIRMWARE
 from tests.firmware.conftest import collect

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from defsense_fab.mechanics.conditions import BoundaryConditions, RigidHandle
-from defsense_fab.mechanics.material import neo_hookean, split, stable_neo_hookean
-from defsense_fab.mechanics.tet10 import QuadraticMesh
+from defsense_fab.mechanics.elements.material import neo_hookean, split, stable_neo_hookean
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle
 
 MODELS = {
     "neo-hookean": neo_hookean(0.2, 5.0),

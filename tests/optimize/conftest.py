@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from defsense_fab.mechanics.locate import PointLocator
-from defsense_fab.mechanics.tet10 import QuadraticMesh
-from defsense_fab.optimize.problem import Limits, Problem
+from defsense_fab.mechanics.elements.point_location import PointLocator
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.optimize.problem.problem import Limits, Problem
 from defsense_fab.sensing.response import Response
 
 LIMITS = Limits(wall=1.2, min_radius=5.0, clearance=3.4, channel_diameter=2.2)

@@ -10,9 +10,9 @@ import itertools
 import numpy as np
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.mechanics.locate import PointLocator
-from defsense_fab.mechanics.tet10 import QuadraticMesh
-from defsense_fab.optimize.problem import Limits, Problem
+from defsense_fab.mechanics.elements.point_location import PointLocator
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.optimize.problem.problem import Limits, Problem
 from defsense_fab.sensing.response import Response
 
 LENGTH = 150.0

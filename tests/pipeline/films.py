@@ -5,13 +5,13 @@ import json
 import cv2
 import numpy as np
 
-from defsense_fab.capture.board import Board
-from defsense_fab.capture.dictionary import dictionary
+from defsense_fab.capture.tags.charuco_board import Board
+from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.cli import main
 from defsense_fab.core.camera import Camera
-from defsense_fab.twin.camera import Optics
-from defsense_fab.twin.film import Shutter, film
-from defsense_fab.twin.scene import Patch, Scene
+from defsense_fab.twin.filming.film import Shutter, film
+from defsense_fab.twin.filming.renderer import Optics
+from defsense_fab.twin.filming.scene import Patch, Scene
 from tests.twin.views import turn
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])

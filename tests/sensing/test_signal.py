@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from defsense_fab.geometry.tetrahedra import tetrahedralise
-from defsense_fab.mechanics.locate import PointLocator
-from defsense_fab.mechanics.tet10 import QuadraticMesh
+from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.mechanics.elements.point_location import PointLocator
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.signal import signals
 from tests.sensing.reference import signal_gradient

@@ -1,0 +1,1 @@
+"""Cameras: images from them, intrinsics, extrinsics, and their files."""

@@ -1,0 +1,138 @@
+"""A camera's focal lengths, principal point and distortion, from views of a board (Zhang 2000).
+
+Views that fit much worse than the rest (blurred, or a board that was bent) are left out. The third
+radial coefficient is only taken where it is worth it (Bayesian information criterion).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...core.arrays import Bool, Float
+from ...core.camera import Camera
+from ...core.errors import CaptureError
+from ..tags.board_detection import BoardView
+from ..tags.charuco_board import Board
+
+LEAST_VIEWS = 8
+_ODD = 3.0  # medians of the views' errors, above which one is left out
+_ABOVE = 0.15  # px, below which none is
+_PARALLEL = 5.0  # degrees of all boards from their mean
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A `camera` at the world's origin; root mean square `error` px; of each of n views its
+    `errors` (n,) px and whether it was `used` (n,); standard deviations `sigma` (9,) of fx, fy, cx,
+    cy, px, and k1, k2, p1, p2, k3; `tilt` (n,), degrees between board and line of sight."""
+
+    camera: Camera
+    error: float
+    errors: Float
+    used: Bool
+    sigma: Float
+    tilt: Float
+
+
+def calibrate(
+    name: str, size: tuple[int, int], board: Board, views: Sequence[BoardView]
+) -> Intrinsics:
+    """From at least eight views, in which the board is tilted. Raises CaptureError where they do
+    not tell."""
+    if len(views) < LEAST_VIEWS:
+        raise CaptureError(
+            f"camera {name}: the board was found in {len(views)} views, {LEAST_VIEWS} are needed;"
+            " hold it still, flat and in light, in other places and tilts"
+        )
+    used = np.ones(len(views), bool)
+    fit = _solve(size, board, views, used)
+    for _ in range(3):
+        limit = max(_ODD * float(np.median(fit.errors[used])), _ABOVE)
+        good = fit.errors <= limit
+        if (good == used).all() or good.sum() < LEAST_VIEWS:
+            break
+        used = good
+        fit = _solve(size, board, views, used)
+    if not np.isfinite(fit.error) or fit.error > 3:
+        raise CaptureError(
+            f"camera {name}: the views do not fit one camera ({fit.error:.1f} px); is board.json"
+            " that of this board, is the board flat, and were zoom and focus left alone?"
+        )
+    # Boards that are parallel to each other say nothing, wherever they are in the image; what they
+    # are solved for is then wrong by far more than its sigma.
+    normals = fit.normals[used]
+    middle = normals.mean(axis=0) / np.linalg.norm(normals.mean(axis=0))
+    apart = np.degrees(np.arccos(np.clip(normals @ middle, -1, 1)))
+    if (
+        apart.max() < _PARALLEL
+        or np.max(fit.tilt[used]) < 12
+        or fit.sigma[0] > 0.02 * fit.matrix[0, 0]
+    ):
+        raise CaptureError(
+            f"camera {name}: the board always faces the camera, which leaves the focal length open"
+            f" ({fit.matrix[0, 0]:.0f} +- {fit.sigma[0]:.0f} px); tilt it by 30 to 45 degrees,"
+            " each way"
+        )
+    camera = Camera(name, size, fit.matrix, fit.distortions, np.eye(3), np.zeros(3))
+    return Intrinsics(camera, fit.error, fit.errors, used, fit.sigma, fit.tilt)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    matrix: Float
+    distortions: Float
+    error: float
+    errors: Float
+    sigma: Float
+    tilt: Float
+    normals: Float  # (n, 3), of the boards in the camera's frame
+
+
+def _solve(size: tuple[int, int], board: Board, views: Sequence[BoardView], used: Bool) -> _Fit:
+    chosen = [v for v, u in zip(views, used, strict=True) if u]
+    flat = [board.corners[v.ids].astype(np.float32) for v in chosen]
+    seen = [v.corners.astype(np.float32) for v in chosen]
+    count = sum(2 * len(v.ids) for v in chosen)
+    best, least = None, np.inf
+    for flags, free in ((cv2.CALIB_FIX_K3, 8), (0, 9)):
+        try:
+            found = cv2.calibrateCameraExtended(
+                flat, seen, size, np.eye(3), np.zeros(5), flags=flags
+            )
+        except cv2.error as problem:
+            raise CaptureError(
+                f"the views cannot be solved for a camera ({problem.err}); take others, tilted more"
+            ) from None
+        score = count * np.log(found[0] ** 2 / 2) + np.log(count) * (free + 6 * len(chosen))
+        if score < least - 1e-9:
+            best, least = found, score
+    assert best is not None
+    error, matrix, distortions, _, _, sigma, *_ = best
+    distortions = np.asarray(distortions, float).ravel()[:5]
+    errors, tilt, normals = np.empty(len(views)), np.empty(len(views)), np.empty((len(views), 3))
+    for k, view in enumerate(views):
+        errors[k], tilt[k], normals[k] = _one(board, view, matrix, distortions)
+    return _Fit(
+        np.asarray(matrix, float), distortions, float(error), errors,
+        np.asarray(sigma, float).ravel()[:9], tilt, normals,
+    )  # fmt: skip
+
+
+def _one(
+    board: Board, view: BoardView, matrix: Float, distortions: Float
+) -> tuple[float, float, Float]:
+    """A view's root mean square error, px, tilt, degrees, and the board's normal (3,)."""
+    points = board.corners[view.ids]
+    found, r, t = cv2.solvePnP(points, view.corners, matrix, distortions)
+    if not found:
+        return float("inf"), 0.0, np.array([0.0, 0.0, 1.0])
+    shown, _ = cv2.projectPoints(points, r, t, matrix, distortions)
+    miss = np.asarray(shown).reshape(-1, 2) - view.corners
+    normal = cv2.Rodrigues(r)[0][:, 2]
+    sight = np.asarray(t).ravel() / np.linalg.norm(t)
+    tilt = np.degrees(np.arccos(np.clip(abs(float(normal @ sight)), 0, 1)))
+    return float(np.sqrt((miss**2).sum(axis=1).mean())), float(tilt), np.asarray(normal, float)

@@ -1,0 +1,143 @@
+"""Cameras in TOML, by the convention of aniposelib.
+
+A table `[cam_0]` a camera: name, size, matrix, distortions, rotation (a rotation vector, world to
+camera), translation (here mm); and `[metadata]`, with what is known of the calibration.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...core.camera import Camera
+from ...core.errors import CaptureError
+from ...core.files import storage_errors, write_text
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Cameras that stand together; `placed` whether the file says where each stands; `metadata`,
+    plain values."""
+
+    cameras: tuple[Camera, ...]
+    placed: bool = True
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+
+def read_rig(path: Path) -> Rig:
+    """The cameras of a file in the order of their numbers. Raises CaptureError for what is none."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        data = tomllib.loads(text)
+    except OSError as error:
+        raise CaptureError(
+            f"{path}: cannot be read: {error.strerror}; 'defsense capture camera' writes it"
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CaptureError(f"{path}: is no TOML: {error}") from None
+    tables = {k: v for k, v in data.items() if re.fullmatch(r"cam_\d+", k)}
+    if not tables:
+        raise CaptureError(f"{path}: describes no camera: it has no table [cam_0]")
+    ordered = sorted(tables.items(), key=lambda kv: int(kv[0][4:]))
+    cameras = tuple(_camera(path, key, table) for key, table in ordered)
+    names = [c.name for c in cameras]
+    if len(set(names)) < len(names):
+        raise CaptureError(f"{path}: two cameras have one name: {', '.join(names)}")
+    metadata = data.get("metadata", {})
+    placed = len(cameras) == 1 or not all(np.allclose(c.center, 0) for c in cameras)
+    return Rig(cameras, placed, metadata if isinstance(metadata, dict) else {})
+
+
+def _camera(path: Path, key: str, table: Any) -> Camera:
+    def numbers(name: str, shape: tuple[int, ...]) -> Any:
+        try:
+            values = np.array(table[name], float)
+        except KeyError:
+            raise CaptureError(f"{path}: [{key}] has no {name}") from None
+        except (TypeError, ValueError):
+            raise CaptureError(f"{path}: [{key}] {name}: must be numbers") from None
+        if shape and values.shape != shape:
+            raise CaptureError(
+                f"{path}: [{key}] {name}: must be of shape {' x '.join(map(str, shape))}, is"
+                f" {' x '.join(map(str, values.shape)) or 'one number'}"
+            )
+        return values
+
+    if not isinstance(table, dict):
+        raise CaptureError(f"{path}: {key} must be a table")
+    if table.get("fisheye"):
+        raise CaptureError(
+            f"{path}: [{key}] is a fisheye calibration, which is not understood; calibrate again"
+            " with 'defsense capture camera calibrate'"
+        )
+    size = numbers("size", (2,))
+    bent = numbers("distortions", ()).ravel()
+    rotation, translation = numbers("rotation", (3,)), numbers("translation", (3,))
+    matrix = numbers("matrix", (3, 3))
+    plain = np.isfinite(rotation).all() and np.isfinite(size).all()
+    if not plain or (size != np.round(size)).any():
+        raise CaptureError(f"{path}: [{key}] size and rotation must be plain numbers")
+    if not ((size >= 1) & (size <= 100_000)).all():
+        raise CaptureError(f"{path}: [{key}] size: width and height in pixels")
+    try:
+        return Camera(
+            str(table.get("name", key)), (int(size[0]), int(size[1])), matrix,
+            _shortest(bent), Rotation.from_rotvec(rotation).as_matrix(), translation,
+        )  # fmt: skip
+    except CaptureError as error:
+        raise CaptureError(f"{path}: [{key}]: {error}") from None
+
+
+def _shortest(distortions: Any) -> Any:
+    """Without trailing zeros that say nothing, and with those that are missing."""
+    d = np.trim_zeros(distortions, "b")
+    length = next((n for n in (5, 8) if len(d) <= n), len(d))
+    return np.append(d, np.zeros(length - len(d)))
+
+
+def write_rig(path: Path, cameras: Sequence[Camera], metadata: Mapping[str, Any]) -> None:
+    """Write cameras, whole or not at all. `metadata` has plain values."""
+    lines = []
+    for k, c in enumerate(cameras):
+        rotation = Rotation.from_matrix(c.rotation).as_rotvec()
+        lines += [
+            f"[cam_{k}]",
+            f"name = {_text(c.name)}",
+            f"size = [{c.size[0]}, {c.size[1]}]",
+            f"matrix = {_list(c.matrix)}",
+            f"distortions = {_list(c.distortions)}",
+            f"rotation = {_list(rotation)}",
+            f"translation = {_list(c.translation)}",
+            "",
+        ]
+    lines.append("[metadata]")
+    lines += [f"{key} = {toml_value(value)}" for key, value in metadata.items()]
+    with storage_errors(path):
+        write_text(path, "\n".join(lines) + "\n")
+
+
+def _list(values: Any) -> str:
+    return repr(np.asarray(values, float).tolist())
+
+
+def _text(value: str) -> str:
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML escapes as JSON
+
+
+def toml_value(value: Any) -> str:
+    """A plain value as TOML has it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
+    return repr(value)

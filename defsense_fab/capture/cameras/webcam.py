@@ -1,0 +1,104 @@
+"""A camera that is plugged in, read by a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from ...core.errors import CaptureError
+from ..tags.tag_detection import Image
+from .video import quiet
+
+_KEPT = 4  # frames, if nobody takes them
+_GONE = 2.0  # s without a frame after which a camera has vanished
+
+
+class Images(Protocol):
+    """Frames as they come: `start` before the rest, `close` after it."""
+
+    name: str
+    size: tuple[int, int]
+
+    def start(self) -> None:
+        """Begin; raises CaptureError where there is no camera."""
+
+    def read(self, timeout: float) -> tuple[Image, int] | None:
+        """The next frame, (h, w) or (h, w, 3), and the monotonic clock, ns, at which it was taken;
+        None where none came in time. Raises CaptureError when the camera is gone."""
+
+    def close(self) -> None: ...
+
+
+class Webcam:
+    """`Images` of a camera by its index (0) or device (/dev/video0). Frames that nobody takes are
+    dropped, oldest first."""
+
+    def __init__(
+        self, address: str, size: tuple[int, int] | None = None, rate: float | None = None
+    ) -> None:
+        self.name, self.size = address, size or (1280, 720)
+        self._rate = rate
+        self._capture: cv2.VideoCapture | None = None
+        self._frames: deque[tuple[Image, int]] = deque(maxlen=_KEPT)
+        self._arrived, self._over = threading.Condition(), threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._heard = 0
+
+    def start(self) -> None:
+        quiet()
+        index = int(self.name) if self.name.isdigit() else self.name
+        self._capture = cv2.VideoCapture(index)
+        if not self._capture.isOpened():
+            self._capture.release()
+            raise CaptureError(
+                f"camera {self.name}: cannot be opened; is it plugged in, and does no other program"
+                " (a browser, a meeting) use it?"
+            )
+        self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, self.size[0])
+        self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self.size[1])
+        if self._rate:
+            self._capture.set(cv2.CAP_PROP_FPS, self._rate)
+        self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        there, image = self._capture.read()
+        if not there:
+            self._capture.release()
+            raise CaptureError(f"camera {self.name}: gives no picture")
+        self.size = (image.shape[1], image.shape[0])
+        self._heard = time.monotonic_ns()
+        self._thread.start()
+
+    def read(self, timeout: float) -> tuple[Image, int] | None:
+        with self._arrived:
+            self._arrived.wait_for(lambda: bool(self._frames), timeout)
+            if self._frames:
+                return self._frames.popleft()
+        if time.monotonic_ns() - self._heard > _GONE * 1e9:
+            raise CaptureError(f"camera {self.name}: gives no more pictures; was it unplugged?")
+        return None
+
+    def close(self) -> None:
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join(3)
+        if self._capture is not None:
+            self._capture.release()
+            self._capture = None
+
+    def _run(self) -> None:
+        capture = self._capture
+        while capture is not None and not self._over.is_set():
+            if not capture.grab():
+                self._over.wait(0.02)
+                continue
+            now = time.monotonic_ns()  # before decoding: the picture is as old as this
+            there, image = capture.retrieve()
+            if there:
+                with self._arrived:
+                    self._frames.append((np.asarray(image, np.uint8), now))
+                    self._heard = now
+                    self._arrived.notify_all()

@@ -1,0 +1,1 @@
+"""Clocks of board and cameras: fits, LED, motion, frame times."""

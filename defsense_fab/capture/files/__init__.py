@@ -1,0 +1,1 @@
+"""Tracks in CSV, NPZ, Parquet, C3D and TRC."""

@@ -1,0 +1,161 @@
+"""C3D, the files of motion-capture systems, by ezc3d.
+
+C3D has one rate. Frames are written on a regular grid of instants, and what lies between them in
+the tracks (frames that were dropped) as frames without markers; places are never interpolated.
+Times that stray from the grid by more than a tenth of its period are refused; others come back on
+the grid. Frames count from 0 here and from 1 in the file, where frame 0 is at time 0; tracks that
+do not fit that have the difference, and the exact period, as text in the group DEFSENSE.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import Float, Int
+from ...core.errors import CaptureError
+from ...core.files import replacing
+from ...core.tracks import Tracks
+from .c3d_header import MOST_FRAMES, check_whole
+from .marker_labels import Labelled, labels_of, numbers_of
+
+#: Most that a frame may be off the grid, in periods.
+JITTER = 0.1
+_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+_GROUP = "DEFSENSE"
+#: Parameters of POINT that list points which are no places (Vicon's manual of C3D).
+_NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "USERMOS")
+
+
+def write_c3d(path: Path, tracks: Tracks) -> None:
+    """Markers `tag_7` in mm, at the rate of the times. Raises CaptureError for tracks without
+    markers, of irregular times, or of more frames than C3D counts."""
+    ezc3d = _library(path)
+    if not len(tracks.ids):
+        raise CaptureError(f"{path}: there are no markers to write")
+    index, start, period = _grid(path, tracks.time)
+    n, first = int(index[-1]) + 1, int(tracks.frame[0])
+    if n > MOST_FRAMES:
+        raise CaptureError(
+            f"{path}: {n} frames from the first to the last are more than the {MOST_FRAMES} of C3D;"
+            " write shorter pieces, or .csv, .npz or .parquet"
+        )
+    if (tracks.frame != first + index).any() or first < 0 or first + n > MOST_FRAMES:
+        first = 0
+    points = np.full((4, len(tracks.ids), n), np.nan)
+    points[3] = 1.0
+    points[:3, :, index] = tracks.points.transpose(2, 1, 0)
+    gone = np.isnan(points[0])
+
+    file = ezc3d.c3d()
+    file["header"]["points"]["first_frame"] = first
+    group = file["parameters"]["POINT"]
+    group["RATE"]["value"] = [1 / period]
+    group["UNITS"]["value"] = ["mm"]
+    group["LABELS"]["value"] = labels_of(tracks.ids)
+    file["data"]["points"] = points
+    file["data"]["meta_points"]["residuals"] = np.where(gone, -1.0, 0.0)[None]
+    # As text, since the numbers of C3D have single precision.
+    file.add_parameter(_GROUP, "OFFSET", [f"{start - first * period:.9f}"])
+    file.add_parameter(_GROUP, "PERIOD", [f"{period:.15g}"])
+    with replacing(path) as temporary:
+        file.write(str(temporary))
+
+
+def read_c3d(path: Path) -> Labelled:
+    """All points that are places, in mm, sigma unknown. A point is missing where its residual is
+    negative, and in files of others also where it is exactly (0, 0, 0). Numbers come from the
+    labels. Raises CaptureError for what is no whole C3D file, has no markers, no rate, or another
+    unit than m, cm and mm."""
+    ezc3d = _library(path)
+    check_whole(path)
+    try:
+        file = ezc3d.c3d(str(path))
+    except Exception as error:  # whatever the C++ library throws
+        raise CaptureError(f"{path}: cannot be read as C3D: {str(error)[:120]!r}") from None
+    group, own = file["parameters"]["POINT"], file["parameters"].get(_GROUP, {})
+    points = file["data"]["points"][:3].transpose(2, 1, 0)
+    residual = file["data"]["meta_points"]["residuals"][0].T
+    labels = [label.strip() for label in _strings(group, "LABELS")]
+    labels = (labels + [""] * points.shape[1])[: points.shape[1]]
+    other = {label.strip() for name in _NO_PLACES for label in _strings(group, name)}
+    kept = np.array([i for i, label in enumerate(labels) if label not in other], np.int64)
+    if not len(kept) or not len(points):
+        raise CaptureError(
+            f"{path}: has no markers ({points.shape[1]} points, {len(points)} frames)"
+        )
+    unit = (_strings(group, "UNITS") or [""])[0].strip()
+    if unit.lower() not in _MM:
+        raise CaptureError(
+            f"{path}: the unit of its points (POINT:UNITS) is {unit!r}; it must be mm, cm or m"
+        )
+    rate = float(np.ravel(group["RATE"]["value"])[0]) if len(group["RATE"]["value"]) else 0.0
+    if not (np.isfinite(rate) and rate > 0):
+        raise CaptureError(
+            f"{path}: the rate of its points (POINT:RATE) is {rate:g}; it must be > 0"
+        )
+
+    points = points[:, kept] * _MM[unit.lower()]
+    gone = (residual[:, kept] < 0) | np.isnan(points).any(-1)
+    if not own:
+        gone |= (points == 0).all(-1)
+    points[gone] = np.nan
+    period, offset = _times(own, rate)
+    frame = int(file["header"]["points"]["first_frame"]) + np.arange(len(points))
+    names = tuple(labels[i] for i in kept)
+    time = np.asarray(offset + period * frame, float)
+    tracks = Tracks(time, numbers_of(names), points, np.full_like(points, np.nan), frame)
+    return Labelled(tracks, names)
+
+
+def _grid(path: Path, time: Float) -> tuple[Int, float, float]:
+    """Where the frames are on a grid (t,), the time of its start and its period, s."""
+    if len(time) < 2:
+        raise CaptureError(f"{path}: {len(time)} frames have no rate, which C3D needs; write .csv")
+    steps = np.diff(time)
+    # Of the shorter steps, since more than half of the frames may have been dropped.
+    ones = np.rint(steps / np.quantile(steps, 0.1, method="lower")) == 1
+    index = np.concatenate([[0], np.cumsum(np.rint(steps / steps[ones].mean()))]).astype(np.int64)
+    away = index - index.mean()
+    period = float(away @ time / (away @ away)) if away.any() else float(steps.mean())
+    start = float(time.mean() - period * index.mean())
+    off = np.abs(time - start - period * index) / period
+    if (np.diff(index) < 1).any() or off.max() > JITTER:
+        worst = int(np.argmax(off))
+        raise CaptureError(
+            f"{path}: the times are not regular, as C3D needs: at {1 / period:.4g} frames/s, that"
+            f" at {time[worst]:.6f} s is {100 * off[worst]:.0f} % of a period off (at most"
+            f" {100 * JITTER:.0f} %); write .csv, .npz, .parquet or .trc"
+        )
+    return index, start, period
+
+
+def _times(own: dict[str, Any], rate: float) -> tuple[float, float]:
+    """The period and the time of frame 0, s; from the own group where it is there and agrees."""
+    try:
+        period, offset = (float(own[name]["value"][0]) for name in ("PERIOD", "OFFSET"))
+    except (KeyError, IndexError, ValueError):
+        return 1 / rate, 0.0
+    # Another program that changed the rate left this as it was.
+    return (period, offset) if abs(period * rate - 1) < 1e-6 else (1 / rate, offset)
+
+
+def _strings(group: dict[str, Any], name: str) -> list[str]:
+    """A list of texts, which goes on in NAME2, NAME3, ... past 255."""
+    out: list[str] = []
+    key, i = name, 1
+    while key in group:
+        out += [text for text in group[key]["value"] if isinstance(text, str)]
+        i += 1
+        key = f"{name}{i}"
+    return out
+
+
+def _library(path: Path) -> Any:
+    try:
+        import ezc3d
+    except ImportError:
+        raise CaptureError(f"{path}: C3D needs ezc3d; pip install defsense-fab[exchange]") from None
+    return ezc3d

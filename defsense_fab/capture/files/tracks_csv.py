@@ -1,0 +1,125 @@
+"""Tracks as a table with a row per marker seen, and that table as CSV.
+
+Columns `frame, time, id, x, y, z, sx, sy, sz` (s, mm). Frames in which nothing was seen and markers
+that were never seen have no rows, so they are not in what is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ...core.arrays import Bool, Float, Int
+from ...core.errors import CaptureError
+from ...core.files import write_text
+from ...core.tracks import Tracks
+
+COLUMNS = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
+_HEADER = ",".join(COLUMNS)
+_ROW = "%d,%.9f,%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n"
+
+
+def to_rows(tracks: Tracks) -> Float:
+    """The table (r, 9), by frame and in it by marker as the tracks have them."""
+    t, m = np.nonzero(tracks.seen)
+    return np.column_stack(
+        [tracks.frame[t], tracks.time[t], tracks.ids[m], tracks.points[t, m], tracks.sigma[t, m]]
+    ).astype(float)
+
+
+def from_rows(rows: Float, where: Callable[[int], str]) -> Tracks:
+    """Tracks of a table (r, 9) in any order, markers by number. Raises CaptureError that begins
+    with `where(row)` for what cannot be."""
+
+    def refuse(wrong: Bool, why: Callable[[int], str]) -> None:
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise CaptureError(f"{where(row)}: {why(row)}")
+
+    for i, name in enumerate(COLUMNS[:6]):
+        refuse(~np.isfinite(rows[:, i]), lambda _, name=name: f"{name} is not a finite number")  # type: ignore[misc]
+    for i in (0, 2):
+        wrong = np.asarray((rows[:, i] != np.rint(rows[:, i])) | (np.abs(rows[:, i]) >= 2.0**53))
+        refuse(wrong, lambda r, i=i: f"{COLUMNS[i]} {rows[r, i]:g} is not a whole number")  # type: ignore[misc]
+    known = np.isfinite(rows[:, 6:]).all(1) & (rows[:, 6:] >= 0).all(1)
+    refuse(
+        np.asarray(~(known | np.isnan(rows[:, 6:]).all(1))),
+        lambda _: "sx, sy, sz are standard deviations: three numbers of at least 0, or three nan",
+    )
+    order = np.lexsort((rows[:, 2], rows[:, 0]))
+    sorted_ = rows[order]
+    frame, first, at = np.unique(sorted_[:, 0], return_index=True, return_inverse=True)
+    ids, column = np.unique(sorted_[:, 2], return_inverse=True)
+    time = sorted_[first, 1]
+
+    twice = np.zeros(len(rows), bool)
+    twice[order[1:]] = (np.diff(sorted_[:, [0, 2]], axis=0) == 0).all(1)
+    refuse(twice, lambda r: f"frame {rows[r, 0]:.0f} has marker {rows[r, 2]:.0f} twice")
+    other = np.zeros(len(rows), bool)
+    other[order] = sorted_[:, 1] != time[at]
+    refuse(other, lambda r: f"frame {rows[r, 0]:.0f} has two times; it needs one")
+    back = np.zeros(len(rows), bool)
+    back[order[first[1:]]] = np.diff(time) <= 0
+    refuse(back, lambda r: f"the time {rows[r, 1]:g} s is not later than that of the frame before")
+
+    points = np.full((len(frame), len(ids), 3), np.nan)
+    sigma = points.copy()
+    points[at, column], sigma[at, column] = sorted_[:, 3:6], sorted_[:, 6:]
+    return Tracks(time, _whole(ids), points, sigma, _whole(frame))
+
+
+def _whole(values: Float) -> Int:
+    return values.astype(np.int64)
+
+
+def write_tracks(path: Path, tracks: Tracks) -> None:
+    """The table as CSV: times to 1 ns, places to 1 nm, sigma `nan` where not known. Raises
+    StorageError where it cannot be written."""
+    rows = to_rows(tracks)
+    text = _HEADER + "\n" + (_ROW * len(rows)) % tuple(rows.ravel().tolist())
+    write_text(path, text)
+
+
+def read_tracks(path: Path) -> Tracks:
+    """From CSV as `write_tracks` writes it. Raises CaptureError with the line for what is not."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise CaptureError(f"{path}: is no table of tracks (not text)") from None
+    if not lines or lines[0].strip() != _HEADER:
+        found = repr(lines[0][:60]) if lines else "nothing"
+        raise CaptureError(f"{path}:1: the first line must be {_HEADER}, not {found}")
+    numbers = [i for i, line in enumerate(lines[1:], 2) if line.strip()]
+    rows = _table(path, numbers, [lines[i - 1] for i in numbers])
+    return from_rows(rows, lambda row: f"{path}:{numbers[row]}")
+
+
+def _table(path: Path, numbers: list[int], lines: list[str]) -> Float:
+    """The cells (r, 9)."""
+    if not lines:
+        return np.empty((0, len(COLUMNS)))
+    try:
+        table = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
+        if table.shape[1] == len(COLUMNS):
+            return table
+    except ValueError:
+        pass
+    for number, line in zip(numbers, lines, strict=True):
+        cells = line.split(",")
+        if len(cells) != len(COLUMNS):
+            raise CaptureError(
+                f"{path}:{number}: {len(cells)} cells under {len(COLUMNS)} columns; a row is"
+                f" {_HEADER}"
+            )
+        for name, cell in zip(COLUMNS, cells, strict=True):
+            try:
+                float(cell)
+            except ValueError:
+                raise CaptureError(
+                    f"{path}:{number}: {name} is not a number: {cell[:40]!r}"
+                ) from None
+    raise CaptureError(f"{path}: is no table of numbers")

@@ -1,0 +1,108 @@
+"""TRC, the text of Motion Analysis and OpenSim: five lines of head, then a row a frame."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from ...core.errors import CaptureError
+from ...core.files import replacing
+from ...core.tracks import Tracks
+from .marker_labels import Labelled, labels_of, numbers_of
+
+_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+_NAMES = (
+    "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame"
+    "\tOrigNumFrames"
+)
+_HEAD = 5
+
+
+def write_trc(path: Path, tracks: Tracks) -> None:
+    """Markers `tag_7` in mm, empty cells where they were not seen, the times as they are. Raises
+    CaptureError for tracks without markers or frames."""
+    n, m = tracks.points.shape[:2]
+    if not (n and m):
+        raise CaptureError(f"{path}: there are no markers to write")
+    rate = 1 / float(np.median(np.diff(tracks.time))) if n > 1 else 0.0
+    start = tracks.frame[0]
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
+        _NAMES,
+        f"{rate:.6f}\t{rate:.6f}\t{n}\t{m}\tmm\t{rate:.6f}\t{start}\t{n}",
+        "Frame#\tTime\t" + "\t\t\t".join(labels_of(tracks.ids)) + "\t\t",
+        "\t\t" + "\t".join(f"{a}{i}" for i in range(1, m + 1) for a in "XYZ"),
+        "",
+    ]
+    cells = tracks.points.reshape(n, -1).tolist()
+    for frame, time, row in zip(tracks.frame.tolist(), tracks.time.tolist(), cells, strict=True):
+        values = "\t".join("" if math.isnan(x) else f"{x:.6f}" for x in row)
+        lines.append(f"{frame}\t{time:.9f}\t{values}")
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+
+
+def read_trc(path: Path) -> Labelled:
+    """Markers in mm, missing where the cells are empty or nan; sigma unknown, numbers from the
+    labels. Raises CaptureError with the line for what is not TRC, a unit other than m, cm and mm,
+    fewer rows than the head says, times that do not increase."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(lines) < _HEAD or not lines[0].startswith("PathFileType"):
+        raise CaptureError(f"{path}:1: is no TRC file (it does not begin with PathFileType)")
+    head = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
+    unit = head.get("Units", "").strip()
+    if unit.lower() not in _MM:
+        raise CaptureError(f"{path}:3: the unit (Units) is {unit!r}; it must be mm, cm or m")
+    try:
+        frames, markers = int(head["NumFrames"]), int(head["NumMarkers"])
+    except (KeyError, ValueError):
+        raise CaptureError(f"{path}:3: NumFrames and NumMarkers must be whole numbers") from None
+    names = lines[3].split("\t")
+    labels = tuple(label.strip() for label in names[2::3] if label.strip())
+    if len(labels) != markers or not markers:
+        raise CaptureError(
+            f"{path}:4: {len(labels)} labels of markers, each over three columns, and NumMarkers is"
+            f" {markers}"
+        )
+    rows = [
+        _row(f"{path}:{number}", line, markers)
+        for number, line in enumerate(lines[_HEAD:], _HEAD + 1)
+        if line.strip()
+    ]
+    if len(rows) < frames or not rows:
+        raise CaptureError(f"{path}: is cut short: {len(rows)} of {frames} frames; copy it again")
+    table = np.array(rows)
+    time = table[:, 1]
+    if (np.diff(time) <= 0).any():
+        at = int(np.argmax(np.diff(time) <= 0)) + 1
+        raise CaptureError(f"{path}: frame {table[at, 0]:.0f}: its time is not later than the last")
+    points = table[:, 2:].reshape(len(rows), markers, 3) * _MM[unit.lower()]
+    ids, frame = numbers_of(labels), table[:, 0].astype(np.int64)
+    return Labelled(Tracks(time, ids, points, np.full_like(points, np.nan), frame), labels)
+
+
+def _row(where: str, line: str, markers: int) -> list[float]:
+    """Frame, time and places (2 + 3 m), NaN for what is missing."""
+    cells = [cell.strip() for cell in line.split("\t")]
+    width = 2 + 3 * markers
+    if any(cells[width:]):
+        raise CaptureError(f"{where}: {len(cells)} cells for {markers} markers ({width} are due)")
+    cells = (cells + [""] * width)[:width]
+    try:
+        values = [float(cell) if cell else math.nan for cell in cells]
+    except ValueError as error:
+        raise CaptureError(f"{where}: {error}") from None
+    if not (math.isfinite(values[0]) and math.isfinite(values[1])):
+        raise CaptureError(f"{where}: the frame and its time must be numbers")
+    for i in range(markers):
+        missing = [math.isnan(x) for x in values[2 + 3 * i : 5 + 3 * i]]
+        if any(missing) and not all(missing):
+            raise CaptureError(f"{where}: of marker {i + 1} a part of its place is missing")
+    if any(map(math.isinf, values)):
+        raise CaptureError(f"{where}: a place must be finite")
+    return values

@@ -1,0 +1,1 @@
+"""Samples of the read-out board: ports, reader, recordings, replay."""

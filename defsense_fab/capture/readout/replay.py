@@ -1,0 +1,68 @@
+"""A recording as a source: its samples come again, at the pace at which they came."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from ...core.errors import CaptureError
+from ...sensing.serial_frames import Info, Sample
+from .recording import Recording, read_recording
+from .source import Event, Sink, StaleError, Stamped, Statistics
+
+
+class Replay:
+    """A `Source` that plays `path`, `speed` times as fast as it was recorded."""
+
+    def __init__(self, path: Path, speed: float = 1.0) -> None:
+        self.name, self._path, self._speed = str(path), path, speed
+        self._next, self._begun = 0, 0
+        self._latest: Stamped | None = None
+        self._recording: Recording | None = None
+        self.sink: Sink | None = None
+
+    def start(self) -> Info:
+        """Raises CaptureError for a file that is no recording, or an empty one."""
+        r = self._recording = read_recording(self._path)
+        names = set(Info.__dataclass_fields__)
+        about = next((e for _, e in r.events if names <= set(e)), None)
+        if not len(r.counter) or about is None:
+            raise CaptureError(f"{self.name}: has no samples to play")
+        self._begun = time.monotonic_ns()
+        return Info(**{n: about[n] for n in names})
+
+    def drain(self) -> list[Stamped | Event]:
+        r = self._recording
+        if r is None:
+            raise CaptureError(f"{self.name}: is not being played")
+        if self._next >= len(r.counter):
+            raise CaptureError(f"{self.name}: the recording is at its end")
+        now = time.monotonic_ns()
+        out: list[Stamped | Event] = []
+        while self._next < len(r.counter):
+            i = self._next
+            due = self._begun + int((r.host_ns[i] - r.host_ns[0]) / self._speed)
+            if due > now:
+                break
+            sums = tuple(int(s) for s in r.sums[i])
+            flags = bool(r.led[i]), bool(r.late[i]), int(r.averages[i])
+            micros = int(r.device_us[i]) % (1 << 32)
+            sample = Sample(int(r.counter[i]), micros, *flags, sums)
+            self._latest = Stamped(due, int(r.device_us[i]), sample)
+            if self.sink is not None:
+                self.sink(self._latest)
+            out.append(self._latest)
+            self._next += 1
+        return out
+
+    def read_latest(self, max_age: float) -> Stamped:
+        if self._latest is None or time.monotonic_ns() - self._latest.host_ns > max_age * 1e9:
+            raise StaleError(f"{self.name}: no sample of the last {max_age:g} s; drain() plays")
+        return self._latest
+
+    @property
+    def statistics(self) -> Statistics:
+        return Statistics(samples=self._next)
+
+    def close(self) -> None:
+        self._recording = None

@@ -1,0 +1,1 @@
+"""Camera tags and ChArUco boards: patterns, detection, sheets to print."""

@@ -1,0 +1,130 @@
+"""The ChArUco board that cameras are calibrated with, and its file, `board.json`.
+
+Its tags are of another family (5X5_100) than those of devices (4X4_50, APRILTAG_36H11): a board in
+the picture is never taken for tags of the device, nor the other way round.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.errors import CaptureError
+from ...core.files import load_json, storage_errors, write_json
+from .tag_dictionary import Dictionary, dictionary
+
+SCHEMA = 1
+FILE = "board.json"
+#: Of a tag's side to that of its square.
+MARKER = 22 / 30
+_OFF = 0.05  # a print that is off by more was scaled to the page, or measured wrongly
+
+
+@dataclass(frozen=True)
+class Board:
+    """`columns` x `rows` squares of `square` mm as drawn, the first (top left) black, with tags of
+    `marker` mm in the white ones; `measured`, mm, is a square as printed, None until someone
+    measured it. Everything in mm that is made of a board scales by it."""
+
+    columns: int = 7
+    rows: int = 5
+    square: float = 30.0
+    marker: float = 22.0
+    dictionary: str = "5X5_100"
+    measured: float | None = None
+
+    def __post_init__(self) -> None:
+        if min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 100:
+            raise CaptureError(
+                f"board: {self.columns} x {self.rows} squares; give at least 3 each way"
+            )
+        if not 1 <= self.square <= 1000:
+            raise CaptureError(f"board: squares of {self.square:g} mm; give 1 to 1000")
+        cell = self.marker / (self.family.cells + 2)
+        if not 0.3 * self.square <= self.marker <= self.square - 2 * 0.7 * cell:
+            raise CaptureError(
+                f"board: tags of {self.marker:g} mm in squares of {self.square:g} mm; white of"
+                f" about one of their cells must be left; {MARKER * self.square:.1f} mm is good"
+            )
+        tags = self.columns * self.rows // 2
+        if tags > self.family.count:
+            raise CaptureError(
+                f"board: {self.columns} x {self.rows} squares need {tags} tags, {self.family.name}"
+                f" has {self.family.count}; take fewer squares or a larger dictionary"
+            )
+        if self.measured is not None and not abs(self.measured / self.square - 1) <= _OFF:
+            raise CaptureError(
+                f"board: a square measured as {self.measured:g} mm and drawn as {self.square:g} mm;"
+                " print at 100 %, without fitting to the page, and measure one square (in mm)"
+            )
+
+    @property
+    def family(self) -> Dictionary:
+        """Of its tags."""
+        return dictionary(self.dictionary)
+
+    @property
+    def scale(self) -> float:
+        """Of the print to the drawing; 1 where nobody measured."""
+        return self.measured / self.square if self.measured else 1.0
+
+    @property
+    def charuco(self) -> cv2.aruco.CharucoBoard:
+        """As OpenCV has it, mm, at the measured size."""
+        made = cv2.aruco.CharucoBoard(
+            (self.columns, self.rows),
+            float(self.scale * self.square),
+            float(self.scale * self.marker),
+            self.family.table,
+        )
+        made.setLegacyPattern(False)  # before OpenCV 4.6 boards of even rows began with white
+        return made
+
+    @property
+    def corners(self) -> Float:
+        """Where four squares meet, ((columns - 1) (rows - 1), 3) mm at the measured size, by
+        OpenCV's numbers: from the top left, x to the right, y down, z = 0."""
+        side = self.scale * self.square
+        x, y = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
+        return np.asarray(side * np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3))
+
+    def measure(self, square: float) -> Board:
+        """The same with the `square`, mm, as measured on the print. Raises CaptureError where that
+        is off by more than 5 %."""
+        return replace(self, measured=square)
+
+
+def save_board(board: Board, path: Path) -> None:
+    """Raises StorageError where it cannot be written."""
+    with storage_errors(path):
+        write_json(path, {"schema": SCHEMA, **asdict(board)})
+
+
+def load_board(path: Path) -> Board:
+    """Of `board.json`, or of the folder that holds it. Raises CaptureError with the file."""
+    path = path / FILE if path.is_dir() else path
+    data = load_json(path, CaptureError, "'defsense capture board' writes such a file")
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        raise CaptureError(f"{path}: not a board of schema {SCHEMA}; write it anew")
+    wanted = Board.__dataclass_fields__
+    for key in {*wanted, "schema"} ^ set(data):
+        said = "is missing" if key in wanted else "is not known"
+        raise CaptureError(f"{path}: {key!r} {said}; there are {', '.join(wanted)}")
+    for key, value in data.items():
+        if key in ("columns", "rows"):
+            good = isinstance(value, int) and not isinstance(value, bool)
+        elif key == "dictionary":
+            good = isinstance(value, str)
+        else:
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            good = number or (key == "measured" and value is None)
+        if not good:
+            raise CaptureError(f"{path}: {key} cannot be {value!r}")
+    try:
+        return Board(**{k: data[k] for k in wanted})
+    except CaptureError as error:
+        raise CaptureError(f"{path}: {error}") from None

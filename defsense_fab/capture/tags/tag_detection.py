@@ -1,0 +1,103 @@
+"""The tags in an image, with corners that know how exact they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.arrays import Bool, Float, Int
+from ...core.camera import Camera
+from ...core.errors import CaptureError
+from .edge_fit import refine
+from .tag_dictionary import Dictionary
+
+Image = NDArray[np.uint8]
+_ROWS = 8
+
+
+@dataclass(frozen=True)
+class View:
+    """The n tags of one image: numbers `ids` (n,); `corners` (n, 4, 2) px as a camera without
+    distortion sees them, from the tag's top left clockwise, and their `covariance` (n, 8, 8) px^2;
+    `seen` (n, 4, 2) px, corners in the image itself."""
+
+    ids: Int
+    corners: Float
+    covariance: Float
+    seen: Float
+
+    def only(self, which: Bool) -> View:
+        """Some of the tags, by a mask (n,)."""
+        return View(self.ids[which], self.corners[which], self.covariance[which], self.seen[which])
+
+
+NOTHING = View(
+    np.zeros(0, int), np.zeros((0, 4, 2)), np.zeros((0, 8, 8)), np.zeros((0, 4, 2))
+)  # fmt: skip
+
+
+class Detector:
+    """Finds tags of a dictionary in the images of a camera."""
+
+    def __init__(self, camera: Camera, dictionary: Dictionary) -> None:
+        self.camera = camera
+        self._cells = dictionary.cells + 2
+        self._detector = detector(dictionary)
+        self._plane = _plane(camera)
+        # Compiled now, not at the first tag of a recording: that takes seconds on a new machine.
+        refine(np.zeros((1, 1), np.uint8), self._plane[:1, :1], np.zeros((0, 4, 2)), self._cells)
+
+    def find(self, image: Image) -> View:
+        """Tags whose four edges could be fitted. Raises CaptureError for an image of another
+        size."""
+        grey = to_grey(image)
+        if grey.shape[::-1] != self.camera.size:
+            raise CaptureError(wrong_size(self.camera, grey.shape[1], grey.shape[0]))
+        quads, numbers, _ = self._detector.detectMarkers(grey)
+        if numbers is None or not len(numbers):
+            return NOTHING
+        ids = np.asarray(numbers).reshape(-1).astype(np.int64)
+        seen = np.stack([np.asarray(q, float).reshape(4, 2) for q in quads])
+        corners, covariance, good = refine(grey, self._plane, seen, self._cells)
+        return View(ids, corners, covariance, seen).only(good)
+
+
+def _plane(camera: Camera) -> Float:
+    """Where each pixel is without distortion (h, w, 2) px; in pieces that stay in the processor's
+    cache, each with as many steps as it needs."""
+    width, height = camera.size
+    out = np.empty((height, width, 2))
+    for top in range(0, height, _ROWS):
+        rows = np.arange(top, min(top + _ROWS, height))
+        grid = np.stack(np.meshgrid(np.arange(width), rows), axis=-1).astype(float)
+        out[rows] = camera.to_plane(grid) * camera.focal + camera.matrix[:2, 2]
+    return out
+
+
+def detector(dictionary: Dictionary) -> cv2.aruco.ArucoDetector:
+    """OpenCV's, set to find blurred and slanted tags, whose corners `edges` makes exact."""
+    settings = cv2.aruco.DetectorParameters()
+    settings.perspectiveRemovePixelPerCell = 8
+    settings.perspectiveRemoveIgnoredMarginPerCell = 0.3
+    # Two thresholds, which find as many tags as OpenCV's three.
+    settings.adaptiveThreshWinSizeMin, settings.adaptiveThreshWinSizeMax = 5, 21
+    settings.adaptiveThreshWinSizeStep = 16
+    return cv2.aruco.ArucoDetector(dictionary.table, settings)
+
+
+def to_grey(image: Image) -> Image:
+    """An image (h, w) or (h, w, 3) BGR as grey (h, w), as it is in memory."""
+    if image.ndim == 3:
+        image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return np.ascontiguousarray(image)
+
+
+def wrong_size(camera: Camera, width: int, height: int) -> str:
+    """What to say of an image of another size than the camera's."""
+    return (
+        f"camera {camera.name}: its calibration is for {camera.size[0]} x {camera.size[1]} pixels,"
+        f" the images have {width} x {height}; calibrate at the resolution that you record with"
+    )

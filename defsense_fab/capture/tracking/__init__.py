@@ -1,0 +1,1 @@
+"""From tags in images to tracks of markers."""

@@ -1,0 +1,1 @@
+"""The command `defsense`: one file a group of commands."""

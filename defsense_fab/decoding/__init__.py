@@ -1,0 +1,1 @@
+"""From readings to positions: ridge regression, kernels, folds, error measures, the floor."""

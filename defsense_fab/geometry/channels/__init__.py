@@ -1,0 +1,1 @@
+"""Channels in the body: of cords, of wires, and their ends."""

@@ -1,0 +1,170 @@
+"""The cords' channels from skin to skin, with their ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import igl
+import numpy as np
+
+from ...core.arrays import Float, place
+from ...core.curve import Hermite, bend_radius, hermite_basis
+from ...core.device import Sensor
+from ...core.errors import FabricationError
+from ...core.mesh import Surface
+from ..kernels import ray_casting, triangle_kernel
+from ..kernels.cutting_tools import Tool, cylinder
+from .channel_ends import End, Ends, Pockets, end_tools
+from .wire_channels import Hollow, Lead
+
+_STEP = 0.25  # mm, between samples of a channel
+_SAG = 0.004  # mm, between a channel's chords and the path
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A cord's channel. `line` (p, 3) mm is its centre line with the tool's runs out of the body,
+    `inside` (q, 3) the part of it from mouth to mouth; `inlets` are the straight runs from the
+    path's ends to the skin and `runs` how far the tool goes on from the path's ends, mm; `tools`
+    shape its `ends`; `solid` is all of it for manifold3d, with the wires' leads."""
+
+    sensor: Sensor
+    line: Float
+    inside: Float
+    inlets: tuple[float, float]
+    runs: tuple[float, float]
+    ends: tuple[End, End]
+    tools: tuple[Tool, ...]
+    solid: Any
+
+    @property
+    def name(self) -> str:
+        return self.sensor.name
+
+    @property
+    def length(self) -> float:
+        """From mouth to mouth, mm."""
+        return float(np.linalg.norm(np.diff(self.inside, axis=0), axis=1).sum())
+
+    def hollows(self, diameter: float, pockets: Pockets | None) -> list[Hollow]:
+        """Points (n, 3) mm along what is hollow, and its radius there, mm."""
+        out = [(self.inside, diameter / 2)]
+        for end in self.ends:
+            out += end.hollows(pockets)
+        return out
+
+    @property
+    def leads(self) -> list[Lead]:
+        """Those that there are."""
+        return [end.lead for end in self.ends if end.lead]
+
+    @property
+    def insides(self) -> list[Float]:
+        """Centre lines of the channel and its leads in the body, each (p, 3) mm."""
+        return [self.inside, *(lead.inside for lead in self.leads)]
+
+    @property
+    def lines(self) -> list[Float]:
+        """Centre lines of the channel and its leads with the tools' runs, each (p, 3) mm."""
+        return [self.line, *(lead.line for lead in self.leads)]
+
+    def cord(self, diameter: float) -> Any:
+        """A solid of the cord itself, along the path and its straight runs out of the body; finer
+        than the channel that it is checked in."""
+        path = self.sensor.plane.to_world(
+            self.sensor.curve.sample(2 * _per_span(self.sensor.curve))
+        )
+        line = np.concatenate([self.line[:1], path, self.line[-1:]])
+        return triangle_kernel.tube(line, self.sensor.plane.normal, diameter, sides=24)
+
+    def wires(self, diameter: float) -> list[Any]:
+        """Solids of the wires in their leads."""
+        normal = self.sensor.plane.normal
+        out = [triangle_kernel.tube(lead.line, normal, diameter, sides=24) for lead in self.leads]
+        return out + [
+            triangle_kernel.solid_of(cylinder(lead.exit, lead.exit + lead.drop, diameter))
+            for lead in self.leads
+            if lead.drop is not None
+        ]
+
+
+def channels_of(
+    sensors: Sequence[Sensor],
+    body: Surface,
+    diameter: float,
+    wall: float,
+    pockets: Pockets | None,
+) -> list[Channel]:
+    """Every cord's channel of `diameter` mm. Raises FabricationError for a path that is not in
+    the body, or bends too tightly for a channel."""
+    traced = [_trace(s, body, diameter) for s in sensors]
+    planes = [s.plane for s in sensors]
+    ends = Ends(planes, [t.inside for t in traced], diameter, wall, body, pockets).made()
+    out = []
+    for s, t, pair in zip(sensors, traced, ends, strict=True):
+        tools = tuple(tool for e in pair for tool in end_tools(e, diameter, wall, pockets))
+        tubes = [triangle_kernel.tube(t.line, s.plane.normal, diameter)]
+        if pockets and pockets.wires:
+            wide = pockets.wires.diameter
+            tubes += [
+                triangle_kernel.tube(e.lead.line, s.plane.normal, wide) for e in pair if e.lead
+            ]
+        solid = triangle_kernel.union([*tubes, *(triangle_kernel.solid_of(tool) for tool in tools)])
+        out.append(Channel(s, t.line, t.inside, t.inlets, t.runs, pair, tools, solid))
+    return out
+
+
+@dataclass(frozen=True)
+class _Trace:
+    line: Float
+    inside: Float
+    inlets: tuple[float, float]
+    runs: tuple[float, float]
+
+
+def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
+    path = sensor.plane.to_world(sensor.curve.sample(_per_span(sensor.curve)))
+    _check_path(sensor, path, body, diameter)
+    tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
+    first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
+    found = [
+        ray_casting.way_out(path[0], -first, body, 2 * diameter),
+        ray_casting.way_out(path[-1], last, body, 2 * diameter),
+    ]
+    (start, before), (end, after) = found
+    line = np.concatenate([path[:1] - before * first, path, path[-1:] + after * last])
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    low, high = before - start, along[-1] - (after - end)
+    at = np.linspace(low, high, max(3, int((high - low) / _STEP) + 1))
+    inside = np.stack([np.interp(at, along, line[:, i]) for i in range(3)], axis=1)
+    return _Trace(line, inside, (start, end), (before, after))
+
+
+def _per_span(curve: Hermite) -> int:
+    """Samples of a span whose chords lie within `_SAG` of the curve."""
+    second = hermite_basis(len(curve.points), 4)[2]
+    bend = np.linalg.norm(second @ np.concatenate([curve.points, curve.tangents]), axis=1).max()
+    return int(np.clip(np.ceil(np.sqrt(bend / (8 * _SAG))), 8, 400))
+
+
+def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> None:
+    if (np.linalg.norm(sensor.curve.tangents[[0, -1]], axis=1) < 1e-9).any():
+        raise FabricationError(f"cord {sensor.name!r}: a tangent at its ends is zero; give it one")
+    inside = np.asarray(igl.fast_winding_number(body.vertices, body.faces, path)) > 0.5
+    if not inside[1:-1].all():
+        outside = path[1:-1][~inside[1:-1]]
+        where = "misses the body" if not inside.any() else "leaves the body"
+        at = place(outside[len(outside) // 2])
+        raise FabricationError(
+            f"cord {sensor.name!r} {where} near {at}; move its plane or its path"
+        )
+    radius = bend_radius(path)
+    k = int(radius.argmin())
+    if radius[k] < 0.6 * diameter:
+        at = place(path[k + 1])
+        raise FabricationError(
+            f"cord {sensor.name!r} bends to a radius of {radius[k]:.2f} mm near {at}, too tight"
+            f" for a channel of {diameter:.2f} mm; smooth the path"
+        )

@@ -1,0 +1,1 @@
+"""The geometry kernels (OpenCascade, manifold3d) and what both cut and measure."""

@@ -1,0 +1,57 @@
+"""Writing parts: binary STL, and one 3MF with every part by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.mesh import Surface
+
+
+def write_stl(surface: Surface, path: Path) -> None:
+    """Binary STL in mm."""
+    corners = surface.vertices[surface.faces].astype("<f4")
+    record = np.zeros(
+        len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("tag", "<u2")]
+    )
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    record["normal"] = normal / np.where(length > 0, length, 1)
+    record["corners"] = corners
+    head = b"defsense-fab, millimetres".ljust(80, b" ")
+    path.write_bytes(head + np.uint32(len(corners)).tobytes() + record.tobytes())
+
+
+def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bool = True) -> None:
+    """Named parts in mm: one assembly (3MF core specification: object with components), or each
+    an item of its own that a slicer can move."""
+    import lib3mf
+
+    wrapper = lib3mf.get_wrapper()
+    model = wrapper.CreateModel()
+    model.SetUnit(lib3mf.ModelUnit.MilliMeter)
+    if together:
+        assembly = model.AddComponentsObject()
+        assembly.SetName(title)
+    for name, surface in parts.items():
+        mesh = model.AddMeshObject()
+        mesh.SetName(name)
+        vertices = [_filled(lib3mf.Position(), "Coordinates", v) for v in surface.vertices.tolist()]
+        triangles = [_filled(lib3mf.Triangle(), "Indices", f) for f in surface.faces.tolist()]
+        mesh.SetGeometry(vertices, triangles)
+        if together:
+            assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
+        else:
+            model.AddBuildItem(mesh, wrapper.GetIdentityTransform())
+    if together:
+        model.AddBuildItem(assembly, wrapper.GetIdentityTransform())
+    model.QueryWriter("3mf").WriteToFile(str(path))
+
+
+def _filled(record: Any, field: str, values: Sequence[float]) -> Any:
+    for i, value in enumerate(values):
+        getattr(record, field)[i] = value
+    return record

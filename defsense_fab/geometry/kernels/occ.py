@@ -1,0 +1,256 @@
+"""The OpenCascade kernel. Bodies and parts go through here; `specimen.py` models its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import build123d as bd
+import numpy as np
+from OCP.BRepOffsetAPI import BRepOffsetAPI_MakePipe
+from OCP.Message import Message
+from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS
+
+from ...core.arrays import Float
+from ...core.curve import Plane
+from ...core.errors import BodyError, FabricationError
+from ...core.mesh import Surface
+from .cutting_tools import Frustum, Prism, Tool, frame
+
+#: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
+ANGLE = 0.06
+#: Largest distance of a channel's arcs (`core/biarc.py`) from the path, mm.
+PATH_TOLERANCE = 0.01
+_LOST = 2e-3  # of the parts' volume
+_NOTHING = 1e-3  # mm^3
+
+
+def solids_of(result: Any) -> list[Any]:
+    """TopoDS_Solids in what a script returned: a build123d or CadQuery object."""
+    if isinstance(result, type):
+        raise BodyError(f"body() returned the class {result.__name__}; call it to make a solid")
+    if hasattr(result, "vals") and callable(result.vals):  # a CadQuery Workplane
+        shapes = [v.wrapped for v in result.vals() if hasattr(v, "wrapped")]
+    elif hasattr(result, "part") and hasattr(result.part, "wrapped"):  # a BuildPart
+        shapes = [result.part.wrapped]
+    elif getattr(result, "wrapped", None) is not None:
+        shapes = [result.wrapped]
+    else:
+        raise BodyError(
+            f"body() returned {type(result).__name__}; return a build123d or CadQuery solid"
+        )
+    solids: list[Any] = []
+    for shape in shapes:
+        walk = TopExp_Explorer(shape, TopAbs_SOLID)
+        while walk.More():
+            solids.append(TopoDS.Solid_s(walk.Current()))
+            walk.Next()
+    return solids
+
+
+def read_step(path: Path) -> list[Any]:
+    """TopoDS_Solids of a STEP file. Raises BodyError where it cannot be read."""
+    Message.DefaultMessenger_s().ChangePrinters().Clear()  # what it says, the error says too
+    try:
+        return solids_of(bd.import_step(str(path)))
+    except BodyError:
+        raise
+    except Exception as error:  # the reader raises bare exceptions of OCP
+        text = " ".join(str(error).split()) or "no valid STEP file"
+        raise BodyError(f"{path}: cannot be read as STEP: {text}") from None
+
+
+def write_step(solid: Any, path: Path, label: str) -> None:
+    shape = bd.Solid(solid)
+    shape.label = label
+    bd.export_step(shape, str(path))
+
+
+def write_assembly(solids: Mapping[str, Any], path: Path, label: str) -> None:
+    """One STEP file with the named solids in place."""
+    children = []
+    for name, solid in solids.items():
+        child = bd.Solid(solid)
+        child.label = name
+        children.append(child)
+    bd.export_step(bd.Compound(label=label, children=children), str(path))
+
+
+def volume(solid: Any) -> float:
+    return float(bd.Solid(solid).volume)
+
+
+def size(solid: Any) -> float:
+    """Diagonal of the bounding box, mm; NaN where there is none."""
+    try:
+        return float(bd.Solid(solid).bounding_box().diagonal)
+    except Exception:  # OpenCascade's void box; its exceptions carry no common base
+        return float("nan")
+
+
+def tessellate(solid: Any, tolerance: float) -> Surface:
+    """Closed triangle surface of a solid, no facet further than `tolerance` mm from it."""
+    points, triangles = bd.Solid(solid).tessellate(tolerance, ANGLE)
+    v = np.array([[p.X, p.Y, p.Z] for p in points], float)
+    f = np.array(triangles, np.int64)
+    _, first, inverse = np.unique(np.round(v, 6), axis=0, return_index=True, return_inverse=True)
+    f = inverse.reshape(-1)[f]
+    f = f[(f[:, 0] != f[:, 1]) & (f[:, 1] != f[:, 2]) & (f[:, 2] != f[:, 0])]
+    return Surface(v[first], f)
+
+
+def tube(
+    plane: Plane, pieces: Float, ends: Float, before: float, after: float, diameter: float
+) -> Any:
+    """Round tube along arcs (n, 3, 2) mm of a plane, each by start, middle and end, lengthened by
+    straight runs along the directions `ends` (2, 2) of its first and last point; a TopoDS_Solid.
+
+    All its faces are tori and cylinders, whose cuts with the cord plane are exact. Along Bezier
+    curves they are splines, which OCC cut wrongly or never ended.
+    """
+    world = plane.to_world(pieces)
+    ends = ends @ plane.axes[:, :2].T
+    first, last = ends / np.linalg.norm(ends, axis=1, keepdims=True)
+    start, end = world[0, 0] - before * first, world[-1, 2] + after * last
+    edges = [bd.Line(tuple(start), tuple(world[0, 0]))] if before > 1e-6 else []
+    for a, middle, b in world:
+        bow = float(np.linalg.norm(middle - (a + b) / 2))
+        straight = bow < 1e-6 * float(np.linalg.norm(b - a))
+        points = [tuple(p) for p in ((a, b) if straight else (a, middle, b))]
+        edges.append(bd.Line(*points) if straight else bd.ThreePointArc(*points))
+    if after > 1e-6:
+        edges.append(bd.Line(tuple(world[-1, 2]), tuple(end)))
+    # The circle's seam points along the normal: near the cord plane it would meet the cuts.
+    frame = bd.Plane(origin=tuple(start), x_dir=tuple(plane.normal), z_dir=tuple(first))
+    section = (frame * bd.Circle(diameter / 2)).face()
+    try:
+        pipe = BRepOffsetAPI_MakePipe(bd.Wire(edges).wrapped, section.wrapped)
+        solid = bd.Solid(pipe.Shape())
+        good = solid.is_valid and solid.volume > 0
+    except Exception as error:  # OCP's own exceptions carry no common base
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise FabricationError(f"the channel cannot be swept: {text}; smooth the path") from None
+    if not good:
+        raise FabricationError(
+            "the channel's solid is not valid; the path bends tighter than the channel's radius"
+        )
+    return solid.wrapped
+
+
+def solid_of(tool: Tool) -> Any:
+    """A tool as a build123d solid."""
+    if isinstance(tool, Frustum):
+        along = tool.end - tool.start
+        height = float(np.linalg.norm(along))
+        axes = frame(along / height)
+        low, high = tool.radii
+        place = _located(tool.start, axes)
+        if abs(low - high) < 1e-9:
+            return bd.Solid.make_cylinder(low, height, place)
+        return bd.Solid.make_cone(low, high, height, place)
+    outline = bd.Wire.make_polygon([tuple(p) for p in _in_space(tool)])
+    face = bd.Face(outline)
+    return bd.Solid.extrude(face, bd.Vector(*(tool.height * tool.axes[:, 2])))
+
+
+def _located(origin: Float, axes: Float) -> Any:
+    return bd.Plane(origin=tuple(origin), x_dir=tuple(axes[:, 0]), z_dir=tuple(axes[:, 2]))
+
+
+def _in_space(tool: Prism) -> Float:
+    return np.asarray(tool.origin + tool.polygon @ tool.axes[:, :2].T)
+
+
+def without(solid: Any, tools: Sequence[Tool]) -> Any:
+    """A TopoDS_Solid with tools cut out. Raises FabricationError where it falls apart."""
+    if not tools:
+        return solid
+    return one_solid(bd.Solid(solid).cut(*[solid_of(t) for t in tools]))
+
+
+@dataclass(frozen=True)
+class Knife:
+    """One cut of the one piece whose centre of mass is nearest to `center` (3,) mm: through and
+    through, or only the solids nearest to `taken` (each (3,) mm); of a limited cut, `region` are
+    the prisms of what is cut off and of the lid."""
+
+    plane: Plane
+    center: Float
+    taken: tuple[Float, ...] = ()
+    region: tuple[Prism, Prism] | None = None
+
+
+def carve_and_split(
+    solid: Any, cutters: Sequence[Any], knives: Sequence[Knife], count: int, expected: float
+) -> list[Any]:
+    """Cut solids out of the body and divide it into `count` parts (TopoDS_Solids) whose volumes
+    should add up to about `expected` mm^3.
+
+    Raises FabricationError where OpenCascade loses a part or some volume on the way.
+    """
+    body, tools = bd.Solid(solid), [bd.Solid(t) for t in cutters]
+    channels = _solids(tools[0].fuse(*tools[1:])) if len(tools) > 1 else tools
+
+    def carved(pieces: list[Any]) -> list[Any]:
+        return [s for p in pieces for s in _solids(p.cut(*channels))]
+
+    for channels_first in (False, True):  # now and then one order fails where the other works
+        made = (
+            _divided(carved([body]), knives) if channels_first else carved(_divided([body], knives))
+        )
+        if len(made) == count and abs(sum(p.volume for p in made) / expected - 1) < _LOST:
+            return [p.wrapped for p in made]
+    raise FabricationError("OpenCascade could not divide the solid; move a cord plane slightly")
+
+
+def _divided(parts: list[Any], knives: Sequence[Knife]) -> list[Any]:
+    """The solids after planar cuts; a cut that fails leaves its piece whole."""
+    for knife in knives:
+        nearest = _nearest(parts, knife.center)
+        plane = _located(knife.plane.origin, knife.plane.axes)
+        try:
+            halves = _solids(bd.split(nearest, bisect_by=plane, keep=bd.Keep.BOTH))
+        except ValueError:  # the splitter's result was null
+            continue
+        if knife.region is not None:
+            halves = _solids(nearest & solid_of(knife.region[0]))
+        if knife.taken and halves:
+            taken = [_nearest(halves, at) for at in knife.taken]
+            rest = _solids(nearest.cut(*taken))
+            if knife.region is not None:
+                taken = [s for t in taken for s in _solids(t & solid_of(knife.region[1]))]
+            halves = taken + rest
+        if halves:
+            parts = [p for p in parts if p is not nearest] + halves
+    return parts
+
+
+def _nearest(solids: Sequence[Any], at: Float) -> Any:
+    return min(solids, key=lambda p: float(np.linalg.norm(centroid(p.wrapped) - at)))
+
+
+def _solids(result: Any) -> list[Any]:
+    """The solids in what a boolean operation gave: a shape, a list of them, or nothing; without
+    the empty ones that it leaves at times."""
+    if result is None:
+        return []
+    found = result if isinstance(result, list | tuple | bd.ShapeList) else [result]
+    return [s for r in found for s in r.solids() if s.volume > _NOTHING]
+
+
+def centroid(solid: Any) -> Float:
+    c = bd.Solid(solid).center(bd.CenterOf.MASS)
+    return np.array([c.X, c.Y, c.Z])
+
+
+def one_solid(shape: Any) -> Any:
+    """The TopoDS_Solid that a build123d shape consists of. Raises FabricationError where it is not
+    one valid solid."""
+    solids = list(shape.solids())
+    if len(solids) != 1 or not solids[0].is_valid or solids[0].volume <= 0:
+        raise FabricationError(f"the geometry kernel made {len(solids)} solids of one part")
+    return solids[0].wrapped

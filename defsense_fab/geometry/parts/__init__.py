@@ -1,0 +1,1 @@
+"""Printable parts: the body cut along cord planes, pinned, numbered, inspected."""

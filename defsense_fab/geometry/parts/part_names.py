@@ -1,0 +1,59 @@
+"""Names of parts by where they lie in the device."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...core.arrays import Float
+
+#: Words from low to high coordinate, for axes x, y, z; seen from the front, which looks along +y.
+_WORDS = (("left", "right"), ("front", "back"), ("bottom", "top"))
+_STEPS = {2: "{low} {high}", 3: "{low} middle {high}", 4: "{low} lower-middle upper-middle {high}"}
+_SAME = 0.08  # of the body's size: parts nearer than this are on one level
+
+
+def names(centers: Sequence[Float], bounds: Float) -> list[str]:
+    """A name for each part's centre of mass (3,) mm in a body with `bounds` (2, 3) mm: its number,
+    counted from the bottom up, and where it lies, as in "3-top-left"."""
+    points = np.array(centers).reshape(-1, 3)
+    order = sorted(range(len(points)), key=lambda i: tuple(np.round(points[i][[2, 1, 0]], 3)))
+    words = [_levels(points[:, axis], float(np.ptp(bounds[:, axis])), axis) for axis in (2, 1, 0)]
+    rows = list(zip(*words, strict=True))
+    out = [""] * len(points)
+    for n, i in enumerate(order):
+        out[i] = "-".join([str(n + 1), *_told_apart(rows, i)])
+    return out
+
+
+def _told_apart(rows: Sequence[tuple[str, ...]], i: int) -> tuple[str, ...]:
+    """As few of a part's words as tell it from all others, or all of them; "middle" where no
+    other word does."""
+    if len(rows) == 1:
+        return ("whole",)
+    sets = [c for size in (1, 2, 3) for c in itertools.combinations(range(3), size)]
+    for vague in (("", "middle"), ("",)):
+        for some in sets:
+            own = tuple(rows[i][a] for a in some)
+            alone = sum(own == tuple(r[a] for a in some) for r in rows) == 1
+            if alone and not set(own) & set(vague):
+                return own
+    return tuple(w for w in rows[i] if w) or ("middle",)
+
+
+def _levels(values: Float, size: float, axis: int) -> list[str]:
+    """The word for each coordinate: levels are separated by gaps."""
+    sort = np.argsort(values)
+    level = np.zeros(len(values), int)
+    level[sort] = np.concatenate([[0], np.cumsum(np.diff(values[sort]) > _SAME * size)])
+    count = int(level.max()) + 1
+    if count == 1:
+        return [""] * len(values)
+    low, high = _WORDS[axis]
+    if count in _STEPS:
+        words = _STEPS[count].format(low=low, high=high).split()
+    else:
+        words = [low, *(f"{high}wards-{k}" for k in range(1, count - 1)), high]
+    return [words[k] for k in level]

@@ -1,0 +1,259 @@
+"""From a body and its cords to printable parts: grooved, pinned, numbered and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import Float, place
+from ...core.device import Sensor
+from ...core.errors import FabricationError
+from ...core.mesh import Surface
+from ..bodies.connector_bay import without_bay
+from ..channels.channel_ends import Pockets
+from ..channels.cord_channels import Channel, channels_of
+from ..kernels import triangle_kernel
+from ..kernels.cutting_tools import Prism, Tool
+from . import alignment_pins, inspection, part_labels, tag_seats
+from .channel_openings import Graze
+from .division import SMALL, Cut, Division, divide, plan
+from .inspection import Check
+from .part_contacts import Contact, contacts
+from .part_labels import Label
+from .part_names import names as names_of
+from .print_bed import FOOTHOLD, footing, resting
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What the cord and the printing process ask for, mm: diameters of the `cord` and its
+    `channel`, `clearance` of pins on the diameter, least `wall` to the skin;
+    whether to `limit` cuts to what their cords need; the `pockets` at cords' ends, or None;
+    how many `seats` for square tags of `tag` mm the skin gets."""
+
+    cord: float
+    channel: float
+    clearance: float
+    wall: float
+    limit: bool = False
+    pockets: Pockets | None = None
+    seats: int = 0
+    tag: float = 10.0
+
+    @property
+    def inner_wall(self) -> float:
+        """Least wall between two hollows in one part, which the glue closes later, mm."""
+        return 2 * self.wall / 3
+
+
+@dataclass(frozen=True)
+class Part:
+    """One printable piece in the rest frame: `surface` is what its STL holds, `volume` (mm^3) and
+    `center` (3,) mm are those facets', `down` (3,) points to the bed as it is printed; `solid` is
+    its TopoDS_Solid where the body is CAD."""
+
+    name: str
+    surface: Surface
+    volume: float
+    center: Float
+    down: Float
+    solid: Any = None
+
+
+@dataclass(frozen=True)
+class Made:
+    """The parts, in the order of their numbers, and how they are held together. Cuts come in the
+    order in which the body was divided: it is closed in the opposite one. `cut_out` is the volume
+    of all that was removed, mm^3."""
+
+    parts: tuple[Part, ...]
+    cuts: tuple[Cut, ...]
+    contacts: tuple[Contact, ...]
+    pins: tuple[alignment_pins.Pin, ...]
+    labels: tuple[Label, ...]
+    seats: tuple[tag_seats.Seat, ...]
+    channels: tuple[Channel, ...]
+    checks: tuple[Check, ...]
+    warnings: tuple[str, ...]
+    cut_out: float
+    body_volume: float
+
+
+def make_parts(
+    surface: Surface,
+    sensors: Sequence[Sensor],
+    rules: Rules,
+    report: Callable[[float, str], None] = lambda *_: None,
+    solid: Any = None,
+) -> Made:
+    """Divide the body along its cords' planes into parts that can be printed and put together.
+
+    The facets are cut by manifold3d; with `solid` (the body's TopoDS_Solid) OpenCascade makes the
+    same parts, and both must agree. Raises FabricationError where a part cannot be made or fails
+    a check, with the cord or part and the place.
+    """
+    report(0.05, "cutting facets")
+    body = triangle_kernel.to_manifold(surface, "the body")
+    _one_solid(body)
+    channels = channels_of(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
+    walls = [
+        *inspection.walls(channels, surface, rules),
+        *inspection.wire_walls(channels, surface, rules),
+    ]
+    body_volume = float(body.volume())
+    hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
+    planes = [s.plane for s in sensors]
+    bay = _bay(rules)
+    skin = without_bay(surface, bay) if bay else surface
+    flats = tag_seats.place(skin, rules.seats, rules.tag, hollows, rules.wall, planes)
+    flattening = [t for s in flats for t in s.tools]
+    if flattening:
+        body = triangle_kernel.without(body, flattening)
+        surface = triangle_kernel.to_surface(body)
+    radius, inner = rules.channel / 2, rules.inner_wall
+    planned = plan(body, channels, radius, inner, rules.clearance, rules.limit)
+    grazing = planned.grazes(channels, radius, inner)
+    division, names = _named(divide(body, channels, planned), surface)
+    report(0.25, "pins and numbers")
+    meeting = contacts(division, hollows)
+    pins = alignment_pins.place(meeting, rules.clearance, rules.inner_wall)
+    marks = part_labels.engrave(meeting, pins, len(names), rules.inner_wall)
+    own = _own_tools(len(names), meeting, pins, marks)
+    pieces = [
+        triangle_kernel.without(p, tools) for p, tools in zip(division.parts, own, strict=True)
+    ]
+    removed = body_volume - float(body.volume()) + division.removed
+    removed += sum(
+        float((p ^ triangle_kernel.union([triangle_kernel.solid_of(t) for t in tools])).volume())
+        for p, tools in zip(division.parts, own, strict=True)
+        if tools
+    )
+    parts = [_part(i, n, p, meeting) for i, (n, p) in enumerate(zip(names, pieces, strict=True))]
+    report(0.4, "checking")
+    made = Made(
+        tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(flats),
+        tuple(channels), (), (), removed, body_volume,
+    )  # fmt: skip
+    found = inspection.inspect(made, pieces, surface, rules)
+    made = replace(made, checks=(*walls, *found))
+    made = replace(made, warnings=tuple(_warnings(made, grazing, rules)))
+    if solid is None:
+        return made
+    report(0.6, "cutting the solid")
+    from .exact_solids import solid_parts
+
+    try:
+        from ..kernels import occ
+
+        solid = occ.without(solid, flattening)
+        parts = solid_parts(solid, made, division, own, rules)
+    except FabricationError as error:  # the STL do not need it
+        return replace(made, warnings=(*made.warnings, f"no STEP parts: {error}"))
+    return replace(made, parts=tuple(parts))
+
+
+def _bay(rules: Rules) -> Prism | None:
+    """The connector bay that wires lead to."""
+    return rules.pockets.wires.bay if rules.pockets and rules.pockets.wires else None
+
+
+def _one_solid(body: Any) -> None:
+    pieces = body.decompose()
+    for piece in sorted(pieces, key=lambda p: float(p.volume()))[:-1]:
+        at = place(triangle_kernel.centroid(triangle_kernel.to_surface(piece)))
+        raise FabricationError(
+            f"the body has a closed cavity near {at}; open it to the outside or fill it"
+            if piece.volume() < 0
+            else f"the body has a separate piece near {at}; unite the pieces or remove it"
+        )
+
+
+def _named(division: Division, surface: Surface) -> tuple[Division, list[str]]:
+    """The parts in the order of their numbers, with their names."""
+    centers = [triangle_kernel.centroid(triangle_kernel.to_surface(p)) for p in division.parts]
+    names = names_of(centers, surface.bounds)
+    order = sorted(range(len(names)), key=lambda i: int(names[i].split("-")[0]))
+    index = np.argsort(order).tolist()
+
+    def moved(side: tuple[int, ...]) -> tuple[int, ...]:
+        return tuple(sorted(index[i] for i in side))
+
+    cuts = tuple(replace(c, sides=(moved(c.sides[0]), moved(c.sides[1]))) for c in division.cuts)
+    parts, leaves = (tuple(of[i] for i in order) for of in (division.parts, division.leaves))
+    return replace(division, parts=parts, leaves=leaves, cuts=cuts), [names[i] for i in order]
+
+
+def _part(i: int, name: str, piece: Any, meeting: Sequence[Contact]) -> Part:
+    faces = [
+        (c.area, c.plane.normal if c.lower == i else -c.plane.normal, c.plane.origin)
+        for c in meeting
+        if i in (c.lower, c.upper)
+    ]
+    surface = triangle_kernel.printable(
+        piece, name, [(n, float(n @ origin)) for _, n, origin in faces]
+    )
+    down = resting(surface, [n for _, n, _ in sorted(faces, key=lambda f: -f[0])])
+    return Part(name, surface, surface.volume, triangle_kernel.centroid(surface), down)
+
+
+def _own_tools(
+    count: int,
+    meeting: Sequence[Contact],
+    pins: Sequence[alignment_pins.Pin],
+    marks: Sequence[Label],
+) -> list[list[Tool]]:
+    """What is cut out of each part alone: sockets and its number."""
+    own: list[list[Tool]] = [[] for _ in range(count)]
+    for pin in pins:
+        contact = meeting[pin.contact]
+        own[contact.lower].append(pin.socket_in(upper=False))
+        own[contact.upper].append(pin.socket_in(upper=True))
+    for mark in marks:
+        own[mark.part] += mark.tools
+    return own
+
+
+def _warnings(made: Made, grazing: Sequence[Graze], rules: Rules) -> list[str]:
+    """What a maker should know of the parts."""
+    out = [check.note for check in made.checks if check.note]
+    if len(made.seats) < rules.seats:
+        out.append(
+            f"there is room for {len(made.seats)} of {rules.seats} marker seats of"
+            f" {rules.tag:g} mm: the rest of the skin is curved, near an edge or thin above a cord"
+        )
+    ends = [(c, e, n) for c in made.channels for e, n in zip(c.ends, ("start", "end"), strict=True)]
+    if _bay(rules):
+        out += [
+            f"the wire at the {which} of cord {channel.name}, near {place(end.mouth)}, does not"
+            f" reach the connector bay: {end.reason or end.unled}"
+            for channel, end, which in ends
+            if end.wire != "bay"
+        ]
+    for g in grazing:
+        joint = inspection.cut_name(made.cuts[g.cut], made.channels)
+        what = "opens into" if g.wall <= 0 else f"leaves {g.wall:.1f} mm of wall to"
+        out.append(
+            f"the channel of cord {made.channels[g.line].name} {what} the joint of {joint} over"
+            f" {g.length:.0f} mm near {place(g.at)}: keep glue away from it there"
+        )
+    marked = {m.part for m in made.labels}
+    for i, part in enumerate(made.parts):
+        if part.volume < SMALL * made.body_volume:
+            out.append(f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
+        solid = triangle_kernel.to_manifold(part.surface, part.name)
+        if footing(solid, part.down) < FOOTHOLD:
+            out.append(f"{part.name} has no flat to stand on: print it with a brim and supports")
+        if len(made.parts) > 1 and i not in marked:
+            out.append(f"{part.name} has no room for its number; write it on")
+    for k, cut in enumerate(made.cuts):
+        held = [p for p in made.pins if made.contacts[p.contact].cut == k]
+        if len(held) < 2:
+            a, b = (" + ".join(made.parts[i].name for i in side) for side in cut.sides)
+            out.append(
+                f"{a} and {b} have room for {len(held)} pins only: hold them by their outline as"
+                " the glue sets"
+            )
+    return out

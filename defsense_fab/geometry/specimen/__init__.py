@@ -1,0 +1,1 @@
+"""The bending specimen, its jigs and the fit coupon."""

@@ -1,0 +1,1 @@
+"""Materials and quadratic tets: energy, stress, tangent, points in elements."""

@@ -1,0 +1,130 @@
+"""Isotropic hyperelastic materials, each written once: energy by the invariants of F.
+
+I1 = tr(F^T F), I2 = (I1^2 - tr((F^T F)^2)) / 2, J = det F. Stress and tangent follow from the first
+and second derivatives of W(I1, I2, J) in `density.py`.
+
+- Split models, with I1* = J^(-2/3) I1 and I2* = J^(-4/3) I2 (Bonet & Wood, Nonlinear Continuum
+  Mechanics, sec. 6.5; Yeoh 1993; Mooney 1940, Rivlin 1948):
+  W = c10 (I1* - 3) + c20 (I1* - 3)^2 + c30 (I1* - 3)^3 + c01 (I2* - 3) + kappa/2 (J - 1)^2.
+  Neo-Hookean has c10 alone, Mooney-Rivlin c10 and c01, Yeoh c10, c20 and c30.
+- Stable neo-Hookean (Smith, De Goes & Kim 2018, eq. 14):
+  W = mu/2 (I1 - 3) + lambda/2 (J - alpha)^2 - mu/2 log((I1 + 1)/4), finite for inverted elements.
+
+The split and the stable model are different materials near nu = 0.49: name the model with a result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.device import MaterialSpec
+
+SPLIT, STABLE = 0, 1
+
+#: What each model is called in `device.toml` and in results.
+TITLES = {
+    "neo-hookean": "neo-Hookean, volumetric-deviatoric split",
+    "stable-neo-hookean": "stable neo-Hookean (Smith et al. 2018)",
+    "mooney-rivlin": "Mooney-Rivlin, volumetric-deviatoric split",
+    "yeoh": "Yeoh, volumetric-deviatoric split",
+}
+
+
+@dataclass(frozen=True)
+class Material:
+    """`parameters` (5,) MPa: c10, c20, c30, c01, kappa, or mu, lambda, alpha (alpha without unit).
+
+    `shear` and `bulk` are the moduli at small strain, MPa.
+    """
+
+    model: str
+    kind: int
+    parameters: Float
+    shear: float
+    bulk: float
+
+    @property
+    def title(self) -> str:
+        return TITLES[self.model]
+
+    @property
+    def young(self) -> float:
+        """Young's modulus at small strain, MPa."""
+        return 9 * self.bulk * self.shear / (3 * self.bulk + self.shear)
+
+    @property
+    def volumetric(self) -> float:
+        """Second derivative of the energy's part in (J - const.)^2, MPa."""
+        return float(self.parameters[4 if self.kind == SPLIT else 1])
+
+    @classmethod
+    def from_spec(cls, spec: MaterialSpec) -> Material:
+        """Moduli from E and nu: mu = E / (2 (1 + nu)), kappa = E / (3 (1 - 2 nu))."""
+        e, nu = spec.young_modulus, spec.poisson_ratio
+        mu, kappa = e / (2 * (1 + nu)), e / (3 * (1 - 2 * nu))
+        if spec.model == "stable-neo-hookean":
+            return stable_neo_hookean(mu, kappa)
+        c = dict(spec.constants) or {"c10": mu / 2}
+        return split(kappa, model=spec.model, **c)
+
+
+def split(
+    kappa: float,
+    c10: float,
+    c20: float = 0.0,
+    c30: float = 0.0,
+    c01: float = 0.0,
+    model: str = "neo-hookean",
+) -> Material:
+    """A model of the split family; constants in MPa."""
+    parameters = np.array([c10, c20, c30, c01, kappa], float)
+    return Material(model, SPLIT, parameters, 2 * (c10 + c01), kappa)
+
+
+def neo_hookean(mu: float, kappa: float) -> Material:
+    """The split neo-Hookean solid: what CalculiX calls NEO HOOKE with C10 = mu/2, D1 = 2/kappa."""
+    return split(kappa, mu / 2)
+
+
+def stable_neo_hookean(mu: float, kappa: float) -> Material:
+    """Stable neo-Hookean with small-strain moduli mu and kappa (Smith et al. 2018, sec. 3.4)."""
+    m, lame = 4 / 3 * mu, kappa - 2 / 3 * mu + 5 / 6 * mu
+    parameters = np.array([m, lame, 1 + 0.75 * m / lame, 0.0, 0.0])
+    return Material("stable-neo-hookean", STABLE, parameters, mu, kappa)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def law(kind, p, i1, i2, J, d):  # type: ignore[no-untyped-def]
+    """Fill d (10,): W, W_1, W_2, W_J, W_11, W_12, W_1J, W_22, W_2J, W_JJ; W inf: undefined."""
+    d[:] = 0.0
+    if kind == STABLE:
+        mu, lame, alpha = p[0], p[1], p[2]
+        d[0] = 0.5 * mu * (i1 - 3 - np.log((i1 + 1) / 4)) + 0.5 * lame * (
+            (J - alpha) ** 2 - (1 - alpha) ** 2
+        )
+        d[1] = 0.5 * mu * (1 - 1 / (i1 + 1))
+        d[3] = lame * (J - alpha)
+        d[4] = 0.5 * mu / (i1 + 1) ** 2
+        d[9] = lame
+        return
+    if J <= 0:
+        d[0] = np.inf
+        return
+    a = J ** (-2 / 3)
+    b = a * a
+    y = a * i1 - 3
+    u = p[0] + (2 * p[1] + 3 * p[2] * y) * y  # derivative by I1*
+    v = 2 * p[1] + 6 * p[2] * y
+    y_j, y_jj = -2 / 3 * a * i1 / J, 10 / 9 * a * i1 / (J * J)
+    d[0] = (p[0] + (p[1] + p[2] * y) * y) * y + p[3] * (b * i2 - 3) + 0.5 * p[4] * (J - 1) * (J - 1)
+    d[1] = u * a
+    d[2] = p[3] * b
+    d[3] = u * y_j - 4 / 3 * p[3] * b * i2 / J + p[4] * (J - 1)
+    d[4] = v * a * a
+    d[6] = v * a * y_j - 2 / 3 * u * a / J
+    d[8] = -4 / 3 * p[3] * b / J
+    d[9] = v * y_j * y_j + u * y_jj + 28 / 9 * p[3] * b * i2 / (J * J) + p[4]

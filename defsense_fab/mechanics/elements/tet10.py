@@ -1,0 +1,299 @@
+"""Quadratic tets with straight sides: shape functions, energy, forces, tangent stiffness.
+
+Edge nodes follow VTK's order (0,1) (1,2) (0,2) (0,3) (1,3) (2,3). Four-point quadrature
+(degree 2) over each tet. The deformation gradients are an argument of their own, so that forces
+and tangents can also be taken at a field of F that no displacement has (`predictor.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from ...core.arrays import Float, Int
+from ...core.mesh import TetMesh
+from .energy_density import energy_density, stress, tangent
+from .material import Material
+from .matrix3 import cofactor
+from .threads import over_chunks
+
+EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+_A, _B = 0.585410196624968454, 0.138196601125010515
+QUADRATURE = np.array([[_A, _B, _B, _B], [_B, _A, _B, _B], [_B, _B, _A, _B], [_B, _B, _B, _A]])
+
+
+def shape(bary: Float) -> Float:
+    """Shape functions (..., 10) at barycentric coordinates (..., 4)."""
+    corner = bary * (2 * bary - 1)
+    edge = 4 * bary[..., EDGES[:, 0]] * bary[..., EDGES[:, 1]]
+    return np.concatenate([corner, edge], axis=-1)
+
+
+def shape_by_bary(bary: Float) -> Float:
+    """Derivatives of the shape functions by the barycentric coordinates, (..., 10, 4)."""
+    out = np.zeros((*bary.shape[:-1], 10, 4))
+    for i in range(4):
+        out[..., i, i] = 4 * bary[..., i] - 1
+    for e, (i, j) in enumerate(EDGES):
+        out[..., 4 + e, i] = 4 * bary[..., j]
+        out[..., 4 + e, j] = 4 * bary[..., i]
+    return out
+
+
+@dataclass(frozen=True)
+class QuadraticMesh:
+    """`nodes` (n, 3) mm: corners then edge midpoints; `cells` (m, 10).
+
+    `bary_gradient` (m, 4, 3) is the constant gradient of the barycentric coordinates;
+    `gradient` (m, 4, 10, 3) that of the shape functions at the quadrature points; `weight`
+    (m,) a quarter of the volume.
+    """
+
+    nodes: Float
+    cells: Int
+    bary_gradient: Float
+    gradient: Float
+    weight: Float
+
+    @classmethod
+    def from_linear(cls, mesh: TetMesh) -> QuadraticMesh:
+        edges = np.sort(mesh.tets[:, EDGES].reshape(-1, 2), axis=1)
+        unique, inverse = np.unique(edges, axis=0, return_inverse=True)
+        nodes = np.concatenate([mesh.nodes, mesh.nodes[unique].mean(axis=1)])
+        cells = np.concatenate([mesh.tets, len(mesh.nodes) + inverse.reshape(-1, 6)], axis=1)
+        x = mesh.nodes[mesh.tets]
+        inner = np.linalg.inv(x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
+        bary = np.concatenate([-inner.sum(1, keepdims=True), inner], axis=1)
+        gradient = np.einsum("qnb,mbj->mqnj", shape_by_bary(QUADRATURE), bary)
+        return cls(nodes, cells, bary, np.ascontiguousarray(gradient), mesh.volumes / 4)
+
+    @property
+    def volume(self) -> float:
+        """Rest volume, mm^3."""
+        return float(4 * self.weight.sum())
+
+    @property
+    def edge_length(self) -> float:
+        """Mean length of the tets' edges, mm."""
+        corners = self.nodes[self.cells[:, EDGES]]
+        return float(np.linalg.norm(corners[:, :, 0] - corners[:, :, 1], axis=-1).mean())
+
+    def subset(self, keep: Float) -> QuadraticMesh:
+        """The same nodes with some of the cells; `keep` (m,) bool."""
+        return QuadraticMesh(
+            self.nodes,
+            self.cells[keep],
+            self.bary_gradient[keep],
+            self.gradient[keep],
+            self.weight[keep],
+        )
+
+
+#: Nodes of the four faces of a tet, outward: corners, then the edges between them.
+_FACES = np.array([[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6]])
+
+
+def boundary_faces(mesh: QuadraticMesh) -> Int:
+    """Faces (t, 6) that belong to one tet only, outward: corners, then edges (0,1) (1,2) (2,0)."""
+    faces = mesh.cells[:, _FACES].reshape(-1, 6)
+    _, first, count = np.unique(
+        np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return np.asarray(faces[np.sort(first[count == 1])])
+
+
+def deformation_gradient(mesh: QuadraticMesh, u: Float, threads: int = 1) -> Float:
+    """F (m, 4, 3, 3) at the quadrature points for displacements u (n, 3)."""
+    out = np.empty((len(mesh.cells), 4, 3, 3))
+    x = mesh.nodes + u
+    over_chunks(lambda a, b: _gradients(x, mesh.cells, mesh.gradient, a, b, out), len(out), threads)
+    return out
+
+
+def volume(G: Float, F: Float, threads: int = 1) -> Float:
+    """Volume ratios (m, 4) at F, linearised about G, both (m, 4, 3, 3): det F where G is F."""
+    out = np.empty(F.shape[:2])
+    over_chunks(lambda a, b: _volume(G, F, a, b, out), len(out), threads)
+    return out
+
+
+def energy(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) -> float:
+    """Stored energy (N mm) of F (m, 4, 3, 3); inf where the material is not defined."""
+    sums = np.zeros(len(mesh.cells))
+    kind, p = material.kind, material.parameters
+    over_chunks(lambda a, b: _energy(F, mesh.weight, kind, p, a, b, sums), len(sums), threads)
+    return float(sums.sum())
+
+
+def forces(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) -> Float:
+    """Internal nodal forces (n, 3) N: the gradient of the energy, where F comes from u."""
+    local = np.empty((len(mesh.cells), 10, 3))
+    kind, p = material.kind, material.parameters
+    over_chunks(
+        lambda a, b: _forces(F, mesh.gradient, mesh.weight, kind, p, a, b, local),
+        len(local),
+        threads,
+    )
+    return scatter_nodes(mesh, local)
+
+
+def pressure_forces(mesh: QuadraticMesh, pressure: Float, F: Float) -> Float:
+    """Nodal forces (n, 3) N of the stress p cof F with p (m, 4) MPa at F (m, 4, 3, 3)."""
+    cof = np.stack([np.cross(F[..., i - 2, :], F[..., i - 1, :]) for i in range(3)], axis=-2)
+    local = np.einsum("m,mq,mqij,mqnj->mni", mesh.weight, pressure, cof, mesh.gradient)
+    return scatter_nodes(mesh, np.ascontiguousarray(local))
+
+
+def scatter_nodes(mesh: QuadraticMesh, local: Float) -> Float:
+    """Sum (n, 3) of what the elements' nodes carry, (m, 10, 3)."""
+    out = np.zeros_like(mesh.nodes)
+    _gather(mesh.cells, local, out)
+    return out
+
+
+def stiffness(
+    mesh: QuadraticMesh, material: Material, F: Float, share: float, threads: int = 1
+) -> Float:
+    """Element tangents (m, 30, 30), N/mm, row 3 * node + axis, at F (m, 4, 3, 3).
+
+    The `share` (0 to 1) of the negative part of the energy's Hessian by F is removed at each point.
+    """
+    out = np.empty((len(mesh.cells), 30, 30))
+    kind, p = material.kind, material.parameters
+    over_chunks(
+        lambda a, b: _stiffness(F, mesh.gradient, mesh.weight, kind, p, float(share), a, b, out),
+        len(out),
+        threads,
+    )
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _gradients(x, cells, gradient, start, stop, out):  # type: ignore[no-untyped-def]
+    local = np.empty((10, 3))
+    for e in range(start, stop):
+        for n in range(10):
+            for a in range(3):
+                local[n, a] = x[cells[e, n], a]
+        for q in range(4):
+            for a in range(3):
+                for j in range(3):
+                    s = 0.0
+                    for n in range(10):
+                        s += local[n, a] * gradient[e, q, n, j]
+                    out[e, q, a, j] = s
+
+
+@numba.njit(cache=True, nogil=True)
+def _volume(G, F, start, stop, out):  # type: ignore[no-untyped-def]
+    C = np.empty((3, 3))
+    for e in range(start, stop):
+        for q in range(4):
+            out[e, q] = cofactor(G[e, q], C)
+            for i in range(3):
+                for j in range(3):
+                    out[e, q] += C[i, j] * (F[e, q, i, j] - G[e, q, i, j])
+
+
+@numba.njit(cache=True, nogil=True)
+def _energy(F, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
+    C, d = np.empty((3, 3)), np.empty(10)
+    for e in range(start, stop):
+        for q in range(4):
+            out[e] += weight[e] * energy_density(kind, p, F[e, q], C, d)
+
+
+@numba.njit(cache=True, nogil=True)
+def _forces(F, gradient, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
+    P, C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
+    for e in range(start, stop):
+        out[e] = 0.0
+        for q in range(4):
+            stress(kind, p, F[e, q], P, C, B, d)
+            for n in range(10):
+                for i in range(3):
+                    s = 0.0
+                    for j in range(3):
+                        s += P[i, j] * gradient[e, q, n, j]
+                    out[e, n, i] += weight[e] * s
+
+
+@numba.njit(cache=True, nogil=True)
+def _gather(cells, local, out):  # type: ignore[no-untyped-def]
+    for e in range(len(cells)):
+        for n in range(10):
+            for a in range(3):
+                out[cells[e, n], a] += local[e, n, a]
+
+
+@numba.njit(cache=True, nogil=True)
+def _stiffness(F, gradient, weight, kind, p, share, start, stop, out):  # type: ignore[no-untyped-def]
+    H, T, none = np.empty((9, 9)), np.empty((9, 30)), np.zeros(4)
+    for e in range(start, stop):
+        element_tangent(F[e], gradient[e], weight[e], kind, p, none, share, out[e], H, T)
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def element_tangent(F, gradient, weight, kind, p, lag, share, K, H, T):  # type: ignore[no-untyped-def]
+    """Fill K (30, 30) of one tet with F (4, 3, 3); H (9, 9) and T (9, 30) are scratch.
+
+    `lag` (4,) and `share` are those of `density.tangent`.
+    """
+    C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
+    K[:] = 0.0
+    for q in range(4):
+        tangent(kind, p, F[q], lag[q], share, H, C, B, d)
+        for r in range(9):
+            for m in range(10):
+                g0, g1, g2 = gradient[q, m, 0], gradient[q, m, 1], gradient[q, m, 2]
+                for b in range(3):
+                    T[r, 3 * m + b] = weight * (
+                        H[r, 3 * b] * g0 + H[r, 3 * b + 1] * g1 + H[r, 3 * b + 2] * g2
+                    )
+        for n in range(10):
+            g0, g1, g2 = gradient[q, n, 0], gradient[q, n, 1], gradient[q, n, 2]
+            for i in range(3):
+                for c in range(3 * n, 30):
+                    K[3 * n + i, c] += (
+                        g0 * T[3 * i, c] + g1 * T[3 * i + 1, c] + g2 * T[3 * i + 2, c]
+                    )
+    for r in range(3, 30):
+        for c in range(3 * (r // 3)):
+            K[r, c] = K[c, r]
+
+
+def linearised_forces(
+    mesh: QuadraticMesh, material: Material, G: Float, F: Float, threads: int = 1
+) -> Float:
+    """Nodal forces (n, 3) N at F of the energy linearised about G, both (m, 4, 3, 3).
+
+    The tangent is projected, as that of the matrix that they are used with.
+    """
+    local = np.empty((len(mesh.cells), 10, 3))
+    kind, p = material.kind, material.parameters
+    over_chunks(
+        lambda a, b: _linearised(G, F - G, mesh.gradient, mesh.weight, kind, p, a, b, local),
+        len(local),
+        threads,
+    )
+    return scatter_nodes(mesh, local)
+
+
+@numba.njit(cache=True, nogil=True)
+def _linearised(G, D, gradient, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
+    P, C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
+    H = np.empty((9, 9))
+    for e in range(start, stop):
+        out[e] = 0.0
+        for q in range(4):
+            stress(kind, p, G[e, q], P, C, B, d)
+            tangent(kind, p, G[e, q], 0.0, 1.0, H, C, B, d)
+            for r in range(9):
+                for c in range(9):
+                    P[r // 3, r % 3] += H[r, c] * D[e, q, c // 3, c % 3]
+            for n in range(10):
+                for i in range(3):
+                    for j in range(3):
+                        out[e, n, i] += weight[e] * P[i, j] * gradient[e, q, n, j]

@@ -1,0 +1,1 @@
+"""Boundary conditions, loads and poses, and what they leave free."""

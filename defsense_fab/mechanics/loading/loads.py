@@ -1,0 +1,140 @@
+"""External loads as nodal forces: gravity, soft drags, and pressure that follows the surface."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...core.arrays import Float, Int
+from ..elements.point_location import Located, PointLocator
+from ..elements.tet10 import QuadraticMesh, scatter_nodes, shape
+from .boundary_conditions import BoundaryConditions, Pressure
+
+#: Weights of the nodal forces of a constant body force on a straight-sided quadratic tet.
+_LUMP = np.array([-1 / 20] * 4 + [1 / 5] * 6)
+
+
+class Loads:
+    """The loads of one structure of boundary conditions on a mesh."""
+
+    def __init__(self, mesh: QuadraticMesh, conditions: BoundaryConditions) -> None:
+        self._mesh = mesh
+        self._unit = scatter_nodes(
+            mesh, np.repeat((4 * mesh.weight[:, None] * _LUMP)[:, :, None], 3, axis=2)
+        )
+        if conditions.drags:
+            points = np.array([d.at for d in conditions.drags])
+            at: Located = PointLocator(mesh).find(points)
+            self._drag_nodes: Int = mesh.cells[at.cell]
+            self._drag_weights: Float = shape(at.bary)
+
+    def _stretches(self, conditions: BoundaryConditions, u: Float) -> Float:
+        """How far each drag's point is from where it is pulled, (d, 3) mm."""
+        at = np.einsum("dn,dna->da", self._drag_weights, u[self._drag_nodes])
+        return np.asarray(at - [d.by for d in conditions.drags])
+
+    def energy(self, conditions: BoundaryConditions, u: Float, frozen: Float) -> float:
+        """Potential (N mm) of the loads at u; pressure counts as the dead load `frozen` (n, 3)."""
+        total = -float((self._unit * u).sum(axis=0) @ conditions.gravity)
+        if conditions.drags:
+            k = np.array([d.stiffness for d in conditions.drags])
+            total += float(0.5 * (k[:, None] * self._stretches(conditions, u) ** 2).sum())
+        if conditions.pressures:
+            total -= float((frozen * u).sum())
+        return total
+
+    def pressure(self, conditions: BoundaryConditions, u: Float) -> Float:
+        """Nodal forces (n, 3) of the pressures on the deformed faces."""
+        out = np.zeros_like(u)
+        for p in conditions.pressures:
+            x = (self._mesh.nodes + u)[p.faces]
+            a, b = (np.einsum("qn,tna->tqa", d, x) for d in (_BY_R, _BY_S))
+            force = -p.value * np.einsum("q,qn,tqa->tna", _AREA, _FACE, np.cross(a, b))
+            np.add.at(out, p.faces, force)
+        return out
+
+    def forces(self, conditions: BoundaryConditions, u: Float, pressure: Float) -> Float:
+        """All external nodal forces (n, 3) N, `pressure` included."""
+        out = self._unit * conditions.gravity + pressure
+        if conditions.drags:
+            k = np.array([d.stiffness for d in conditions.drags])[:, None]
+            pull = -k * self._stretches(conditions, u)
+            np.add.at(out, self._drag_nodes, self._drag_weights[:, :, None] * pull[:, None])
+        return np.asarray(out)
+
+    def blocks(self, conditions: BoundaryConditions, u: Float) -> list[tuple[Int, Float]]:
+        """What the loads add to the tangent: ((k,) nodes, (3 k, 3 k)) N/mm; of the follower load
+        the symmetric part."""
+        out: list[tuple[Int, Float]] = []
+        for d, nodes, w in zip(
+            conditions.drags,
+            self._drag_nodes if conditions.drags else (),
+            self._drag_weights if conditions.drags else (),
+            strict=True,
+        ):
+            block = np.kron(d.stiffness * np.outer(w, w), np.eye(3))
+            out.append((nodes, np.asarray(block, float)))
+        for p in conditions.pressures:
+            if p.value == 0:
+                continue
+            block = self._follower(p, u)
+            out += list(zip(p.faces, 0.5 * (block + block.transpose(0, 2, 1)), strict=True))
+        return out
+
+    def skew(self, conditions: BoundaryConditions, u: Float) -> sp.csr_matrix | None:
+        """The antisymmetric part (3 n, 3 n) of the tangent: of pressure on an open surface, whose
+        work depends on the way; None without pressure."""
+        parts = []
+        for p in conditions.pressures:
+            if p.value == 0:
+                continue
+            block = self._follower(p, u)
+            dof = (3 * p.faces[:, :, None] + np.arange(3)).reshape(-1, 18)
+            rows, columns = np.repeat(dof, 18, axis=1).ravel(), np.tile(dof, 18).ravel()
+            values = 0.5 * (block - block.transpose(0, 2, 1)).ravel()
+            parts.append(sp.csr_matrix((values, (rows, columns)), shape=(u.size, u.size)))
+        return sum(parts[1:], parts[0]) if parts else None
+
+    def _follower(self, p: Pressure, u: Float) -> Float:
+        """Derivative (t, 18, 18) of minus the pressure's forces on its faces."""
+        x = (self._mesh.nodes + u)[p.faces]
+        a, b = (np.einsum("qn,tna->tqa", d, x) for d in (_BY_R, _BY_S))
+        # d(a x b)/dx_m = skew(a) dN_m/ds - skew(b) dN_m/dr
+        change = np.einsum("tqij,qm->tqimj", _skew(a), _BY_S) - np.einsum(
+            "tqij,qm->tqimj", _skew(b), _BY_R
+        )
+        block = p.value * np.einsum("q,qn,tqimj->tnimj", _AREA, _FACE, change)
+        return np.asarray(block.reshape(len(block), 18, 18))
+
+
+def _skew(v: Float) -> Float:
+    """Cross-product matrices of (..., 3)."""
+    x, y, z = np.moveaxis(v, -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape(*v.shape, 3)
+
+
+#: Six-point rule of degree 4 (Dunavant 1985), exact for these products: on a closed surface the
+#: tangent is then symmetric. Shape functions of a face's six nodes and derivatives, (6, 6).
+_P, _Q = 0.445948490915965, 0.091576213509771
+_RS = np.array(
+    [[_P, _P], [1 - 2 * _P, _P], [_P, 1 - 2 * _P], [_Q, _Q], [1 - 2 * _Q, _Q], [_Q, 1 - 2 * _Q]]
+)
+_AREA = np.array([0.223381589678011] * 3 + [0.109951743655322] * 3) / 2
+_L = np.stack([1 - _RS.sum(1), _RS[:, 0], _RS[:, 1]], axis=1)
+_FACE = np.stack(
+    [*(x * (2 * x - 1) for x in _L.T)]
+    + [4 * _L[:, i] * _L[:, j] for i, j in ((0, 1), (1, 2), (2, 0))],
+    axis=1,
+)
+
+
+def _derivatives(by: Float) -> Float:
+    """Derivative of the six shape functions where the three coordinates change by `by` (3,)."""
+    corner = [(4 * _L[:, i] - 1) * by[i] for i in range(3)]
+    edge = [4 * (_L[:, i] * by[j] + _L[:, j] * by[i]) for i, j in ((0, 1), (1, 2), (2, 0))]
+    return np.stack(corner + edge, axis=1)
+
+
+_BY_R = _derivatives(np.array([-1.0, 1.0, 0.0]))
+_BY_S = _derivatives(np.array([-1.0, 0.0, 1.0]))

@@ -1,0 +1,184 @@
+"""Poses and mixtures of poses as boundary conditions on the nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...core.arrays import Float, Int
+from ...core.device import Handle, PointDrag, Pose
+from ...core.errors import DeviceError
+from ...core.regions import Shape
+from ..elements.tet10 import QuadraticMesh, boundary_faces
+from .boundary_conditions import BoundaryConditions, Pressure, RigidHandle, Slide
+
+#: Standard gravity in mm/s^2, and g/cm^3 in t/mm^3: forces come out in N.
+_GRAVITY, _DENSITY = 9806.65, 1e-9
+
+
+def mix(
+    poses: Sequence[Pose],
+    weights: Mapping[str, float],
+    regions: Mapping[str, Shape],
+    mesh: QuadraticMesh,
+    density: float = 0.0,
+) -> BoundaryConditions:
+    """The weighted mixture: rotation vectors, translations and loads add up.
+
+    A region rotates about the middle of its nodes' bounding box; `density` in g/cm^3. Raises
+    DeviceError for a region without nodes and for regions that overlap with different motions.
+    """
+    label = " + ".join(f"{w:g} {n}" for n, w in weights.items())
+    nodes = mesh.nodes
+    fixed: set[str] = set()
+    handles: dict[str, Handle] = {}
+    slides: dict[str, list[Float]] = {}
+    drags: list[PointDrag] = []
+    pressures: dict[str, float] = {}
+    gravity = np.zeros(3)
+    for pose in poses:
+        weight = weights.get(pose.name, 0.0)
+        if weight == 0:
+            continue
+        fixed |= set(pose.fixed)
+        for h in pose.handles:
+            scaled = replace(h, rotation=weight * h.rotation, translation=weight * h.translation)
+            known = handles.get(h.region)
+            handles[h.region] = scaled if known is None else _add(known, scaled, label)
+        for s in pose.symmetry:
+            slides.setdefault(s.region, []).append(s.normal)
+        drags += [replace(d, by=weight * d.by) for d in pose.drags]
+        for p in pose.pressures:
+            pressures[p.region] = pressures.get(p.region, 0.0) + weight * p.value
+        gravity += weight * pose.gravity
+    for name in sorted(fixed & set(handles)):
+        raise DeviceError(
+            f"device.toml: states: the mixture {label!r} both fixes and moves region {name!r}; mix"
+            " poses that agree"
+        )
+    owner = _owners(fixed, handles, regions, nodes, label)
+    held = np.flatnonzero(np.isin(owner.astype(str), sorted(fixed)))
+    rigid = tuple(
+        _rigid(name, np.flatnonzero(owner == name), handles[name], nodes)
+        for name in sorted(handles)
+    )
+    planes = []
+    for name, normals in sorted(slides.items()):
+        own = np.flatnonzero(regions[name].contains(nodes))
+        if len(own) < 3:
+            raise DeviceError(_too_few(name, len(own)))
+        for normal in {n.tobytes(): n for n in normals}.values():
+            planes.append(_slide(name, own, normal, nodes))
+    conditions = BoundaryConditions(
+        held,
+        rigid,
+        tuple(planes),
+        tuple(drags),
+        tuple(_pressure(name, v, regions[name], mesh) for name, v in sorted(pressures.items())),
+        gravity * (_GRAVITY * _DENSITY * density),
+    )
+    _agree_with_symmetry(conditions, label)
+    return conditions
+
+
+def _add(a: Handle, b: Handle, label: str) -> Handle:
+    if (np.isnan(a.translation) != np.isnan(b.translation)).any():
+        raise DeviceError(
+            f"device.toml: states: the mixture {label!r} moves region {a.region!r} both"
+            " freely and by a translation; mix poses that agree"
+        )
+    # An axis and its opposite are one hinge.
+    if a.free_axes.shape != b.free_axes.shape or not np.allclose(
+        np.abs(np.einsum("fa,fa->f", a.free_axes, b.free_axes)), 1.0
+    ):
+        raise DeviceError(
+            f"device.toml: states: the mixture {label!r} turns region {a.region!r} both"
+            " freely and by a rotation; mix poses that agree"
+        )
+    return replace(a, rotation=a.rotation + b.rotation, translation=a.translation + b.translation)
+
+
+def _too_few(name: str, count: int) -> str:
+    return (
+        f"device.toml: regions.{name}: holds {count} nodes of the mesh; move or"
+        " enlarge it, or use a smaller [mesh] edge_length"
+    )
+
+
+def _owners(
+    fixed: set[str],
+    handles: Mapping[str, Handle],
+    regions: Mapping[str, Shape],
+    nodes: Float,
+    label: str,
+) -> np.ndarray:
+    """Name of the region that holds each node (n,), empty for none."""
+    owner = np.full(len(nodes), "", dtype=object)
+    for name in sorted(fixed | set(handles)):
+        inside = regions[name].contains(nodes)
+        if inside.sum() < 3:
+            raise DeviceError(_too_few(name, int(inside.sum())))
+        if np.linalg.matrix_rank(nodes[inside] - nodes[inside].mean(0), 1e-6) < 2:
+            raise DeviceError(
+                f"device.toml: regions.{name}: its nodes lie on a line, about which the body can"
+                " turn; enlarge it"
+            )
+        clash = sorted(set(owner[inside]) - {""})
+        for other in clash:
+            if not (name in fixed and other in fixed):
+                raise DeviceError(
+                    f"device.toml: poses: in {label!r} the regions {other!r} and {name!r} overlap"
+                    " but move differently; make them disjoint"
+                )
+        owner[inside] = name
+    return owner
+
+
+def _rigid(name: str, own: Int, handle: Handle, nodes: Float) -> RigidHandle:
+    center = (nodes[own].min(0) + nodes[own].max(0)) / 2
+    return RigidHandle(own, center, handle.rotation, handle.translation, handle.free_axes, name)
+
+
+def _slide(name: str, own: Int, normal: Float, nodes: Float) -> Slide:
+    height = nodes[own] @ normal
+    if np.ptp(height) > 1e-3 * float(np.linalg.norm(np.ptp(nodes, axis=0))):
+        raise DeviceError(
+            f"device.toml: regions.{name}: its nodes do not lie in one plane across the symmetry's"
+            f" normal (they span {np.ptp(height):.3g} mm); use a thin box about the plane"
+        )
+    return Slide(own, normal)
+
+
+def _pressure(name: str, value: float, shape: Shape, mesh: QuadraticMesh) -> Pressure:
+    faces = boundary_faces(mesh)
+    faces = faces[shape.contains(mesh.nodes[faces[:, :3]]).all(axis=1)]
+    if len(faces) == 0:
+        raise DeviceError(
+            f"device.toml: regions.{name}: holds no face of the body's surface to press on; move or"
+            " enlarge it, or use a smaller [mesh] edge_length"
+        )
+    return Pressure(faces, value)
+
+
+def _agree_with_symmetry(conditions: BoundaryConditions, label: str) -> None:
+    """A handle that touches a plane of symmetry must stay in it."""
+    for slide in conditions.slides:
+        n = slide.normal
+        for h in conditions.handles:
+            if not len(np.intersect1d(slide.nodes, h.nodes)):
+                continue
+            turned = [*h.free_axes, h.rotation]
+            leaves = any(np.linalg.norm(np.cross(axis, n)) > 1e-9 for axis in turned)
+            free = np.isnan(h.translation)
+            if (
+                leaves
+                or (np.abs(n[free]) > 1e-9).any()
+                or abs(n[~free] @ h.translation[~free]) > 1e-9
+            ):
+                raise DeviceError(
+                    f"device.toml: poses: in {label!r} the region {h.name!r} touches a plane of"
+                    " symmetry but may leave it; turn it about the plane's normal only and"
+                    " prescribe 0 for its translation along the normal"
+                )

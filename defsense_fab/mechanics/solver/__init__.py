@@ -1,0 +1,1 @@
+"""Newton's method, load stepping, batches, modes, and fields read from solutions."""

@@ -1,0 +1,179 @@
+"""From one set of boundary conditions to another in steps that adapt, with a status for each."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from ...core.arrays import Float
+from ..elements.material import Material
+from ..elements.tet10 import QuadraticMesh
+from ..loading.boundary_conditions import BoundaryConditions, State, between, rest
+from .field_validity import inspect
+from .newton import LOOSE, TOLERANCE, Cancelled, System
+
+SMALLEST_STEP = 1 / 16
+#: Matrices of a step after which the next one is larger.
+EASY = 5
+#: No step turns a handle further (rad), or the solver could land in another equilibrium.
+LARGEST_TURN = np.deg2rad(100)
+
+
+class Status(StrEnum):
+    """How a solve ended. NOT_REACHED and CANCELLED come without a field."""
+
+    OK = "ok"
+    UNSOUND = "unsound"  # in equilibrium, but inverted or through itself: see `problem`
+    UNSTABLE = "unstable"  # in equilibrium, but at a saddle of the energy: the body would buckle
+    NOT_REACHED = "not reached"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Counts of linear solves, factorised matrices and load steps; residual relative to the
+    largest nodal force; stored energy (N mm); wall time (s)."""
+
+    iterations: int
+    factors: int
+    steps: int
+    residual: float
+    energy: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The outcome at one load fraction.
+
+    `state` is None unless the equilibrium was reached; `amplitude` is what was reached, and
+    `largest` the state there where it is not the one asked for.
+    """
+
+    status: Status
+    state: State | None
+    amplitude: float
+    statistics: Statistics
+    largest: State | None = field(default=None, repr=False)
+    problem: str | None = None
+
+    @property
+    def converged(self) -> bool:
+        return self.state is not None
+
+    @property
+    def u(self) -> Float | None:
+        """Displacements (n, 3) mm."""
+        return None if self.state is None else self.state.u
+
+
+def solve_ramp(
+    mesh: QuadraticMesh,
+    material: Material,
+    conditions: BoundaryConditions,
+    fractions: Sequence[float],
+    on_step: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+    threads: int = 1,
+) -> list[Equilibrium]:
+    """Equilibria at increasing load `fractions`, from rest; stops at the first not reached."""
+    system = System(mesh, material, conditions, threads)
+    try:
+        start = rest(conditions, len(mesh.nodes))
+        return follow(system, start, conditions, fractions, on_step, stop)
+    finally:
+        system.close()
+
+
+def follow(
+    system: System,
+    start: State,
+    goal: BoundaryConditions,
+    fractions: Sequence[float] = (1.0,),
+    on_step: Callable[[float], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+    check: bool = True,
+    guess: Float | None = None,
+) -> list[Equilibrium]:
+    """Equilibria at the `fractions` of the way from `start` (an equilibrium) to `goal`.
+
+    `start` may be any pose of the same structure: a neighbouring one saves steps. After a fraction
+    that was not reached or a `stop` the list ends with a record without a state. `check` looks
+    for inverted tets and for a surface that passes through itself, and whether the state is
+    a minimum of the energy. `guess` (n, 3) mm is
+    how far the body is expected to move to the goal, as a coarser mesh tells.
+    """
+    if goal.structure != system.structure:
+        raise ValueError("the goal's boundary conditions differ in structure from the system's")
+    home, state, at = start.conditions, start, 0.0
+    largest = _largest_step(home, goal)
+    step = largest
+    if largest < 1 or list(fractions) != [1.0]:
+        guess = None
+    results: list[Equilibrium] = []
+    for target in fractions:
+        began = time.perf_counter()
+        smallest = min(SMALLEST_STEP, (target - at) / 4)
+        iterations = factors = steps = 0
+        residual = energy = np.inf
+        stable = True
+
+        def statistics() -> Statistics:
+            seconds = time.perf_counter() - began  # noqa: B023
+            return Statistics(iterations, factors, steps, residual, energy, seconds)  # noqa: B023
+
+        while at < target - 1e-12:
+            there = min(at + step, target)
+            if target - there < 0.25 * step:
+                there = target
+            try:
+                attempt = system.step(
+                    state,
+                    between(home, goal, there),
+                    stop,
+                    guess,
+                    TOLERANCE if there == target else LOOSE,
+                )
+                guess = None  # holds for one step to the goal
+            except Cancelled:
+                results.append(Equilibrium(Status.CANCELLED, None, at, statistics(), state))
+                return results
+            iterations += attempt.solves
+            factors += attempt.factors
+            if attempt.state is None:
+                step = (there - at) / 2
+                if step < smallest:
+                    results.append(Equilibrium(Status.NOT_REACHED, None, at, statistics(), state))
+                    return results
+                continue
+            state, at = attempt.state, there
+            residual, energy, stable = attempt.residual, attempt.energy, attempt.stable
+            steps += 1
+            if attempt.factors <= EASY:
+                step = min(2 * step, largest)
+            if on_step:
+                on_step(at)
+        problem = inspect(system.mesh, state.u).problem() if check else None
+        status = Status.OK
+        if problem:
+            status = Status.UNSOUND
+        elif check and not (stable or system.is_stable(state)):
+            status, problem = Status.UNSTABLE, "the equilibrium is unstable: the body would buckle"
+        results.append(Equilibrium(status, state, at, statistics(), None, problem))
+    return results
+
+
+def _largest_step(home: BoundaryConditions, goal: BoundaryConditions) -> float:
+    turn: float = max(
+        (
+            float(np.linalg.norm(b.rotation - a.rotation))
+            for a, b in zip(home.handles, goal.handles, strict=True)
+        ),
+        default=0.0,
+    )
+    return 1.0 / float(math.ceil(max(turn / LARGEST_TURN - 1e-9, 1.0)))

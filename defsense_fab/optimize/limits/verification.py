@@ -1,0 +1,169 @@
+"""An independent check of finished layouts on dense samples, apart from the optimiser's code.
+
+Depth comes from the body's facets by winding number and closest points, inlets by rays, curvature
+from the circle through three neighbouring samples, distances from a k-d tree over dense samples.
+The straight runs from a path's ends to the surface are channels too, and are checked with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...core.arrays import Float, place
+from ...core.curve import bend_radius
+from ...core.device import Sensor
+from ...core.mesh import Surface
+from ...geometry.channels.channel_ends import INLET_SLOPE
+from ...geometry.kernels import ray_casting
+from ..problem.problem import Limits
+from .constraints import LONGEST_INLET
+
+_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class CordCheck:
+    """Measured numbers of one cord and, in words, what it breaks."""
+
+    length: float
+    min_radius: float
+    min_wall: float
+    inlets: tuple[float, float]
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class LayoutCheck:
+    """All cords' numbers, least centre distance between different cords, and what is broken."""
+
+    cords: tuple[CordCheck, ...]
+    min_clearance: float | None
+    problems: tuple[str, ...]
+
+
+def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> LayoutCheck:
+    """Check every cord and every pair on samples at most 0.25 mm apart."""
+    paths = [_dense(s) for s in sensors]
+    cords = tuple(_cord(s, p, surface, limits) for s, p in zip(sensors, paths, strict=True))
+    dense = [_with_runs(p, c.inlets) for p, c in zip(paths, cords, strict=True)]
+    problems = [p for c in cords for p in c.problems]
+    closest = None
+    for i in range(len(sensors)):
+        for j in range(i + 1, len(sensors)):
+            gap, _ = cKDTree(dense[j]).query(dense[i])
+            k = int(gap.argmin())
+            closest = float(gap[k]) if closest is None else min(closest, float(gap[k]))
+            if gap[k] < limits.clearance - _TOLERANCE:
+                problems.append(
+                    f"cords {sensors[i].name!r} and {sensors[j].name!r} come within"
+                    f" {gap[k]:.2f} mm near {place(dense[i][k])}; {limits.clearance:.2f} mm is"
+                    " needed"
+                )
+    return LayoutCheck(cords, closest, tuple(problems))
+
+
+def _dense(sensor: Sensor) -> Float:
+    coarse = sensor.curve.sample(16)
+    longest = np.linalg.norm(np.diff(coarse, axis=0), axis=1).max() * 16
+    return sensor.plane.to_world(sensor.curve.sample(int(np.clip(longest / 0.25, 32, 2000))))
+
+
+def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> CordCheck:
+    problems: list[str] = []
+    name = f"cord {sensor.name!r}"
+    start, end = _inlet(points[0], points[1], surface), _inlet(points[-1], points[-2], surface)
+    inlets = (start, end)
+    path_depth = _depth(points, surface)
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    length = float(step.sum())
+    if path_depth.min() < -_TOLERANCE:
+        k = int(path_depth.argmin())
+        problems.append(
+            f"{name} leaves the body near {place(points[k])}, {-path_depth[k]:.2f} mm outside"
+        )
+    for inlet, which in zip(inlets, ("start", "end"), strict=True):
+        if inlet > LONGEST_INLET and not problems:
+            problems.append(
+                f"{name}: its {which} lies {inlet:.1f} mm from where it leaves the body; move the"
+                f" end within {LONGEST_INLET:g} mm of the surface"
+            )
+    whole = points if problems else _with_runs(points, inlets)
+    depth = _depth(whole, surface)
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(whole, axis=0), axis=1))])
+    if not problems:
+        to_exit = np.minimum(along, along[-1] - along)
+        slack = depth - np.minimum(limits.depth, INLET_SLOPE * to_exit)
+        k = int(slack.argmin())
+        if slack[k] < -_TOLERANCE:
+            wall = depth[k] - limits.channel_diameter / 2
+            problems.append(
+                f"{name} leaves a wall of {wall:.2f} mm near {place(whole[k])};"
+                f" {limits.wall:.2f} mm is needed"
+            )
+    inside = np.minimum(along, along[-1] - along) >= limits.depth / INLET_SLOPE
+    wall_depth = depth[inside].min() if inside.any() else depth.max()
+    whole_length = length + sum(inlets)
+    if not problems and not (
+        limits.shortest - _TOLERANCE <= whole_length <= limits.longest + _TOLERANCE
+    ):
+        problems.append(
+            f"{name} takes a channel of {whole_length:.1f} mm; [cord] length allows"
+            f" {limits.shortest:.1f} to {limits.longest:.1f} mm without the free ends"
+        )
+    radius = bend_radius(points)
+    if radius.min() < limits.min_radius - _TOLERANCE:
+        k = int(radius.argmin())
+        problems.append(
+            f"{name} bends to a radius of {radius[k]:.2f} mm near {place(points[k + 1])};"
+            f" {limits.min_radius:.2f} mm is needed"
+        )
+    far = np.pi * max(limits.min_radius, limits.clearance / 2)
+    few = slice(None, None, 4)
+    a, s = whole[few], along[few]
+    gap = np.linalg.norm(a[:, None] - a[None], axis=2)
+    gap[np.abs(s[:, None] - s) < far + 1] = np.inf
+    if gap.min() < limits.clearance - _TOLERANCE:
+        k = int(np.unravel_index(gap.argmin(), gap.shape)[0])
+        problems.append(
+            f"{name} comes within {gap.min():.2f} mm of itself near {place(a[k])};"
+            f" {limits.clearance:.2f} mm is needed"
+        )
+    return CordCheck(
+        length,
+        float(radius.min()),
+        float(wall_depth - limits.channel_diameter / 2),
+        inlets,
+        tuple(problems),
+    )
+
+
+def _inlet(end: Float, before: Float, surface: Surface) -> float:
+    """How far a channel runs on straight from its path's end to the surface, mm."""
+    found = ray_casting.hits(end, end - before, surface)
+    return float(found[0]) if len(found) else float("inf")
+
+
+def _with_runs(path: Float, inlets: tuple[float, float]) -> Float:
+    """The path (p, 3) with samples of its straight runs to the surface."""
+
+    def run(end: Float, before: Float, inlet: float) -> Float:
+        if not 0.01 < inlet <= LONGEST_INLET:
+            return path[:0]
+        out = (end - before) / np.linalg.norm(end - before)
+        return end + np.linspace(0, inlet, int(np.ceil(inlet / 0.25)) + 1)[1:, None] * out
+
+    start, end = run(path[0], path[1], inlets[0]), run(path[-1], path[-2], inlets[1])
+    return np.concatenate([start[::-1], path, end])
+
+
+def _depth(points: Float, surface: Surface) -> Float:
+    """Distance to the facets, negative outside by the winding number."""
+    v, f = np.ascontiguousarray(surface.vertices), np.ascontiguousarray(surface.faces)
+    distance = np.sqrt(np.asarray(igl.point_mesh_squared_distance(points, v, f)[0]))
+    inside = np.asarray(igl.fast_winding_number(v, f, np.ascontiguousarray(points))) > 0.5
+    return np.asarray(np.where(inside, distance, -distance))

@@ -1,0 +1,1 @@
+"""What is optimised: cords, their signals, the objective and its derivatives."""

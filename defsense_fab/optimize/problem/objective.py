@@ -1,0 +1,119 @@
+"""Expected squared error of a layout with the decoder eliminated, its gradient and curvature.
+
+Variable projection (Golub & Pereyra 1973): the ridge with the features Phi and the noise weight of
+`decoding/ridge.py` is the least squares problem |A beta - B|^2, A being the centred features over
+the features' slopes times the noise, B the centred outputs over zeros. At the optimal beta the
+gradient by a parameter is 2 <dA beta, A beta - B>, and with Kaufman's Jacobian (I - P) dA beta
+(BIT 15, 1975), P the projection onto A's columns, the Gauss-Newton matrix is its Gram matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...decoding.elimination import expected_square, square_slopes
+from .cord_kinematics import Placed
+from .cord_parameters import CordFreedom
+from .cord_signals import Carried
+from .problem import Problem
+
+
+@dataclass(frozen=True)
+class Model:
+    """Mean squared marker error (mm^2), its gradient (size,), Gauss-Newton matrix (size, size)."""
+
+    value: float
+    gradient: Float
+    hessian: Float
+
+
+class Objective:
+    """Mean squared marker error as a function of all cords' parameters."""
+
+    def __init__(self, problem: Problem, cords: Sequence[CordFreedom]) -> None:
+        self.problem, self.cords = problem, cords
+        self._outputs = problem.outputs
+        self._features = problem.features(len(cords))
+        self._bent = bool(self._features.second.any())
+        self._noise = self._features.uncertainty(problem.noise)
+        self._ends = np.cumsum([0, *(c.size for c in cords)])
+        self._first = np.cumsum([0, *(len(c.basis) for c in cords)])
+
+    def split(self, x: Float) -> list[Float]:
+        return [x[a:b] for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
+
+    def value(self, x: Float) -> float:
+        """Value at parameters x (size,)."""
+        signals = _with_rest(self._carry(x)[1].signals)
+        square = expected_square(self._features, signals, self._outputs, self._noise)
+        return float(square) / len(signals)
+
+    def __call__(self, x: Float) -> tuple[float, Float]:
+        """Value and gradient (size,) at parameters x (size,), for methods that need no more:
+        descents take the `model`."""
+        placed, carried = self._carry(x)
+        signals = _with_rest(carried.signals)
+        square, slopes = square_slopes(self._features, signals, self._outputs, self._noise)
+        by_points = carried.pull(slopes[1:] / len(signals))
+        pulled = [p.pull_one(by_points[a:b]) for p, a, b in self._parts(placed)]
+        return square / len(signals), np.concatenate(pulled)
+
+    def model(self, x: Float) -> Model:
+        """The quadratic model at parameters x (size,)."""
+        S, slopes = self.signals(x)
+        jacobians = slopes()
+        n, m = S.shape
+        phi, bend = self._features(S), self._features.slopes(S)
+        A, B = phi - phi.mean(0), self._outputs
+        A = np.concatenate([A, self._noise * bend.transpose(0, 2, 1).reshape(n * m, -1)])
+        B = np.concatenate([B, np.zeros((n * m, B.shape[1]))])
+        Q, R = np.linalg.qr(A)
+        beta = np.linalg.lstsq(R, Q.T @ B, rcond=1e-12)[0]
+        residual = A @ beta - B
+        by_signal = np.einsum("nfc,fr->cnr", bend, beta)
+        by_slope = self._noise * np.einsum("fcd,fr->cdr", self._features.second, beta)
+        changes = []
+        for j, one, two in zip(jacobians, by_signal, by_slope, strict=True):
+            change = np.zeros((len(j), *residual.shape))
+            change[:, 1:n] = j[:, :, None] * one[1:]  # rest has no signal to change
+            change[:, :n] -= change[:, :n].mean(1, keepdims=True)
+            if self._bent:
+                rows = j[:, :, None, None] * two
+                change[:, n + m :] = rows.reshape(len(j), (n - 1) * m, residual.shape[1])
+            changes.append(change)
+        change = np.concatenate(changes)
+        gradient = change.reshape(len(change), -1) @ residual.ravel()
+        change -= Q @ (Q.T @ change)
+        flat = change.reshape(len(change), -1)
+        return Model(
+            float((residual**2).sum() / n), 2 / n * gradient, np.asarray(2 / n * flat @ flat.T)
+        )
+
+    def signals(self, x: Float) -> tuple[Float, Callable[[], list[Float]]]:
+        """Signals (n, c) at parameters x (size,), rest first, and the function that gives for each
+        cord the derivatives (own size, n - 1) of its signals in the other states by its own
+        parameters."""
+        placed, carried = self._carry(x)
+
+        def jacobians() -> list[Float]:
+            slopes = carried.slopes()
+            return [p.pull(slopes[a:b]) for p, a, b in self._parts(placed)]
+
+        return _with_rest(carried.signals), jacobians
+
+    def _carry(self, x: Float) -> tuple[list[Placed], Carried]:
+        placed = [c.place(part) for c, part in zip(self.cords, self.split(x), strict=True)]
+        points = np.concatenate([p.points for p in placed])
+        return placed, self.problem.carrier.carry(points, self._first)
+
+    def _parts(self, placed: list[Placed]) -> Iterator[tuple[Placed, int, int]]:
+        """Each cord with the first and the last of its points."""
+        return zip(placed, self._first[:-1].tolist(), self._first[1:].tolist(), strict=True)
+
+
+def _with_rest(signals: Float) -> Float:
+    return np.concatenate([np.zeros((1, signals.shape[1])), signals])

@@ -1,0 +1,135 @@
+"""What the optimiser works on: the simulated states, the outputs, the cord and the limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.errors import LayoutError
+from ...core.mesh import Surface
+from ...decoding.elimination import expected_square
+from ...decoding.features import KINDS, Features
+from ...decoding.ridge import floor
+from ...mechanics.elements.point_location import PointLocator
+from ...sensing.response import Response
+from .cord_signals import Carrier
+from .surface_depth import DepthField, DepthGrid
+
+_STILL = 1e-6  # mm
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Least wall, radius of curvature and centre distance of cords; channel diameter; least and
+    greatest length of a channel from surface to surface; all mm."""
+
+    wall: float
+    min_radius: float
+    clearance: float
+    channel_diameter: float
+    #: Smallest part as a fraction of the body: cord planes that nearly meet leave slivers.
+    smallest_part: float = 0.01
+    shortest: float = 0.0
+    longest: float = np.inf
+
+    @property
+    def depth(self) -> float:
+        """Least distance of a cord's centre line from the surface."""
+        return self.wall + self.channel_diameter / 2
+
+
+@dataclass(frozen=True)
+class Problem:
+    """States `fields` (s, n, 3) mm without rest; `markers` (s + 1, k, 3) mm displacements, rest
+    first; `marker_weights` (k,) summing to one; the cords' `response`, `noise` of (R - R0)/R0.
+
+    Raises LayoutError for values that are not finite, and for states that move no marker.
+    """
+
+    surface: Surface
+    locator: PointLocator
+    fields: Float
+    markers: Float
+    marker_weights: Float
+    response: Response
+    noise: float
+    limits: Limits
+    decoder: str = "affine"
+
+    def __post_init__(self) -> None:
+        for what, values in (("field", self.fields), ("markers' displacement", self.markers)):
+            broken = np.flatnonzero(~np.isfinite(values).all(axis=(1, 2)))
+            if len(broken):
+                state = int(broken[0]) + (what == "field")
+                raise LayoutError(
+                    f"the {what} of state {state} (rest is 0) has values that are not finite;"
+                    " simulate the poses again"
+                )
+        if np.abs(self.markers - self.markers[:1]).max(initial=0) < _STILL:
+            raise LayoutError(
+                "all states leave the markers where they are: there is nothing to sense; give"
+                " [[poses]] that move the body, or other [outputs] markers"
+            )
+
+    def decoded_by(self, kind: str) -> Problem:
+        """The same for another decoder; what was made once is shared."""
+        out = replace(self, decoder=kind)
+        made = {"carrier", "depth", "grid", "outputs"} & vars(self).keys()
+        vars(out).update({k: vars(self)[k] for k in made})
+        return out
+
+    def features(self, cords: int) -> Features:
+        """What the decoder that will be used sees of the signals."""
+        return KINDS[self.decoder](cords)
+
+    @cached_property
+    def carrier(self) -> Carrier:
+        """What moves cords with the fields; made once, its tables are large."""
+        return Carrier(self.locator, self.fields, self.response)
+
+    @cached_property
+    def depth(self) -> DepthField:
+        """Exact depth below the surface."""
+        return DepthField(self.surface)
+
+    @cached_property
+    def grid(self) -> DepthGrid:
+        """Depth on a grid, for very many points."""
+        return DepthGrid(self.surface)
+
+    @cached_property
+    def outputs(self) -> Float:
+        """Centred outputs (s + 1, r), reduced by SVD to at most s + 1 columns."""
+        return reduce_outputs(self.markers, self.marker_weights)
+
+    def deform(self, points: Float) -> Float:
+        """Deformed positions (s, ..., 3) of rest points (..., 3)."""
+        moved = self.carrier.move(points.reshape(-1, 3))
+        return moved.reshape(len(self.fields), *points.shape)
+
+    def signals(self, points: Float) -> Float:
+        """Signals (s + 1, ...) of polylines (..., p, 3), the zero of rest first."""
+        shape = points.shape[:-2]
+        moved = self.carrier.signals(points.reshape(-1, *points.shape[-2:]))
+        return np.concatenate([np.zeros((1, *shape)), moved.reshape(len(self.fields), *shape)])
+
+    def floor(self, sensors: int) -> float:
+        return floor(self.outputs, sensors)
+
+    def expected_error(self, signals: Float) -> Float:
+        """Expected RMSE (mm) of the best decoder under noise, for each set of signals
+        (..., n, c)."""
+        features = self.features(signals.shape[-1])
+        square = expected_square(features, signals, self.outputs, self.noise)
+        return np.asarray(np.sqrt(np.maximum(square, 0) / len(self.markers)))
+
+
+def reduce_outputs(markers: Float, weights: Float) -> Float:
+    """Centred outputs (n, r), r at most n, of marker displacements (n, k, 3) mm with weights (k,):
+    the squared norm of a row is the state's mean squared distance from the mean."""
+    flat = (markers * np.sqrt(weights)[:, None]).reshape(len(markers), -1)
+    u, s, _ = np.linalg.svd(flat - flat.mean(0), full_matrices=False)
+    return np.asarray(u * s)

@@ -1,0 +1,116 @@
+"""Depth below the body's surface: exact for the few points of a descent, on a grid for the many
+points of candidates."""
+
+from __future__ import annotations
+
+import igl
+import numba
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.mesh import Surface
+
+#: Nodes of the grid, and its finest spacing, mm.
+_NODES, _FINEST = 60_000, 1.0
+
+
+class DepthField:
+    """Distance below the surface (positive inside), with its gradient."""
+
+    def __init__(self, surface: Surface) -> None:
+        self._v = np.ascontiguousarray(surface.vertices)
+        self._f = np.ascontiguousarray(surface.faces)
+        # Kept between queries: building these trees costs far more than one query.
+        self._tree, self._winding = igl.AABB(), igl.FastWindingNumberBVH()
+        self._tree.init(self._v, self._f)
+        self._winding.init(self._v, self._f)
+        a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
+        normal = np.cross(b - a, c - a)
+        self._inward = -normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+
+    def __call__(self, points: Float) -> tuple[Float, Float]:
+        """Depth (p,) mm and gradient (p, 3) at points (p, 3)."""
+        points = np.ascontiguousarray(points)
+        square, face, closest = self._tree.squared_distance(self._v, self._f, points)
+        inside = np.asarray(self._winding.winding_number(points)) > 0.5
+        depth = np.sqrt(np.asarray(square)) * np.where(inside, 1.0, -1.0)
+        away = points - np.asarray(closest)
+        size = np.linalg.norm(away, axis=1, keepdims=True)
+        direction = np.where(
+            size > 1e-9,
+            away / np.maximum(size, 1e-9) * np.sign(depth)[:, None],
+            self._inward[np.asarray(face)],
+        )
+        return depth, direction
+
+
+class DepthGrid:
+    """The same depth interpolated on a grid; negative everywhere outside of it."""
+
+    def __init__(self, surface: Surface) -> None:
+        low, high = surface.bounds
+        self._step = max(float(np.cbrt(np.prod(high - low) / _NODES)), _FINEST)
+        count = np.ceil((high - low) / self._step).astype(int) + 3
+        self._low = (low + high) / 2 - self._step * (count - 1) / 2
+        ticks = [a + self._step * np.arange(n) for a, n in zip(self._low, count, strict=True)]
+        nodes = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
+        self._depth = DepthField(surface)(nodes.reshape(-1, 3))[0].reshape(count)
+
+    @property
+    def error(self) -> float:
+        """How wrong it is beside an edge of the body, about, mm."""
+        return self._step / 4
+
+    def __call__(self, points: Float) -> Float:
+        """Depth (...,) mm at points (..., 3)."""
+        flat = np.ascontiguousarray(points.reshape(-1, 3))
+        found = _interpolate(self._depth, self._low, self._step, flat)
+        return np.asarray(found.reshape(points.shape[:-1]))
+
+    def exits(self, points: Float, directions: Float, longest: float) -> Float:
+        """How far (c,) mm the rays from points (c, 3) inside along unit directions (c, 3) run
+        before they leave the body; inf where that is more than `longest` mm."""
+        return np.asarray(
+            _exits(self._depth, self._low, self._step, points, directions, float(longest))
+        )
+
+
+@numba.njit(cache=True, nogil=True)
+def _at(depth, low, step, x, y, z):  # type: ignore[no-untyped-def]
+    a, b, c = (x - low[0]) / step, (y - low[1]) / step, (z - low[2]) / step
+    n0, n1, n2 = depth.shape
+    if a < 0 or b < 0 or c < 0 or a >= n0 - 1 or b >= n1 - 1 or c >= n2 - 1:
+        return -step
+    i, j, k = int(a), int(b), int(c)
+    a, b, c = a - i, b - j, c - k
+    out = 0.0
+    for s in range(2):
+        for t in range(2):
+            w = (a if s else 1 - a) * (b if t else 1 - b)
+            out += w * ((1 - c) * depth[i + s, j + t, k] + c * depth[i + s, j + t, k + 1])
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _interpolate(depth, low, step, points):  # type: ignore[no-untyped-def]
+    out = np.empty(len(points))
+    for p in range(len(points)):
+        out[p] = _at(depth, low, step, points[p, 0], points[p, 1], points[p, 2])
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _exits(depth, low, step, points, directions, longest):  # type: ignore[no-untyped-def]
+    out = np.full(len(points), np.inf)
+    stride = step / 2
+    for c in range(len(points)):
+        p, d = points[c], directions[c]
+        before, s = _at(depth, low, step, p[0], p[1], p[2]), 0.0
+        while s < longest:
+            s += stride
+            now = _at(depth, low, step, p[0] + s * d[0], p[1] + s * d[1], p[2] + s * d[2])
+            if now <= 0:
+                out[c] = max(s - stride * (1 - before / (before - now)), 0.0) if before > 0 else 0.0
+                break
+            before = now
+    return out

@@ -1,0 +1,1 @@
+"""Descents from a selected layout to the best one found."""

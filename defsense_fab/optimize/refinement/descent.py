@@ -1,0 +1,75 @@
+"""One descent from a layout: the objective under its constraints, by quadratic programmes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...core.arrays import Float
+from ..limits.constraints import MARGIN, Constraints
+from ..limits.thin_parts import Slivers
+from ..problem.cord_parameters import CordFreedom, apart, together
+from ..problem.objective import Model, Objective
+from ..problem.problem import Problem
+from ..search.starting_layouts import Layout
+from .sqp import minimise
+
+
+def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
+    """A slight push off a drawing: symmetric drawings are saddle points. Cords in one plane stay in
+    one if `tied`; otherwise they were only drawn there, and need not."""
+    cords, which = together(layout) if tied else apart(layout)
+    x = rng.normal(0, 1.5, which.max(initial=-1) + 1)
+    return _applied(cords, x[which], layout)
+
+
+def descend(
+    problem: Problem,
+    sensors: Layout,
+    iterations: int,
+    tolerance: float,
+    slivers: Slivers,
+    show: Callable[[float, float], None],
+) -> Layout:
+    """The layout after so many iterations, or fewer where they gain less than `tolerance` each;
+    `show` as in `minimise`. Coplanar cords stay so; no slivers come where none are."""
+    cords, which = together(sensors)
+    if not len(which):  # a plane that another, locked cord holds is no freedom
+        return sensors
+    objective = Objective(problem, cords)
+    constraints = Constraints(problem.surface, problem.depth, problem.limits, cords)
+    tied = np.eye(int(which.max()) + 1)[which]
+
+    def model(y: Float) -> Model:
+        at = objective.model(y[which])
+        return Model(at.value, at.gradient @ tied, tied.T @ at.hessian @ tied)
+
+    def limits(y: Float) -> tuple[Float, Float]:
+        room, rows = constraints(y[which])
+        return room, rows @ tied
+
+    def guard(old: Float, new: Float) -> tuple[Float, Float] | None:
+        found = slivers.guard(cords, old[which], new[which])
+        return None if found is None else (found[0], found[1] @ tied)
+
+    found = minimise(
+        model,
+        lambda y: objective.value(y[which]),
+        limits,
+        np.zeros(tied.shape[1]),
+        iterations,
+        tolerance=tolerance,
+        loosest=0.95 * MARGIN,
+        guard=guard if not slivers(sensors) else None,
+        show=show,
+    )
+    return _applied(cords, found.x[which], sensors)
+
+
+def _applied(cords: Sequence[CordFreedom], x: Float, layout: Layout) -> Layout:
+    """The layout with its cords at parameters x (size,), as free as before."""
+    parts = np.split(x, np.cumsum([c.size for c in cords[:-1]]))
+    moved = zip(cords, parts, layout, strict=True)
+    return tuple(replace(c.apply(part), free=s.free) for c, part, s in moved)

@@ -1,0 +1,212 @@
+"""From the paths as drawn, or none, to the best layout found: selection, then descents."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ...core.curve import distinct
+from ...core.device import Sensor
+from ...core.errors import LayoutError
+from ..limits.thin_parts import Slivers
+from ..limits.verification import verify
+from ..problem.cord_parameters import sample_path
+from ..problem.problem import Problem
+from ..search.starting_layouts import Layout, choices, no_room, seeds
+from .descent import descend, jitter
+
+Report = Callable[[float, str], None]
+#: Gets the best layout so far and its expected RMSE, mm.
+Watch = Callable[[Layout, float], None]
+
+_SHORT, _LONG, _ROUNDS = 15, 40, 3  # iterations of a descent; descents of a finish
+_ROUGH, _FINE = 1e-3, 2e-4  # relative gain that a descent still goes on for
+_STILL = 2e-3  # relative gain of a descent that ends a finish
+
+
+class Cancelled(Exception):
+    """Raised by a callback to stop the search: the best layout so far is the result."""
+
+
+@dataclass(frozen=True)
+class Optimised:
+    """The best layout that keeps every limit, its expected RMSE (mm), whether its planes leave
+    slivers, the RMSE of all descents, and what the search set out from: the drawing, or the first
+    selection where cords were added."""
+
+    sensors: Layout
+    rmse: float
+    slivers: bool
+    starts: tuple[float, ...]
+    initial: Layout
+
+
+def layout_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
+    """Expected RMSE (mm) of the best decoder for these cords."""
+    columns = [problem.signals(sample_path(s)) for s in sensors]
+    return float(problem.expected_error(np.stack(columns, axis=1)))
+
+
+def optimise(
+    problem: Problem,
+    drawn: Sequence[Sensor],
+    rng: np.random.Generator,
+    report: Report,
+    *,
+    extra: int = 0,
+    planes: int | None = None,
+    starts: int = 6,
+    finalists: int = 2,
+    candidates: int = 12000,
+    watch: Watch | None = None,
+) -> Optimised:
+    """Improve the drawn cords that are free, and add `extra` ones, in at most `planes` planes if
+    given (or as many as are drawn). Cords that are selected in one plane stay in it.
+
+    Thousands of candidates for each cord are screened, and `starts` layouts selected from shares
+    of them; with a limit on planes and no extra cords, pushed copies of the drawing take their
+    place. All these and the drawing itself take a short descent, and the best `finalists` go on
+    until they stand still. Only layouts that pass an independent check compete, and one
+    whose planes leave slivers loses to any that leave none. A drawing, which must pass itself, is
+    the result where nothing better was found. `report` and `watch` may raise Cancelled.
+
+    Raises LayoutError where the drawing breaks a limit, and where there is no room for more cords.
+    """
+    drawn = tuple(drawn)
+    check = verify(drawn, problem.surface, problem.limits)
+    if check.problems:
+        raise LayoutError(
+            f"device.toml: sensors: {check.problems[0]}; move its control_points or plane"
+        )
+    most = None if planes is None else max(planes, len(distinct([s.plane for s in drawn])))
+    best = _Best(problem, watch, most)
+    initial: Layout = ()
+    if not extra:
+        initial = drawn
+        best.offer(drawn, trusted=True)
+        if not any(s.free for s in drawn):
+            return Optimised(drawn, *best.rank[::-1], (), drawn)
+    reached: list[float] = []
+    try:
+        show = partial(part, report, 0.0, 0.25)
+        begun = _begin(problem, drawn, rng, show, extra, planes, starts, candidates, best)
+        initial = initial or (begun[0] if begun else ())
+        show = partial(part, report, 0.25, 1.0)
+        for error in _improve(problem, begun, finalists, best, show):
+            reached.append(error)
+        report(1.0, f"best {best.rank[1]:.3g} mm")
+    except Cancelled:
+        if not best.layout:
+            raise
+    if not best.layout:
+        raise no_room(problem, len(drawn) + extra)
+    return Optimised(best.layout, *best.rank[::-1], tuple(reached), initial or best.layout)
+
+
+def _begin(
+    problem: Problem,
+    drawn: Layout,
+    rng: np.random.Generator,
+    report: Report,
+    extra: int,
+    planes: int | None,
+    starts: int,
+    candidates: int,
+    best: _Best,
+) -> list[Layout]:
+    """The layouts that descents set out from."""
+    if planes is not None and not extra:  # the planes are few already; candidates lie in others
+        return [drawn, *(jitter(drawn, rng, tied=True) for _ in range(starts - 1))]
+    report(0.0, "candidates")
+    cords = choices(problem, drawn, extra, candidates, rng, planes)
+    begun = seeds(problem, cords, starts, planes, best.slivers, rng, partial(part, report, 0.4, 1))
+    for layout in begun:
+        best.offer(layout)
+    if not extra:
+        begun.append(jitter(drawn, rng, tied=False))
+    return begun
+
+
+def _improve(
+    problem: Problem, begun: Sequence[Layout], finalists: int, best: _Best, report: Report
+) -> Iterator[float]:
+    """Short descents of all and finishes of the best, and the error (mm) that each comes to."""
+    short, reached = [], []
+    for i, layout in enumerate(begun):
+        low, high = (0.5 * (i + k) / len(begun) for k in (0, 1))
+        what = f"descent {i + 1} of {len(begun)}"
+        show = partial(_show, partial(part, report, low, high), what)
+        short.append(descend(problem, layout, _SHORT, _ROUGH, best.slivers, show))
+        reached.append(layout_error(problem, short[-1]))
+        best.offer(short[-1])
+        yield reached[-1]
+    ranked = sorted(range(len(short)), key=lambda i: (best.slivers(short[i]), reached[i]))
+    for n, i in enumerate(_different(ranked, reached)[:finalists]):
+        low, high = (0.5 + 0.5 * (n + k) / finalists for k in (0, 1))
+        what = f"finishing {n + 1} of {finalists}"
+        show = partial(_show, partial(part, report, low, high), what)
+        yield _finish(problem, short[i], best, show)
+
+
+def _different(ranked: Sequence[int], errors: Sequence[float]) -> list[int]:
+    """Without those that are as good as the one before: they have come to the same layout."""
+    out = list(ranked[:1])
+    for a, b in itertools.pairwise(ranked):
+        if abs(errors[b] - errors[a]) > 1e-5 * errors[a]:
+            out.append(b)
+    return out
+
+
+def part(report: Report, low: float, high: float, fraction: float, what: str) -> None:
+    """Report a fraction of a part of the whole."""
+    report(low + (high - low) * fraction, what)
+
+
+def _show(report: Report, what: str, done: float, value: float) -> None:
+    report(done, f"{what}, {np.sqrt(value):.3g} mm")
+
+
+class _Best:
+    """The best layout offered that passes; one with slivers only for want of others."""
+
+    def __init__(self, problem: Problem, watch: Watch | None, planes: int | None) -> None:
+        self._problem, self._watch, self._planes = problem, watch, planes
+        self.slivers = Slivers(problem)
+        self.layout: Layout = ()
+        self.rank: tuple[bool, float] = (True, np.inf)
+
+    def offer(self, layout: Layout, trusted: bool = False) -> bool:
+        """Whether the layout is the best now; `trusted` ones are known to pass the check."""
+        rank = (self.slivers(layout), layout_error(self._problem, layout))
+        if rank >= self.rank or not (trusted or self._passes(layout)):
+            return False
+        self.layout, self.rank = layout, rank
+        if self._watch is not None:
+            self._watch(layout, rank[1])
+        return True
+
+    def _passes(self, layout: Layout) -> bool:
+        if self._planes is not None and len(distinct([s.plane for s in layout])) > self._planes:
+            return False
+        return not verify(layout, self._problem.surface, self._problem.limits).problems
+
+
+def _finish(
+    problem: Problem, layout: Layout, best: _Best, show: Callable[[float, float], None]
+) -> float:
+    """Error (mm) after descents in a row, until it stands still and the check passes.
+
+    Inlets shift as planes tilt, and only a new descent measures them anew.
+    """
+    error = layout_error(problem, layout)
+    for _ in range(_ROUNDS):
+        layout = descend(problem, layout, _LONG, _FINE, best.slivers, show)
+        before, error = error, layout_error(problem, layout)
+        offered = best.offer(layout)
+        if abs(before - error) < _STILL * error and (offered or error > best.rank[1]):
+            break
+    return error

@@ -1,0 +1,1 @@
+"""Candidate cords and the layouts selected from them."""

@@ -1,0 +1,77 @@
+"""The paper's first two ways to lay out cords, to compare the optimiser with (DefSense, CHI 2016,
+Table 1): straight cords in one plane, and straight cords where one sees much strain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.curve import Plane
+from ..limits.interior_points import evenly, strain
+from ..limits.polyline_distance import gaps
+from ..problem.problem import Problem
+from .candidate_families import straight
+from .candidates import Pool, build_pool
+from .starting_layouts import Layout, no_room
+
+_LINES = 1500
+
+
+def manual(problem: Problem, count: int) -> Layout:
+    """Straight cords side by side in the plane through the middle of the body's box, along its
+    longest edge. Raises LayoutError where they do not fit."""
+    plane = _middle(problem)
+    points = evenly(problem, 4000, np.random.default_rng(0))
+    width = float(np.ptp((points - plane.origin) @ plane.axes[:, 1])) - 2 * problem.limits.depth
+    offsets = (np.arange(count) - (count - 1) / 2) * width / (count + 1)
+    pool = _along(problem, plane.origin + offsets[:, None] * plane.axes[:, 1], plane)
+    if len(pool) < count:
+        raise no_room(problem, count)
+    return _layout(pool, range(count))
+
+
+def visual(problem: Problem, count: int, rng: np.random.Generator) -> Layout:
+    """Straight cords along the body, where a picture of the strain shows much of it and shows
+    different things in different states: one after the other the cord whose mean strains in the
+    states are longest across those of the cords before (pivoted QR). Neither signals nor errors
+    play a part, as for somebody who looks at the pictures.
+
+    Raises LayoutError where they do not fit.
+    """
+    pool = _along(problem, evenly(problem, _LINES, rng), _middle(problem))
+    seen = strain(problem, pool.paths.reshape(-1, 3))
+    size = np.sqrt((seen**2).sum((2, 3))).reshape(-1, *pool.paths.shape[:2]).mean(2)  # (n, c)
+    clear = np.ones(len(pool), bool)
+    chosen: list[int] = []
+    for _ in range(count):
+        worth = np.where(clear, np.linalg.norm(size, axis=0), -1.0)
+        if not len(worth) or worth.max() < 0:
+            raise no_room(problem, count)
+        k = int(worth.argmax())
+        chosen.append(k)
+        one = size[:, k] / max(float(worth[k]), 1e-12)
+        size = size - np.outer(one, one @ size)
+        clear &= gaps(pool.paths, pool.paths[k]) > problem.limits.clearance + 0.1
+    return _layout(pool, chosen)
+
+
+def _middle(problem: Problem) -> Plane:
+    """The plane through the middle of the body's box, x along the box's longest edge and the
+    normal along its shortest, the later axis where two are alike."""
+    low, high = problem.surface.bounds
+    size = np.round(high - low, 3)
+    longest = int(size.argmax())
+    shortest = max((i for i in range(3) if i != longest), key=lambda i: (-size[i], i))
+    return Plane.from_normal((low + high) / 2, np.eye(3)[shortest], np.eye(3)[longest])
+
+
+def _along(problem: Problem, starts: Float, plane: Plane) -> Pool:
+    """Straight cords through points (c, 3) along the plane's x, in planes parallel to it."""
+    axes = np.repeat(plane.axes[None], len(starts), axis=0)
+    return build_pool(problem, [lambda: straight(problem, starts, axes[:, :, 0], axes)])
+
+
+def _layout(pool: Pool, chosen: range | list[int]) -> Layout:
+    return tuple(
+        pool.sensor(k, f"cord-{i + 1}", frozenset({"path", "plane"})) for i, k in enumerate(chosen)
+    )

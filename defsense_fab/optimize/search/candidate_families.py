@@ -1,0 +1,226 @@
+"""Families of smooth candidate cords: variations of a drawing, paths through the body from one
+side to another, and paths there and back with both ends at the body's base."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...core.arrays import Float
+from ...core.curve import Hermite, Plane, catmull_rom, curvature
+from ...core.device import Sensor
+from ..limits.interior_points import evenly, lively
+from ..problem.cord_parameters import CordFreedom
+from ..problem.problem import Problem
+from .candidates import Batch
+
+_WAVES = 4  # sine waves over a path
+_INSIDE = 2.0  # a path begins so far below the surface, mm; its channel runs on straight
+_LEAD = 8.0  # the straight beginning of a path, mm
+_FEW = 16  # points at which waves look for the surface
+_SPREADS = (0.05, 0.15, 0.5)  # how far directions lie off an axis
+_KNOTS = 8  # control points of a path through the body
+
+
+def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) -> Batch:
+    """The sensor itself and `count` variations; `spread` mm is the size of the largest ones.
+
+    Planes are moved, rolled about the path's chord by up to 90 degrees either way, and tilted;
+    paths take a sum of sine waves over their chord. First and last control points and the end
+    tangents stay in the plane.
+    """
+    k = len(sensor.curve.points)
+    count = count if sensor.free else 0
+    n = count + 1
+    size = rng.uniform(0, 1, n) * spread  # small variations are the ones that a tight body takes
+    size[0] = 0
+    points = np.repeat(sensor.curve.points[None], n, axis=0)
+    tangents = np.repeat(sensor.curve.tangents[None], n, axis=0)
+    origins = np.repeat(sensor.plane.origin[None], n, axis=0)
+    axes = np.repeat(sensor.plane.axes[None], n, axis=0)
+    if "plane" in sensor.free:
+        freedom = CordFreedom(sensor)
+        angles = np.stack([rng.uniform(-np.pi / 2, np.pi / 2, n), rng.normal(0, 0.5, n)], axis=1)
+        angles[0] = 0
+        angles[:, 1] *= size / freedom.reach
+        chord = sensor.curve.points[-1] - sensor.curve.points[0]
+        turn = Rotation.from_euler("Z", np.arctan2(chord[1], chord[0]))
+        roll = (turn * Rotation.from_euler("XY", angles) * turn.inv()).as_matrix()
+        axes = sensor.plane.axes @ roll
+        offset = rng.uniform(-1, 1, n) * size
+        pivot = sensor.plane.to_world(freedom.center) + offset[:, None] * sensor.plane.normal
+        origins = pivot - axes[:, :, :2] @ freedom.center
+    batch = Batch(sensor, origins, axes, points, tangents)
+    if "path" in sensor.free and k > 4:
+        batch = batch.waved(_waves(n, k, rng), size)
+    return batch
+
+
+def through(problem: Problem, count: int, rng: np.random.Generator) -> Batch:
+    """Waves about straight lines from surface to surface, free in path and plane; mostly along the
+    body, and where its strain is lively."""
+    middle, direction = _lines(problem, count, rng)
+    return _waved(problem, middle, direction, _frames(direction, rng), rng)
+
+
+def within(problem: Problem, plane: Plane, count: int, rng: np.random.Generator) -> Batch:
+    """Waves about straight lines from surface to surface in one plane."""
+    points = evenly(problem, 4000, rng)
+    points -= ((points - plane.origin) @ plane.normal)[:, None] * plane.normal
+    points = points[problem.grid(points) > problem.limits.depth]
+    if len(points) < 2:
+        points = np.stack([plane.origin, plane.origin + plane.axes[:, 0]])
+    local = (points - plane.origin) @ plane.axes[:, :2]
+    longest = np.linalg.eigh(np.cov(local.T))[1][:, 1]
+    angle = np.arctan2(longest[1], longest[0]) + rng.normal(0, 1, count) * rng.choice(
+        _SPREADS, count
+    )
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ plane.axes[:, :2].T
+    middle = points[rng.integers(len(points), size=count)]
+    normal = np.broadcast_to(plane.normal, direction.shape)
+    axes = np.stack([direction, np.cross(normal, direction), normal], axis=2)
+    return _waved(problem, middle, direction, axes, rng)
+
+
+def straight(problem: Problem, middle: Float, direction: Float, axes: Float) -> Batch:
+    """Straight cords through points (c, 3) inside along unit directions (c, 3), the x of the
+    planes' axes (c, 3, 3), from surface to surface; those that are long enough."""
+    back, ahead = _ways(problem, middle, direction)
+    length = back + ahead - 2 * _INSIDE
+    good = np.isfinite(length) & (length > 3 * _INSIDE)
+    back, length = back[good], length[good, None]
+    lead = np.minimum(_LEAD, length / 6)
+    along = np.linspace(0, 1, _KNOTS - 2)
+    x = np.concatenate([0 * lead, lead + (length - 2 * lead) * along, length], axis=1)
+    points = np.stack([x, np.zeros_like(x)], axis=2)
+    origins = middle[good] - (back - _INSIDE)[:, None] * direction[good]
+    return Batch(_like(_KNOTS), origins, axes[good], points, catmull_rom(points))
+
+
+def there_and_back(problem: Problem, count: int, rng: np.random.Generator) -> Batch:
+    """Two legs side by side from the end of the body that moves least, joined by a half circle,
+    free in path and plane."""
+    middle, direction = _lines(problem, count, rng)
+    back, ahead = _ways(problem, middle, direction)
+    inside = np.isfinite(back + ahead)
+    middle, direction, back, ahead = (a[inside] for a in (middle, direction, back, ahead))
+    ends = [middle - back[:, None] * direction, middle + ahead[:, None] * direction]
+    moved = [np.linalg.norm(problem.deform(p) - p, axis=-1).mean(0) for p in ends]
+    direction = np.where((moved[1] < moved[0])[:, None], -direction, direction)
+    turned = moved[1] < moved[0]
+    back, ahead = np.where(turned, ahead, back), np.where(turned, back, ahead)
+    axes = _frames(direction, rng)
+    across = axes[:, :, 1]
+    up, down = (problem.grid.exits(middle, s * across, 4 * _width(problem)) for s in (1, -1))
+    widest = (up + down) / 2 - problem.limits.depth
+    least = problem.limits.min_radius * 1.1
+    wide = (widest >= least) & np.isfinite(widest)
+    middle, direction, back, ahead, axes, across, up, down, widest = (
+        a[wide] for a in (middle, direction, back, ahead, axes, across, up, down, widest)
+    )
+    radius = least + rng.uniform(0, 1, len(middle)) * (widest - least)
+    middle = middle + ((up - down) / 2)[:, None] * across
+    top = rng.uniform(-0.5, 1, len(middle)) * (ahead - problem.limits.depth)
+    legs = [  # from the turn's beginning to the surface
+        problem.grid.exits(
+            middle + (top - radius)[:, None] * direction + (s * radius)[:, None] * across,
+            -direction,
+            float(back.max(initial=0) + ahead.max(initial=0)),
+        )
+        - _INSIDE
+        for s in (1, -1)
+    ]
+    good = np.isfinite(legs[0] + legs[1])
+    good &= np.minimum(*legs) > 3 * _LEAD
+    n = int(good.sum())
+    origins = (middle + (top - radius)[:, None] * direction)[good]
+    a, zero = radius[good], np.zeros(n)
+    wave = rng.normal(0, 0.3, (2, n)) * a
+    x, y = [], []
+    for leg, side, bulge in zip((legs[0][good], legs[1][good]), (a, -a), wave, strict=True):
+        x.append([-leg, _LEAD - leg, (_LEAD - leg) / 2, zero])
+        y.append([side, side, side + bulge, side])
+    points = np.stack(
+        [
+            np.stack([*x[0], a, *x[1][::-1]], axis=1),
+            np.stack([*y[0], zero, *y[1][::-1]], axis=1),
+        ],
+        axis=2,
+    )
+    tangents = catmull_rom(points)
+    arc = 4 * (np.sqrt(2) - 1) * a  # of a cubic that follows a quarter circle
+    half = len(x[0])
+    for at, along in ((half - 1, [arc, zero]), (half, [zero, -arc]), (half + 1, [-arc, zero])):
+        tangents[:, at] = np.stack(along, axis=1)
+    return Batch(_like(points.shape[1]), origins, axes[good], points, tangents)
+
+
+def _waves(count: int, knots: int, rng: np.random.Generator) -> Float:
+    """Random sums of sine waves (count, knots), one mm high, about; more waves are gentler."""
+    k = np.arange(1, _WAVES + 1)[:, None]
+    shape = np.sin(k * np.pi * np.linspace(0, 1, knots)) / k
+    return np.asarray(rng.normal(0, 0.5, (count, _WAVES)) @ shape)
+
+
+def _waved(
+    problem: Problem, middle: Float, direction: Float, axes: Float, rng: np.random.Generator
+) -> Batch:
+    """Straight paths with waves of up to half the body's width, less where they would turn too
+    tightly or come too near the surface."""
+    paths = straight(problem, middle, direction, axes)
+    size = rng.uniform(0, 1, len(paths)) * _width(problem) / 2
+    waves = _waves(len(paths), _KNOTS, rng)
+    for _ in range(2):
+        batch = paths.waved(waves, size)
+        bend = np.abs(curvature(batch.points, batch.tangents, 6)).max(axis=1)
+        tight = 0.9 / np.maximum(bend * problem.limits.min_radius, 0.9)
+        near = problem.grid(batch.paths(_FEW)[:, 2:-2]).min(axis=1) < problem.limits.depth
+        size = size * np.where(near, 0.5, 1) * tight
+    return paths.waved(waves, size)
+
+
+def _lines(problem: Problem, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
+    """Points inside (c, 3) and unit directions (c, 3)."""
+    points = evenly(problem, 4000, rng)
+    values, vectors = np.linalg.eigh(np.cov(points.T))
+    deep = points[problem.grid(points) > problem.limits.depth]
+    if not len(deep):
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    half = count // 2
+    some = deep[rng.integers(len(deep), size=half)]
+    middle = np.concatenate([some, lively(problem, deep[:2000], count - half, rng)])
+    # Mostly along the longest axis; a stout body takes other directions, too.
+    choice = rng.choice(3, count, p=values / values.sum())
+    off = rng.normal(0, 1, (count, 3)) * rng.choice(_SPREADS, (count, 1))
+    direction = vectors[:, choice].T + off
+    return middle, direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+def _ways(problem: Problem, middle: Float, direction: Float) -> tuple[Float, Float]:
+    """How far the surface lies back and ahead, (c,) mm each."""
+    longest = float(np.linalg.norm(np.ptp(problem.surface.bounds, axis=0)))
+    back, ahead = (problem.grid.exits(middle, s * direction, longest) for s in (-1, 1))
+    return back, ahead
+
+
+def _frames(direction: Float, rng: np.random.Generator) -> Float:
+    """Planes' axes (c, 3, 3) with x along the directions (c, 3), and a normal at random or, for
+    half of them, square to one of the coordinate axes, which symmetric bodies follow."""
+    normal = rng.normal(size=direction.shape)
+    square = rng.random(len(direction)) < 0.5
+    normal[square] = np.eye(3)[rng.integers(3, size=int(square.sum()))]
+    normal += 1e-3 * rng.normal(size=normal.shape)  # never along the direction itself
+    normal -= np.einsum("ci,ci->c", normal, direction)[:, None] * direction
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.stack([direction, np.cross(normal, direction), normal], axis=2)
+
+
+def _width(problem: Problem) -> float:
+    """The middle one of the body's three sizes, mm: what a path may swing across."""
+    return float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
+
+
+def _like(knots: int) -> Sensor:
+    """What proposed cords have in common; their arrays hold the rest."""
+    plane, points = Plane(np.zeros(3), np.eye(3)), np.zeros((knots, 2))
+    return Sensor("proposed", plane, Hermite(points, points), frozenset({"path", "plane"}))

@@ -1,0 +1,191 @@
+"""Where descents set out from: layouts selected from thousands of candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ...core.curve import distinct
+from ...core.device import Sensor
+from ...core.errors import LayoutError
+from ..limits.thin_parts import Slivers
+from ..problem.problem import Problem
+from .candidate_families import there_and_back, through, vary, within
+from .candidates import Pool, build_pool
+from .selection import select
+
+Layout = tuple[Sensor, ...]
+FREE = frozenset({"path", "plane"})
+_SHARE = 0.3  # of the candidates that a start sees, so that starts differ
+_TRIES = 5  # planes, or sets of them, for a start
+_IN_PLANE = 3000  # candidates in a plane
+_HAND = 0.1  # kept from the clearance for what coarse samples miss, mm
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The candidates of one cord, and the name and freedom that the chosen one takes. A `settled`
+    one has a single candidate, the cord itself."""
+
+    name: str
+    free: frozenset[str]
+    pool: Pool
+    settled: bool = False
+
+    @classmethod
+    def of(cls, problem: Problem, sensor: Sensor) -> Choice:
+        """No other than the cord itself."""
+        return cls(sensor.name, sensor.free, Pool.of(problem, sensor), settled=True)
+
+
+def choices(
+    problem: Problem,
+    drawn: Sequence[Sensor],
+    extra: int,
+    candidates: int,
+    rng: np.random.Generator,
+    planes: int | None = None,
+) -> list[Choice]:
+    """For each drawn cord its variations and, where path and plane are free, paths of all
+    families; the latter alone for `extra` cords. With a limit on `planes` drawn cords stay as they
+    are: descents come later, and their planes are few already.
+
+    Raises LayoutError where no candidate fits.
+    """
+    size = float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
+    taken = len(distinct([s.plane for s in drawn]))
+    wanted = (extra and (planes is None or planes > taken)) or (
+        planes is None and FREE in {s.free for s in drawn}
+    )
+    families = _families(problem, candidates, rng) if wanted else Pool.empty(problem)
+    out = []
+    for s in drawn:
+        if planes is not None or not s.free:
+            out.append(Choice.of(problem, s))
+            continue
+        count = candidates // (8 if s.free == FREE else 2)
+        own = build_pool(problem, [partial(vary, s, count, size / 2, rng)], keep_first=True)
+        out.append(Choice(s.name, s.free, own.plus(families) if s.free == FREE else own))
+    if extra:
+        if wanted and not len(families):
+            raise no_room(problem, len(drawn) + extra)
+        used = {s.name for s in drawn}
+        names = (f"cord-{i}" for i in range(1, len(drawn) + extra + 1 + len(used)))
+        fresh = [n for n in names if n not in used][:extra]
+        out += [Choice(n, FREE, families) for n in fresh]
+    return out
+
+
+def _families(problem: Problem, count: int, rng: np.random.Generator) -> Pool:
+    """Candidates of all families; several makers of one family for several cores."""
+    *four, last = rng.spawn(5)
+    makers = [partial(through, problem, count // 4, r) for r in four]
+    return build_pool(problem, [*makers, partial(there_and_back, problem, count // 4, last)])
+
+
+def no_room(problem: Problem, count: int) -> LayoutError:
+    limits, lengths = problem.limits, ""
+    if limits.shortest > 0 or limits.longest < np.inf:
+        lengths = (
+            f" and channels of {limits.shortest:g} to {limits.longest:g} mm, which [cord] length"
+            " leaves"
+        )
+    return LayoutError(
+        f"[design] sensors = {count}: no room was found for {count} cords with their clearances"
+        f"{lengths}; ask for fewer, or draw them as [[sensors]]"
+    )
+
+
+def seeds(
+    problem: Problem,
+    cords: Sequence[Choice],
+    count: int,
+    planes: int | None,
+    slivers: Slivers,
+    rng: np.random.Generator,
+    report: Callable[[float, str], None],
+) -> list[Layout]:
+    """Up to `count` layouts: the first chosen from all candidates, the others from shares. Once
+    there are `planes` planes, the other cords are chosen from paths in those."""
+    out: list[Layout] = []
+    for n in range(count):
+        report(n / count, f"selection {n + 1} of {count}")
+        share = _SHARE if n else 1.0
+        if planes is None:
+            found = _select(problem, cords, share, slivers, rng)
+        else:
+            # The plane that is best for one cord may be too narrow for all: try others.
+            tries = (
+                _in_planes(problem, cords, planes, share * _SHARE**k, slivers, rng)
+                for k in range(_TRIES)
+            )
+            found = next((t for t in tries if t is not None), None)
+        if found is not None:
+            out.append(found)
+    return out
+
+
+def _in_planes(
+    problem: Problem,
+    cords: Sequence[Choice],
+    planes: int,
+    share: float,
+    slivers: Slivers,
+    rng: np.random.Generator,
+) -> Layout | None:
+    """A selection in at most `planes` planes, or more only where drawn cords have them."""
+    drawn = [c for c in cords if c.settled]
+    new = [c for c in cords if not c.settled]
+    room = planes - len(distinct([c.pool.sensor(0, c.name, c.free).plane for c in drawn]))
+    first = [*drawn, *new[: max(room, 0)]]
+    chosen = _select(problem, first, share, slivers, rng) if first else ()
+    if chosen is None or len(first) == len(cords):
+        return chosen
+    makers = [
+        partial(within, problem, plane, _IN_PLANE, rng.spawn(1)[0])
+        for plane in distinct([s.plane for s in chosen])
+    ]
+    pool = build_pool(problem, makers)
+    if not len(pool):
+        return None
+    rest = [replace(c, pool=pool) for c in new[max(room, 0) :]]
+    settled = [Choice.of(problem, s) for s in chosen]
+    found = _select(problem, [*settled, *rest], 1.0, slivers, rng)
+    if found is None:
+        return None
+    by_name = {s.name: s for s in found}
+    return tuple(by_name[c.name] for c in cords)
+
+
+def _select(
+    problem: Problem,
+    cords: Sequence[Choice],
+    share: float,
+    slivers: Slivers,
+    rng: np.random.Generator,
+) -> Layout | None:
+    """The best that greedy selection finds in a share of the candidates, without slivers if it
+    can."""
+
+    def layout(chosen: dict[int, int]) -> Layout:
+        return tuple(
+            cords[i].pool.sensor(k, cords[i].name, cords[i].free) for i, k in sorted(chosen.items())
+        )
+
+    some = [rng.random(len(c.pool)) < share for c in cords]
+    for keep in some:
+        keep[:1] = True  # the drawing, and something where there is little
+    for allowed in (lambda c: not slivers(layout(c)), None):
+        chosen = select(
+            [c.pool for c in cords],
+            problem.expected_error,
+            problem.limits.clearance + _HAND,
+            some=some,
+            allowed=allowed,
+        )
+        if chosen is not None:
+            return layout(dict(enumerate(chosen.tolist())))
+    return None

@@ -1,0 +1,1 @@
+"""Studies of layouts: number of cords, tolerances, risks."""

@@ -1,0 +1,171 @@
+"""Building a device: what is up to date is kept, what changed is made anew and moved in whole.
+
+A build works in `.build-next/` beside `build/` and trades places with it at the end, so an
+error or an interruption leaves the last good build as it was. Finished stages stay in
+`.build-next/` and are taken up by the next build.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ...core.device import Device
+from ...core.errors import DefsenseError, StorageError
+from ...core.files import storage_errors, write_json
+from ...core.progress import Progress, silent
+from .stages import STAGES, Stage, keys, read_json
+
+STATE = "state.json"
+
+
+@dataclass(frozen=True)
+class BuildResult:
+    """The folder, and which stages were made and which were reused."""
+
+    folder: Path
+    made: tuple[str, ...]
+    reused: tuple[str, ...]
+
+
+def build(device: Device, until: str = "report", progress: Progress = silent) -> BuildResult:
+    """Run all stages up to `until`, reusing those that are up to date.
+
+    Raises a DefsenseError where a stage fails; `build/` is then untouched.
+    """
+    final, working, old = (device.source / n for n in ("build", ".build-next", ".build-old"))
+    with storage_errors(device.source), _Lock(device.source / ".build-lock"):
+        for path in (final, working, old):
+            if path.is_symlink():
+                raise StorageError(
+                    f"{path}: is a symbolic link, which a build replaces; remove it, or link the"
+                    " whole device folder instead"
+                )
+        if old.exists():  # a build was interrupted while trading places
+            if final.exists():
+                shutil.rmtree(old)
+            else:
+                os.replace(old, final)
+        wanted = keys(device)
+        stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
+        if _done(final, stages, wanted):
+            return BuildResult(final, (), tuple(s.name for s in stages))
+        working.mkdir(exist_ok=True)
+        state = _state(working)
+        made, reused = [], []
+        for stage in STAGES:
+            key = wanted[stage.name]
+            if _has(working, stage, state, key):
+                reused.append(stage.name)
+                continue
+            _clear(working, stage)
+            state.pop(stage.name, None)
+            if _has(final, stage, _state(final), key):
+                for name in stage.outputs:
+                    _copy(final / name, working / name)
+                reused.append(stage.name)
+            elif stage in stages:
+                progress(stage.name, 0.0, stage.title)
+                stage.run(device, working, partial(progress, stage.name))
+                progress(stage.name, 1.0, "done")
+                made.append(stage.name)
+            else:
+                continue
+            state[stage.name] = {"key": key, "files": _sizes(working, stage)}
+            write_json(working / STATE, state)
+        if final.exists():
+            os.replace(final, old)
+        os.replace(working, final)
+        shutil.rmtree(old, ignore_errors=True)
+    return BuildResult(final, tuple(made), tuple(reused))
+
+
+class _Lock:
+    """Two builds of one device at once would mix their files."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None:
+        import fcntl
+
+        self._file = self._path.open("w")
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._file.close()
+            raise StorageError(
+                f"{self._path.parent}: another build of this device is running; wait for it"
+            ) from None
+
+    def __exit__(self, *_: object) -> None:
+        self._path.unlink(missing_ok=True)
+        self._file.close()
+
+
+def _state(folder: Path) -> dict[str, Any]:
+    try:
+        state = read_json(folder / STATE)
+    except (FileNotFoundError, ValueError):
+        return {}
+    return state if isinstance(state, dict) else {}
+
+
+def _has(folder: Path, stage: Stage, state: dict[str, Any], key: str) -> bool:
+    """Whether the stage's files are those that it left: none gone, none cut short."""
+    return state.get(stage.name) == {"key": key, "files": _sizes(folder, stage)}
+
+
+def _sizes(folder: Path, stage: Stage) -> dict[str, int]:
+    paths = [folder / name for name in stage.outputs]
+    files = [f for p in paths for f in (sorted(p.rglob("*")) if p.is_dir() else [p])]
+    return {str(f.relative_to(folder)): f.stat().st_size for f in files if f.is_file()}
+
+
+def _done(folder: Path, stages: tuple[Stage, ...], wanted: dict[str, str]) -> bool:
+    state = _state(folder)
+    return all(_has(folder, s, state, wanted[s.name]) for s in stages)
+
+
+def _clear(folder: Path, stage: Stage) -> None:
+    for name in stage.outputs:
+        target = folder / name
+        if target.is_dir():
+            shutil.rmtree(target)
+        else:
+            target.unlink(missing_ok=True)
+
+
+def _copy(source: Path, target: Path) -> None:
+    """Hard links where the file system has them: finished files are never written again."""
+    try:
+        if source.is_dir():
+            shutil.copytree(source, target, copy_function=os.link)
+        else:
+            os.link(source, target)
+    except (OSError, shutil.Error):
+        if source.is_dir():
+            shutil.copytree(source, target, dirs_exist_ok=True)
+        else:
+            shutil.copy2(source, target)
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    """The build's numbers as one record, from the files that are there."""
+    out: dict[str, Any] = {"build": str(folder)}
+    for key, path in (
+        ("mesh", "mesh.json"),
+        ("simulation", "fields/index.json"),
+        ("layout", "layout.json"),
+        ("manifest", "parts/manifest.json"),
+    ):
+        if (folder / path).exists():
+            try:
+                out[key] = read_json(folder / path)
+            except ValueError:
+                raise DefsenseError(f"{folder / path}: is damaged; delete {folder}") from None
+    return out

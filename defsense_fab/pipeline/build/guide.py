@@ -1,0 +1,317 @@
+"""The assembly guide: what to print, cut and buy, and every step with its picture; HTML and PDF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.device import Device
+from ...core.files import replacing
+from ...core.mesh import Surface
+from ..report import pictures
+from ..report.html import write_page
+from .stages import read_json
+
+
+@dataclass(frozen=True)
+class Step:
+    """A title, sentences, and a picture (PNG as a data URI) or none."""
+
+    title: str
+    lines: tuple[str, ...]
+    picture: str | None = None
+
+
+@dataclass(frozen=True)
+class TableOf:
+    """Rows of texts under a header."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Guide:
+    """All that the guide says, for either format."""
+
+    title: str
+    intro: str
+    warnings: tuple[str, ...]
+    exploded: str
+    tables: tuple[TableOf, ...]
+    steps: tuple[Step, ...]
+    checks: TableOf
+
+
+def write_guide(
+    device: Device,
+    folder: Path,
+    manifest: Mapping[str, Any],
+    parts: Mapping[str, Surface],
+    view: Float,
+) -> str:
+    """Write guide.html and guide.pdf into `folder`; returns the picture of the parts apart."""
+    exploded = pictures.exploded(parts, shifts(manifest, parts), view)
+    guide = _content(device, folder, manifest, parts, exploded)
+    write_page(folder / "guide.html", "guide", guide=guide)
+    from .guide_pdf import write_pdf
+
+    with replacing(folder / "guide.pdf") as temporary:
+        write_pdf(guide, temporary)
+    return exploded
+
+
+def shifts(manifest: Mapping[str, Any], parts: Mapping[str, Surface]) -> dict[str, Float]:
+    """Where each part goes, (3,) mm, when every cut is opened along its normal."""
+    out = {name: np.zeros(3) for name in parts}
+    size = float(np.linalg.norm(np.ptp([s.bounds for s in parts.values()], axis=(0, 1))))
+    for step in manifest["assembly"]:
+        for side, sign in zip(step["join"], (-1, 1), strict=True):
+            for name in side:
+                out[name] = out[name] + sign * 0.1 * size * np.array(step["opens"])
+    return out
+
+
+def _content(
+    device: Device,
+    folder: Path,
+    manifest: Mapping[str, Any],
+    parts: Mapping[str, Surface],
+    exploded: str,
+) -> Guide:
+    return Guide(
+        title=f"{device.name}: assembly guide",
+        intro=f"{len(manifest['parts'])} parts, {len(manifest['cords'])} cords. All lengths in mm.",
+        warnings=tuple(manifest["warnings"]),
+        exploded=exploded,
+        tables=(_parts(manifest), _cuts(manifest), _bill(manifest)),
+        steps=(
+            *_preparation(device, manifest),
+            *_joints(device, folder, manifest, parts),
+            _wiring(manifest),
+        ),
+        checks=_checks(manifest),
+    )
+
+
+def _parts(manifest: Mapping[str, Any]) -> TableOf:
+    where = {n: p["file"] for p in manifest["plates"] for n in p["parts"]}
+    rows = [
+        (
+            p["name"],
+            "1",
+            " x ".join(f"{b - a:.1f}" for a, b in zip(*p["bbox"], strict=True)),
+            f"{p['volume'] / 1000:.1f}",
+            where[p["name"]],
+        )
+        for p in manifest["parts"]
+    ]
+    rows += [
+        (p["name"], str(p["count"]), f"{p['diameter']:g} x {p['length']:.1f}", "",
+         where[f"{p['name']}_1"])
+        for p in manifest["pins"]
+    ]  # fmt: skip
+    return TableOf("Print", ("part", "copies", "size", "cm3", "on plate"), tuple(rows))
+
+
+def _cuts(manifest: Mapping[str, Any]) -> TableOf:
+    rows = [
+        (
+            c["sensor"],
+            f"{c['cut_length']:.0f}",
+            f"{c['slack']:.0f}",
+            " / ".join(
+                "in pocket" if e["joint"] == "pocket" else f"{e['lead']:.0f} free"
+                for e in c["ends"]
+            ),
+            f"{c['resistance']:.0f}",
+            f"{c['range'][0]:.0f} to {c['range'][1]:.0f}",
+            f"{c['reference_resistor']:g}",
+            " / ".join(_leaves(e["wire"]) for e in c["ends"]),
+        )
+        for c in manifest["cords"]
+    ]
+    header = (
+        "cord", "cut to", "of it slack", "joints at start / end", "ohm at rest", "ohm in use",
+        "reference, ohm", "wires leave",
+    )  # fmt: skip
+    return TableOf("Cut list", header, tuple(rows))
+
+
+def _leaves(wire: Mapping[str, Any]) -> str:
+    """Where a wire leaves the body, and after how many mm in it."""
+    inside = f" ({wire['length']:.0f})" if wire["length"] else ""
+    return str(wire["leaves"]) + inside
+
+
+def _bill(manifest: Mapping[str, Any]) -> TableOf:
+    rows = tuple((b["item"], b["amount"], b["use"]) for b in manifest["bill"])
+    return TableOf("Bill of materials", ("item", "amount", "for"), rows)
+
+
+def _checks(manifest: Mapping[str, Any]) -> TableOf:
+    rows = tuple(
+        (
+            c["name"],
+            f"{c['value']:.3g} {c['unit']}".strip(),
+            f"{c['limit']:.3g} {c['unit']}".strip(),
+            c["at"],
+        )
+        for c in manifest["checks"]
+    )
+    return TableOf("Checked before writing", ("what", "measured", "limit", "near"), rows)
+
+
+def _preparation(device: Device, manifest: Mapping[str, Any]) -> list[Step]:
+    plates = ", ".join(p["file"] for p in manifest["plates"])
+    printing = [
+        f"Print {plates} ({device.fabrication.process}, {device.material.name}): parts lie on a cut"
+        " face where they have one to lie on; grooves and sockets need no support.",
+        "A part's number is engraved in a face that vanishes in the device, where there is room.",
+    ]
+    if manifest["pins"]:
+        printing.append(
+            "Try every pin in its socket: the two pins of a joint differ in diameter, and no two"
+            " joints have them equally far apart."
+        )
+    cords = [
+        f"Cut {c['sensor']} to {c['cut_length']:.0f} mm, {c['slack']:.0f} mm of it to trim later."
+        f" It should measure about {c['cut_length'] * device.cord.ohm_per_mm:.0f} ohm."
+        for c in manifest["cords"]
+    ]
+    cords.append("A piece that differs by more than 10 % is of another batch: change"
+                 " ohm_per_mm in the cord's table.")  # fmt: skip
+    return [Step("Print", tuple(printing)), Step("Cut the cords", tuple(cords))]
+
+
+def _joints(
+    device: Device, folder: Path, manifest: Mapping[str, Any], parts: Mapping[str, Surface]
+) -> list[Step]:
+    layout = {s["name"]: s for s in read_json(folder / "layout.json")["sensors"]}
+    colors = {n: pictures.COLORS[i % len(pictures.COLORS)] for i, n in enumerate(parts)}
+    cut_to = {c["sensor"]: c for c in manifest["cords"]}
+    left = [c for step in manifest["assembly"] for c in step["cords"]]
+    laid: set[str] = set()
+    out = []
+    for step in manifest["assembly"]:
+        low, high = step["join"]
+        normal = np.array(step["opens"])
+        lower, upper = ({n: parts[n] for n in side} for side in (low, high))
+        # The lighter side is the one to lift.
+        volumes = [sum(s.volume for s in side.values()) for side in (lower, upper)]
+        if volumes[1] > volumes[0]:
+            low, high, lower, upper, normal = high, low, upper, lower, -normal
+        size = np.ptp([s.bounds for s in (*lower.values(), *upper.values())], axis=(0, 1))
+        lift = 0.4 * float(np.linalg.norm(size))
+        cords = [np.array(layout[c]["points"]) for c in step["cords"]]
+        picture = pictures.joining(
+            lower,
+            upper,
+            colors,
+            normal,
+            lift,
+            [(line, "#222222", device.cord.diameter / 2) for line in cords]
+            + [(w, "#c1121f", device.fabrication.wire_diameter / 2) for w in _wires(step, cut_to)],
+            [(np.array(p["center"]), p["socket"], 2 * p["depth"]) for p in step["pins"]],
+        )
+        out.append(
+            Step(
+                f"Join {_all(low)} and {_all(high)}",
+                tuple(_joint(step, cut_to, laid, left)),
+                picture,
+            )
+        )
+    return out
+
+
+def _wires(step: Mapping[str, Any], cut_to: Mapping[str, Mapping[str, Any]]) -> list[Float]:
+    """Lines (p, 3) mm of the wires that are laid in a step."""
+    found = []
+    for name in [*step["cords"], *step["wires"]]:
+        for wire in (e["wire"] for e in cut_to[name]["ends"]):
+            if "path" in wire:
+                line = np.array(wire["path"])
+                drop = [line[-1:] + np.array(wire["drop"])] if wire["drop"] else []
+                found.append(np.concatenate([line, *drop]))
+    return found
+
+
+def _joint(
+    step: Mapping[str, Any],
+    cut_to: Mapping[str, Mapping[str, Any]],
+    laid: set[str],
+    left: list[str],
+) -> list[str]:
+    """What to do; cords move from those `left` to lay to those `laid`."""
+    lines = []
+    if step["pins"]:
+        lines.append(f"Put in {_counted([p['name'] for p in step['pins']])}.")
+    for name in step["cords"]:
+        left.remove(name)
+        begun, goes_on = name in laid, name in left
+        laid.add(name)
+        if begun or goes_on:
+            lines.append(
+                f"Lay {'the next' if begun else 'the first'} stretch of cord {name} into its groove"
+                + ("; the rest hangs out until a later joint." if goes_on else ", its last.")
+            )
+            if not goes_on:
+                lines += _laying(cut_to[name])
+            continue
+        start, end = (
+            f"{what} in its pocket" if e["joint"] == "pocket" else f"{what} {e['lead']:.0f} mm out"
+            for e, what in zip(cut_to[name]["ends"], ("start", "end"), strict=True)
+        )
+        lines.append(f"Lay cord {name} into its groove, not stretched: {start}, {end}.")
+        lines += _laying(cut_to[name])
+    for name in step["wires"]:
+        lines.append(f"Of cord {name}, only its wire runs here: lay it into its groove.")
+    lines.append("Close the joint dry first. Then glue the faces; keep glue out of the grooves: the"
+                 " cord must slide.")  # fmt: skip
+    return lines
+
+
+def _laying(cord: Mapping[str, Any]) -> list[str]:
+    """What to do with the wires of a cord."""
+    lines = []
+    for end, what in zip(cord["ends"], ("start", "end"), strict=True):
+        wire = end["wire"]
+        if wire["leaves"] == "bend":
+            lines.append(
+                f"Its wire at the {what} leaves by the bend beside the mouth, which holds it when"
+                " it is pulled."
+            )
+        elif wire["leaves"] == "bay" and wire["length"]:
+            hole = " and through the hole at the end of it" if wire["drop"] else ""
+            lines.append(
+                f"Its wire at the {what} goes along its groove{hole} into the bay,"
+                f" {wire['length']:.0f} mm."
+            )
+    return lines
+
+
+def _wiring(manifest: Mapping[str, Any]) -> Step:
+    lines = [
+        f"{c['sensor']}: about {c['resistance']:.0f} ohm between its wires at rest, reference"
+        f" resistor {c['reference_resistor']:g} ohm to the supply."
+        for c in manifest["cords"]
+    ]
+    lines.insert(
+        0, "Crimp a wire to each cord's ends before its joint is closed, and measure after every"
+        " joint: a value that jumps means a pinched cord.",
+    )  # fmt: skip
+    return Step("Wire and measure", tuple(lines))
+
+
+def _all(names: Sequence[str]) -> str:
+    return " + ".join(names)
+
+
+def _counted(names: Sequence[str]) -> str:
+    return ", ".join(f"{list(names).count(n)} x {n}" for n in dict.fromkeys(names))

@@ -1,0 +1,114 @@
+"""Stage 6: a self-contained page with pictures and predicted errors, and the assembly guide."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from ...core.arrays import Float
+from ...core.device import Device
+from ...core.mesh import Surface
+from ...decoding.train import train
+from ..report import pictures
+from ..report.html import write_page
+from .guide import write_guide
+from .stage_body import load_surface
+from .stage_mesh import load_mesh
+from .stage_simulate import load_fields
+from .stages import Report, read_json
+
+
+def run(device: Device, folder: Path, report: Report) -> None:
+    layout = read_json(folder / "layout.json")
+    manifest = read_json(folder / "parts" / "manifest.json")
+    surface = load_surface(folder)
+    view = _view(surface)
+    paths = [np.array(s["points"]) for s in layout["sensors"]]
+    report(0.05, "routing")
+    images: dict[str, Any] = {
+        "routing": pictures.routing(
+            surface,
+            paths,
+            [np.array(p) for p in layout["drawn"]],
+            device.cord.diameter / 2,
+            view,
+        )
+    }
+    report(0.2, "parts")
+    parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
+    images["parts"] = write_guide(device, folder, manifest, parts, view)
+    images["poses"] = _poses(device, folder, view, report)
+    write_page(
+        folder / "report.html",
+        "report",
+        device=device,
+        layout=layout,
+        manifest=manifest,
+        mesh=read_json(folder / "mesh.json"),
+        body=read_json(folder / "body" / "body.json"),
+        images=images,
+        colors=pictures.COLORS,
+        max=max,
+    )
+
+
+def _stl(path: Path) -> Surface:
+    mesh = trimesh.load(path, force="mesh")
+    return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
+
+
+def _view(surface: Surface) -> Float:
+    """Camera direction that shows a long body from the side and above."""
+    long = int(np.ptp(surface.bounds, axis=0).argmax())
+    return np.array([1.0, 0.35, 0.55]) if long == 1 else np.array([0.35, -1.0, 0.55])
+
+
+def _section(rest: Float, u: Float) -> Float:
+    """Normal of the section: of the two short axes the one along which the body moves least."""
+    axes = np.argsort(np.ptp(rest, axis=0))[:2]
+    return np.asarray(np.eye(3)[axes[(u[:, axes] ** 2).sum(0).argmin()]])
+
+
+def _poses(device: Device, folder: Path, view: Float, report: Report) -> list[dict[str, Any]]:
+    """Strain section and error map of each pose at full amplitude, and of each mixture."""
+    names, held, fields = load_fields(folder)
+    top = f"@{device.states.ramp[-1]:g}"
+    shown = [i for i, n in enumerate(names) if "@" not in n or n.endswith(top)]
+    boundary = load_mesh(folder).boundary()
+    used = np.unique(boundary.faces)
+    index = np.zeros(len(boundary.vertices), int)
+    index[used] = np.arange(len(used))
+    rest, faces = boundary.vertices[used], index[boundary.faces]
+    signals = np.array(read_json(folder / "prediction.json")["signals"])
+    moved = np.concatenate([np.zeros((1, *rest.shape)), fields[:, used]])
+    seen = ~np.array([False, *held])
+    flat = moved.reshape(len(moved), -1)
+    kind = read_json(folder / "layout.json")["prediction"]["decoder"]
+    decoder = train(kind, signals[seen], flat[seen], device.cord.noise)
+    error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
+    highest = float(np.percentile(error[shown], 99.5))
+    out = []
+    center = np.asarray(rest.min(0) + rest.max(0)) / 2
+    for k, i in enumerate(shown):
+        name = names[i]
+        report(0.3 + 0.7 * k / len(shown), name)
+        path = folder / "fields" / f"{name}.vtu"
+        import meshio
+
+        strain = 100 * float(np.percentile(meshio.read(path).point_data["strain"], 99.5))
+        out.append(
+            {
+                "name": name,
+                "strain": pictures.strain_section(
+                    path, name, center, _section(rest, fields[i][used]), strain
+                ),
+                "error": pictures.error_map(
+                    Surface(rest + fields[i][used], faces), error[i], name, view, highest
+                ),
+                "mean_error": float(np.sqrt((error[i] ** 2).mean())),
+            }
+        )
+    return out

@@ -1,0 +1,1 @@
+"""From measurements on the specimen to the cord's response."""

@@ -1,0 +1,46 @@
+"""Files of the fit coupon."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...core.errors import FabricationError
+from .print_files import Print, Printer, Written, cord_diameter, write_prints
+
+FILE = "coupon.json"
+CLEARANCES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
+
+
+def write_coupon(
+    folder: Path,
+    *,
+    clearances: Sequence[float] = CLEARANCES,
+    cord: str = "rubber-2mm",
+    process: str = "fdm-tpu",
+) -> Written:
+    """Write STL and STEP files of the coupon's plate and peg, and `coupon.json`. Clearances are on
+    the diameter, mm.
+
+    Raises FabricationError for clearances that cannot be or a bed that does not hold the plate.
+    """
+    from ...geometry.specimen.coupon import PEG, coupon, sizes
+
+    if not all(np.isfinite(c) for c in clearances) or len(set(clearances)) < len(clearances):
+        raise FabricationError("coupon: give different clearances in mm")
+    diameter, printer = cord_diameter(cord), Printer.named(process)
+    ordered = sorted(clearances)
+    printer.check(sizes(diameter, ordered))
+    solids = coupon(diameter, ordered)
+    prints = {name: Print.of(name, solid, (0, 0, 1)) for name, solid in solids.items()}
+    data = {
+        "cord": cord,
+        "process": process,
+        "clearances": ordered,
+        "grooves": [diameter + c for c in ordered],
+        "sockets": [PEG + c for c in ordered],
+        "peg": PEG,
+    }
+    return write_prints(folder, prints, data, FILE)

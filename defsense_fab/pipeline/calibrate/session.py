@@ -1,0 +1,280 @@
+"""A calibration session: a folder with what was to be measured, and every frame that came.
+
+`session.json` holds the specimen and the plan, `frames.csv` the frames and, between them, when each
+hold began and ended. Readings are taken from the frames anew each time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...calibration.memory import Memory
+from ...calibration.plan import FACES, Step, plan
+from ...calibration.readings import Geometry, Piece, Readings
+from ...calibration.settling import Creep, Criterion, creep, settled
+from ...capture.readout.recording import Recording, read_recording
+from ...core.arrays import Float
+from ...core.errors import CalibrationError
+from ...core.files import load_json, storage_errors, write_json
+from ...sensing.voltage_divider import Dividers
+
+FILE, FRAMES = "session.json", "frames.csv"
+#: Cords of a specimen in the order of the board's channels, and their side of the neutral plane
+#: with face a on the jig.
+CHANNELS = {"bottom": -1, "neutral": 0, "top": 1}
+#: Between creeps' fits, at most so many frames.
+_FITTED = 400
+_COLUMNS = ("piece", "strain", "memory", "radius", "turn", "resistance")
+
+
+@dataclass(frozen=True)
+class Session:
+    """What `session.json` says. `reference` (c,) ohm, of the dividers."""
+
+    folder: Path
+    name: str
+    geometry: Geometry
+    length: float
+    steps: tuple[Step, ...]
+    reference: tuple[float, ...]
+    criterion: Criterion
+    rate: int
+    average: int | None
+
+    @property
+    def frames(self) -> Path:
+        return self.folder / FRAMES
+
+
+def create(
+    folder: Path,
+    *,
+    name: str,
+    geometry: Geometry,
+    length: float,
+    radii: Sequence[float],
+    rounds: int,
+    faces: Sequence[str],
+    seed: int,
+    reference: Sequence[float],
+    criterion: Criterion,
+    rate: int,
+    average: int | None,
+) -> Session:
+    """Begin a session in a folder that holds none. Raises CalibrationError if it does."""
+    if (folder / FILE).exists():
+        raise CalibrationError(f"{folder}: holds a session already; choose another folder")
+    steps = plan(radii, rounds, faces, np.random.default_rng(seed))
+    with storage_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        write_json(
+            folder / FILE,
+            {
+                "schema": 1,
+                "specimen": {"name": name, "length": length, **asdict(geometry)},
+                "channels": list(CHANNELS),
+                "steps": [[s.turn, s.radius, s.face] for s in steps],
+                "seed": seed,
+                "reference": list(reference),
+                "criterion": asdict(criterion),
+                "rate": rate,
+                "average": average,
+                "begun": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+            },
+        )
+    return load(folder)
+
+
+def agree(session: Session, wanted: Mapping[str, Any]) -> None:
+    """Raises CalibrationError where a session that goes on was begun with something else."""
+    steps = session.steps
+    begun = {
+        "name": session.name,
+        "radii": sorted({s.radius for s in steps if s.radius is not None}),
+        "rounds": 1 + max(s.turn for s in steps),
+        "faces": sorted({s.face for s in steps}),
+        "seed": load_json(session.folder / FILE, CalibrationError, "").get("seed"),
+        "reference": list(session.reference),
+        "criterion": session.criterion,
+        "rate": session.rate,
+        "average": session.average,
+    }
+    for name, value in wanted.items():
+        is_ = begun[name]
+        if (sorted(value) if name in ("radii", "faces") else value) != is_:
+            raise CalibrationError(
+                f"{session.folder}: this session was begun with {name} {is_}, and goes on so; leave"
+                " the option out, or begin another session with --out"
+            )
+
+
+def discard_empty(session: Session) -> None:
+    """Remove a session that never saw a frame: it could not begin, and must not bind the next."""
+    if session.frames.exists() and len(read_recording(session.frames).counter):
+        return
+    session.frames.unlink(missing_ok=True)
+    (session.folder / FILE).unlink(missing_ok=True)
+
+
+def load(folder: Path) -> Session:
+    """The session in a folder. Raises CalibrationError where there is none, or it is broken."""
+    path = folder / FILE
+    data = load_json(path, CalibrationError, "'defsense calibrate record' makes sessions")
+    try:
+        specimen = dict(data["specimen"])
+        name, length = str(specimen.pop("name")), float(specimen.pop("length"))
+        steps = tuple(Step(int(t), None if r is None else float(r), f) for t, r, f in data["steps"])
+        if data["schema"] != 1 or data["channels"] != list(CHANNELS):
+            raise CalibrationError(f"{path}: was written by another version")
+        if any(s.face not in FACES or not (s.radius is None or 0 < s.radius < 1e5) for s in steps):
+            raise ValueError("steps")
+        reference = tuple(float(r) for r in data["reference"])
+        if len(reference) != len(CHANNELS) or not all(0 < r < 1e9 for r in reference):
+            raise ValueError("reference")
+        criterion = Criterion(**{n: float(v) for n, v in data["criterion"].items()})
+        average = None if data["average"] is None else int(data["average"])
+        return Session(
+            folder, name, Geometry(**specimen), length, steps, reference, criterion,
+            int(data["rate"]), average,
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CalibrationError(f"{path}: not a session: {error!r}") from None
+
+
+@dataclass(frozen=True)
+class Hold:
+    """One finished step: its index in the plan, when it was `begun`, s on the device's clock, times
+    (t,) s since then, and resistances (t, c) ohm; whether the reading had `settled` when it was
+    taken."""
+
+    step: int
+    begun: float
+    time: Float
+    ohm: Float
+    settled: bool
+
+
+def holds(session: Session, recording: Recording) -> dict[int, Hold]:
+    """The finished steps by index, each as it was measured last. Raises CalibrationError for events
+    that the session cannot have."""
+    out: dict[int, Hold] = {}
+    begun: dict[int, int] = {}
+    time, scale = _time(recording), 0.0
+    for at, event in recording.events:
+        kind, step = event.get("event"), event.get("step", -1)
+        try:
+            scale = float(event.get("full_scale", scale))
+            if kind in ("hold", "point", "redo") and not 0 <= step < len(session.steps):
+                raise ValueError
+        except (TypeError, ValueError):
+            raise CalibrationError(
+                f"{session.frames}: the event {event} does not belong to {FILE} beside it"
+            ) from None
+        if kind == "hold":
+            begun[step] = at
+        elif kind == "redo":
+            out.pop(step, None)
+        elif kind == "point" and step in begun and at - begun[step] > 1 and scale > 0:
+            part = slice(begun[step], at)
+            dividers = Dividers(np.array(session.reference), scale)
+            ohm = dividers.resistance(recording.counts[part])
+            start = float(time[begun[step]])
+            still = bool(event.get("settled", True))
+            out[step] = Hold(step, start, time[part] - start, ohm, still)
+    return out
+
+
+def _time(recording: Recording) -> Float:
+    """Of each frame (t,), s: the device's clock, carried on over the stops between runs by the time
+    of day that their events tell."""
+    out = recording.device_us / 1e6
+    last, shift = None, 0.0
+    for at, event in recording.events:
+        day = event.get("at")
+        if event.get("event") == "start" and 0 < at < len(out):
+            pause = max(day - last, 0.0) if day is not None and last is not None else 0.0
+            shift = out[at - 1] + pause - recording.device_us[at] / 1e6
+            out[at:] = recording.device_us[at:] / 1e6 + shift
+        last = day if day is not None else last
+    return np.asarray(out)
+
+
+def unfinished(session: Session) -> list[int]:
+    """Steps that are still to be measured, those that were skipped among them."""
+    done = holds(session, read_recording(session.frames)) if session.frames.exists() else {}
+    return [n for n in range(len(session.steps)) if n not in done]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A session's readings; the outer cords' creep in each hold, with the cord's place; how many
+    holds had not settled when they were taken."""
+
+    readings: Readings
+    creeps: tuple[tuple[str, Creep], ...]
+    unsettled: int
+
+
+def measure(folder: Path) -> Measured:
+    """What a session has measured so far. Raises CalibrationError if that is nothing."""
+    session = load(folder)
+    if not session.frames.exists():
+        raise CalibrationError(f"{folder}: nothing was recorded yet")
+    found = holds(session, read_recording(session.frames))
+    if not found:
+        raise CalibrationError(f"{folder}: no step was finished yet; go on with 'record'")
+    pieces = tuple(Piece(session.name, place, place == "neutral") for place in CHANNELS)
+    rows, creeps, unsettled = [], [], 0
+    memories = [Memory() for _ in CHANNELS]
+    for n, hold in found.items():  # in the order in which they were finished
+        step = session.steps[n]
+        at = settled(hold.time, hold.ohm, session.criterion)
+        if at is None:
+            unsettled += 1
+            continue
+        unsettled += not hold.settled
+        radius = float("nan") if step.radius is None else step.radius
+        turn_over = 1 if step.face == "a" else -1
+        for c, side in enumerate(CHANNELS.values()):
+            strain = session.geometry.strain(radius, side * turn_over)
+            where = f"{folder.name}, round {step.turn + 1}, {step.jig}, face {step.face}"
+            memory = memories[c].at(strain, hold.begun, hold.begun + hold.time[-1])
+            rows.append((c, strain, memory, radius, step.turn, float(at.ohm[c]), where))
+        if step.radius is not None:
+            thin = slice(None, None, max(len(hold.time) // _FITTED, 1))
+            for c, place in enumerate(CHANNELS):
+                if place != "neutral" and np.isfinite(hold.ohm[:, c]).all():
+                    creeps.append((place, creep(hold.time[thin], hold.ohm[thin, c])))
+    readings = _readings(pieces, rows)
+    return Measured(readings, tuple(creeps), unsettled)
+
+
+def _readings(pieces: tuple[Piece, ...], rows: Sequence[tuple[Any, ...]]) -> Readings:
+    """Rows of piece, strain, memory, radius, turn, resistance and where."""
+    columns = dict(zip((*_COLUMNS, "where"), zip(*rows, strict=True), strict=True))
+    arrays = {name: np.array(columns[name]) for name in _COLUMNS}
+    return Readings(pieces=pieces, where=columns["where"], **arrays)
+
+
+def specimen_of(path: Path) -> dict[str, Any]:
+    """`specimen.json`, or that of a folder, as `defsense calibrate specimen` writes it."""
+    file = path / "specimen.json" if path.is_dir() else path
+    data = load_json(file, CalibrationError, "'defsense calibrate specimen' writes it")
+    try:
+        radii = [float(j["radius"]) for j in data["jigs"] if j["radius"] is not None]
+        if not all(0 < r < 1e5 for r in radii) or len(set(radii)) < len(radii):
+            raise ValueError(f"radii {radii}")
+        inner = float(data["channels"]["inner"])
+        return {
+            "length": float(data["length"]),
+            "geometry": Geometry(float(data["thickness"]), inner),
+            "radii": radii,
+        }
+    except (KeyError, TypeError, ValueError) as error:
+        raise CalibrationError(f"{file}: describes no specimen: {error!r}") from None

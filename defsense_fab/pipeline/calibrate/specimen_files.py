@@ -1,0 +1,88 @@
+"""Files of the bending specimen and its jigs, and the strains that they give."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...core.bending import RADII
+from ...core.errors import FabricationError
+from ...core.progress import Progress, silent
+from .print_files import Print, Printer, Written, cord_diameter, write_prints
+
+if TYPE_CHECKING:
+    from ...geometry.specimen.specimen import Specimen
+
+FILE = "specimen.json"
+
+#: What points up on the bed: jigs lie on their side, halves on their outer one.
+UP = {"specimen-right": (0, -1, 0)}
+
+
+def write_specimen(
+    folder: Path,
+    *,
+    length: float = 150.0,
+    thickness: float = 15.0,
+    width: float = 20.0,
+    offset: float = 2.0,
+    radii: Sequence[float] = RADII,
+    cord: str = "rubber-2mm",
+    process: str = "fdm-tpu",
+    progress: Progress = silent,
+) -> Written:
+    """Write STL (as they lie on the bed) and STEP files of the specimen's halves, a jig for each
+    radius and a flat one, and `specimen.json` with the strain of each cord on each of them. All mm.
+
+    Raises FabricationError for parts that cannot be or that the process's bed does not hold.
+    """
+    from ...geometry.specimen.specimen import Specimen, halves, jig
+
+    diameter, printer = cord_diameter(cord), Printer.named(process)
+    clearance, wall = printer.clearance, printer.wall
+    good = all(np.isfinite(r) and r > 0 for r in radii)
+    if not radii or not good or len({f"{r:g}" for r in radii}) < len(radii):
+        raise FabricationError("jigs: give different radii above zero, in mm")
+    spec = Specimen(length, thickness, width, offset, diameter + clearance, clearance)
+    solids: dict[str, Any] = {}
+    for n, radius in enumerate([None, *sorted(radii)]):
+        name = "jig-flat" if radius is None else f"jig-{radius:g}"
+        progress("jigs", n / (len(radii) + 1), name)
+        solids[name] = jig(spec, radius)
+    progress("jigs", 1.0, "done")
+    solids = halves(spec) | solids
+    prints = {n: Print.of(n, solid, UP.get(n, (0, 1, 0))) for n, solid in solids.items()}
+    printer.check({n: one.size for n, one in prints.items()})
+    warnings = []
+    skin = offset - spec.channel_diameter / 2
+    if skin < wall:
+        warnings.append(
+            f"the outer channels leave a skin of {skin:.2f} mm, less than the wall of {wall:g} mm"
+            f" for {process}; --offset {wall + spec.channel_diameter / 2:.1f} leaves one"
+        )
+    data = _describe(spec, sorted(radii), warnings) | {"cord": cord, "process": process}
+    return write_prints(folder, prints, data, FILE)
+
+
+def _describe(spec: Specimen, radii: Sequence[float], warnings: list[str]) -> dict[str, Any]:
+    jigs: list[dict[str, Any]] = [
+        {"name": "jig-flat", "radius": None, "neutral_radius": None, "strains": [0.0] * 3}
+    ]
+    for r in radii:
+        strains = [spec.strain(r, z) for z in spec.heights]
+        neutral = r + spec.thickness / 2
+        jigs.append(
+            {"name": f"jig-{r:g}", "radius": r, "neutral_radius": neutral, "strains": strains}
+        )
+    return {
+        "length": spec.length,
+        "thickness": spec.thickness,
+        "width": spec.width,
+        "channel_diameter": spec.channel_diameter,
+        "channels": dict(zip(("inner", "neutral", "outer"), spec.heights, strict=True)),
+        "jigs": jigs,
+        "warnings": warnings,
+    }

@@ -1,0 +1,1 @@
+"""Cameras calibrated, arranged and checked."""

@@ -1,0 +1,198 @@
+"""Off-screen pictures of a build: routing, strain sections, error maps, exploded parts."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+    # Without a screen VTK tries X first and complains; EGL needs none.
+    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
+import numpy as np
+import pyvista as pv
+
+from ...core.arrays import Float
+from ...core.files import replacing
+from ...core.mesh import Surface
+
+COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057", "#e07a5f", "#3d405b")
+_SIZE = (1100, 620)
+
+
+def _plotter() -> Any:
+    plotter = pv.Plotter(off_screen=True, window_size=list(_SIZE), lighting="light kit")
+    plotter.set_background("white")
+    return plotter
+
+
+def _poly(surface: Surface) -> Any:
+    faces = np.concatenate([np.full((len(surface.faces), 1), 3), surface.faces], axis=1)
+    return pv.PolyData(surface.vertices, faces.ravel())
+
+
+def _finish(plotter: Any, view: Float, up: Float | None = None, zoom: float = 1.25) -> str:
+    """PNG as a data URI; `view` is the direction from the object to the camera."""
+    if up is None:
+        up = np.array([0, 0, 1.0] if abs(view[2]) < 0.9 else [0, 1.0, 0])
+    plotter.view_vector(tuple(view), viewup=tuple(up))
+    plotter.enable_parallel_projection()
+    plotter.reset_camera()
+    plotter.camera.zoom(zoom)
+    plotter.add_axes()
+    image = plotter.screenshot(return_img=True)
+    plotter.close()
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, format="PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _bar(title: str) -> dict[str, Any]:
+    return {
+        "title": title + "\n",  # the bar draws its title onto its labels
+        "color": "black",
+        "title_font_size": 24,
+        "label_font_size": 20,
+        "fmt": "%.3g",
+        "position_x": 0.25,
+        "width": 0.5,
+        "height": 0.1,
+        "position_y": 0.03,
+    }
+
+
+def routing(
+    surface: Surface, cords: Sequence[Float], drawn: Sequence[Float], radius: float, view: Float
+) -> str:
+    """The body with its cords; the paths as drawn are thin and grey."""
+    plotter = _plotter()
+    body = _poly(surface)
+    plotter.add_mesh(body, color="#c9d6df", opacity=0.25, smooth_shading=False)
+    edges = body.extract_feature_edges(30, boundary_edges=False, non_manifold_edges=False)
+    if edges.n_points:
+        plotter.add_mesh(edges, color="#52616b", line_width=1.5)
+    for path in drawn:
+        plotter.add_mesh(pv.lines_from_points(path), color="#777777", line_width=2)
+    for i, path in enumerate(cords):
+        plotter.add_mesh(
+            pv.lines_from_points(path).tube(radius=radius), color=COLORS[i % len(COLORS)]
+        )
+    return _finish(plotter, view)
+
+
+def strain_section(field: Path, name: str, origin: Float, normal: Float, top: float) -> str:
+    """A deformed section coloured by the largest principal strain, in per cent."""
+    grid = pv.read(field)
+    grid.point_data["strain %"] = 100 * grid.point_data["strain"]
+    cut = grid.slice(normal=normal, origin=origin)
+    plotter = _plotter()
+    outline = grid.extract_surface(algorithm="dataset_surface").warp_by_vector("displacement")
+    plotter.add_mesh(outline, color="#c9d6df", opacity=0.15)
+    plotter.add_mesh(
+        cut.warp_by_vector("displacement"),
+        scalars="strain %",
+        cmap="viridis",
+        clim=[0, top],
+        scalar_bar_args=_bar("largest principal strain (%)"),
+    )
+    plotter.add_text(name, color="black", font_size=16, position="upper_left")
+    return _finish(plotter, normal * np.array([1, -1, 1]))
+
+
+def error_map(surface: Surface, error: Float, name: str, view: Float, top: float) -> str:
+    """The deformed surface coloured by the reconstruction error (mm) at its vertices (n,)."""
+    plotter = _plotter()
+    body = _poly(surface)
+    body.point_data["error"] = error
+    plotter.add_mesh(
+        body,
+        scalars="error",
+        cmap="magma",
+        clim=[0, top],
+        scalar_bar_args=_bar("reconstruction error (mm)"),
+        smooth_shading=False,
+    )
+    plotter.add_text(name, color="black", font_size=16, position="upper_left")
+    return _finish(plotter, view)
+
+
+def exploded(parts: Mapping[str, Surface], shifts: Mapping[str, Float], view: Float) -> str:
+    """The parts, each moved by its shift (3,) mm, with their names."""
+    plotter = _plotter()
+    for i, (name, surface) in enumerate(parts.items()):
+        _add_part(plotter, surface, shifts[name], COLORS[i % len(COLORS)], name)
+    return _finish(plotter, view)
+
+
+def joining(
+    lower: Mapping[str, Surface],
+    upper: Mapping[str, Surface],
+    colors: Mapping[str, str],
+    opens: Float,
+    lift: float,
+    cords: Sequence[tuple[Float, str, float]],
+    pins: Sequence[tuple[Float, float, float]],
+) -> str:
+    """One step of the assembly: the `upper` parts `lift` mm above the `lower` ones along `opens`
+    (3,), cords and wires (line (p, 3) mm, colour, radius) in their grooves, pins (center (3,),
+    diameter, length)."""
+    plotter = _plotter()
+    for name, surface in lower.items():
+        _add_part(plotter, surface, np.zeros(3), colors[name], name)
+    for name, surface in upper.items():
+        _add_part(plotter, surface, lift * opens, colors[name], name)
+    for line, color, radius in cords:
+        plotter.add_mesh(pv.lines_from_points(line).tube(radius=radius), color=color)
+    for center, diameter, length in pins:
+        pin = pv.Cylinder(center=center, direction=opens, radius=diameter / 2, height=length)
+        plotter.add_mesh(pin, color="#f4f1de")
+    points = np.concatenate([s.vertices for s in [*lower.values(), *upper.values()]])
+    flat = points - points @ opens[:, None] * opens
+    short = np.linalg.svd(flat - flat.mean(0), full_matrices=False)[2][1]
+    side = short if short @ [0.3, -1.0, 0.1] > 0 else -short
+    long = np.cross(opens, side)
+    return _finish(plotter, 0.75 * side + 0.6 * opens + 0.2 * long, up=opens, zoom=1.0)
+
+
+def _add_part(plotter: Any, surface: Surface, shift: Float, color: str, name: str) -> None:
+    moved = Surface(surface.vertices + shift, surface.faces)
+    plotter.add_mesh(_poly(moved), color=color, split_sharp_edges=True)
+    plotter.add_point_labels(
+        [moved.bounds.mean(0)],
+        [name],
+        text_color="black",
+        font_size=18,
+        shape_color="white",
+        shape_opacity=0.7,
+        always_visible=True,
+        show_points=False,
+    )
+
+
+def modes(shapes: list[tuple[str, Float]], faces: Any, rest: Float, path: Path) -> None:
+    """Moved bodies (title, vertices (n, 3)) side by side over the outline at rest, as a PNG."""
+    columns = 2
+    rows = -(-max(len(shapes), 1) // columns)
+    plotter = pv.Plotter(off_screen=True, shape=(rows, columns), window_size=[1200, 420 * rows])
+    plotter.set_background("white")
+    long = int(np.ptp(rest, axis=0).argmax())
+    view = (1.0, 0.35, 0.55) if long == 1 else (0.35, -1.0, 0.55)
+    for i, (title, moved) in enumerate(shapes):
+        plotter.subplot(i // columns, i % columns)
+        plotter.add_mesh(_poly(Surface(rest, faces)), color="#dde3e8", opacity=0.35)
+        body = _poly(Surface(moved, faces))
+        body["movement"] = np.linalg.norm(moved - rest, axis=1)
+        plotter.add_mesh(body, scalars="movement", cmap="viridis", show_scalar_bar=False)
+        plotter.add_text(title, font_size=12, color="black")
+        plotter.view_vector(view, viewup=(0, 0, 1))
+        plotter.reset_camera()
+    with replacing(path) as temporary:
+        plotter.screenshot(str(temporary))
+    plotter.close()

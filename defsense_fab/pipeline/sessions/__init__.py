@@ -1,0 +1,1 @@
+"""Training sessions: recorded, processed, reported."""

@@ -1,0 +1,357 @@
+"""From a recorded session to tracks in the rest frame, with the signals at the same times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...capture.cameras.video import Video, timing
+from ...capture.clocks.clock_fit import relate
+from ...capture.clocks.synchronisation import by_motion
+from ...capture.files.formats import read_any, write_any
+from ...capture.readout.recording import read_recording
+from ...capture.tags.tag_detection import NOTHING, View
+from ...capture.tracking.alignment import Aligned, align
+from ...capture.tracking.rest_pose import rest_pose
+from ...core.arrays import Bool, Float, Int
+from ...core.camera import Camera
+from ...core.errors import CaptureError
+from ...core.files import storage_errors, write_json, write_text
+from ...core.progress import Progress, silent
+from ...core.tracks import Tracks
+from ..tracking.video_detection import Watched, detect_all
+from ..tracking.video_tracks import Processed, assemble
+from .camera_recorder import FILM_RATE
+from .report import write_report
+from .session import BOARD, REST, CaptureSession, ending, load, read_camera, read_log
+from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
+
+TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
+    "tracks.csv", "aligned.csv", "signals.csv", "quality.json", "report.html",
+)  # fmt: skip
+_PAUSE = 1.0  # s, between runs, in the tracks' time
+_ALONE = 5.0  # s without tags that are worth a word
+_OFTEN = 0.8  # of the frames that the anchor must give, to be used
+
+
+@dataclass(frozen=True)
+class Result:
+    """Tracks in the first camera's frame and in the device's rest frame, (R - R0)/R0 (t, c) and
+    resistances (t, c) ohm at their times, the residuals (t,) mm of the alignment, quality."""
+
+    tracks: Tracks
+    aligned: Tracks
+    signals: Float
+    ohm: Float
+    residual: Float
+    quality: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Run:
+    processed: Processed
+    ohm: Float
+    rest: Bool
+    sync: dict[str, Any]
+    told: dict[str, Any]
+
+
+def process_session(
+    folder: Path, *, anchor: str = "auto", video: bool = False, tracks: Path | None = None,
+    progress: Progress = silent,
+) -> Result:  # fmt: skip
+    """Process all runs of a session and write the results into its folder. `anchor`: align by the
+    anchor's markers, by all, or by the anchor's where they are seen well enough (auto); `video`:
+    look for the tags anew in the recorded videos; `tracks`: a file of a motion-capture system that
+    takes the cameras' place, for a session of one run. Raises CaptureError where nothing can be
+    made of it."""
+    if anchor not in ("auto", "anchor", "all"):
+        raise CaptureError(f"--align {anchor}: choose auto, anchor or all")
+    session = load(folder)
+    if tracks is not None and len(session.runs) != 1:
+        raise CaptureError(
+            f"{folder}: has {len(session.runs)} runs; a file of tracks belongs to a session of one"
+        )
+    if not session.runs:
+        raise CaptureError(f"{folder}: nothing was recorded yet; run 'defsense capture record'")
+    runs, skipped = [], []
+    for run in session.runs:
+        try:
+            if tracks is None:
+                runs.append(_run(session, run, video=video, progress=progress))
+            else:
+                runs.append(_captured(session, run, tracks))
+        except CaptureError as error:
+            skipped.append({"run": run.name, "why": str(error), "ended": ending(run)})
+    if not runs:
+        why = "; ".join(f"{s['run']}: {s['why']}" for s in skipped)
+        raise CaptureError(f"{folder}: no run can be used: {why}")
+    result = _join(session, runs, skipped, anchor)
+    _write(folder, session, result)
+    progress("session", 1.0, "done")
+    return result
+
+
+def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress) -> _Run:
+    """One run by itself: its clocks are its own."""
+    events = read_log(run)
+    cameras = [read_camera(run, c.name) for c in session.rig.cameras]
+    empty = [c.name for c, s in zip(session.rig.cameras, cameras, strict=True) if not len(s.time)]
+    if empty or not cameras:
+        raise CaptureError(f"no picture was recorded by {', '.join(empty) or 'any camera'}")
+    for camera, seen in zip(session.rig.cameras, cameras, strict=True):
+        if (np.diff(seen.time) <= 0).any():
+            raise CaptureError(f"the times of camera {camera.name} go back: its file is damaged")
+    start = min(int(c.time[0]) for c in cameras if len(c.time))
+    watched, lacking = [], {}
+    for camera, seen in zip(session.rig.cameras, cameras, strict=True):
+        time, views = (seen.time - start) / 1e9, seen.views
+        if video:
+            views, lacks = _again(session, run, camera, len(time), progress)
+            if lacks:
+                lacking[camera.name] = lacks
+        watched.append(Watched(time, views, timing(time), 0))
+    names = [f"{run.name}/{c.name}" for c in session.rig.cameras]
+    known = [_only(w, session.markers.ids) for w in watched]
+    processed = assemble(known, session.rig, session.markers.size, names, None, progress)
+    processed.quality["warnings"] += [
+        f"{run.name}/{name}.mkv lacks {n} of the recorded frames: no tags are known in those"
+        for name, n in lacking.items()
+    ]
+    shift = processed.quality["offsets"]
+    tracks = processed.tracks
+    ohm = np.full((len(tracks.time), len(session.channels)), np.nan)
+    told: dict[str, Any] = {"method": "none"}
+    lost: list[str] = []
+    if (run / BOARD).exists():
+        board = read_recording(run / BOARD)
+        ohm, told = signals_in_step(session, board, cameras, start, shift, tracks)
+        if board.cut:
+            lost.append(f"lines of {run.name}/{BOARD}: {board.cut}")
+    rest = _resting(session, events, tracks.time, start)
+    cut = sum(c.cut for c in cameras)
+    lost += [f"lines of {n}'s files: {c.cut}" for n, c in zip(names, cameras, strict=True) if c.cut]
+    if lost:
+        processed.quality["warnings"].append(f"cut or damaged, and left out: {', '.join(lost)}")
+    processed.quality["warnings"] += _ends_early(names, known)
+    return _Run(processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut})
+
+
+def _captured(session: CaptureSession, run: Path, path: Path) -> _Run:
+    """A run whose markers are those of another system, in step by how they move."""
+    tracks = read_any(path)
+    known = np.isin(tracks.ids, session.markers.ids)
+    if known.sum() < 3:
+        have, want = (", ".join(map(str, i.tolist())) for i in (tracks.ids, session.markers.ids))
+        raise CaptureError(
+            f"{path}: its markers are {have}, the device's are {want}; name them by these numbers"
+            " (tag_1, tag_2, ...)"
+        )
+    tracks = Tracks(
+        tracks.time, tracks.ids[known], tracks.points[:, known], tracks.sigma[:, known],
+        tracks.frame,
+    )  # fmt: skip
+    board = read_recording(run / BOARD)
+    device = board.device_us / 1e6
+    ohm = resistances(session, board)
+    sync = by_motion(tracks.time, motion(tracks), device, ohm)
+    about_sync = told_of(sync, [])
+    if restarts(board):
+        about_sync["error_ms"] = None
+        about_sync["notes"] = [
+            "the board began anew in this run: signals from then on may be tens of ms off; record"
+            " it again"
+        ]
+    quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.seen.mean()),
+                               "by_one": 0.0, "impossible": 0}  # fmt: skip
+    covariance = np.full((*tracks.points.shape, 3), np.nan)
+    processed = Processed(tracks, covariance, 2 * tracks.seen.astype(np.int64), quality)
+    at = at_times(sync.to_device(tracks.time), device, ohm)
+    arrival = relate(device, board.host_ns / 1e9)
+    rest = _resting(session, read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
+    about = {"run": run.name, "ended": ending(run), "cut": board.cut, "tracks_of": str(path)}
+    return _Run(processed, at, rest, about_sync, about)
+
+
+def _ends_early(names: Sequence[str], watched: Sequence[Watched]) -> list[str]:
+    """Of cameras that see no tag for long at the end: was it moved, or is its file cut off?"""
+    out = []
+    for name, w in zip(names, watched, strict=True):
+        seen = np.flatnonzero([len(v.ids) > 0 for v in w.views])
+        left = w.time[-1] - w.time[seen[-1]] if len(seen) else 0.0
+        if left > _ALONE:
+            out.append(
+                f"{name}: shows no tag in its last {left:.0f} s; was it covered, or is its file"
+                " damaged?"
+            )
+    return out
+
+
+def _only(watched: Watched, ids: Int) -> Watched:
+    """Without tags that are none of the device's."""
+    views = tuple(v.only(np.isin(v.ids, ids)) for v in watched.views)
+    return replace(watched, views=views)
+
+
+def _again(
+    session: CaptureSession, run: Path, camera: Camera, count: int, progress: Progress
+) -> tuple[tuple[View, ...], int]:
+    """Tags of `count` frames from the run's video, and how many of those it lacks: a video that was
+    cut off, or that a full disk has left gaps in, says by its times which it has."""
+    path = run / f"{camera.name}.mkv"
+    if not path.exists():
+        raise CaptureError(f"{path}: there is no video; the session was recorded without --video")
+    time, found = detect_all(Video(path), camera, session.markers.dictionary, progress)
+    number = np.round(time * FILM_RATE).astype(int)
+    there = (number >= 0) & (number < count)
+    if there.sum() < 0.5 * count or not there.all() or len(np.unique(number)) < len(number):
+        raise CaptureError(
+            f"{path}: has {len(found)} frames, {count} were recorded; it is damaged, or does not"
+            " belong here"
+        )
+    views = [NOTHING] * count
+    for n, view in zip(number, found, strict=True):
+        views[n] = view
+    return tuple(views), count - len(found)
+
+
+def _resting(
+    session: CaptureSession, events: Sequence[dict[str, Any]], time: Float, start: int
+) -> Bool:
+    """Frames (t,) of finished rests, but for their beginnings."""
+    out = np.zeros(len(time), bool)
+    begun: dict[int, float] = {}
+    for event in events:
+        at, k = (event.get("host_ns", 0) - start) / 1e9, event.get("step", -1)
+        if event.get("event") == "step" and event.get("name") == REST:
+            begun[k] = at
+        elif event.get("event") == "done" and k in begun:
+            out |= (time > begun[k] + 0.3 * (at - begun[k])) & (time < at)
+    return out
+
+
+def _join(
+    session: CaptureSession, runs: Sequence[_Run], skipped: Sequence[dict[str, Any]], anchor: str
+) -> Result:
+    ids = session.markers.ids
+    time, points, sigma, rest, ohm = [], [], [], [], []
+    begin = 0.0
+    for run in runs:
+        t = run.processed.tracks
+        column = {int(i): k for k, i in enumerate(t.ids)}
+        p, s = (np.full((len(t.time), len(ids), 3), np.nan) for _ in range(2))
+        for k, i in enumerate(ids):
+            if int(i) in column:
+                p[:, k], s[:, k] = t.points[:, column[int(i)]], t.sigma[:, column[int(i)]]
+        time.append(t.time + begin - t.time[0])
+        begin = float(time[-1][-1]) + _PAUSE
+        points.append(p)
+        sigma.append(s)
+        rest.append(run.rest)
+        ohm.append(run.ohm)
+    T, P, S = np.concatenate(time), np.concatenate(points), np.concatenate(sigma)
+    resting, R = np.concatenate(rest), np.concatenate(ohm)
+    tracks = Tracks(T, ids, P, S, np.arange(len(T)))
+    aligned, by, placed, warnings = _aligned(session, tracks, resting, anchor)
+    R0 = _medians(R[resting] if np.isfinite(R[resting]).any() else R)
+    if not resting.any():
+        warnings.append("no rest was finished: R0 and the rest pose are those of the whole session")
+    back = Tracks(T, ids, aligned.points, aligned.sigma, np.arange(len(T)))
+    with np.errstate(all="ignore"):
+        quality = {
+            "session": str(session.folder), "device": session.device,
+            "runs": [r.told | {"sync": r.sync, "tracks": r.processed.quality} for r in runs],
+            "skipped": list(skipped), "frames": len(T), "seconds": float(T[-1] - T[0]),
+            "aligned_by": by, "aligned_frames": float(aligned.ok.mean()),
+            "residual": _quantiles(aligned.residual), "sigma": _quantiles(
+                np.linalg.norm(back.sigma, axis=-1)[back.seen]),
+            "seen": dict(zip(map(str, ids.tolist()), back.seen.mean(axis=0).tolist(), strict=True)),
+            "glued": placed, "R0": [float(r) if np.isfinite(r) else None for r in R0],
+            "warnings": warnings,
+        }  # fmt: skip
+        return Result(tracks, back, R / R0 - 1, R, aligned.residual, quality)
+
+
+def _aligned(
+    session: CaptureSession, tracks: Tracks, resting: Bool, anchor: str
+) -> tuple[Aligned, str, list[Any], list[str]]:
+    """Tracks in the rest frame, by which markers, those that were glued elsewhere, warnings."""
+    m = session.markers
+    frames = resting if resting.sum() >= 5 else np.ones(len(tracks.time), bool)
+    rest = rest_pose(tracks.points[frames], tracks.sigma[frames], m.centers, ids=m.ids)
+    # Markers that were hidden at rest are where the design has them.
+    pose = np.where(np.isfinite(rest.points), rest.points, m.centers)
+    warnings = []
+    weights = _weights(tracks.sigma)
+    placed = [
+        {"tag": int(i), "away": float(d)}
+        for i, d, far in zip(m.ids, rest.away, rest.moved, strict=True)
+        if far
+    ]
+    for p in placed:
+        warnings.append(
+            f"tag {p['tag']} is {p['away']:.1f} mm from where the design has it: its place as"
+            " measured is used"
+        )
+    if anchor == "anchor" or (anchor == "auto" and m.anchor.any()):
+        try:
+            found = align(tracks.points, pose, weights, m.anchor, sigma=tracks.sigma, ids=m.ids)
+            if anchor == "anchor" or found.ok.mean() >= _OFTEN:
+                return found, "anchor", placed, warnings
+            warnings.append(
+                f"the anchor's tags are seen in {found.ok.mean():.0%} of the frames only: aligned"
+                " by all markers"
+            )
+        except CaptureError as error:
+            if anchor == "anchor":
+                raise
+            warnings.append(f"aligned by all markers: {error}")
+    found = align(tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids)
+    return found, "all", placed, warnings
+
+
+def _weights(sigma: Float) -> Float | None:
+    """(t, m), by which places that several cameras saw count more than those of one; None where
+    nothing is known of them."""
+    with np.errstate(all="ignore"):
+        weights = 1 / (sigma**2).mean(axis=2)
+    known = np.isfinite(weights)
+    return np.where(known, weights, 0.0) if known.any() else None
+
+
+def _quantiles(values: Float) -> dict[str, float | None]:
+    good = values[np.isfinite(values)]
+    if not len(good):
+        return {"median": None, "95 %": None}
+    return {"median": float(np.median(good)), "95 %": float(np.quantile(good, 0.95))}
+
+
+def _write(folder: Path, session: CaptureSession, result: Result) -> None:
+    write_any(folder / TRACKS, result.tracks)
+    write_any(folder / ALIGNED, result.aligned)
+    columns = ["frame", "time", *session.channels, "alignment_residual"]
+    rows = [
+        ",".join([str(k), f"{t:.6f}", *map(_cell, signals), _cell(residual)])
+        for k, (t, signals, residual) in enumerate(
+            zip(result.tracks.time, result.signals, result.residual, strict=True)
+        )
+    ]
+    with storage_errors(folder):
+        write_text(folder / SIGNALS, "\n".join([",".join(columns), *rows]) + "\n")
+        write_json(folder / QUALITY, result.quality)
+    write_report(folder / REPORT, session, result)
+
+
+def _cell(value: float) -> str:
+    """A number, or nothing where there is none."""
+    return f"{value:.6f}" if np.isfinite(value) else ""
+
+
+def _medians(values: Float) -> Float:
+    """Of columns (n, c), NaN for those without a number."""
+    finite = [v[np.isfinite(v)] for v in values.T]
+    return np.array([float(np.median(v)) if len(v) else np.nan for v in finite])

@@ -1,0 +1,315 @@
+"""A capture session: a folder with what the cameras and the board saw, a file for each of them.
+
+`session.toml` says what was to be recorded, `cameras.toml` and `markers.json` are copies of what it
+was recorded with. Each run of the command has a folder `run-1`, `run-2`, ... with `frames.csv` (the
+board), `<camera>.csv` (tags: corners and their variances), `<camera>-frames.csv` (when each picture
+was taken, how bright the lamp was) and `log.jsonl` (what happened). All of them are only appended
+to, line by line; a line that was cut by the end of the program is left out when it is read.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...capture.cameras.rig_file import Rig, read_rig, toml_value
+from ...capture.tags.tag_detection import View
+from ...core.arrays import Float, Int
+from ...core.errors import CaptureError
+from ...core.files import storage_errors, write_text
+from ...core.markers import Markers, read_markers, write_markers_file
+
+FILE, CAMERAS, MARKERS, BOARD, LOG = (
+    "session.toml", "cameras.toml", "markers.json", "frames.csv", "log.jsonl"
+)  # fmt: skip
+REST, FREE = "rest", "free"
+_CORNERS = [f"{a}{k}" for k in range(4) for a in "xy"]
+_SPREAD = [f"{a}{k}" for k in range(4) for a in ("xx", "xy", "yy")]
+TAG_COLUMNS = ("frame", "host_ns", "id", *_CORNERS, *_SPREAD)
+FRAME_COLUMNS = ("frame", "host_ns", "lamp")
+
+
+@dataclass(frozen=True)
+class Step:
+    """A pose to show for so many `seconds`: its name, `rest`, or `free`."""
+
+    name: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class CaptureSession:
+    """What `session.toml` says, with the cameras and tags beside it; `reference` (c,) ohm."""
+
+    folder: Path
+    device: str
+    steps: tuple[Step, ...]
+    channels: tuple[str, ...]
+    reference: tuple[float, ...]
+    rig: Rig
+    markers: Markers
+    begun: str
+
+    @property
+    def runs(self) -> list[Path]:
+        """Folders of the runs so far, in their order."""
+        found = [p for p in self.folder.glob("run-*") if p.name[4:].isdigit()]
+        return sorted(found, key=lambda p: int(p.name[4:]))
+
+
+def create(
+    folder: Path, *, device: str, steps: Sequence[Step], channels: Sequence[str],
+    reference: Sequence[float], calibration: Path | None, markers: Markers,
+) -> CaptureSession:  # fmt: skip
+    """Begin a session, without cameras where there is no calibration. Raises CaptureError where the
+    folder holds one, StorageError."""
+    if (folder / FILE).exists():
+        raise CaptureError(f"{folder}: holds a session already; choose another folder with --out")
+    if calibration is not None:
+        read_rig(calibration)
+    with storage_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        if calibration is not None:
+            write_text(folder / CAMERAS, calibration.read_text(encoding="utf-8"))
+        write_markers_file(markers, folder / MARKERS)
+        lines = [
+            "schema = 1",
+            f"device = {toml_value(device)}",
+            f"begun = {toml_value(time.strftime('%Y-%m-%dT%H:%M:%S%z'))}",
+            f"channels = {toml_value(list(channels))}",
+            f"reference = {toml_value([float(r) for r in reference])}",
+            f"steps = {toml_value([[s.name, float(s.seconds)] for s in steps])}",
+        ]
+        write_text(folder / FILE, "\n".join(lines) + "\n")
+    return load(folder)
+
+
+def load(folder: Path) -> CaptureSession:
+    """Raises CaptureError for a folder that holds none, or a broken one."""
+    path = folder / FILE
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        if data["schema"] != 1:
+            raise CaptureError(f"{path}: was written by another version")
+        steps = tuple(Step(str(n), float(s)) for n, s in data["steps"])
+        channels = tuple(str(c) for c in data["channels"])
+        reference = tuple(float(r) for r in data["reference"])
+        if len(channels) != len(reference):
+            raise ValueError("as many references as channels")
+        device, begun = str(data["device"]), str(data["begun"])
+    except OSError as error:
+        raise CaptureError(
+            f"{path}: cannot be read: {error.strerror}; 'defsense capture record' makes sessions"
+        ) from None
+    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
+        raise CaptureError(f"{path}: not a session: {error}") from None
+    rig = read_rig(folder / CAMERAS) if (folder / CAMERAS).exists() else Rig(())
+    return CaptureSession(
+        folder, device, steps, channels, reference, rig,
+        read_markers(folder / MARKERS), begun,
+    )  # fmt: skip
+
+
+class Stream:
+    """A CSV file that is only appended to, a line at a write."""
+
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+        self._path = path
+        with storage_errors(path):
+            self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o644)
+        self.line(",".join(columns))
+
+    def line(self, text: str) -> None:
+        """Raises StorageError, as when the disk is full."""
+        with storage_errors(self._path):
+            data = (text + "\n").encode()
+            while data:
+                data = data[os.write(self._file, data) :]
+
+    def close(self) -> None:
+        with storage_errors(self._path):
+            os.close(self._file)
+
+
+class Log(Stream):
+    """What happened, as JSON lines with the monotonic clock."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with storage_errors(path):
+            self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o644)
+
+    def event(self, kind: str, **data: Any) -> None:
+        """One event, now."""
+        told = {"event": kind, "host_ns": time.monotonic_ns(), "at": round(time.time(), 3), **data}
+        self.line(json.dumps(told))
+
+
+def tag_lines(frame: int, host_ns: int, view: View) -> str:
+    """The rows of a picture's tags, without a line's end after the last; empty for none."""
+    rows = []
+    for number, corners, covariance in zip(view.ids, view.corners, view.covariance, strict=True):
+        spread = [
+            covariance[2 * k + a, 2 * k + b] for k in range(4) for a, b in ((0, 0), (0, 1), (1, 1))
+        ]
+        cells = [f"{x:.4f}" for x in corners.ravel()] + [f"{s:.3e}" for s in spread]
+        rows.append(f"{frame},{host_ns},{number},{','.join(cells)}")
+    return "\n".join(rows)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """What one camera recorded in a run: of f pictures when they were taken, `time` (f,) ns, and
+    how bright the lamp was, `lamp` (f,), NaN where not known; the tags in each, `views`; lines that
+    were cut."""
+
+    time: Int
+    lamp: Float
+    views: tuple[View, ...]
+    cut: int
+
+
+def read_camera(run: Path, name: str) -> Camera:
+    """Raises CaptureError with file and line for what cannot be read."""
+    frames, cut_frames = _rows(run / f"{name}-frames.csv", FRAME_COLUMNS)
+    tags, cut_tags = _rows(run / f"{name}.csv", TAG_COLUMNS)
+    number, stamps = frames[:, 0].astype(np.int64), frames[:, 1].astype(np.int64)
+    order = np.argsort(tags[:, 0], kind="stable")
+    tags = tags[order]
+    first = np.searchsorted(tags[:, 0], number, "left")
+    last = np.searchsorted(tags[:, 0], number, "right")
+    views = tuple(_view(tags[a:b]) for a, b in zip(first, last, strict=True))
+    return Camera(stamps, frames[:, 2], views, cut_frames + cut_tags)
+
+
+def _view(rows: Float) -> View:
+    n = len(rows)
+    corners = rows[:, 3:11].reshape(n, 4, 2)
+    covariance = np.zeros((n, 8, 8))
+    for k in range(4):
+        xx, xy, yy = rows[:, 11 + 3 * k : 14 + 3 * k].T
+        covariance[:, 2 * k, 2 * k], covariance[:, 2 * k + 1, 2 * k + 1] = xx, yy
+        covariance[:, 2 * k, 2 * k + 1] = covariance[:, 2 * k + 1, 2 * k] = xy
+    return View(rows[:, 2].astype(np.int64), corners, covariance, corners)
+
+
+def _rows(path: Path, columns: Sequence[str]) -> tuple[Float, int]:
+    """Numbers (n, columns) of a stream and how many lines were cut or damaged."""
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+    lines = text.split("\n")
+    cut = int(bool(lines.pop()))
+    if not lines:
+        return np.zeros((0, len(columns))), cut
+    if lines[0] != ",".join(columns):
+        raise CaptureError(f"{path}:1: the columns must be {','.join(columns)}")
+    out = np.empty((len(lines) - 1, len(columns)))
+    good = np.ones(len(out), bool)
+    for k, line in enumerate(lines[1:]):
+        if _unreadable(line):
+            good[k] = False
+            continue
+        try:
+            cells = np.array(line.split(","), float)
+            if cells.shape != (len(columns),) or not np.isfinite(cells[:2]).all():
+                raise ValueError
+            out[k] = cells
+        except ValueError:
+            raise CaptureError(
+                f"{path}:{k + 2}: not {len(columns)} numbers: {line[:50]!r}"
+            ) from None
+    return out[good], cut + int((~good).sum())
+
+
+def _unreadable(line: str) -> bool:
+    """What a disk's damaged block leaves of lines."""
+    return "\0" in line or "\ufffd" in line
+
+
+def read_log(run: Path) -> list[dict[str, Any]]:
+    """Events of a run; lines that were cut or damaged are left out."""
+    path = run / LOG
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+    out = []
+    for number, line in enumerate(text.split("\n")[:-1], 1):
+        if _unreadable(line):
+            continue
+        try:
+            event = json.loads(line)
+            if not isinstance(event, dict):
+                raise ValueError
+        except ValueError:
+            raise CaptureError(f"{path}:{number}: not an event: {line[:60]!r}") from None
+        out.append(event)
+    return out
+
+
+def finished(session: CaptureSession) -> list[int]:
+    """Steps that were shown to their end, in any run."""
+    done = set()
+    for run in session.runs:
+        if (run / LOG).exists():
+            done |= {int(e["step"]) for e in read_log(run) if e.get("event") == "done"}
+    return sorted(k for k in done if 0 <= k < len(session.steps))
+
+
+def ending(run: Path) -> str:
+    """How a run ended, in words."""
+    events = read_log(run) if (run / LOG).exists() else []
+    last = next((e for e in reversed(events) if e.get("event") == "end"), None)
+    if last is None:
+        return "was cut off: the program was killed, or the power went"
+    return str(last.get("why", "ended"))
+
+
+def plan(
+    poses: Sequence[str], rounds: int, seconds: float, free: float, still: float
+) -> tuple[Step, ...]:
+    """Rest, the poses in turns, mixtures at the end of each round, rest."""
+    steps = [Step(REST, still)]
+    for _ in range(rounds):
+        steps += [Step(p, seconds) for p in poses]
+        if free > 0:
+            steps.append(Step(FREE, free))
+    return (*steps, Step(REST, still))
+
+
+def as_mapping(session: CaptureSession) -> Mapping[str, Any]:
+    """For `--json`."""
+    return {
+        "session": str(session.folder), "device": session.device, "steps": len(session.steps),
+        "finished": len(finished(session)),
+        "runs": [{"run": r.name, "ended": ending(r)} for r in session.runs],
+    }  # fmt: skip
+
+
+def discard_empty(session: CaptureSession) -> None:
+    """Remove a session that never saw a picture or a sample: it could not begin, and must not bind
+    the next."""
+    if any(_has_rows(path) for run in session.runs for path in run.glob("*.csv")):
+        return
+    for run in session.runs:
+        for path in run.iterdir():
+            path.unlink()
+        run.rmdir()
+    for name in (FILE, CAMERAS, MARKERS):
+        (session.folder / name).unlink(missing_ok=True)
+
+
+def _has_rows(path: Path) -> bool:
+    """Whether a stream has a line of numbers."""
+    with path.open("rb") as file:
+        return any(line[:1].isdigit() for line in file)

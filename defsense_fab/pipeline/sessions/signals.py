@@ -1,0 +1,189 @@
+"""Resistances at the times of a run's tracks: its clocks are compared, part by part.
+
+A board that starts anew in the middle of a run has another clock from then on; so each part between
+two starts is put in step by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ...capture.clocks.clock_fit import Clocks, relate
+from ...capture.clocks.synchronisation import Sync, by_lamp, by_motion
+from ...capture.readout.recording import Recording
+from ...core.arrays import Bool, Float
+from ...core.errors import CaptureError
+from ...core.tracks import Tracks
+from ...sensing.voltage_divider import Dividers, conversion_time
+from .session import BOARD, Camera, CaptureSession
+
+_DRIFTS = 5e-4  # relative: no board's clock is off by more
+_LATE = 0.01  # s: what delays do to a short part's drift
+_AHEAD = 0.2  # s, by which no sample comes before its time
+_FEW = 10  # samples that are not yet a recording
+_BESIDE = 1.0  # s of frames beside a part's samples that are compared with it
+
+
+def signals_in_step(
+    session: CaptureSession, board: Recording, cameras: Sequence[Camera], start: int,
+    shift: Sequence[float], tracks: Tracks,
+) -> tuple[Float, dict[str, Any]]:  # fmt: skip
+    """Resistances (t, c) ohm at the tracks' times, by whichever way the clocks can be compared, and
+    what there is to tell of it. `cameras` with stamps in ns, of which `start` is the tracks' zero;
+    `shift` s that each camera's stamps are late by."""
+    ohm = resistances(session, board)
+    out = np.full((len(tracks.time), ohm.shape[1]), np.nan)
+    if len(board.counter) <= _FEW:
+        return out, {"method": "none"}
+    ends = np.unique([0, *restarts(board), *_jumps(board), len(board.counter)])
+    parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    parts = [p for p in parts if p.stop - p.start > _FEW]
+    told = []
+    for part in parts:
+        at, about = _part(board, part, ohm, cameras, start, shift, tracks)
+        values = at_times(at, board.device_us[part] / 1e6, ohm[part])
+        out = np.where(np.isfinite(values), values, out)
+        told.append(about)
+    if len(told) < 2:
+        return out, told[0]
+    longest = told[int(np.argmax([p.stop - p.start for p in parts]))]
+    errors = [t["error_ms"] for t in told]
+    return out, longest | {
+        "error_ms": None if None in errors else max(errors),
+        "parts": told,
+        "notes": [
+            f"the board's clock began anew in this run: its {len(told)} parts are each in step by"
+            " themselves",
+            *dict.fromkeys(note for t in told for note in t["notes"]),
+        ],
+    }
+
+
+def restarts(board: Recording) -> list[int]:
+    """The samples before which the board began anew."""
+    return [n for n, e in board.events if e.get("event") == "restart"]
+
+
+def _jumps(board: Recording) -> list[int]:
+    """The samples before which the board's clock went back, or ahead of the time that passed:
+    damaged files, that do not say that it began anew."""
+    device, host = np.diff(board.device_us) / 1e6, np.diff(board.host_ns) / 1e9
+    return [int(k) + 1 for k in np.flatnonzero((device < 0) | (device > host + _AHEAD))]
+
+
+def resistances(session: CaptureSession, board: Recording) -> Float:
+    """(n, c) ohm of a recording's samples. Raises CaptureError for other channels."""
+    if board.sums.shape[1] != len(session.channels):
+        raise CaptureError(
+            f"{BOARD} has {board.sums.shape[1]} channels, the session {len(session.channels)}: it"
+            " does not belong here"
+        )
+    scale = next((float(e["full_scale"]) for _, e in board.events if "full_scale" in e), 1024.0)
+    return Dividers(np.array(session.reference), scale).resistance(board.counts)
+
+
+def _part(
+    board: Recording, part: slice, ohm: Float, cameras: Sequence[Camera], start: int,
+    shift: Sequence[float], tracks: Tracks,
+) -> tuple[Float, dict[str, Any]]:  # fmt: skip
+    """The board's times (t,) s at the tracks' by samples between two starts, and how that is
+    known."""
+    device, host = board.device_us[part] / 1e6, (board.host_ns[part] - start) / 1e9
+    arrival = relate(device, host)
+    sync, why = _by_lamps(board, part, cameras, start, shift, arrival)
+    if sync is None:
+        near = _near(tracks.time, host)
+        try:
+            sync = by_motion(tracks.time[near], motion(tracks)[near], device, ohm[part], arrival)
+        except CaptureError as error:
+            why.append(str(error))
+    if sync is not None:
+        at, about = sync.to_device(tracks.time), told_of(sync, why)
+    else:  # what remains: when samples arrived, which cameras' own delay is not in
+        at = (tracks.time - arrival.offset) / (1 + arrival.drift)
+        about = {
+            "method": "arrival", "offset": arrival.offset, "drift": arrival.drift,
+            "error_ms": None, "notes": why,
+        }  # fmt: skip
+    if abs(about["drift"]) > max(_DRIFTS, _LATE / max(float(np.ptp(device)), _LATE)):
+        about["error_ms"] = None
+        about["notes"] = [
+            *about["notes"],
+            "the board's clock jumped in this run: signals may be tens of ms off; record it again",
+        ]
+    return at, about
+
+
+def _by_lamps(
+    board: Recording, part: slice, cameras: Sequence[Camera], start: int,
+    shift: Sequence[float], arrival: Clocks,
+) -> tuple[Sync | None, list[str]]:  # fmt: skip
+    """By the camera whose pictures of the LED tell most, and why others do not."""
+    device, host = board.device_us[part] / 1e6, (board.host_ns[part] - start) / 1e9
+    best: Sync | None = None
+    why: list[str] = []
+    for k, camera in enumerate(cameras):
+        time = (camera.time - start) / 1e9 + shift[k]
+        near = _near(time, host)
+        if np.isfinite(camera.lamp[near]).sum() < 30:
+            continue
+        try:
+            found = by_lamp(
+                time[near], camera.lamp[near], None, device, board.led[part].astype(bool), arrival,
+                conversion=_conversion(board),
+            )  # fmt: skip
+        except CaptureError as error:
+            why.append(str(error))
+            continue
+        if best is None or found.error < best.error:
+            best = found
+    return best, why
+
+
+def _near(time: Float, host: Float) -> Bool:
+    """Frames (t,) while samples arrived, or nearly."""
+    return np.asarray((time >= host[0] - _BESIDE) & (time <= host[-1] + _BESIDE))
+
+
+def _conversion(board: Recording) -> float:
+    """s that the conversions of a sample take, as the board said of itself."""
+    for _, e in board.events:
+        if {"converter", "channels", "averages"} <= set(e):
+            return conversion_time(int(e["converter"]), int(e["channels"]), int(e["averages"]))
+    return 0.0
+
+
+def told_of(sync: Sync, notes: Sequence[str]) -> dict[str, Any]:
+    return {
+        "method": sync.method, "offset": sync.offset, "drift": sync.drift,
+        "error_ms": 1e3 * sync.error, "evidence": sync.evidence, "notes": list(notes),
+    }  # fmt: skip
+
+
+def motion(tracks: Tracks) -> Float:
+    """Distances (t, d) between markers that are seen often: they do not change as the whole
+    moves."""
+    share = tracks.seen.mean(axis=0)
+    often = np.argsort(-share)[:8]
+    often = often[share[often] > 0.5]
+    if len(often) < 2:
+        raise CaptureError("too few markers are seen often enough to tell how the device moves")
+    a, b = np.triu_indices(len(often), 1)
+    points = tracks.points[:, often]
+    return np.asarray(np.linalg.norm(points[:, a] - points[:, b], axis=2))
+
+
+def at_times(when: Float, time: Float, values: Float) -> Float:
+    """Values (n, c) with times (n,) at other times (t,): linear in between, NaN outside and over
+    gaps."""
+    order = np.append(True, np.diff(time) > 0)
+    time, values = time[order], values[order]
+    out = np.stack([np.interp(when, time, v, left=np.nan, right=np.nan) for v in values.T], axis=1)
+    k = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
+    gap = time[k] - time[k - 1]
+    out[gap > 5 * np.median(np.diff(time))] = np.nan
+    return out

@@ -1,0 +1,1 @@
+"""Studies of a device: number of cords, proposed poses."""

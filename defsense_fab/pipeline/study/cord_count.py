@@ -1,0 +1,123 @@
+"""How many cords a device should have: error against their number, as table and picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ...core.device import Device
+from ...core.errors import LayoutError
+from ...core.files import digest, storage_errors
+from ...core.progress import Progress, silent
+from ...optimize.problem.cord_parameters import sample_path
+from ...optimize.studies.cord_count import by_count, knee
+from ..build.build import build
+from ..build.stage_optimize import SEED, load_task, predict
+from ..build.stages import keys, plain
+from .study_file import Row, chain, read_rows, write_rows
+
+FILE, PICTURE = "study.json", "study.png"
+
+
+@dataclass(frozen=True)
+class Study:
+    """Rows by number of cords, the number recommended, the decoder that they are for, why the study
+    ends early if it does, the files."""
+
+    rows: tuple[Row, ...]
+    knee: int
+    decoder: str
+    ended: str
+    file: Path
+    picture: Path
+
+
+def study(device: Device, least: int, most: int, progress: Progress = silent) -> Study:
+    """Find the best layouts of `least` to `most` cords for the device's poses.
+
+    Each number is written to `study/` beside `device.toml` when it is done, and a study that was
+    interrupted goes on from there. Cords drawn in `device.toml` are left out of account.
+    """
+    result = build(device, "simulate", progress)
+    task = load_task(device, result.folder)
+    folder = device.source / "study"
+    key = digest(
+        keys(device)["simulate"],
+        plain((device.cord, device.fabrication, device.outputs, device.decoder, device.planes)),
+    )
+    with storage_errors(folder):
+        folder.mkdir(exist_ok=True)
+        rows = read_rows(folder / FILE, key)
+    found = chain(rows, least)
+    begun = found[0].begun if found else least
+    counts = range(found[-1].sensors + 1 if found else least, most + 1)
+    search = by_count(
+        task.design,
+        counts,
+        SEED,
+        partial(progress, "study"),
+        begin=found[-1].layout if found else (),
+        planes=device.planes,
+    )
+    ended = ""
+    try:
+        for count, layout in search:
+            prediction, _ = predict(
+                task.everything, [sample_path(s) for s in layout], task.names, task.held
+            )
+            unseen = np.array(list(prediction.held_out.values()))
+            found.append(
+                Row(
+                    count,
+                    prediction.rmse,
+                    prediction.rmse_noise_free,
+                    float(np.sqrt((unseen**2).mean())) if len(unseen) else float("nan"),
+                    task.design.floor(count),
+                    begun,
+                    layout,
+                )
+            )
+            rows = [r for r in rows if (r.begun, r.sensors) != (begun, count)] + found[-1:]
+            with storage_errors(folder):
+                write_rows(folder / FILE, key, rows)
+    except LayoutError as error:
+        if not found:
+            raise
+        ended = str(error)
+    shown = tuple(r for r in found if least <= r.sensors <= most)
+    best = knee([r.sensors for r in shown], np.array([r.rmse for r in shown]))
+    with storage_errors(folder):
+        _draw(shown, best, device.name, folder / PICTURE)
+    kind = task.everything.decoder
+    return Study(shown, best, kind, ended, folder / FILE, folder / PICTURE)
+
+
+def _draw(rows: tuple[Row, ...], best: int, name: str, path: Path) -> None:
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    figure = Figure(figsize=(7, 4.5), dpi=120, layout="constrained")
+    axis = figure.subplots()
+    counts = [r.sensors for r in rows]
+    for label, values, style in (
+        ("held-out states", [r.held_out for r in rows], "s--"),
+        ("predicted, with noise", [r.rmse for r in rows], "o-"),
+        ("without noise", [r.rmse_noise_free for r in rows], "o:"),
+        ("affine floor, without noise", [r.floor for r in rows], "-"),
+    ):
+        shown = np.where(np.array(values) > 1e-4, values, np.nan)
+        if np.isfinite(shown).any():
+            axis.semilogy(counts, shown, style, label=label)
+    # The floor falls to nothing; the picture is about the errors.
+    axis.set_ylim(bottom=min(r.rmse_noise_free for r in rows) / 3)
+    axis.axvline(best, color="0.7", zorder=0, label=f"recommended: {best}")
+    axis.set(xlabel="cords", ylabel="RMSE of the markers, mm", title=name, xticks=counts)
+    axis.yaxis.set_minor_locator(LogLocator(subs=(2, 5)))
+    for which in (axis.yaxis.set_major_formatter, axis.yaxis.set_minor_formatter):
+        which(FuncFormatter(lambda v, _: f"{v:g}"))
+    axis.grid(True, which="both", alpha=0.25)
+    figure.legend(loc="outside lower center", ncols=3)
+    figure.savefig(path)

@@ -1,0 +1,139 @@
+"""Poses for a user who has none: the body's lowest modes, as text for `device.toml`."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.device import Device
+from ...core.errors import DeviceError
+from ...core.files import storage_errors, write_text
+from ...core.progress import Progress, silent
+from ...mechanics.elements.material import Material
+from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
+from ...mechanics.loading.boundary_conditions import BoundaryConditions
+from ...mechanics.loading.constraint_check import check_held
+from ...mechanics.solver.modes import Mode, ProposedPose, modes, propose
+from ..build.build import build
+from ..build.stage_mesh import load_mesh
+
+#: Name of the region that the proposed poses move.
+END = "far_end"
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The modes found, the poses made of them, their text, and the picture of the poses."""
+
+    modes: tuple[Mode, ...]
+    poses: tuple[ProposedPose, ...]
+    text: str
+    picture: Path
+
+
+def propose_poses(
+    device: Device, fixed: str, count: int = 8, progress: Progress = silent
+) -> Proposal:
+    """Modes of the body with the region `fixed` held; `device` may lack poses and sensors.
+
+    Raises DeviceError for a region that there is not or that does not hold the body.
+    """
+    if fixed not in device.regions:
+        there = ", ".join(device.regions) or "none"
+        raise DeviceError(
+            f"device.toml: regions: there is no region {fixed!r} to hold the body by; there is:"
+            f" {there}"
+        )
+    folder = build(device, "mesh", progress).folder
+    mesh = QuadraticMesh.from_linear(load_mesh(folder))
+    held = np.flatnonzero(device.regions[fixed].contains(mesh.nodes))
+    if 3 * (len(mesh.nodes) - len(held)) <= count + 1:
+        raise DeviceError(f"device.toml: regions.{fixed}: holds the whole body; make it smaller")
+    check_held(mesh, BoundaryConditions(held), f"modes with {fixed} held")
+    progress("modes", 0.1, "solving for the lowest modes")
+    found = modes(mesh, Material.from_spec(device.material), held, device.material.density, count)
+    poses = propose(mesh, held, found)
+    progress("modes", 0.8, "drawing them")
+    picture = device.source / "modes.png"
+    with storage_errors(picture):
+        _draw(mesh, poses, picture)
+    progress("modes", 1.0, "done")
+    region = END
+    while region in device.regions:
+        region += "_new"
+    return Proposal(tuple(found), tuple(poses), as_toml(poses, fixed, region), picture)
+
+
+def append(device_file: Path, proposal: Proposal, known: tuple[str, ...]) -> None:
+    """Add the text to `device.toml`. Raises DeviceError where a name is taken, or where the file
+    is written in a way that cannot be continued; it is then as it was."""
+    taken = {p.name for p in proposal.poses} & set(known)
+    if taken:
+        raise DeviceError(f"device.toml: poses: there is a pose {min(taken)!r} already; rename it")
+    with storage_errors(device_file):
+        before = device_file.read_text(encoding="utf-8")
+        text = before.rstrip("\n") + "\n\n" + proposal.text
+        try:
+            tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise DeviceError(
+                f"device.toml: the poses cannot be added at its end ({error}); paste what"
+                " `defsense modes` prints without --write"
+            ) from None
+        write_text(device_file, text)
+
+
+def as_toml(poses: list[ProposedPose], fixed: str, region: str = END) -> str:
+    """The region that is moved, and the poses."""
+    if not poses:
+        return ""
+    first = poses[0]
+    lines = [
+        f"[regions.{region}]",
+        f"half_space = {{ origin = {_list(first.origin)}, normal = {_list(first.axis)} }}",
+    ]
+    for p in poses:
+        lines += [
+            "",
+            f"# mode of {p.mode.frequency:.3g} Hz",
+            "[[poses]]",
+            f'name = "{p.name}"',
+            f'fixed = ["{fixed}"]',
+            "[[poses.handles]]",
+            f'region = "{region}"',
+        ]
+        angle = float(np.linalg.norm(p.rotation))
+        if angle:
+            axis = _list(p.rotation / angle)
+            lines.append(f"rotate = {{ axis = {axis}, degrees = {np.rad2deg(angle):.4g} }}")
+        free = np.isnan(p.translation).all()
+        lines.append(f"translate = {_quoted('free') if free else _list(p.translation)}")
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(word: str) -> str:
+    return f'"{word}"'
+
+
+def _list(vector: Float) -> str:
+    return "[" + ", ".join(f"{v:.7g}" for v in np.round(vector, 4) + 0.0) + "]"
+
+
+def _draw(mesh: QuadraticMesh, poses: list[ProposedPose], path: Path) -> None:
+    from ..report import pictures
+
+    faces = boundary_faces(mesh)[:, :3]
+    size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    pictures.modes(
+        [
+            (f"{p.name}, {p.mode.frequency:.3g} Hz", mesh.nodes + 0.12 * size * p.mode.shape)
+            for p in poses
+        ],
+        faces,
+        mesh.nodes,
+        path,
+    )

@@ -1,0 +1,1 @@
+"""A device's tags: which, where, and the sheets to print."""

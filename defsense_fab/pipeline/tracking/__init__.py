@@ -1,0 +1,1 @@
+"""From videos of several cameras to tracks of markers."""

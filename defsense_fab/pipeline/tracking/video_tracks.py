@@ -1,0 +1,352 @@
+"""From videos of several cameras to tracks of markers."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...capture.cameras.rig_file import Rig, read_rig
+from ...capture.tags.tag_dictionary import dictionary
+from ...capture.tracking.observations import Observations, collect
+from ...capture.tracking.outlier_filter import possible
+from ...capture.tracking.reconstruction import Solved, solve
+from ...core.arrays import Bool, Float, Int
+from ...core.errors import CaptureError
+from ...core.progress import Progress, silent
+from ...core.tracks import Tracks
+from .camera_sync import in_step, together
+from .moved_camera import moved_camera
+from .video_detection import Watched, watch
+
+#: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
+_AGREEING = 0.5
+_USED = 0.9  # of the views, that agree where all is well
+_SCALE = 0.03  # by which the located size of tags may differ from the one that was told
+#: px, root mean square, and so many medians of it: views of a tag that miss by more are not of one
+#: instant, or not of one tag.
+_ODD, _ODDER = 0.3, 8.0
+_APART = 0.5  # of the tags that several cameras see in a frame
+_MANY = 20  # places, to tell what is odd
+_FAR = 1e6  # s, offsets at most
+_DISAGREE = 0.25  # px: a median above which the cameras are not in step, or have moved
+_SHORT = 0.25  # s, difference of length that is worth a word
+_CLOSE = 1.5  # px that a permutation of cameras must fit by to be believed
+
+
+@dataclass(frozen=True)
+class Processed:
+    """Tracks in the first camera's frame, covariance (t, m, 3, 3) mm^2 of each place, the number of
+    cameras that it is from (t, m), and what there is to say of their quality."""
+
+    tracks: Tracks
+    covariance: Float
+    cameras: Int
+    quality: dict[str, Any]
+
+
+def process_videos(
+    paths: Sequence[Path],
+    calibration: Path,
+    size: float,
+    family: str,
+    *,
+    rate: float | None = None,
+    offsets: Sequence[float] | None = None,
+    progress: Progress = silent,
+) -> Processed:
+    """Tags of `size` mm in videos of the cameras in `calibration`, in its order; `rate` Hz of image
+    sequences; `offsets` s, by which each camera's clock is behind the first one's. Raises
+    CaptureError for files that do not belong together, and where no tag can be located."""
+    if not 0.1 <= size <= 1000:
+        raise CaptureError(f"tag size {size:g} mm: give the side of the black square, 0.1 to 1000")
+    rig = read_rig(calibration)
+    tags = dictionary(family)
+    if len(paths) != len(rig.cameras):
+        names = ", ".join(c.name for c in rig.cameras)
+        raise CaptureError(
+            f"{calibration}: has {len(rig.cameras)} cameras ({names}), there are {len(paths)}"
+            " videos; give one for each, in this order"
+        )
+    if not rig.placed:
+        raise CaptureError(
+            f"{calibration}: does not say where the cameras stand; run 'defsense capture camera"
+            " arrange'"
+        )
+    if len({p.resolve() for p in paths}) < len(paths):
+        raise CaptureError("the same video is given twice")
+    check_offsets(offsets, len(paths))
+    watched = watch(paths, rig.cameras, tags, rate, progress)
+    return assemble(watched, rig, size, [str(p) for p in paths], offsets, progress)
+
+
+def assemble(
+    watched: Sequence[Watched],
+    rig: Rig,
+    size: float,
+    names: Sequence[str],
+    offsets: Sequence[float] | None = None,
+    progress: Progress = silent,
+) -> Processed:
+    """Tracks from what the cameras saw, at the times of the first one; where no offsets are given
+    they are found. Raises CaptureError where the cameras do not agree."""
+    told = check_offsets(offsets, len(watched))
+    ids = np.unique(np.concatenate([v.ids for w in watched for v in w.views]))
+    seen: list[Observations] = []
+    for w, s in zip(watched, told, strict=True):
+        first = np.append(True, np.diff(w.time) > 0)  # a frame that came twice counts once
+        kept = [v for v, f in zip(w.views, first, strict=True) if f]
+        seen.append(collect(w.time[first] + s, kept, ids))
+    time = seen[0].time
+    progress("tracks", 0.1, "comparing clocks")
+    clocks = in_step(rig, seen, told=offsets is not None)
+    progress("tracks", 0.2, "triangulating")
+    corners, covariance = together(clocks.seen, time)
+    moved = None
+    if len(rig.cameras) > 2:
+        fitted = (corners, covariance)
+        views = (fitted if s is not seen else together(seen, time) for s in (clocks.seen, seen))
+        moved = moved_camera(rig.cameras, views, size)
+    if moved is not None:
+        clocks = in_step(rig, seen, told=offsets is not None, without=moved)
+        corners, covariance = together(clocks.seen, time)
+    found = solve(rig.cameras, corners, covariance, size)
+    _check(found, rig, corners, covariance, size, names)
+    progress("tracks", 0.7, "looking for what cannot be")
+    odd = _odd(found)
+    apart = _apart(found, odd)
+    odd |= apart[:, None] & (found.cameras >= 2)
+    points = np.where(odd[..., None], np.nan, found.points)
+    keep = possible(time, points, found.covariance)
+    wrong = int((np.isfinite(points[..., 0]) & ~keep).sum())
+    first_camera = rig.cameras[0]
+    points = np.where(keep[..., None], first_camera.to_camera(found.points), np.nan)
+    turned = first_camera.rotation @ found.covariance @ first_camera.rotation.T
+    turned = np.where(keep[..., None, None], turned, np.nan)
+    sigma = np.sqrt(np.diagonal(turned, axis1=-2, axis2=-1))
+    there = keep.any(axis=0)
+    if not there.any():
+        raise CaptureError(f"{', '.join(names)}: no tag could be located in any frame")
+    number = np.flatnonzero(np.append(True, np.diff(watched[0].time) > 0))
+    tracks = Tracks(time, ids[there], points[:, there], sigma[:, there], number)
+    cameras = np.where(keep, found.cameras, 0)[:, there]
+    progress("tracks", 1.0, "done")
+    quality = _quality(watched, found, keep, wrong, tracks, cameras, size, names)
+    quality["offsets"] = [a + b for a, b in zip(told, clocks.shift, strict=True)]
+    quality["disagreeing"] = int(odd.sum())
+    quality["warnings"] += clocks.warnings(names, offsets is not None)
+    if moved is not None:
+        quality["warnings"].append(
+            f"{names[moved]}: its views do not fit those of the other cameras, which fit together:"
+            " it was moved since they were arranged, or is not in step; it was left out. Run"
+            " 'defsense capture camera check'"
+        )
+    shared = found.seen >= 3
+    out = shared & (found.cameras >= 2) & (found.cameras < found.seen)
+    if out.sum() > (1 - _USED) * max(shared.sum(), 1):
+        quality["warnings"].append(
+            f"of the tags that three cameras see, one disagrees on {out.sum() / shared.sum():.0%},"
+            f" first at {time[out.any(axis=1)][0]:.2f} s, and was left out there: was it moved?"
+        )
+    if apart.any():
+        quality["warnings"].append(
+            f"in {int(apart.sum())} frames, the first at {time[apart][0]:.2f} s, the cameras' views"
+            " of most tags disagree: a camera was moved, or its times jump; what they see together"
+            " there was left out"
+        )
+    if odd.any():
+        quality["warnings"].append(
+            f"{int(odd.sum())} places were left out: the cameras' views of the tag disagree"
+        )
+    if (quality["residual"] or 0.0) > _DISAGREE:
+        quality["warnings"].append(
+            f"the cameras' views miss each other by {quality['residual']:.2f} px: they are not in"
+            " step, or one was moved since it was arranged; places may be wrong by millimetres"
+        )
+    return Processed(tracks, turned[:, there], cameras, quality)
+
+
+def check_offsets(offsets: Sequence[float] | None, count: int) -> list[float]:
+    """Offsets (count,) s by the first camera's clock, zero where none are given. Raises
+    CaptureError."""
+    if offsets is None:
+        return [0.0] * count
+    if len(offsets) != count:
+        raise CaptureError(f"offsets: {len(offsets)} given for {count} cameras; give one for each")
+    if not all(abs(s) < _FAR for s in offsets):
+        raise CaptureError(
+            f"offsets {', '.join(f'{s:g}' for s in offsets)}: give seconds, what is to be added to"
+            " each video's times"
+        )
+    return [s - offsets[0] for s in offsets]
+
+
+def _odd(found: Solved) -> Bool:
+    """Places (t, m) of which the views miss each other much more than those of the others do."""
+    several = (found.cameras >= 2) & np.isfinite(found.miss)
+    if several.sum() < _MANY:
+        return np.zeros(several.shape, bool)
+    limit = max(_ODD, _ODDER * float(np.median(found.miss[several])))
+    return np.asarray(several & (found.miss > limit))
+
+
+def _apart(found: Solved, odd: Bool) -> Bool:
+    """Frames (t,) in which the cameras' views of most tags disagree: those that seem to agree do so
+    by chance."""
+    several = found.seen >= 2
+    wrong = several & (odd | (found.cameras < 2))
+    return np.asarray(wrong.sum(axis=1) > _APART * np.maximum(several.sum(axis=1), 1))
+
+
+def _check(
+    found: Solved, rig: Rig, corners: Float, covariance: Float, size: float, names: Sequence[str]
+) -> None:
+    """Raises CaptureError where cameras disagree, or tags are of another size than told."""
+    several = found.seen >= 2
+    if len(rig.cameras) < 2 or several.sum() < 3:
+        return
+    agreeing = float((found.cameras[several] >= 2).mean())
+    scale = float(np.nanmedian(found.sides)) / size if agreeing else 0.0
+    believable = agreeing >= _AGREEING and abs(scale - 1) <= _SCALE
+    used = float(found.cameras[several].sum() / found.seen[several].sum())
+    if believable and used >= _USED and float(np.nanmedian(found.miss)) <= _DISAGREE:
+        return
+    other = _permuted(rig, corners[several], covariance[several], size, found)
+    if other is not None:
+        pairs = ", ".join(
+            f"{name} is of {rig.cameras[k].name}" for name, k in zip(names, other, strict=True)
+        )
+        raise CaptureError(
+            f"the videos are in another order than the cameras: it seems that {pairs}"
+        )
+    if believable:
+        return
+    if agreeing < _AGREEING:
+        raise CaptureError(
+            "the views do not fit the calibration: of the tags that several cameras see, only"
+            f" {agreeing:.0%} agree; has a camera been moved, or is a video of another camera?"
+            " Run 'defsense capture camera check', then arrange again; where videos began more than"
+            " some seconds apart, tell by how much (--offsets)"
+        )
+    guess = next(
+        (u for u, f in (("m", 1e3), ("cm", 10.0), ("inches", 25.4)) if 0.8 < scale * f < 1.25),
+        None,
+    )
+    why = (
+        f"the calibration is in {guess}, it must be in mm"
+        if guess
+        else f"measure the black square of a tag (--tag-size {scale * size:.2f}?), and the board's"
+        " squares; or has a camera been moved?"
+    )
+    raise CaptureError(
+        f"tags of {size:g} mm look {scale * size:.3g} mm large to these cameras: {why}"
+    )
+
+
+def _permuted(
+    rig: Rig, corners: Float, covariance: Float, size: float, told: Solved
+) -> tuple[int, ...] | None:
+    """Cameras in the order that fits the videos better than that which was `told`, if any."""
+    agree = told.cameras[told.seen >= 2]
+    fit = float(np.median(told.miss[told.cameras >= 2])) if (agree >= 2).any() else np.inf
+    best: tuple[float, tuple[int, ...]] | None = None
+    some = slice(None, None, max(len(corners) // (200 if len(rig.cameras) < 5 else 30), 1))
+    for order in list(itertools.permutations(range(len(rig.cameras))))[1:]:
+        cameras = [rig.cameras[k] for k in order]
+        # Corners are without distortion but in pixels of the camera that was told.
+        moved = np.stack(
+            [
+                (corners[some, c] - was.matrix[:2, 2]) / was.focal * is_.focal + is_.matrix[:2, 2]
+                for c, (was, is_) in enumerate(zip(rig.cameras, cameras, strict=True))
+            ],
+            axis=1,
+        )
+        found = solve(cameras, moved[:, None], covariance[some][:, None], size)
+        many = found.seen >= 2
+        if (found.cameras[many] < 2).mean() > 0.2:
+            continue
+        scale = float(np.nanmedian(found.sides)) / size
+        miss, more = float(np.nanmedian(found.miss)), found.cameras[many].mean() - agree.mean()
+        if miss < _CLOSE and abs(scale - 1) <= _SCALE and (more > 0.3 or miss < fit / 2):
+            best = min(best or (np.inf, order), (miss, order))
+    return best[1] if best else None
+
+
+def _quality(
+    watched: Sequence[Watched], found: Solved, keep: Any, wrong: int, tracks: Tracks,
+    cameras: Int, size: float, names: Sequence[str],
+) -> dict[str, Any]:  # fmt: skip
+    """Plain numbers on what was found, and warnings."""
+    several, one = cameras >= 2, cameras == 1
+    sigma = np.linalg.norm(tracks.sigma, axis=-1)
+    videos, warnings = [], []
+    for name, w in zip(names, watched, strict=True):
+        t = w.timing
+        videos.append(
+            {
+                "name": name, "frames": len(w.time), "expected": w.expected,
+                "missing": t.missing, "repeated": t.repeated, "period": t.period,
+                "tags_per_frame": float(np.mean([len(v.ids) for v in w.views])),
+            }
+        )  # fmt: skip
+        if w.expected > len(w.time) + 1:
+            warnings.append(
+                f"{name}: ends early, after {len(w.time)} of {w.expected} frames; is it damaged?"
+            )
+        if t.missing or t.repeated:
+            warnings.append(
+                f"{name}: {t.missing} frames missing and {t.repeated} repeated, by its time stamps"
+            )
+    spans = [w.time[-1] - w.time[0] for w in watched]
+    if len(spans) > 1 and max(spans) - min(spans) > _SHORT:
+        told = ", ".join(f"{s:.1f}" for s in spans)
+        warnings.append(f"the videos are of different length ({told} s): the rest is from fewer")
+    if several.any() and one.sum() > several.sum():
+        warnings.append("most places are from one camera alone: their depth is uncertain")
+    if one.any() and not several.any() and len(watched) > 1:
+        warnings.append("all places are from one camera alone: their depth is uncertain")
+    for name, w in zip(names, watched, strict=True):
+        if not any(len(v.ids) for v in w.views):
+            warnings.append(f"{name}: shows no tag in any frame; is it the right video?")
+        twice = sorted({int(i) for v in w.views for i in v.ids[_again(v.ids)]})
+        if twice:
+            warnings.append(
+                f"{name}: shows tags {', '.join(map(str, twice))} twice at once; print each number"
+                " once, or cover what is a reflection"
+            )
+    never = sorted(set(tracks.ids.tolist()) - set(tracks.ids[several.any(axis=0)].tolist()))
+    if never and len(watched) > 1:
+        warnings.append(f"tags {', '.join(map(str, never))} were never seen by two cameras at once")
+    with np.errstate(all="ignore"):
+        return {
+            "frames": len(tracks.time),
+            "markers": len(tracks.ids),
+            "seen": float(tracks.seen.mean()),
+            "by_several": float(several.mean()),
+            "by_one": float(one.mean()),
+            "impossible": wrong,
+            "residual": _median(found.miss[keep & (found.cameras >= 2)]),
+            "sigma_several": _median(sigma[several]),
+            "sigma_one": _median(sigma[one]),
+            "size": _median(found.sides[keep]),
+            "tag_size": size,
+            "videos": videos,
+            "warnings": warnings,
+        }
+
+
+def _again(ids: Int) -> Bool:
+    """Which numbers (n,) came before."""
+    first = np.unique(ids, return_index=True)[1]
+    again = np.ones(len(ids), bool)
+    again[first] = False
+    return again
+
+
+def _median(values: Float) -> float | None:
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if len(values) else None

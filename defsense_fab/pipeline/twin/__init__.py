@@ -1,0 +1,1 @@
+"""A built device and its board as a twin."""

@@ -1,0 +1,262 @@
+"""A built device that moves before cameras, and whose board reads its cords, as a twin."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...capture.tags.tag_dictionary import dictionary
+from ...core.arrays import Float
+from ...core.camera import Camera
+from ...core.device import Device
+from ...core.errors import CaptureError
+from ...core.markers import Markers
+from ...core.mesh import Surface
+from ...mechanics.elements.point_location import PointLocator
+from ...mechanics.elements.tet10 import QuadraticMesh
+from ...sensing.response import response_of
+from ...sensing.signal import signals
+from ...twin.electronics.board_twin import BoardTwin
+from ...twin.electronics.cord_twin import Traits
+from ...twin.electronics.device_cords import DeviceCords
+from ...twin.electronics.pseudo_terminal import Line
+from ...twin.filming.device_motion import Ramp, sway
+from ...twin.filming.device_twin import DeviceTwin, blend
+from ...twin.filming.live_camera import LiveCamera
+from ...twin.filming.pose_player import Puppet
+from ...twin.filming.renderer import Optics
+from ...twin.filming.scene import Backdrop, Lamp, Patch, Scene
+from ..build.stage_mesh import load_mesh
+from ..build.stage_simulate import load_fields
+from ..build.stages import read_json
+from ..sessions.pose_coverage import BINS, Levels
+
+_FOCAL, _SIZE = 900.0, (1280, 720)
+_DISTORTIONS = np.array([0.04, -0.09, 0.0008, -0.0005, 0.01])
+_NEAR, _APART = 200.0, 0.45  # mm, at least; distance between cameras, of their distance
+_FILLS = 0.55  # of the picture's width, by the body
+_STEADY = 3.0  # mm and degrees of the hand that holds the device
+_DENSE = 60_000  # triangles, above which a body is not drawn
+_FRAMES = 15.0  # frames per second
+#: Of the twin's board: its clock against the host's, s and relative.
+OFFSET, DRIFT = 0.35, 60e-6
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What a build knows of a device's movement: `rest` surface, displacements `skin` (s, n, 3) mm,
+    `ramps` of its poses; cords by name, their `paths` (p, 3) mm and displacements (s, p, 3) mm,
+    `lengths` mm; displacements `tags` (s, m, 3) mm of the markers."""
+
+    rest: Surface
+    skin: Float
+    ramps: tuple[Ramp, ...]
+    names: tuple[str, ...]
+    paths: tuple[Float, ...]
+    moved: tuple[Float, ...]
+    lengths: Float
+    tags: Float
+
+
+def simulated(device: Device, markers: Markers) -> Simulated:
+    """From the device's build. Raises CaptureError where it has none, or no pose in it."""
+    folder = device.source / "build"
+    if not (folder / "layout.json").exists() or not (folder / "fields" / "index.json").exists():
+        raise CaptureError(f"{folder}: is not built; run 'defsense build {device.source}' first")
+    names, _, fields = load_fields(folder)
+    ramps = []
+    for pose in device.poses:
+        levels = {
+            float(n.partition("@")[2]): k
+            for k, n in enumerate(names)
+            if n.partition("@")[0] == pose.name and "@" in n
+        }
+        if levels:
+            order = sorted(levels)
+            ramps.append(Ramp(pose.name, np.array(order), np.array([levels[x] for x in order])))
+    if not ramps:
+        raise CaptureError(f"{folder}: holds no simulated pose; build the device again")
+    mesh = load_mesh(folder)
+    locator = PointLocator(QuadraticMesh.from_linear(mesh))
+    # The tets' boundary bends where a body's own triangles, which may be long, do not.
+    surface = _used(mesh.boundary())
+
+    def at(points: Float) -> Float:
+        return locator.displacement(locator.find(points), fields)
+
+    sensors = sorted(read_json(folder / "layout.json")["sensors"], key=lambda s: s["channel"])
+    paths = tuple(np.array(s["points"], float) for s in sensors)
+    return Simulated(
+        surface, at(surface.vertices), tuple(ramps), tuple(s["name"] for s in sensors), paths,
+        tuple(at(p) for p in paths), np.array([s["length"] for s in sensors]), at(markers.centers),
+    )  # fmt: skip
+
+
+def _used(surface: Surface) -> Surface:
+    """Without the vertices that no triangle has."""
+    used, faces = np.unique(surface.faces, return_inverse=True)
+    return Surface(surface.vertices[used], faces.reshape(surface.faces.shape))
+
+
+@dataclass
+class Rehearsal:
+    """The twin of a device and of what looks at it; `close` it after use."""
+
+    cameras: tuple[Camera, ...]
+    sources: tuple[LiveCamera, ...]
+    puppet: Puppet
+    board: BoardTwin
+    channels: tuple[str, ...]
+    truth: DeviceTwin
+    began_ns: int
+    line: Line | None = None
+    extra: dict[str, Any] = field(default_factory=dict)
+
+    def port(self) -> str:
+        """A pseudo-terminal on which the board speaks."""
+        if self.line is None:
+            self.line = Line(self.board)
+        return self.line.port
+
+    def perform(self, name: str, seconds: float) -> None:
+        """Show a pose from now on."""
+        self.puppet.perform(name, (time.monotonic_ns() - self.began_ns) / 1e9, seconds)
+
+    def close(self) -> None:
+        for source in self.sources:
+            source.close()
+        if self.line is not None:
+            self.line.close()
+
+
+def rehearse(
+    device: Device, markers: Markers, seed: int = 1, count: int = 2, rate: float = _FRAMES,
+    optics: Optics | None = None, *, lamp: bool = True,
+) -> Rehearsal:  # fmt: skip
+    """A twin of a built device with its tags, `count` cameras and a board. Raises CaptureError."""
+    rng = np.random.default_rng(seed)
+    sim = simulated(device, markers)
+    family = dictionary(markers.dictionary)
+    seats = tuple(
+        Patch(int(n), family.pattern(int(n)), c, a, markers.size)
+        for n, c, a in zip(markers.ids, markers.centers, markers.axes, strict=True)
+    )
+    twin = DeviceTwin(sim.rest, sim.skin, seats)
+    puppet = Puppet(sim.ramps, seed)
+    response = response_of(device.cord.response)
+
+    def signals_at(seconds: float) -> Float:
+        w = puppet.weights(seconds)
+        states = np.pad(w, (0, len(sim.skin) - len(w)))
+        return np.array(
+            [
+                float(signals(p, (p + blend(u, states))[None], response)[0])
+                for p, u in zip(sim.paths, sim.moved, strict=True)
+            ]
+        )
+
+    traits = Traits(
+        response, noise=device.cord.noise, ohm_per_mm=device.cord.ohm_per_mm, play=0.001,
+        healing=0.03, time=2.0,
+    )  # fmt: skip
+    cords = DeviceCords(sim.names, sim.lengths, signals_at, traits, rng)
+    reference = float(np.median(cords.rest))
+    board = BoardTwin(cords, reference, offset=OFFSET, drift=DRIFT)
+    cameras = _cameras(sim.rest, markers, count)
+    middle = sim.rest.bounds.mean(axis=0)
+    hand = sway(rng, middle, shift=_STEADY, degrees=_STEADY)
+    place = _beside(cameras[0], sim.rest)
+    around = Scene(backdrop=Backdrop())
+    drawn = len(sim.rest.faces) <= _DENSE
+
+    def scene_at(seconds: float) -> Scene:
+        w = puppet.weights(seconds)
+        states = np.pad(w, (0, len(sim.skin) - len(w)))
+        found = twin.scene(states, hand.at(seconds), around)
+        shown = found if drawn else found.moved(body=None)
+        if lamp:
+            shown = shown.moved(lamp=Lamp(place, board.lit(seconds), radius=3.0))
+        return shown
+
+    optics = optics or Optics()
+    sources = tuple(
+        LiveCamera(c, scene_at, optics, np.random.default_rng([seed, k]), board.began_ns, rate)
+        for k, c in enumerate(cameras)
+    )
+    return Rehearsal(
+        cameras, sources, puppet, board, sim.names, twin, board.began_ns,
+        extra={"reference": reference, "hand": hand, "states": len(sim.skin)},
+    )  # fmt: skip
+
+
+def _cameras(body: Surface, markers: Markers, count: int) -> tuple[Camera, ...]:
+    """From where most tags are seen, side by side."""
+    low, high = body.bounds
+    middle = (low + high) / 2
+    extent = float(np.linalg.norm(high - low))
+    away = max(_NEAR, extent * _FOCAL / (_FILLS * _SIZE[0]))
+    normals = markers.axes[:, :, 2]
+    k = np.arange(400) + 0.5  # spread over the sphere (Fibonacci)
+    polar, turn = np.arccos(1 - 2 * k / 400), np.pi * (1 + 5**0.5) * k
+    ways = np.column_stack(
+        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
+    )
+    facing = normals @ ways.T
+    score = (facing > 0.4).sum(axis=0) + 0.5 * np.clip(facing, 0, 1).sum(axis=0)
+    score = score + 2 * (facing[markers.anchor] > 0.4).sum(axis=0)
+    way = ways[int(score.argmax())]
+    longest = np.eye(3)[int((high - low).argmax())]
+    aside = longest - (longest @ way) * way
+    if np.linalg.norm(aside) < 0.3:
+        aside = np.cross(way, np.eye(3)[int(np.abs(way).argmin())])
+    aside /= np.linalg.norm(aside)
+    out = []
+    for k_, s in enumerate((np.arange(count) - (count - 1) / 2) * _APART):
+        eye = middle + away * (way + s * aside)
+        z = (middle - eye) / np.linalg.norm(middle - eye)
+        y = np.cross(z, aside)
+        y /= np.linalg.norm(y)
+        R = np.stack([np.cross(y, z), y, z])
+        K = np.array(
+            [
+                [_FOCAL + 3 * k_, 0, _SIZE[0] / 2 + 4],
+                [0, _FOCAL + 3 * k_, _SIZE[1] / 2 - 3],
+                [0, 0, 1],
+            ]
+        )
+        out.append(Camera(f"cam_{k_}", _SIZE, K, _DISTORTIONS, R, -R @ eye))
+    return tuple(out)
+
+
+def _beside(camera: Camera, body: Surface) -> Float:
+    """A place for the lamp (3,) mm: above the body as the camera sees it."""
+    at = camera.to_camera(body.vertices)
+    highest = float((at[:, 1] / at[:, 2]).min())
+    depth = float(at[:, 2].mean())
+    spot = np.array([at[:, 0].mean(), (highest - 0.08) * depth, depth])
+    return np.asarray(camera.rotation.T @ (spot - camera.translation))
+
+
+def known_cameras(rehearsal: Rehearsal, path: Path) -> None:
+    """Write the twin's cameras as a calibration has them."""
+    from ...capture.cameras.rig_file import write_rig
+
+    write_rig(path, rehearsal.cameras, {"adjusted": True, "twin": True})
+
+
+def levels_of(device: Device, markers: Markers) -> Levels | None:
+    """What tells how far each pose was shown; None for a device that is not built."""
+    try:
+        sim = simulated(device, markers)
+    except CaptureError:
+        return None
+    steps = np.arange(1, BINS + 1) / BINS
+    shapes = [
+        markers.centers + np.tensordot(r.weights(steps * r.levels[-1]), sim.tags[r.states], 1)
+        for r in sim.ramps
+    ]
+    return Levels([r.name for r in sim.ramps], np.array(shapes), markers.centers)

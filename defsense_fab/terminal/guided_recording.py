@@ -1,0 +1,158 @@
+"""The screen of a guided recording: pictures with the tags found, signals, poses, what is next."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+
+import numpy as np
+from rich.columns import Columns
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from ..pipeline.sessions.guided_recording import CaptureView, Shown
+from .canvas import Canvas
+from .picture import GREEN, YELLOW, picture
+from .screen import LiveScreen
+
+_KEYS = {
+    "ready": "Enter begin   b back   s skip   q stop (resume later)",
+    "showing": "r again   s next   q stop (resume later)",
+    "done": "",
+}
+_BAR, _TRACE, _COLORS = 20, (60, 5), ("red", "green", "blue", "magenta", "cyan", "yellow")
+
+
+class CaptureTerminal(LiveScreen):
+    """A `CaptureScreen`; enter it before use. Rings the bell when a step is over."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._phase = ""
+
+    def show(self, view: CaptureView) -> None:
+        if view.phase == "ready" and self._phase == "showing":
+            self._console.bell()
+        self._phase = view.phase
+        self._draw(page(view, self._console.width))
+
+
+def page(view: CaptureView, width: int) -> Group:
+    """All of it, `width` characters wide."""
+    n = max(len(view.cameras), 1)
+    wide = max(24, min(58, (width - 2 * n) // n))
+    rows: list[object] = [_head(view), Text(view.next, "bold")]
+    rows.append(Columns([_camera(c, wide) for c in view.cameras]))
+    rows.append(_tags(view))
+    rows += _signals(view)
+    rows += _poses(view)
+    rows += [Text(f"! {note}", "yellow") for note in view.notes]
+    rows.append(Text(_KEYS[view.phase], "bold"))
+    return Group(*rows)  # type: ignore[arg-type]
+
+
+def _head(view: CaptureView) -> Text:
+    name, seconds = view.steps[view.step]
+    out = Text(f"step {view.step + 1} of {len(view.steps)}: ")
+    out.append(name, "bold cyan")
+    if view.phase == "showing":
+        filled = round(_BAR * (1 - view.left / max(seconds, 1e-9)))
+        out.append("  " + "━" * filled, "green")
+        out.append("━" * (_BAR - filled), "dim")
+        out.append(f" {view.left:.0f} s")
+    elif view.phase == "ready":
+        out.append(f"  ({seconds:.0f} s; press Enter)", "yellow")
+    out.append(f"   {view.samples} samples, {view.frames} pictures written", "dim")
+    return out
+
+
+def _camera(shown: Shown, width: int) -> Group:
+    title = Text(f"{shown.name} ", "bold")
+    if shown.image is None:
+        return Group(title + Text("no picture", "red"), *[Text(" " * width)] * 3)
+    title.append(f"{len(shown.ids)} tags, {shown.rate:.0f} frames/s", "dim")
+    marks = [
+        (quad, GREEN if both else YELLOW)
+        for quad, both in zip(shown.outlines, shown.shared, strict=True)
+    ]
+    labels = [
+        (quad.mean(axis=0), str(number))
+        for quad, number in zip(shown.outlines, shown.ids, strict=True)
+    ]
+    return Group(title, *picture(shown.image, width, marks, labels))
+
+
+def _tags(view: CaptureView) -> Text:
+    out = Text(f"tags: {view.several} of {view.tags} by several cameras", "green")
+    out.append(f", {view.single} by one", "yellow")
+    if math.isfinite(view.residual):
+        out.append(f"   residual {view.residual:.2f} px", "green" if view.residual < 0.5 else "red")
+    return out
+
+
+def _signals(view: CaptureView) -> list[object]:
+    """Bars of (R - R0)/R0, and their course."""
+    table = Table.grid(padding=(0, 1))
+    for width in (None, 8, _BAR):
+        table.add_column(no_wrap=True, min_width=width)
+    for k, (name, value) in enumerate(zip(view.channels, view.signals, strict=True)):
+        color = _COLORS[k % len(_COLORS)]
+        if not math.isfinite(value):
+            table.add_row(Text(name, color), Text("-"), Text(""))
+            continue
+        filled = min(_BAR, round(abs(value) / 0.2 * _BAR))
+        table.add_row(Text(name, color), Text(f"{value:+7.2%}"), Text("█" * filled, color))
+    history = view.history
+    if history.ndim != 2 or len(history) < 10:
+        return [table]
+    with np.errstate(all="ignore"):
+        middle = np.nanmedian(history, axis=0)
+        course = history / middle - 1
+    most = max(float(np.nanmax(np.abs(course), initial=0.0)), 0.02)
+    canvas = Canvas(*_TRACE, (0, len(course) - 1), (-most, most))
+    for k in range(course.shape[1]):
+        good = np.flatnonzero(np.isfinite(course[:, k]))
+        canvas.dots(((float(i), float(course[i, k])) for i in good), _COLORS[k % len(_COLORS)])
+    beside = Table.grid(padding=(0, 2))
+    beside.add_row(Group(*canvas.lines()), table)
+    return [beside]
+
+
+def _poses(view: CaptureView) -> list[object]:
+    """How much of each pose's way was seen."""
+    if not view.reached:
+        return []
+    table = Table.grid(padding=(0, 1))
+    for name, (most, seen) in view.reached.items():
+        bar = Text()
+        for part in seen:
+            bar.append("███ " if part else "░░░ ", "green" if part else "dim")
+        table.add_row(Text(name), bar, Text(f"up to {most:.0%}", "dim"))
+    return [Text("of the way from rest to each pose, seen so far:", "dim"), table]
+
+
+class CaptureLines:
+    """A `CaptureScreen` of plain lines, for logs and programs: no keys."""
+
+    def __init__(self) -> None:
+        self._step, self._told = -1, set[str]()
+
+    def key(self, timeout: float) -> str | None:
+        time.sleep(timeout)
+        return None
+
+    def show(self, view: CaptureView) -> None:
+        if view.phase == "showing" and view.step != self._step:
+            self._step = view.step
+            name, seconds = view.steps[view.step]
+            sys.stderr.write(
+                f"step {view.step + 1}/{len(view.steps)}: {name}, {seconds:g} s; {view.several} of"
+                f" {view.tags} tags by several cameras\n"
+            )
+        for note in view.notes:
+            kind = "".join(c for c in note if not c.isdigit())  # not again for every new number
+            if kind not in self._told:
+                self._told.add(kind)
+                sys.stderr.write(f"note: {note}\n")

@@ -1,0 +1,1 @@
+"""The twin's cords and its read-out board."""

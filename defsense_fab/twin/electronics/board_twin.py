@@ -1,0 +1,132 @@
+"""The read-out board's twin: what the firmware would send, from simulated cords.
+
+It takes the place of a serial port: the host's own code reads it and sends it commands.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from ...sensing.serial_frames import PROTOCOL, Info, Message, Sample, Text, encode
+from ...sensing.voltage_divider import Dividers, conversion_time
+from .device_cords import DeviceCords
+from .specimen_twin import SpecimenTwin
+
+_WAIT = 0.02  # s that a read waits
+_WORDS = {"rate": 500, "channels": 0, "average": 255, "led": 65535}
+
+
+class BoardTwin:
+    """A board with its dividers on the cords of a specimen or a device; `speed` times as fast as
+    real time. Its clock says `offset` + (1 + `drift`) times the seconds since it was made."""
+
+    full_scale = 1024
+
+    def __init__(
+        self, specimen: SpecimenTwin | DeviceCords, reference: float = 2200.0, speed: float = 1.0,
+        offset: float = 0.0, drift: float = 0.0,
+    ) -> None:  # fmt: skip
+        self._specimen, self._speed = specimen, speed
+        self._offset, self._drift = offset, drift
+        count = len(specimen.channels)
+        self._dividers = Dividers(np.full(count, reference), self.full_scale)
+        self._about = {"channels": count, "average": 16, "rate": 50, "led": 1000}
+        self._most = count
+        self._framed, self._line, self._out = False, b"", b""
+        self.began_ns = time.monotonic_ns()
+        self._done, self._counter = 0.0, 0
+
+    def lay(self, radius: float | None, face: str) -> None:
+        """Lay the specimen on a jig, now."""
+        assert isinstance(self._specimen, SpecimenTwin)
+        self._catch_up()
+        before = self._specimen.cords.now
+        self._specimen.lay(radius, face)
+        self._done += self._specimen.cords.now - before  # nobody looks while hands are on it
+
+    def lit(self, seconds: float) -> bool:
+        """Whether its LED is on, so many s after it was made."""
+        led = self._about["led"]
+        return bool(led and int(self._clock(seconds) * 1000 / led) % 2)
+
+    def _clock(self, seconds: float) -> float:
+        return self._offset + (1 + self._drift) * seconds
+
+    @property
+    def in_waiting(self) -> int:
+        self._catch_up()
+        return len(self._out)
+
+    def read(self, size: int) -> bytes:
+        self._catch_up()
+        if not self._out:
+            time.sleep(_WAIT)
+            self._catch_up()
+        out, self._out = self._out[:size], self._out[size:]
+        return out
+
+    def write(self, data: bytes) -> int:
+        *lines, self._line = (self._line + data).replace(b"\r", b"\n").split(b"\n")
+        for line in filter(None, lines):
+            self._obey(line.decode("ascii", "replace"))
+        return len(data)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _obey(self, line: str) -> None:
+        word, _, number = line.partition(" ")
+        if word in _WORDS:
+            most = _WORDS[word] or self._most
+            if not (
+                number.isdigit() and (word == "led" or int(number) > 0) and int(number) <= most
+            ):
+                self._say(Text(f"{word} takes 1 to {most}"))
+                return
+            self._about[word] = int(number)
+        elif line in ("frames", "plain"):
+            self._framed = line == "frames"
+            self._out += b"\0" if self._framed else b"\r\n"
+        elif line != "version":
+            self._say(Text("unknown command, try help"))
+            return
+        a = self._about
+        self._say(
+            Info(PROTOCOL, (1, 0), 0, a["channels"], a["average"], a["rate"], a["led"], self._most,
+                 self.full_scale)
+        )  # fmt: skip
+
+    def _say(self, message: Message) -> None:
+        self._out += encode(message) if self._framed else f"# {message}\r\n".encode()
+
+    def _catch_up(self) -> None:
+        """Samples up to now; of a long pause only the last second."""
+        now = (time.monotonic_ns() - self.began_ns) / 1e9 * self._speed
+        step = 1 / self._about["rate"]
+        while self._done + step <= now:
+            behind = int((now - self._done) / step)
+            if behind > self._about["rate"] * max(self._speed, 1):
+                self._counter += behind - 1
+                self._done += (behind - 1) * step
+            if isinstance(self._specimen, DeviceCords):
+                self._specimen.now = self._done  # a device has moved on while nobody read
+            _, ohm = self._specimen.cords.hold(step, 1 / step)
+            self._done += step
+            counts = self._dividers.counts(ohm[0])[: self._about["channels"]]
+            sums = np.round(counts * self._about["average"]).astype(int)
+            if self._framed:
+                # As the firmware has it: the time of the middle of the conversions, and the LED as
+                # it was at their beginning.
+                half = conversion_time(0, len(sums), self._about["average"]) / 2
+                micros = int(self._clock(self._done) * 1e6) % (1 << 32)
+                sample = Sample(
+                    self._counter % (1 << 32), micros, self.lit(self._done - half), False,
+                    self._about["average"], tuple(int(s) for s in sums),
+                )  # fmt: skip
+                self._out += encode(sample)
+            else:
+                shown = (f"A{i}:{c:.2f}" for i, c in enumerate(sums / self._about["average"]))
+                self._out += (",".join(shown) + "\r\n").encode()
+            self._counter += 1

@@ -1,0 +1,59 @@
+"""A pseudo-terminal with the board's twin behind it, which is opened as a serial port is."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import threading
+from typing import TYPE_CHECKING
+
+from ...core.errors import CaptureError
+
+if TYPE_CHECKING:
+    from .board_twin import BoardTwin
+
+_WAIT = 0.005  # s between looks at the board
+
+
+class Line:
+    """Carries bytes between a board and `port`, a name such as /dev/pts/3, until it is closed."""
+
+    def __init__(self, board: BoardTwin) -> None:
+        """Raises CaptureError where the system has no pseudo-terminals."""
+        try:
+            import pty
+            import tty
+        except ImportError:
+            raise CaptureError(
+                "the twin's board needs a pseudo-terminal, which this system has not"
+            ) from None
+        self._board = board
+        self._master, self._slave = pty.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Hang up."""
+        self._over.set()
+        self._thread.join(2)
+        for end in (self._master, self._slave):
+            with contextlib.suppress(OSError):
+                os.close(end)
+
+    def _run(self) -> None:
+        waiting = b""
+        while not self._over.is_set():
+            heard, _, _ = select.select([self._master], [], [], _WAIT)
+            with contextlib.suppress(OSError):
+                if heard:
+                    self._board.write(os.read(self._master, 1024))
+            if len(waiting) < 4096 and self._board.in_waiting:
+                waiting += self._board.read(4096)
+            if waiting:
+                with contextlib.suppress(BlockingIOError):
+                    waiting = waiting[os.write(self._master, waiting) :]

@@ -1,0 +1,160 @@
+"""How a device is moved: smoothly through its poses and mixtures of them, held by a hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from ...core.arrays import Float, Int
+from ...core.errors import CaptureError
+from .device_twin import Rigid
+
+_WAVES = 3
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A pose that was simulated at `levels` (k,), increasing and above 0, of its full extent, in
+    the `states` (k,); at level 0 the device is at rest."""
+
+    name: str
+    levels: Float
+    states: Int
+
+    def __post_init__(self) -> None:
+        if self.levels.shape != self.states.shape or not len(self.levels):
+            raise CaptureError(f"ramp {self.name}: as many levels as states, and at least one")
+        if not (np.diff(self.levels, prepend=0.0) > 0).all():
+            raise CaptureError(f"ramp {self.name}: levels must increase, from above 0")
+
+    def weights(self, level: Float) -> Float:
+        """Those (..., k) of its states at levels (...): a smooth path through all of them."""
+        return np.asarray(self._path(np.clip(level, 0, self.levels[-1]))[..., 1:])
+
+    @cached_property
+    def _path(self) -> CubicSpline:
+        knots = np.append(0.0, self.levels)
+        return CubicSpline(knots, np.eye(len(knots)), bc_type="natural")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Goes through the levels `keys` (q, r) of the ramps at `times` (q,) s, smoothly (the fifth
+    degree, with neither speed nor acceleration at the keys); still before and after."""
+
+    ramps: tuple[Ramp, ...]
+    times: Float
+    keys: Float
+
+    def __post_init__(self) -> None:
+        if self.keys.shape != (len(self.times), len(self.ramps)) or not len(self.times):
+            raise CaptureError(
+                f"motion: keys {self.keys.shape} for {len(self.times)} times and"
+                f" {len(self.ramps)} ramps"
+            )
+        if (np.diff(self.times) <= 0).any() or not (self.keys >= 0).all():
+            raise CaptureError("motion: times must increase, and levels are not negative")
+
+    @property
+    def states(self) -> int:
+        """How many states the ramps name."""
+        return 1 + max((int(r.states.max()) for r in self.ramps), default=-1)
+
+    def levels(self, time: float | Float) -> Float:
+        """Of the ramps (..., r) at times (...) s."""
+        t = np.clip(time, self.times[0], self.times[-1])
+        i = np.clip(np.searchsorted(self.times, t, "right") - 1, 0, max(len(self.times) - 2, 0))
+        j = np.minimum(i + 1, len(self.times) - 1)
+        span = np.maximum(self.times[j] - self.times[i], 1e-300)
+        x = np.asarray((t - self.times[i]) / span)[..., None]
+        s = x**3 * (10 - 15 * x + 6 * x * x)
+        return np.asarray(self.keys[i] + s * (self.keys[j] - self.keys[i]))
+
+    def weights(self, time: float | Float) -> Float:
+        """Of the states (..., s) at times (...) s: of a mixture of poses, the sum of theirs."""
+        levels = self.levels(time)
+        out = np.zeros((*levels.shape[:-1], self.states))
+        for k, ramp in enumerate(self.ramps):
+            out[..., ramp.states] += ramp.weights(levels[..., k])
+        return out
+
+
+def scripted(ramps: Sequence[Ramp], script: Sequence[tuple[float, Mapping[str, float]]]) -> Motion:
+    """Through levels of poses by name at times, s: [(1.0, {"bend": 0.5}), (2.0, {}), ...]. Raises
+    CaptureError for a pose without a ramp."""
+    names = [r.name for r in ramps]
+    keys = np.zeros((len(script), len(names)))
+    for row, (_, levels) in zip(keys, script, strict=True):
+        for name, level in levels.items():
+            if name not in names:
+                raise CaptureError(f"motion: no ramp of the pose {name}; there are {names}")
+            row[names.index(name)] = level
+    return Motion(tuple(ramps), np.array([t for t, _ in script], float), keys)
+
+
+def wander(
+    ramps: Sequence[Ramp],
+    duration: float,
+    rng: np.random.Generator,
+    pace: float = 1.2,
+    pause: float = 0.4,
+    mixed: float = 0.3,
+) -> Motion:
+    """A motion of at least so many s: through all poses in turns, each to a random level, a part
+    `mixed` of them with another pose, or back to rest; `pace` s on the way, `pause` s there."""
+    count, time = len(ramps), pause
+    times, keys = [0.0, pause], [np.zeros(count), np.zeros(count)]
+    while time < duration:
+        for k in rng.permutation(count):
+            key = np.zeros(count)
+            level = rng.uniform(0.5, 1.0)
+            key[k] = level
+            if count > 1 and rng.random() < mixed:
+                share = rng.uniform(0.3, 0.7)
+                other = (k + 1 + rng.integers(count - 1)) % count
+                key[k], key[other] = share * level, (1 - share) * level
+            stops = [key, np.zeros(count)] if rng.random() < mixed else [key]
+            for stop in stops:
+                arrived = time + pace * rng.uniform(0.7, 1.3)
+                time = arrived + pause * rng.uniform(0.5, 1.5)
+                times += [arrived, time]
+                keys += [stop, stop]
+    return Motion(tuple(ramps), np.array(times), np.stack(keys))
+
+
+@dataclass(frozen=True)
+class Sway:
+    """A hand that holds the device at `about` (3,) mm and is never quite still: a sum of waves of
+    `amplitudes` (k, 6), three of shift in mm and three of turn in radians, `frequencies` (k, 6) in
+    Hz and `phases` (k, 6)."""
+
+    about: Float
+    amplitudes: Float
+    frequencies: Float
+    phases: Float
+
+    def at(self, time: float) -> Rigid:
+        """How it holds the device at a time, s."""
+        waves = self.amplitudes * np.sin(2 * np.pi * self.frequencies * time + self.phases)
+        move = waves.sum(0)
+        turn = Rotation.from_rotvec(move[3:]).as_matrix()
+        return Rigid(turn, self.about - turn @ self.about + move[:3])
+
+
+def sway(
+    rng: np.random.Generator, about: Float, shift: float = 5.0, degrees: float = 5.0,
+    frequency: float = 0.3,
+) -> Sway:  # fmt: skip
+    """A random one of about such extents and frequency, Hz."""
+    size = np.repeat([shift, np.radians(degrees)], 3) / np.sqrt(_WAVES)
+    return Sway(
+        np.asarray(about, float),
+        size * rng.uniform(0.5, 1.0, (_WAVES, 6)),
+        frequency * rng.uniform(0.4, 1.6, (_WAVES, 6)),
+        rng.uniform(0, 2 * np.pi, (_WAVES, 6)),
+    )

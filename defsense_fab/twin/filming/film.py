@@ -1,0 +1,167 @@
+"""Films that the twin's cameras take: a video, its time stamps, and what is true about it.
+
+A video's own times are those of a constant rate. What the camera's clock said is in a table beside
+it (`.csv`: frame, time), as a program that records a camera keeps it; the truth is in `.npz`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...core.arrays import Bool, Float, Int
+from ...core.camera import Camera
+from ...core.errors import CaptureError, StorageError
+from ...core.files import replacing, write_text
+from .exposure import exposed
+from .renderer import Optics, Renderer
+from .scene import Scene
+
+CODECS = ("FFV1", "MJPG")  # the first keeps every grey level
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """A camera's clock and its faults. It says offset + (1 + drift) * true time, s, and takes
+    `rate` frames per second of its own; frames arrive late by `jitter` s on average; a part
+    `dropped` of them is missing, a part `repeated` is replaced by the frame before."""
+
+    rate: float = 30.0
+    offset: float = 0.0
+    drift: float = 0.0
+    jitter: float = 0.0
+    dropped: float = 0.0
+    repeated: float = 0.0
+
+    def __post_init__(self) -> None:
+        parts = (self.dropped, self.repeated)
+        if not (self.rate > 0 and self.jitter >= 0 and all(0 <= p < 1 for p in parts)):
+            raise CaptureError("shutter: rate above 0, jitter not negative, parts within 0 and 1")
+
+    def schedule(self, duration: float, rng: np.random.Generator) -> tuple[Int, Float, Float, Bool]:
+        """Of f frames within so many s: their numbers, true times and stamps in s (in order), and
+        whether they repeat the one before (their time is that one's)."""
+        number = np.arange(int(np.floor(duration * self.rate + 1e-9)))
+        kept = rng.random(len(number)) >= self.dropped
+        kept[:1] = True
+        number = number[kept]
+        time = number / self.rate / (1 + self.drift)
+        late = self.jitter * rng.exponential(size=len(number))
+        late = np.minimum(late, 0.9 / self.rate)
+        stamp = self.offset + (1 + self.drift) * time + late
+        repeats = rng.random(len(number)) < self.repeated
+        repeats[:1] = False
+        source = np.maximum.accumulate(np.where(repeats, 0, np.arange(len(number))))
+        return number, time[source], stamp, repeats
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What f frames of a film show: their `number` (f,) at the camera, the true `time` (f,) s, the
+    camera's `stamp` (f,) s, whether it `repeats` (f,) the one before, and the `lamp` (f,); of the m
+    patches their `ids` (m,), `centers` (f, m, 3) and `corners` (f, m, 4, 3) mm, `pixels`
+    (f, m, 4, 2) and the `visible` part (f, m)."""
+
+    number: Int
+    time: Float
+    stamp: Float
+    repeats: Bool
+    lamp: Bool
+    ids: Int
+    centers: Float
+    corners: Float
+    pixels: Float
+    visible: Float
+
+
+def film(
+    path: Path,
+    camera: Camera,
+    scene_at: Callable[[float], Scene],
+    duration: float,
+    shutter: Shutter,
+    optics: Optics,
+    rng: np.random.Generator,
+    codec: str = "FFV1",
+) -> Truth:
+    """Take a film of `scene_at`(s), s; writes `path`, its table of stamps and its truth beside it.
+    Raises CaptureError for a codec that is not known, StorageError where nothing can be written."""
+    if codec not in CODECS:
+        raise CaptureError(f"{path.name}: codec {codec}: there are {', '.join(CODECS)}")
+    number, times, stamp, repeats = shutter.schedule(duration, rng)
+    if not len(number):
+        raise CaptureError(f"{path.name}: {duration} s at {shutter.rate} frames/s hold no frame")
+    fourcc = cv2.VideoWriter.fourcc(*codec)
+    renderer = Renderer(camera, optics, rng)
+    scenes: list[Scene] = []
+    seen: list[tuple[Float, Float]] = []
+    with replacing(path) as part, _writer(path, part, fourcc, shutter.rate, camera.size) as writer:
+        for time, again in zip(times, repeats, strict=True):
+            if not again:
+                scene, instants = exposed(scene_at, camera, float(time), optics.exposure)
+                picture = renderer.shoot(scene, instants)
+            writer.write(picture.image)
+            scenes.append(scene.moved(body=None))  # which would fill the memory
+            seen.append((picture.corners, picture.visible))
+            if len(scene.patches) != len(scenes[0].patches) or not scene.patches:
+                raise CaptureError(
+                    f"{path.name}: a film has the same patches in all its frames, one at least"
+                )
+    lines = (f"{k},{t:.9f}" for k, t in enumerate(stamp))
+    write_text(path.with_suffix(".csv"), "\n".join(["frame,time", *lines]) + "\n")
+    truth = _truth(scenes, seen, (number, times, stamp, repeats))
+    save_truth(path.with_suffix(".npz"), truth)
+    return truth
+
+
+@contextmanager
+def _writer(
+    path: Path, part: Path, fourcc: int, rate: float, size: tuple[int, int]
+) -> Iterator[cv2.VideoWriter]:
+    """A video that is written to `part`, closed in any case."""
+    writer = cv2.VideoWriter(str(part), cv2.CAP_FFMPEG, fourcc, rate, size, False)
+    try:
+        if not writer.isOpened():
+            raise StorageError(
+                f"{path}: cannot be written; check the folder, and .mkv as its ending"
+            )
+        yield writer
+    finally:
+        writer.release()
+
+
+def _truth(
+    scenes: list[Scene],
+    seen: list[tuple[Float, Float]],
+    schedule: tuple[Int, Float, Float, Bool],
+) -> Truth:
+    m = len(scenes[0].patches)
+    return Truth(
+        *schedule,
+        np.array([s.lamp is not None and s.lamp.on for s in scenes]),
+        np.array([p.number for p in scenes[0].patches], int),
+        np.array([p.center for s in scenes for p in s.patches]).reshape(-1, m, 3),
+        np.array([p.corners for s in scenes for p in s.patches]).reshape(-1, m, 4, 3),
+        np.array([corners for corners, _ in seen]).reshape(-1, m, 4, 2),
+        np.array([visible for _, visible in seen]).reshape(-1, m),
+    )
+
+
+def save_truth(path: Path, truth: Truth) -> None:
+    """As NPZ, whole or not at all. Raises StorageError."""
+    with replacing(path) as part:
+        np.savez_compressed(part, **{f.name: getattr(truth, f.name) for f in fields(Truth)})
+
+
+def load_truth(path: Path) -> Truth:
+    """What `save_truth` wrote. Raises StorageError for other files."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return Truth(**{f.name: data[f.name] for f in fields(Truth)})
+    except (OSError, KeyError, ValueError) as problem:
+        raise StorageError(f"{path}: not the truth about a film: {problem}") from None

@@ -1,0 +1,183 @@
+"""The twin's cameras: pictures of a scene whose every pixel is an area, with their truth.
+
+Outlines are projected by the camera's own model, in pieces so short that what remains of the lens's
+bending is under a thousandth of a pixel, and filled exactly (`raster.py`); a box pixel, a Gaussian
+blur, vignetting, noise and eight bits follow. Occlusion by the body goes by pixel centres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.arrays import Float
+from ...core.camera import Camera
+from ...core.errors import CaptureError
+from .backdrop import wall
+from .lens import plane_of_pixels, project, reach_of_lens
+from .raster import develop, fill_depth, paint
+from .render_primitives import Box, Thing, box_of, grown, things, union
+from .scene import Backdrop, Scene
+
+_SPARE = 1 << 18  # values in the bank of noise beyond those of a picture
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What makes a picture of what is seen: `blur`, standard deviation of the point spread, px;
+    `exposure` s; noise of variance `read`^2 + `shot` * level, grey levels; `gain`, grey levels per
+    level of the scene; `vignetting`, the part of the light that is lost in the image's corners."""
+
+    blur: float = 0.6
+    exposure: float = 0.004
+    read: float = 1.5
+    shot: float = 0.03
+    gain: float = 1.0
+    vignetting: float = 0.15
+
+    def __post_init__(self) -> None:
+        rest = (self.blur, self.exposure, self.read, self.shot, self.vignetting)
+        if not (all(x >= 0 for x in rest) and self.gain > 0 and self.vignetting <= 1):
+            raise CaptureError(
+                "optics: blur, exposure and noise are not negative, gain is positive"
+            )
+
+
+@dataclass(frozen=True)
+class Picture:
+    """`image` (h, w) uint8 and the truth about the scene's m patches: the part (m,) of each,
+    without its margin, that is in the picture, and its `corners` (m, 4, 2) px, NaN behind the
+    camera and where the model of the lens has ended."""
+
+    image: NDArray[np.uint8]
+    visible: Float
+    corners: Float
+
+
+def render(
+    camera: Camera, scene: Scene, optics: Optics, rng: np.random.Generator
+) -> NDArray[np.uint8]:
+    """The image (h, w) of a scene that stands still."""
+    return Renderer(camera, optics, rng).shoot(scene).image
+
+
+class Renderer:
+    """Takes pictures with one camera; keeps what does not change between them."""
+
+    def __init__(self, camera: Camera, optics: Optics, rng: np.random.Generator) -> None:
+        self.camera, self.optics, self._rng = camera, optics, rng
+        width, height = camera.size
+        self._pad = 1 + int(np.ceil(3 * optics.blur))
+        self._size = (width + 2 * self._pad, height + 2 * self._pad)
+        self._inner = np.array([self._pad, self._pad, self._pad + width, self._pad + height])
+        self._rays = plane_of_pixels(camera, self._pad)
+        self._limit = reach_of_lens(camera.distortions)
+        self._gain = _gain(camera.size, optics)
+        silent = optics.read == 0 and optics.shot == 0
+        count = width * height + (1 if silent else _SPARE)
+        self._noise = np.zeros(count, np.float32)
+        if not silent:
+            rng.standard_normal(dtype=np.float32, out=self._noise)
+        shape = self._size[::-1]
+        self._depth = np.full(shape, np.inf, np.float32)
+        self._seen, self._left = np.zeros(shape, np.float32), np.ones(shape, np.float32)
+        self._backdrop: Backdrop | None = None
+        self._ground = np.zeros(shape, np.float32)
+        self._wall = self._sharp = self._soft = self._ground
+        self._last: Box = (0, 0, 0, 0)
+
+    def shoot(self, middle: Scene, instants: Sequence[Scene] = ()) -> Picture:
+        """A picture of a scene; of what moves in it, as it is at `instants` of the exposure (see
+        `exposure.py`): body and corners are those in the middle."""
+        instants = instants or [middle]
+        if any(len(s.patches) != len(middle.patches) for s in instants):
+            raise CaptureError(f"camera {self.camera.name}: patches must not change in an exposure")
+        self._hang(middle.backdrop)
+        drawn = [things(s, self.camera, self._limit, self._pad, self._size) for s in instants]
+        points, pixels, outline = self._body(middle)
+        box = union([outline, *(t.box for d in drawn for t in d)])
+        view = _view(box)
+        self._depth[view], self._ground[view] = np.inf, self._wall[view]
+        if middle.body is not None:
+            fill_depth(
+                pixels, middle.body.faces, points, middle.skin, middle.shade, box, self._depth,
+                self._ground,
+            )  # fmt: skip
+        light = np.zeros((box[3] - box[1], box[2] - box[0]), np.float32)
+        visible = np.zeros(len(middle.patches))
+        for d in drawn:
+            self._seen[view], self._left[view] = 0, 1
+            for thing in d:
+                area = self._paint(thing, middle.slack)
+                if thing.patch >= 0:
+                    visible[thing.patch] += area / max(thing.area, 1e-9) / len(drawn)
+            light += self._seen[view] + self._left[view] * self._ground[view]
+        self._blur(light / np.float32(len(drawn)), box)
+        corners = np.array([p.corners for p in middle.patches]).reshape(-1, 4, 3)
+        shown = project(self.camera, self.camera.to_camera(corners), self._limit)
+        return Picture(self._develop(), np.clip(visible, 0, 1), shown)
+
+    def _hang(self, backdrop: Backdrop) -> None:
+        if backdrop != self._backdrop:
+            self._backdrop, self._last = backdrop, (0, 0, 0, 0)
+            self._wall = wall(backdrop, self.camera, self._pad)
+            self._sharp = self._wall.copy()
+            self._soft = self._blurred(self._wall)
+
+    def _body(self, scene: Scene) -> tuple[Float, Float, Box]:
+        """Its vertices (n, 3) mm in the camera's frame, (n, 2) px of the canvas, and their box."""
+        if scene.body is None:
+            return np.empty((0, 3)), np.empty((0, 2)), (0, 0, 0, 0)
+        points = self.camera.to_camera(scene.body.vertices)
+        pixels = project(self.camera, points, self._limit) + self._pad
+        return points, pixels, box_of(pixels, self._size)
+
+    def _paint(self, thing: Thing, slack: float) -> float:
+        return float(
+            paint(
+                thing.edges, thing.weights, thing.plane, thing.scale, np.array(thing.box),
+                self._rays, self._depth, slack if thing.patch >= 0 else 0.0, self._inner,
+                self._seen, self._left,
+            )
+        )  # fmt: skip
+
+    def _blur(self, light: NDArray[np.float32], box: Box) -> None:
+        """Put what was drawn into the picture, in place of what was drawn last."""
+        self._sharp[_view(self._last)] = self._wall[_view(self._last)]
+        self._sharp[_view(box)] = light
+        near = grown(union([box, self._last]), self._pad, self._size)
+        wide = grown(near, self._pad, self._size)
+        x, y = near[0] - wide[0], near[1] - wide[1]
+        soft = self._blurred(self._sharp[_view(wide)])
+        self._soft[_view(near)] = soft[y : y + near[3] - near[1], x : x + near[2] - near[0]]
+        self._last = box
+
+    def _blurred(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
+        if self.optics.blur == 0 or light.size == 0:
+            return light.copy()
+        size, sigma = 2 * self._pad - 1, self.optics.blur
+        soft = cv2.GaussianBlur(light, (size, size), sigma, borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(soft, np.float32)
+
+    def _develop(self) -> NDArray[np.uint8]:
+        width, height = self.camera.size
+        out = np.empty((height, width), np.uint8)
+        start = int(self._rng.integers(len(self._noise) - width * height))
+        sign = float(self._rng.choice([-1.0, 1.0]))
+        o = self.optics
+        develop(self._soft, self._pad, self._gain, o.read, o.shot, self._noise, start, sign, out)
+        return out
+
+
+def _view(box: Box) -> tuple[slice, slice]:
+    return slice(box[1], box[3]), slice(box[0], box[2])
+
+
+def _gain(size: tuple[int, int], optics: Optics) -> NDArray[np.float32]:
+    x, y = (np.linspace(-1, 1, n, dtype=np.float32) for n in size)
+    lost = optics.vignetting * (x * x + y[:, None] * y[:, None]) / 2
+    return np.asarray(optics.gain * (1 - lost), np.float32)

@@ -1,0 +1,172 @@
+"""Plain tables: what is read, and what is refused with its place."""
+
+import json
+
+import numpy as np
+import pytest
+
+from defsense_fab.calibration.calibrate import calibrate
+from defsense_fab.calibration.readings import Geometry
+from defsense_fab.calibration.readings_table import read_table
+from defsense_fab.cli import main
+from defsense_fab.core.errors import CalibrationError
+from tests.calibration.sessions import GEOMETRY, readings, table
+
+GOOD = readings(lambda e: 2 * e)
+
+
+def test_a_table_is_what_was_measured(tmp_path):
+    found, warnings = read_table(table(tmp_path / "a.csv", GOOD), GEOMETRY)
+    assert warnings == []
+    assert [p.name for p in found.pieces] == [p.name for p in GOOD.pieces]
+    assert found.strain == pytest.approx(GOOD.strain)
+    assert found.resistance == pytest.approx(GOOD.resistance, abs=0.005)
+    assert np.array_equal(found.radius, GOOD.radius, equal_nan=True)
+    assert found.where[0] == "a.csv:2"
+
+
+def test_semicolons_decimal_commas_and_other_columns(tmp_path):
+    text = table(tmp_path / "a.csv", GOOD).read_text().splitlines()
+    lines = ["# measured on Tuesday", text[0].upper() + ",Note"] + [t + ",x" for t in text[1:]]
+    path = tmp_path / "b.csv"
+    path.write_text(
+        "\ufeff" + "\n".join(t.replace(",", ";").replace(".", ",") for t in lines), encoding="utf-8"
+    )
+    found, warnings = read_table(path, GEOMETRY)
+    assert found.resistance == pytest.approx(GOOD.resistance, abs=0.005)
+    assert warnings == ["b.csv: not used: the columns note"]
+
+
+def test_rounds_and_faces(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "specimen,jig_radius,channel,resistance,face,round\n"
+        "s,75,top,2000,b,2\ns,75,top,2100,a,2\ns,flat,top,2050,a,1\n"
+    )
+    found, _ = read_table(path, GEOMETRY)
+    assert found.strain == pytest.approx([-5.5 / 82.5, 5.5 / 82.5, 0])
+    assert found.turn.tolist() == [2, 2, 1]
+    path.write_text("specimen,jig_radius,channel,resistance\n" + 2 * "s,75,top,2000\n")
+    assert read_table(path, GEOMETRY)[0].turn.tolist() == [0, 1]
+
+
+def set_to(line, **values):
+    """Edits the row that stands in this line of the file."""
+    count = [1]
+
+    def change(row):
+        count[0] += 1
+        return {**row, **values} if count[0] == line else row
+
+    return change
+
+
+def scaled(key, factor, only=lambda row: True):
+    """Edits a column of some rows."""
+
+    def change(row):
+        if row[key] and only(row):
+            row[key] = f"{float(row[key]) * factor:.6g}"
+        return row
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (set_to(9, resistance="OL"), r"a.csv:9: resistance: 'OL' stands for an open"),
+        (set_to(9, resistance="inf"), r"a.csv:9: resistance: 'inf' stands for an open"),
+        (set_to(9, resistance="0"), r"a.csv:9: .*shorted"),
+        (set_to(9, resistance="-5"), r"a.csv:9: "),
+        (set_to(9, resistance="2.1k"), r"a.csv:9: resistance: '2.1k' is no number"),
+        (set_to(9, resistance=""), r"a.csv:9: resistance: is empty"),
+        (set_to(9, resistance="15"), r"a.csv:9: 15 ohm against .* shorted"),
+        (set_to(9, resistance="900000"), r"a.csv:9: 900000 ohm against .* open"),
+        (set_to(9, resistance="2.1"), r"a.csv:9: 2.1 among readings .* kohm"),
+        (set_to(9, channel="middle"), r"a.csv:9: channel: 'middle'"),
+        (set_to(9, specimen=""), r"a.csv:9: specimen: is empty"),
+        (set_to(9, jig_radius="80"), r"a.csv:9: jig_radius: 80 mm is none of the jigs"),
+        (set_to(9, jig_radius="82.5"), r"a.csv:9: .* radius of the neutral plane"),
+        (scaled("jig_radius", 0.1), r"a.csv:3: .* Is that cm"),
+        (scaled("jig_radius", 0.001), r"a.csv:3: .* Is that m\?"),
+        (scaled("jig_radius", 1 / 25.4), r"a.csv:3: .* inches"),
+        (scaled("resistance", 1e-3, lambda r: r["specimen"] == "200"), "ohm and kohm are mixed"),
+        (scaled("resistance", 1e-3, lambda r: r["channel"] == "top"), "ohm and kohm are mixed"),
+        (scaled("resistance", 1e3, lambda r: not r["jig_radius"]), "ohm and kohm are mixed"),
+        (lambda row: row | {"jig_radius": row["jig_radius"] and "75"}, "1 different jig radii"),
+        (lambda row: row | {"jig_radius": row["jig_radius"] or "75"}, "no reading on the flat jig"),
+        (lambda row: {**row, "more": "1"}, "5 cells under 4 columns"),
+    ],
+)  # fmt: skip
+def test_bad_tables(tmp_path, change, says):
+    with pytest.raises(CalibrationError, match=says):
+        calibrate(read_table(table(tmp_path / "a.csv", GOOD, change), GEOMETRY)[0])
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "is empty"),
+        ("specimen,jig_radius,channel,resistance\n", "no rows"),
+        ("specimen,radius,channel,ohm\ns,75,top,1\n", "columns jig_radius, resistance are missing"),
+        ("specimen,jig_radius,channel,resistance,resistance\n", "stands there twice"),
+    ],
+)
+def test_bad_headers(tmp_path, text, says):
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    with pytest.raises(CalibrationError, match=says):
+        read_table(path, GEOMETRY)
+
+
+def test_bad_geometry():
+    for thickness, offset in ((1.5, 2), (-15, 2), (15, 0), (15, 7.5), (float("nan"), 2)):
+        with pytest.raises(CalibrationError, match="specimen"):
+            Geometry(thickness, offset)
+
+
+def test_the_command(tmp_path, capsys):
+    """What it writes is what device.toml takes; errors leave nothing behind."""
+    path, out = table(tmp_path / "a.csv", GOOD), tmp_path / "deep" / "response.json"
+    assert main(["calibrate", "fit", str(path), "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == json.loads(out.read_text())
+    assert told["model"] == "line"
+    assert told["interval"][0] < told["k_res"] < told["interval"][1]
+    assert told["strain_range"] == pytest.approx([-5.5 / 82.5, 5.5 / 82.5])
+    assert abs(told["neutral_drift"]) < 0.006
+    page = out.with_suffix(".html").read_text()
+    assert f"{told['k_res']:.2f}" in page
+    assert page.count("data:image/png") == 3
+    bad, none = tmp_path / "bad.csv", tmp_path / "none.json"
+    bad.write_text("specimen\n")
+    assert main(["calibrate", "fit", str(bad), "--out", str(none)]) == 2
+    assert not none.exists()
+    assert not none.with_suffix(".html").exists()
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith("error: bad.csv:1: the columns jig_radius")
+
+
+def test_places_that_the_result_must_not_go_to(tmp_path, capsys):
+    path = table(tmp_path / "a.csv", GOOD)
+    text = path.read_text()
+    (tmp_path / "folder.json").mkdir()
+    for out in ("a.csv", "x.html", "folder.json", ".", "no/"):
+        assert main(["calibrate", "fit", str(path), "--out", str(tmp_path / out)]) == 2
+        assert "ends with .json" in capsys.readouterr().err
+    (tmp_path / "b.html").write_text(text)
+    assert (
+        main(["calibrate", "fit", str(tmp_path / "b.html"), "--out", str(tmp_path / "b.json")]) == 2
+    )
+    assert "would overwrite" in capsys.readouterr().err
+    assert path.read_text() == (tmp_path / "b.html").read_text() == text
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "b.html", "folder.json"]
+
+
+def test_rounds_are_whole_numbers(tmp_path):
+    path = tmp_path / "a.csv"
+    for bad in ("nan", "1.5", "-1", "1e999"):
+        path.write_text(f"specimen,jig_radius,channel,resistance,round\ns,75,top,2000,{bad}\n")
+        with pytest.raises(CalibrationError, match=r"a.csv:2: round: .* no whole number"):
+            read_table(path, GEOMETRY)

@@ -1,0 +1,214 @@
+"""Intrinsics, poses of cameras, and the check of both, from corners of boards without images."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from defsense_fab.capture.cameras.extrinsics import _Problem, arrange
+from defsense_fab.capture.cameras.intrinsics import calibrate
+from defsense_fab.capture.cameras.rig_check import check_rig
+from defsense_fab.capture.cameras.view_selection import choose, coverage, descriptor, motion
+from defsense_fab.capture.tags.board_detection import BoardFinder, BoardView
+from defsense_fab.capture.tags.charuco_board import Board
+from defsense_fab.core.camera import Camera
+from defsense_fab.core.errors import CaptureError
+from defsense_fab.twin.filming.renderer import Optics, render
+from defsense_fab.twin.filming.scene import Patch, Scene
+from tests.capture.rigs import rig
+from tests.twin.views import turn
+
+BOARD = Board()
+LENS = np.array([-0.2, 0.08, 0.001, -0.0015, 0.0])
+K = np.array([[900, 0, 645.0], [0, 905, 352], [0, 0, 1]])
+LENSED = Camera("left", (1280, 720), K, LENS, np.eye(3), np.zeros(3))
+MIDDLE = BOARD.corners.mean(axis=0)
+
+
+def seen(camera, pose, rng, noise=0.05):
+    """A view of the board in a pose (rotation, place of its middle in the world)."""
+    R, at = pose
+    px = camera.project((BOARD.corners - MIDDLE) @ R.T + at)
+    px = px + rng.normal(0, noise, px.shape)
+    inside = (px > 5).all(axis=1) & (px < np.array(camera.size) - 6).all(axis=1)
+    if inside.sum() < 6:
+        return None
+    return BoardView(np.flatnonzero(inside), px[inside])
+
+
+def alone(count, rng, tilt=0.6, noise=0.05, camera=LENSED):
+    views = []
+    while len(views) < count:
+        at = np.array([*rng.uniform(-110, 110, 2), rng.uniform(330, 480)])
+        view = seen(camera, (turn(*rng.uniform(-tilt, tilt, 2)), at), rng, noise)
+        if view is not None:
+            views.append(view)
+    return views
+
+
+def together(cameras, count, rng, pairs=None, noise=0.05):
+    out = []
+    for k in range(count):
+        who = range(len(cameras)) if pairs is None else pairs[k % len(pairs)]
+        R = turn(np.pi / 2) @ turn(*rng.uniform(-0.4, 0.4, 2)) @ np.diag([1, -1, -1.0])
+        pose = R, rng.uniform(-40, 40, 3)
+        views = {c: seen(cameras[c], pose, rng, noise) for c in who}
+        out.append({c: v for c, v in views.items() if v is not None})
+    return out
+
+
+def relative(cameras):
+    a = cameras[0]
+    return [(c.rotation @ a.rotation.T, c.translation - c.rotation @ a.rotation.T @ a.translation)
+            for c in cameras]  # fmt: skip
+
+
+def test_intrinsics_are_found_and_odd_views_left_out():
+    rng = np.random.default_rng(0)
+    views = alone(18, rng)
+    bent = views[4].corners + rng.normal(0, 4, views[4].corners.shape)
+    views[4] = BoardView(views[4].ids, bent)
+    found = calibrate("left", (1280, 720), BOARD, views)
+    assert np.flatnonzero(~found.used).tolist() == [4]
+    assert found.error == pytest.approx(0.05 * 2**0.5, rel=0.15)
+    K_ = found.camera.matrix
+    got = np.append(K_[[0, 1, 0, 1], [0, 1, 2, 2]], found.camera.distortions)
+    true = np.append(K[[0, 1, 0, 1], [0, 1, 2, 2]], LENS)
+    assert np.abs((got - true)[:8] / found.sigma[:8]).max() < 4
+    assert np.abs(got - true)[:4].max() < 2
+
+
+def test_views_that_do_not_tell_are_refused():
+    rng = np.random.default_rng(1)
+    with pytest.raises(CaptureError, match="7 views"):
+        calibrate("left", (1280, 720), BOARD, alone(7, rng))
+    with pytest.raises(CaptureError, match="tilt"):
+        calibrate("left", (1280, 720), BOARD, alone(8, rng, tilt=0.02))
+    wrong = [BoardView(v.ids, rng.permutation(v.corners)) for v in alone(10, rng)]
+    with pytest.raises(CaptureError, match=r"board\.json"):
+        calibrate("left", (1280, 720), BOARD, wrong)
+
+
+@pytest.mark.parametrize(("count", "pairs"), [(2, None), (3, None), (3, [(0, 1), (1, 2)])])
+def test_cameras_are_where_they_are(count, pairs):
+    cameras = rig(count)
+    rng = np.random.default_rng(2)
+    free = [replace(c, rotation=np.eye(3), translation=np.zeros(3)) for c in cameras]
+    views = together(cameras, 14, rng, pairs)
+    found = arrange(free, BOARD, views)
+    for (R, t), (R_, t_) in zip(relative(cameras), relative(found.cameras), strict=True):
+        assert Rotation.from_matrix(R.T @ R_).magnitude() < 1e-3
+        assert np.abs(t - t_).max() < 0.5
+    assert found.error == pytest.approx(0.05 * 2**0.5, rel=0.1)
+    assert found.shared[0, 1] == (14 if pairs is None else 7)
+    if pairs:
+        assert found.shared[0, 2] == 0
+    check = check_rig(found.cameras, BOARD, together(cameras, 5, rng, pairs))
+    assert check.holds
+    assert check.together < 0.2
+    assert check.length < 0.1
+
+
+def test_intrinsics_may_change_as_far_as_they_are_open():
+    cameras = rig(2)
+    rng = np.random.default_rng(3)
+    off = cameras[1].matrix.copy()
+    off[[0, 1], [0, 1]] *= 1.004
+    free = [cameras[0], replace(cameras[1], matrix=off)]
+    sigma = [np.array([3, 3, 3, 3, 0.01, 0.01, 1e-3, 1e-3, 1e-2])] * 2
+    views = together(cameras, 16, rng)
+    fixed, found = arrange(free, BOARD, views), arrange(free, BOARD, views, sigma)
+    assert found.error < fixed.error
+    assert np.abs(found.cameras[1].focal / cameras[1].focal - 1).max() < 0.002
+
+
+def test_the_jacobian_is_that_of_finite_differences():
+    cameras = rig(3)
+    cameras[2] = replace(cameras[2], distortions=np.array(
+        [0.1, -0.05, 0.001, 0.002, 0.01, 0.05, -0.02, 0.01]))  # fmt: skip
+    rng = np.random.default_rng(4)
+    views = together(cameras, 3, rng)
+    sigma = [np.array([3, 3, 3, 3, 0.01, 0.01, 1e-3, 1e-3, 1e-2])] * 3
+    problem = _Problem(cameras, BOARD, views, sigma)
+    start = relative(cameras)
+    poses = [{0: (turn(0.3, 0.2, 0.1), np.array([5.0, 3, 400]))} for _ in views]
+    x = problem.pack(start, poses)
+    x = x + rng.normal(0, 0.01, x.shape)
+    J, h = problem.jacobian(x), 1e-6
+    for k in range(len(x)):
+        step = h * (np.arange(len(x)) == k)
+        numeric = (problem.residuals(x + step) - problem.residuals(x - step)) / (2 * h)
+        assert np.allclose(J[:, k], numeric, rtol=1e-5, atol=1e-5 * max(np.abs(numeric).max(), 1))
+
+
+def test_cameras_that_are_not_linked_are_named():
+    cameras, rng = rig(3), np.random.default_rng(5)
+    with pytest.raises(CaptureError, match="top"):
+        arrange(cameras, BOARD, together(cameras, 10, rng, [(0, 1)]))
+    with pytest.raises(CaptureError, match="left and right saw the board together 3 times"):
+        arrange(cameras[:2], BOARD, together(cameras[:2], 3, rng))
+
+
+def test_views_that_were_not_taken_together_are_refused():
+    cameras, rng = rig(2), np.random.default_rng(6)
+    views = together(cameras, 5, rng)
+    mixed = [{0: a[0], 1: b[1]} for a, b in zip(views, views[3:] + views[:3], strict=True)]
+    with pytest.raises(CaptureError, match="same time"):
+        arrange(cameras, BOARD, mixed)
+
+
+def test_a_camera_that_moved_and_cameras_that_were_swapped_do_not_hold():
+    cameras, rng = rig(2), np.random.default_rng(7)
+    assert check_rig(cameras, BOARD, together(cameras, 5, rng)).holds
+    R = turn(y=np.radians(2))
+    moved = [cameras[0], replace(cameras[1], rotation=R @ cameras[1].rotation,
+                                 translation=R @ cameras[1].translation)]  # fmt: skip
+    views = together(moved, 5, rng)
+    check = check_rig(cameras, BOARD, views)
+    assert not check.holds
+    assert check.own.max() < 0.2
+    swapped = [{0: v[1], 1: v[0]} for v in together(cameras, 5, rng)]
+    assert not check_rig(cameras, BOARD, swapped).holds
+    zoomed = [replace(c, matrix=c.matrix * [[1.05], [1.05], [1]]) for c in cameras]
+    assert not check_rig(zoomed, BOARD, together(cameras, 5, rng)).holds
+    one = check_rig(cameras[:1], BOARD, together(cameras[:1], 5, rng))
+    assert one.holds
+    assert np.isnan(one.together)
+    with pytest.raises(CaptureError, match="nowhere seen"):
+        check_rig(cameras, BOARD, [])
+
+
+def test_views_are_chosen_to_differ_and_hints_say_what_is_missing():
+    rng = np.random.default_rng(8)
+    views = alone(30, rng)
+    d = np.array([descriptor(v, BOARD, (1280, 720)) for v in views])
+    again = np.repeat(d, 3, axis=0)
+    chosen = choose(again, np.zeros(len(again)), 12)
+    assert len(chosen) == 12
+    assert len(set((chosen // 3).tolist())) == 12
+    assert choose(np.zeros((0, 5)), np.zeros(0), 5).size == 0
+    assert motion([views[0], views[0], None, views[1]]).tolist() == [0, 0, np.inf, np.inf]
+    few = coverage(views[:1], BOARD, (1280, 720), 20)
+    assert "19 more views" in few.hints
+    assert any("tilt" in h for h in few.hints)
+    assert coverage(views, BOARD, (1280, 720), 20).fraction > few.fraction
+    # Tilted one way and the other the same board has descriptors apart.
+    ways = [descriptor(seen(LENSED, (turn(y=a), np.array([0, 0, 400.0])), rng), BOARD, (1280, 720))
+            for a in (-0.5, 0.5)]  # fmt: skip
+    assert ways[0][3] * ways[1][3] < 0
+    assert np.abs(ways[0][3] - ways[1][3]) > 0.5
+
+
+def test_a_board_in_an_image_is_found_where_it_is_and_another_is_not():
+    board = Board(square=27.0, marker=21.0)  # of whole cells, 3 mm wide
+    pattern = board.charuco.generateImage((9 * 7, 9 * 5))
+    axes = np.diag([1, -1, -1.0]) @ turn(0.4, 0.3, 0.2)
+    patch = Patch(0, pattern, np.array([10.0, 5, 400]), axes, 7 * 27.0)
+    image = render(LENSED, Scene((patch,)), Optics(blur=0.7), np.random.default_rng(0))
+    view = BoardFinder(board).find(image)
+    assert len(view.ids) == 24
+    true = LENSED.project(patch.at(board.corners[:, :2] / 3))
+    assert np.sqrt(((view.corners - true) ** 2).sum(axis=1).mean()) < 0.1
+    assert BoardFinder(Board(dictionary="4X4_100")).find(image) is None
+    assert BoardFinder(board).find(np.full((240, 320, 3), 90, np.uint8)) is None

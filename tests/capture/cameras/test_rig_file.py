@@ -1,0 +1,123 @@
+"""Cameras in files of aniposelib's convention."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.cameras.rig_file import read_rig, write_rig
+from defsense_fab.core.errors import CaptureError
+from tests.capture.rigs import rig
+
+#: As aniposelib 0.8 (CameraGroup.dump, by the package toml) writes it.
+ANIPOSE = """[cam_0]
+name = "A"
+size = [ 1280, 720,]
+matrix = [ [ 900.0, 0.0, 640.5,], [ 0.0, 901.0, 360.0,], [ 0.0, 0.0, 1.0,],]
+distortions = [ -0.1, 0.02, 0.001, -0.002, 0.0,]
+rotation = [ 0.0, 0.0, 0.0,]
+translation = [ 0.0, 0.0, 0.0,]
+
+[cam_1]
+name = "B"
+size = [ 1280, 720,]
+matrix = [ [ 900.0, 0.0, 640.5,], [ 0.0, 901.0, 360.0,], [ 0.0, 0.0, 1.0,],]
+distortions = [ -0.1,]
+rotation = [ 0.0, 1.5707963267948966, 0.0,]
+translation = [ 100.0, 2.0, 300.0,]
+
+[metadata]
+adjusted = false
+error = 0.21
+"""
+
+
+def test_a_file_of_aniposelib_is_read(tmp_path):
+    path = tmp_path / "calibration.toml"
+    path.write_text(ANIPOSE)
+    found = read_rig(path)
+    assert [c.name for c in found.cameras] == ["A", "B"]
+    assert found.placed
+    assert found.metadata == {"adjusted": False, "error": 0.21}
+    b = found.cameras[1]
+    assert np.allclose(b.rotation, [[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    assert b.translation.tolist() == [100, 2, 300]
+    assert b.distortions.tolist() == [-0.1, 0, 0, 0, 0]
+    assert b.size == (1280, 720)
+
+
+def test_what_is_written_is_read(tmp_path):
+    path, cameras = tmp_path / "cameras.toml", rig(3)
+    object.__setattr__(cameras[1], "name", 'a "quoted" \\ name, \t\n\x07\x7f ü')
+    metadata = {"error": 0.2, "note": 'x "y"\n', "views": [3, 4], "good": True}
+    write_rig(path, cameras, metadata)
+    back = read_rig(path)
+    assert back.metadata == metadata
+    for a, b in zip(cameras, back.cameras, strict=True):
+        assert (a.name, a.size) == (b.name, b.size)
+        assert np.allclose(a.matrix, b.matrix, atol=0)
+        assert np.allclose(a.distortions, b.distortions, atol=0)
+        assert np.allclose(a.rotation, b.rotation, atol=1e-14)
+        assert np.allclose(a.translation, b.translation, atol=0)
+    keys = {"name", "size", "matrix", "distortions", "rotation", "translation"}
+    assert set(tomllib.loads(path.read_text())["cam_2"]) == keys
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 5, 8, 12])
+def test_coefficients_of_all_lengths(tmp_path, count):
+    path = tmp_path / "cameras.toml"
+    values = [0.01 * (k + 1) if k < 8 else 0.0 for k in range(count)]
+    path.write_text(ANIPOSE.replace("[ -0.1,]", repr(values)))
+    d = read_rig(path).cameras[1].distortions
+    assert len(d) in (5, 8)
+    assert d[: min(count, 8)].tolist() == values[:8]
+    assert not d[min(count, 8) :].any()
+
+
+def test_cameras_that_all_stand_at_one_place_are_not_placed(tmp_path):
+    path = tmp_path / "cameras.toml"
+    text = ANIPOSE.replace("1.5707963267948966", "0.0").replace("100.0, 2.0, 300.0", "0, 0, 0")
+    path.write_text(text)
+    assert not read_rig(path).placed
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('name = "B"', 'name = "A"', "one name"),
+        ("size = [ 1280, 720,]", "", "size"),
+        ("size = [ 1280, 720,]", "size = [1280]", "size.*shape 2, is 1"),
+        ("size = [ 1280, 720,]", "size = [1280, 0]", "cam_"),
+        ("size = [ 1280, 720,]", "size = [nan, 720]", "size"),
+        ("size = [ 1280, 720,]", "size = [inf, 720]", "size"),
+        ("matrix = [ [ 900.0, 0.0, 640.5,],", "matrix = [", "matrix.*3 x 3, is 2 x 3"),
+        ("matrix = [ [ 900.0, 0.0,", "matrix = [ [ -900.0, 0.0,", "focal"),
+        ("matrix = [ [ 900.0, 0.0,", "matrix = [ [ 900.0,", "matrix"),
+        ("rotation = [ 0.0, 0.0, 0.0,]", 'rotation = "none"', "rotation"),
+        ("rotation = [ 0.0, 0.0, 0.0,]", "rotation = [nan, 0, 0]", "rotation"),
+        ("rotation = [ 0.0, 0.0, 0.0,]", "fisheye = true", "fisheye"),
+        ("translation = [ 0.0, 0.0, 0.0,]", "translation = [[0, 0, 0]]", "translation"),
+        ("[ -0.1,]", "[0, 0, 0, 0, 0, 0, 0, 0, 1]", "cam_1.*coefficients"),
+        ("[ -0.1,]", "[nan]", "cam_1"),
+        ("[ -0.1,]", "{a = 1}", "distortions"),
+        ("[cam_0]", "[cam_0", "no TOML"),
+        ("[cam_0]", "cam_7 = 3\n[cam_0]", "cam_7 must be a table"),
+        ("[cam_", "[view_", "no camera"),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(tmp_path, old, new, said):
+    path = tmp_path / "cameras.toml"
+    assert old in ANIPOSE
+    path.write_text(ANIPOSE.replace(old, new))
+    with pytest.raises(CaptureError, match=said) as error:
+        read_rig(path)
+    assert "\n" not in str(error.value)
+    assert str(path) in str(error.value)
+
+
+def test_what_is_no_text_or_not_there(tmp_path):
+    (tmp_path / "a.toml").write_bytes(b"\xff\xfe\x00")
+    for name in ("a.toml", "missing.toml", "."):
+        with pytest.raises(CaptureError) as error:
+            read_rig(tmp_path / name)
+        assert "\n" not in str(error.value)

@@ -1,0 +1,145 @@
+"""Clocks of board and camera: by the LED and by motion, against true offset and drift."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.clocks.clock_fit import Clocks
+from defsense_fab.capture.clocks.frame_times import steady
+from defsense_fab.capture.clocks.led_schedule import LED_PERIOD, find_toggles
+from defsense_fab.capture.clocks.synchronisation import by_lamp, by_motion
+from defsense_fab.core.errors import CaptureError
+from defsense_fab.sensing.voltage_divider import conversion_time
+from defsense_fab.twin.filming.film import Shutter
+
+START, OFFSET, DRIFT = 100.0, 0.05, 1e-4
+
+
+def board(duration, rate, rng, conversion=0.0, period=LED_PERIOD):
+    """Samples' times and flags; true times of toggles, late by what the loop takes."""
+    t = np.arange(0, duration, 1 / rate)
+    t += rng.uniform(0, 2e-4, len(t))
+    toggles = rng.uniform(0, 0.7) + np.arange(-3, duration * 1e3 / period) * period / 1e3
+    toggles += rng.uniform(0, 1.1e-3, len(toggles))
+    led = np.searchsorted(toggles, t) % 2 == 1
+    return t + START + conversion / 2, led, toggles
+
+
+def frames(duration, rng, rate=30.0, jitter=0.003):
+    """Stamps, true times, repeats."""
+    _, time, stamp, repeats = Shutter(rate, 0, DRIFT, jitter, 0.02, 0.01).schedule(duration, rng)
+    return stamp + OFFSET + (1 + DRIFT) * START, time, repeats
+
+
+def film(duration, toggles, rng, exposure=0.004, noise=0.05, **kw):
+    stamp, time, repeats = frames(duration, rng, **kw)
+    within = np.linspace(-0.5, 0.5, 21) * exposure
+    lit = (np.searchsorted(toggles, time[:, None] + within) % 2).mean(1)
+    brightness = 60 + 150 * (lit + noise * rng.standard_normal(len(lit)))
+    brightness[1:][repeats[1:]] = brightness[:-1][repeats[1:]]
+    return stamp, brightness
+
+
+def worst(sync, device):
+    ends = device[[0, -1]]
+    return np.abs(sync.to_camera(ends) - (OFFSET + (1 + DRIFT) * ends)).max()
+
+
+@pytest.mark.parametrize(("rate", "conversion"), [(20, 0.0), (50, 0.006), (100, 0.0)])
+def test_by_the_lamp(rate, conversion):
+    rng = np.random.default_rng(rate)
+    device, led, toggles = board(60, rate, rng, conversion)
+    stamp, brightness = film(60, toggles, rng)
+    brightness[500:540] = 60.0  # a hand
+    # As samples are stamped half-way, true times are those of their flags' device times.
+    sync = by_lamp(stamp, brightness, None, device, led, 0.2, conversion=conversion)
+    assert worst(sync, device) < 0.002
+    assert worst(sync, device) < sync.error < 0.004
+    assert sync.drift == pytest.approx(DRIFT, abs=4e-5)
+    assert sync.to_device(sync.to_camera(device)) == pytest.approx(device)
+
+
+def walk(rng, time, fastest=0.8):
+    rate, phase = rng.uniform(0.05, fastest, (2, 30)), rng.uniform(0, 6.28, (2, 30))
+    return np.sin(2 * np.pi * rate * time[:, None, None] + phase).sum(2) / 4
+
+
+@pytest.mark.parametrize("rate", [20, 100])
+def test_by_motion(rate):
+    rng = np.random.default_rng(rate)
+    stamp, time, _ = frames(60, rng)
+    device = np.arange(0, 60, 1 / rate)
+    both, mix = walk(rng, np.concatenate([time, device])), rng.standard_normal((2, 3))
+    motion, signals = both[: len(time)] @ rng.standard_normal((2, 5)), both[len(time) :] @ mix
+    motion = motion + 0.02 * rng.standard_normal(motion.shape)
+    signals = signals + 0.05 * signals**2 + 0.03 * rng.standard_normal(signals.shape)
+    sync = by_motion(stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0))
+    assert worst(sync, device + START) < 0.005
+    assert worst(sync, device + START) < 2 * sync.error
+
+
+def test_what_cannot_be_synchronised():
+    rng = np.random.default_rng(1)
+    device, led, toggles = board(30, 50, rng)
+    stamp, brightness = film(30, toggles, rng)
+    noise = 100 + rng.standard_normal(len(stamp))
+
+    def refused(match, time=stamp, seen=brightness, on=device, flags=led, **kw):
+        with pytest.raises(CaptureError, match=match) as error:
+            by_lamp(time, seen, None, on, flags, **kw)
+        assert "\n" not in str(error.value)
+
+    refused("no LED is seen", seen=noise)
+    refused("on all the time|off all the time", flags=np.zeros(len(led), bool))
+    refused("explains the LED's blinking as well")
+    refused("explains the LED's blinking as well", rough=0.0, within=1.0)
+    other = film(30, np.cumsum(rng.uniform(0.1, 1.0, 100)), rng)[1][: len(stamp)]
+    refused("is not the board's LED", seen=np.resize(other, len(stamp)), rough=0.0)
+    refused("clock jumps", on=np.where(device > 110, device + 5, device))
+    refused("board's clock goes back", on=np.where(device > 110, device - 5, device))
+    refused("camera's clock goes back", time=np.where(stamp > 110, stamp - 5, stamp))
+    refused("record longer", time=stamp[:60], seen=brightness[:60])
+    refused("do not go with", seen=brightness[:-1])
+
+
+def test_motion_that_tells_nothing():
+    rng = np.random.default_rng(2)
+    stamp, time, _ = frames(30, rng)
+    device = np.arange(0, 30, 0.02)
+    motion, signals = walk(rng, time), walk(np.random.default_rng(5), device)
+    with pytest.raises(CaptureError, match="no marker moves"):
+        by_motion(stamp, np.zeros_like(motion), device + START, signals, 0.0)
+    with pytest.raises(CaptureError, match="synchronise: motion and signals"):
+        by_motion(stamp, motion, device + START, signals, 0.0)
+    beat = np.sin(2 * np.pi * 1.5 * np.concatenate([time, device]))[:, None]
+    with pytest.raises(CaptureError, match="as well"):
+        by_motion(stamp, beat[: len(time)], device + START, beat[len(time) :], 0.0)
+
+
+def test_toggles_by_their_grid():
+    rng = np.random.default_rng(0)
+    device, led, true = board(40, 50, rng)
+    toggles = find_toggles(device, led)
+    assert toggles.period == pytest.approx(LED_PERIOD / 1e3)
+    seen = true[(true > toggles.time[0] - START - 0.1) & (true < 40)] + START
+    assert toggles.time == pytest.approx(seen[: len(toggles.time)], abs=0.0015)
+    # Where the period goes into the samples' one toggle tells as much as all.
+    assert find_toggles(*board(40, 50, rng, period=1000)[:2]).slack > 0.005
+    assert conversion_time(0, 3, 16) == pytest.approx(0.006, rel=0.05)
+    assert conversion_time(1, 16, 1) == pytest.approx(1 / 85, rel=0.05)
+
+
+def test_even_stamps():
+    rng = np.random.default_rng(4)
+    number, _, stamp, _ = Shutter(30.0, 2.0, 0.0, 0.004, 0.05, 0.0).schedule(30, rng)
+    found = steady(stamp)
+    assert found.even
+    assert found.time == pytest.approx(2 + number / 30, abs=2e-4)
+    for seed in range(8):  # many that come so late that they seem the next one
+        rng = np.random.default_rng(seed)
+        number, _, stamp, _ = Shutter(60.0, 2.0, 0.0, 0.003, 0.03, 0.0).schedule(40, rng)
+        found = steady(stamp)
+        assert found.even
+        assert found.time == pytest.approx(2 + number / 60, abs=2e-4)
+    uneven = np.cumsum(rng.uniform(0.02, 0.05, 500))
+    assert not steady(uneven).even
+    assert (steady(uneven).time == uneven).all()

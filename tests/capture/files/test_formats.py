@@ -1,0 +1,314 @@
+"""Tracks in NPZ, Parquet, C3D and TRC; C3D judged by a reader of our own and a file of Vicon's."""
+
+import contextlib
+import csv
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from defsense_fab.capture.files.c3d import read_c3d, write_c3d
+from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.capture.files.marker_labels import numbers_of
+from defsense_fab.capture.files.trc import read_trc
+from defsense_fab.core.errors import CaptureError, StorageError
+from defsense_fab.core.tracks import Tracks
+from tests.places import VICON
+
+from . import c3d_format
+from .test_tracks_csv import made, same
+
+SUFFIXES = (".csv", ".npz", ".parquet", ".c3d", ".trc")
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(2, 8), st.integers(1, 4), st.integers(0, 99))
+def test_round_trips(tmp_path_factory, t, m, seed):
+    """Times, numbers, places and what is missing; sigma where the format has it."""
+    folder, tracks = tmp_path_factory.mktemp("t"), made(t, m, seed)
+    steps = np.diff(tracks.frame)
+    frame = tracks.frame if (steps == 1).any() else tracks.frame[0] + np.arange(t)
+    tracks = Tracks(12.5 + frame / 30, tracks.ids, tracks.points, tracks.sigma, frame)
+    for suffix in SUFFIXES:
+        write_any(folder / f"a{suffix}", tracks)
+        found = read_any(folder / f"a{suffix}")
+        unknown = Tracks(tracks.time, tracks.ids, tracks.points, tracks.sigma * np.nan, frame)
+        if suffix == ".c3d":
+            there = np.isin(found.frame, frame)
+            assert not found.seen[~there].any()
+            found = Tracks(
+                *(found.time[there], found.ids, found.points[there], found.sigma[there]),
+                found.frame[there],
+            )
+            same(unknown, found, places=1e-4)
+        else:
+            same(unknown if suffix == ".trc" else tracks, found)
+    assert len(list(folder.iterdir())) == len(SUFFIXES)
+
+
+def test_npz_keeps_all(tmp_path):
+    """Also frames and markers that were never seen."""
+    points = np.full((3, 2, 3), np.nan)
+    tracks = Tracks(np.arange(3.0), np.array([9, 4]), points, points, np.arange(3) * 7)
+    write_any(tmp_path / "a.npz", tracks)
+    same(tracks, read_any(tmp_path / "a.npz"), places=0, times=0)
+
+
+def test_other_readers_find_the_same_in_our_c3d(tmp_path):
+    tracks = made(200, 5, seed=3)
+    write_c3d(tmp_path / "a.c3d", tracks)
+    found = c3d_format.parse((tmp_path / "a.c3d").read_bytes())
+    at = tracks.frame - tracks.frame[0]
+    assert found.labels == [f"tag_{i}" for i in tracks.ids]
+    assert (found.units, found.first) == ("mm", tracks.frame[0] + 1)
+    assert found.rate == pytest.approx(30, rel=1e-6)
+    assert found.parameters["POINT", "FRAMES"] == [at[-1] + 1]
+    seen = np.zeros((at[-1] + 1, 5), bool)
+    seen[at] = tracks.seen
+    np.testing.assert_array_equal(found.residual >= 0, seen)
+    there = tracks.points[tracks.seen]
+    np.testing.assert_array_equal(found.points[seen], there.astype(np.float32).astype(float))
+
+
+def test_a_marker_at_the_origin_stays(tmp_path):
+    points = np.zeros((2, 1, 3))
+    write_c3d(
+        tmp_path / "a.c3d", Tracks(np.arange(2.0), np.array([1]), points, points, np.arange(2))
+    )
+    assert read_any(tmp_path / "a.c3d").seen.all()
+
+
+def test_times_off_the_grid(tmp_path):
+    """Long dropouts and jitter end on the frame that they belong to, or are refused."""
+    rng = np.random.default_rng(1)
+    frame = np.concatenate([np.arange(1000), np.arange(9000, 10000)])
+    points = rng.normal(0, 100, (2000, 1, 3))
+    time = 77.7 + frame / 29.97 + rng.uniform(-0.003, 0.003, 2000)
+    tracks = Tracks(time, np.array([0]), points, points * np.nan, frame)
+    write_c3d(tmp_path / "a.c3d", tracks)
+    found = read_any(tmp_path / "a.c3d")
+    assert len(found.time) == 10000
+    assert found.frame[found.seen[:, 0]].tolist() == frame.tolist()
+    assert abs(found.time[frame] - time).max() < 0.1 / 29.97
+    time[1500] += 0.01
+    with pytest.raises(CaptureError, match=r"times are not regular.*write \.csv"):
+        write_c3d(tmp_path / "b.c3d", Tracks(time, tracks.ids, points, points * np.nan, frame))
+    assert not (tmp_path / "b.c3d").exists()
+
+
+@pytest.mark.parametrize(
+    ("time", "message"),
+    [(np.array([1.0]), "1 frames have no rate"), (np.array([0, 0.01, 700]), "more than the 65535")],
+)
+def test_what_c3d_cannot_hold(tmp_path, time, message):
+    points = np.ones((len(time), 1, 3))
+    frame = np.arange(len(time))
+    with pytest.raises(CaptureError, match=message):
+        write_c3d(tmp_path / "a.c3d", Tracks(time, np.array([0]), points, points, frame))
+
+
+@pytest.mark.parametrize("processor", [c3d_format.INTEL, c3d_format.DEC])
+@pytest.mark.parametrize("scale", [-1.0, 0.01])
+@pytest.mark.parametrize(("unit", "factor"), [("mm", 1), ("cm", 10), ("m", 1000)])
+def test_all_kinds_of_storage(tmp_path, processor, scale, unit, factor):
+    points = np.random.default_rng(5).normal(0, 50, (6, 3, 3))
+    points[2, 1] = np.nan
+    data = c3d_format.build(points, ["LASI", "M12", "RASI"], 120.0, unit, processor, scale, 61)
+    (tmp_path / "a.c3d").write_bytes(data)
+    found = read_c3d(tmp_path / "a.c3d")
+    assert found.labels == ("LASI", "M12", "RASI")
+    assert found.tracks.ids.tolist() == [0, 1, 2]
+    assert found.tracks.time == pytest.approx((60 + np.arange(6)) / 120)
+    assert np.isnan(found.tracks.sigma).all()
+    off = 0.5001 * scale if scale > 0 else 1e-5
+    np.testing.assert_allclose(found.tracks.points / factor, points, rtol=0, atol=off)
+    other = c3d_format.parse(data)
+    seen = found.tracks.seen
+    np.testing.assert_allclose(other.points[seen] * factor, found.tracks.points[seen], rtol=1e-6)
+    np.testing.assert_array_equal(other.residual >= 0, seen)
+
+
+def test_zeros_of_others_are_missing(tmp_path):
+    points = np.ones((3, 2, 3))
+    points[1, 0] = 0
+    (tmp_path / "a.c3d").write_bytes(c3d_format.build(points, ["a7", "b3"], 50.0))
+    found = read_any(tmp_path / "a.c3d")
+    assert found.seen.tolist() == [[True, True], [False, True], [True, True]]
+    assert found.ids.tolist() == [7, 3]
+
+
+def test_a_public_file():
+    """Of Vicon Nexus: as our own reader has it, and as Nexus exported it."""
+    found = read_c3d(VICON / "vicon_jump.c3d")
+    tracks = found.tracks
+    other = c3d_format.parse((VICON / "vicon_jump.c3d").read_bytes())
+    assert (other.first, other.rate, other.units, len(other.labels)) == (886, 200.0, "mm", 42)
+    kept = [i for i, label in enumerate(other.labels) if not label.startswith("USERMO")]
+    assert found.labels == tuple(other.labels[i] for i in kept)
+    assert tracks.points.shape == (40, 32, 3)
+    np.testing.assert_array_equal(tracks.seen, other.residual[:, kept] >= 0)
+    assert sorted(set(tracks.seen.sum(1).tolist()))[0] < 32
+    np.testing.assert_array_equal(tracks.points[tracks.seen], other.points[:, kept][tracks.seen])
+    assert tracks.time == pytest.approx(885 / 200 + np.arange(40) / 200)
+
+    with (VICON / "vicon_jump.csv").open(newline="") as file:
+        names, _, *rows = csv.reader(file)
+    labels = [name.partition(":")[2] for name in names[2::3]]
+    assert len(labels) == 22
+    assert [int(row[0]) - 1 for row in rows] == tracks.frame.tolist()
+    for i, label in enumerate(labels):
+        cells = [row[2 + 3 * i : 5 + 3 * i] for row in rows]
+        exported = np.array([[float(cell or "nan") for cell in cell3] for cell3 in cells])
+        if np.isfinite(exported).all():  # Nexus left out those that it modelled
+            ours = tracks.points[:, found.labels.index(label)]
+            np.testing.assert_allclose(ours, exported, rtol=2e-7)  # of single precision
+
+
+TRC = (
+    "PathFileType\t4\t(X/Y/Z)\twalk.trc\n"
+    "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame"
+    "\tOrigNumFrames\n"
+    "60.00\t60.00\t3\t2\tm\t60.00\t1\t3\n"
+    "Frame#\tTime\tLASI\t\t\tRASI\t\t\t\n"
+    "\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n"
+    "\n"
+    "1\t0.00000\t0.1\t0.2\t0.3\t0.4\t0.5\t0.6\n"
+    "2\t0.01667\t\t\t\t0.4\t0.5\t0.6\n"
+    "3\t0.03333\t0.1\t0.2\t0.3\tnan\tnan\tnan\n"
+)
+
+
+def test_trc_of_others(tmp_path):
+    path = tmp_path / "walk.trc"
+    for text in (TRC, TRC.replace("\n", "\r\n"), TRC.replace("\n\n", "\n")):
+        path.write_text(text, newline="")
+        found = read_trc(path)
+        assert found.labels == ("LASI", "RASI")
+        assert found.tracks.seen.tolist() == [[True, True], [False, True], [True, False]]
+        assert found.tracks.points[0].tolist() == [[100, 200, 300], [400, 500, 600]]
+        assert found.tracks.time.tolist() == [0, 0.01667, 0.03333]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("PathFileType", "Path", ":1: is no TRC"),
+        ("\tm\t", "\tfurlong\t", ":3: the unit"),
+        ("\t3\t2\tm", "\t3\ttwo\tm", ":3: NumFrames and NumMarkers"),
+        ("\t3\t2\tm", "\t3\t4\tm", ":4: 2 labels"),
+        ("\t3\t2\tm", "\t9\t2\tm", "is cut short: 3 of 9"),
+        ("0.03333", "0.01", "frame 3: its time is not later"),
+        ("0.1\t0.2\t0.3\tnan", "0.1\tx\t0.3\tnan", ":9: could not convert"),
+        ("0.1\t0.2\t0.3\tnan", "0.1\t\t0.3\tnan", ":9: of marker 1 a part"),
+        ("nan\tnan\tnan\n", "nan\tnan\tnan\t4\n", ":9: 9 cells for 2 markers"),
+        ("3\t0.03333", "3\t", ":9: the frame and its time"),
+    ],
+)
+def test_bad_trc(tmp_path, old, new, message):
+    path = tmp_path / "bad.trc"
+    path.write_text(TRC.replace(old, new))
+    refused(path, message)
+
+
+def refused(path, message):
+    with pytest.raises(CaptureError) as error:
+        read_any(path)
+    assert message in str(error.value)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
+
+
+def test_bad_files(tmp_path):
+    for suffix in SUFFIXES:
+        path = tmp_path / f"a{suffix}"
+        refused(path, "cannot be read")
+        path.write_bytes(b"")
+        refused(path, str(path))
+        path.write_text("hello, this is a text\n" * 100)
+        refused(path, str(path))
+        write_any(path, made(40, 3))
+        whole = path.read_bytes()
+        for part in (len(whole) // 2, 700, 300):
+            if part < len(whole) and suffix != ".csv":
+                path.write_bytes(whole[:part])
+                refused(path, str(path))
+        with pytest.raises(StorageError, match="No such file"):
+            write_any(tmp_path / "none" / f"a{suffix}", made(4, 3))
+    refused(tmp_path / "a.xlsx", ".csv, .npz, .parquet, .c3d, .trc")
+    with pytest.raises(CaptureError, match="choose one of these"):
+        write_any(tmp_path / "a", made(4, 3))
+
+
+def test_bad_c3d(tmp_path):
+    path = tmp_path / "a.c3d"
+    points = np.ones((30, 2, 3))
+    path.write_bytes(c3d_format.build(points, ["a", "b"], 50.0)[:-512])
+    refused(path, "is cut short: frames 1 to 30 need 960 bytes")
+    path.write_bytes(c3d_format.build(points, ["a", "b"], 50.0, units="in"))
+    refused(path, "(POINT:UNITS) is 'in'")
+    path.write_bytes(c3d_format.build(points, ["a", "b"], 50.0, processor=c3d_format.MIPS))
+    refused(path, "MIPS")  # which ezc3d does not read
+    path.write_bytes(c3d_format.build(points, ["a", "b"], 0.0))
+    refused(path, "POINT:RATE")
+    path.write_bytes(c3d_format.build(points[:, :0], [], 50.0))
+    refused(path, "has no markers")
+    for suffix in (".c3d", ".trc"):
+        none = Tracks(
+            np.arange(3.0), *(np.empty(s) for s in (0, (3, 0, 3), (3, 0, 3))), np.arange(3)
+        )
+        with pytest.raises(CaptureError, match="no markers to write"):
+            write_any(tmp_path / f"b{suffix}", none)
+
+
+def test_bad_npz_and_parquet(tmp_path):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "a.parquet"
+    parquet.write_table(arrow.table({"frame": [1]}), path)
+    refused(path, "has no column time")
+    names = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
+    parquet.write_table(arrow.table({name: ["a"] for name in names}), path)
+    refused(path, "must be numbers")
+    parquet.write_table(arrow.table({name: [1.0, 1.0] for name in names}), path)
+    refused(path, "row 2: frame 1 has marker 1 twice")
+    path = tmp_path / "a.npz"
+    good = {"time": np.arange(2.0), "ids": np.array([1]), "frame": np.arange(2)}
+    good |= {"points": np.ones((2, 1, 3)), "sigma": np.ones((2, 1, 3))}
+    for name, value, message in (
+        ("time", np.array([1.0, 0.0]), "times must increase"),
+        ("points", np.ones((2, 2, 3)), "cannot have points"),
+        ("time", np.array(["a", "b"]), "time has no numbers"),
+        ("ids", np.array(1), "ids must be a list"),
+        ("frame", np.array([object(), 1]), "no whole NPZ"),
+    ):
+        np.savez(path, **(good | {name: value}))
+        refused(path, message)
+    np.savez(path, time=good["time"])
+    refused(path, "is no NPZ of tracks")
+
+
+def test_libraries_that_are_missing(tmp_path, monkeypatch):
+    for suffix, name in ((".parquet", "pyarrow"), (".c3d", "ezc3d")):
+        monkeypatch.setitem(sys.modules, name, None)
+        for call in (read_any, lambda path: write_any(path, made(3, 2))):
+            with pytest.raises(CaptureError, match=r"pip install defsense-fab\[exchange\]"):
+                call(tmp_path / f"a{suffix}")
+
+
+@given(st.binary(max_size=40), st.integers(0, 2000))
+@settings(max_examples=25, deadline=None, derandomize=True)  # a crash would end the run
+def test_c3d_with_bytes_changed_is_read_or_refused(tmp_path_factory, junk, at):
+    path = tmp_path_factory.getbasetemp() / "junk.c3d"
+    data = bytearray(c3d_format.build(np.ones((10, 2, 3)), ["a", "b"], 50.0))
+    data[at : at + len(junk)] = junk
+    path.write_bytes(data)
+    with contextlib.suppress(CaptureError):
+        assert len(read_any(path).ids)
+
+
+def test_numbers_from_labels():
+    assert numbers_of(["tag_7", "tag_12"]).tolist() == [7, 12]
+    assert numbers_of(["tag_7", "x7"]).tolist() == [0, 1]
+    assert numbers_of(["tag_7", "LASI"]).tolist() == [0, 1]
+    assert numbers_of([]).tolist() == []

@@ -1,0 +1,116 @@
+"""The table of tracks as CSV."""
+
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from defsense_fab.capture.files.tracks_csv import read_tracks, write_tracks
+from defsense_fab.core.errors import CaptureError, StorageError
+from defsense_fab.core.tracks import Tracks
+
+HEADER = "frame,time,id,x,y,z,sx,sy,sz"
+ROW = "0,0.5,7,1,2,3,0.1,0.1,0.4"
+
+
+def made(t, m, seed=0, missing=0.3, known=True):
+    """Tracks in which every frame and marker is seen at least once."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(0, 200, (t, m, 3))
+    gone = rng.random((t, m)) < missing
+    gone[np.arange(t), np.arange(t) % m] = False
+    gone[np.arange(m) % t, np.arange(m)] = False
+    points[gone] = np.nan
+    sigma = rng.uniform(0.01, 1, (t, m, 3)) if known else np.full((t, m, 3), np.nan)
+    sigma[gone] = np.nan
+    frame = 3 + np.cumsum(rng.integers(1, 3, t))
+    ids = np.sort(rng.choice(50, m, replace=False))
+    return Tracks(12.5 + frame / 30, ids, points, sigma, frame)
+
+
+def same(a, b, places=1e-6, times=1e-9):
+    assert a.ids.tolist() == b.ids.tolist()
+    assert a.frame.tolist() == b.frame.tolist()
+    np.testing.assert_allclose(a.time, b.time, rtol=0, atol=times)
+    np.testing.assert_allclose(a.points, b.points, rtol=0, atol=places)
+    np.testing.assert_allclose(a.sigma, b.sigma, rtol=0, atol=places)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(1, 6), st.integers(1, 4), st.integers(0, 99), st.booleans())
+def test_round_trip(tmp_path_factory, t, m, seed, known):
+    path = tmp_path_factory.mktemp("t") / "tracks.csv"
+    tracks = made(t, m, seed, known=known)
+    write_tracks(path, tracks)
+    same(tracks, read_tracks(path))
+    assert path.read_text().splitlines()[0] == HEADER
+    assert [p.name for p in path.parent.iterdir()] == ["tracks.csv"]
+
+
+def test_what_was_not_seen_is_not_there(tmp_path):
+    points = np.full((3, 2, 3), np.nan)
+    points[[0, 2], 0] = [[1, 2, 3], [4, 5, 6]]
+    tracks = Tracks(np.arange(3.0), np.array([9, 4]), points, points, np.arange(3))
+    write_tracks(tmp_path / "a.csv", tracks)
+    found = read_tracks(tmp_path / "a.csv")
+    assert (found.frame.tolist(), found.ids.tolist()) == ([0, 2], [9])
+    nothing = Tracks(np.arange(3.0), tracks.ids, points * np.nan, points * np.nan, np.arange(3))
+    write_tracks(tmp_path / "b.csv", nothing)
+    assert read_tracks(tmp_path / "b.csv").points.shape == (0, 0, 3)
+
+
+def test_rows_in_any_order_and_as_spreadsheets_save_them(tmp_path):
+    lines = ["5,0.2,2,1,1,1,nan,nan,nan", "4,0.1,3,2,2,2,nan,nan,nan", "4,0.1,2,3,3,3,nan,nan,nan"]
+    path = tmp_path / "a.csv"
+    path.write_bytes(("\ufeff" + "\r\n".join([HEADER, *lines, ""])).encode())
+    found = read_tracks(path)
+    assert found.frame.tolist() == [4, 5]
+    assert found.points[:, :, 0] == pytest.approx(np.array([[3, 2], [1, np.nan]]), nan_ok=True)
+
+
+def test_a_long_one_is_quick(tmp_path):
+    tracks = made(5000, 20, missing=0.1)
+    begun = time.perf_counter()
+    write_tracks(tmp_path / "a.csv", tracks)
+    found = read_tracks(tmp_path / "a.csv")
+    assert time.perf_counter() - begun < 5
+    same(tracks, found)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", ":1: the first line must be"),
+        ("time,id\n1,2\n", ":1: the first line must be"),
+        (f"{HEADER}\n{ROW},5\n", ":2: 10 cells under 9"),
+        (f"{HEADER}\n{ROW}\n1,0.6,7,1\n", ":3: 4 cells under 9"),
+        (f"{HEADER}\n{ROW}\n\n1,0.6,7,1,2,3,a,0.1,0.1\n", ":4: sx is not a number: 'a'"),
+        (f"{HEADER}\n{ROW}\n1,0.6,7,1,2,3,,,\n", ":3: sx is not a number: ''"),
+        (f"{HEADER}\n{ROW}\n1,0.6,7,1,nan,3,1,1,1\n", ":3: y is not a finite number"),
+        (f"{HEADER}\n{ROW}\n1,0.6,7,1,2,3,1,nan,1\n", ":3: sx, sy, sz"),
+        (f"{HEADER}\n{ROW}\n1,0.6,7,1,2,3,1,-1,1\n", ":3: sx, sy, sz"),
+        (f"{HEADER}\n{ROW}\n1.5,0.6,7,1,2,3,1,1,1\n", ":3: frame 1.5 is not a whole number"),
+        (f"{HEADER}\n{ROW}\n1,0.6,7.2,1,2,3,1,1,1\n", ":3: id 7.2 is not a whole number"),
+        (f"{HEADER}\n{ROW}\n{ROW}\n", ":3: frame 0 has marker 7 twice"),
+        (f"{HEADER}\n{ROW}\n0,0.6,8,1,2,3,1,1,1\n", ":3: frame 0 has two times"),
+        (f"{HEADER}\n{ROW}\n1,0.5,7,1,2,3,1,1,1\n", ":3: the time 0.5 s is not later"),
+        (b"\xff\xfe\x00", "not text"),
+    ],
+)
+def test_bad_files(tmp_path, text, message):
+    path = tmp_path / "bad.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(CaptureError) as error:
+        read_tracks(path)
+    assert message in str(error.value)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
+
+
+def test_no_file_and_no_folder(tmp_path):
+    with pytest.raises(CaptureError, match="cannot be read"):
+        read_tracks(tmp_path / "none.csv")
+    with pytest.raises(StorageError, match="No such file"):
+        write_tracks(tmp_path / "none" / "a.csv", made(2, 2))

@@ -1,0 +1,285 @@
+"""The reader on a twin's board over real ports: greeting, freshness, unplugging, wrong ends."""
+
+import contextlib
+import json
+import os
+import socket
+import threading
+import time
+import tty
+from functools import partial
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.clocks.clock_fit import relate
+from defsense_fab.capture.readout.ports import Port, open_port
+from defsense_fab.capture.readout.reader import Reader, Settings
+from defsense_fab.capture.readout.recording import Recorder, read_recording
+from defsense_fab.capture.readout.source import Event, StaleError, Stamped
+from defsense_fab.cli import main
+from defsense_fab.core.errors import CaptureError, StorageError
+from defsense_fab.sensing.response import Response
+from defsense_fab.sensing.serial_frames import Info, Sample, encode
+from defsense_fab.twin.electronics.board_twin import BoardTwin
+from defsense_fab.twin.electronics.cord_twin import Traits
+from defsense_fab.twin.electronics.specimen_twin import SpecimenTwin
+
+
+def board(speed=1.0):
+    rng = np.random.default_rng(0)
+    return BoardTwin(SpecimenTwin(Traits(Response.line(2.0)), rng), speed=speed)
+
+
+class Plugged:
+    """A board's twin on a pseudo-terminal, until it is unplugged."""
+
+    def __init__(self, twin):
+        self._master, slave = os.openpty()
+        tty.setraw(slave)
+        self.path, self._twin = os.ttyname(slave), twin
+        os.close(slave)
+        os.set_blocking(self._master, False)
+        self._gone = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        while not self._gone.is_set():
+            with contextlib.suppress(OSError):  # nothing was written, or nobody is there
+                self._twin.write(os.read(self._master, 1000))
+            data = self._twin.read(4096)
+            if data:
+                with contextlib.suppress(OSError):
+                    os.write(self._master, data)
+
+    def unplug(self):
+        self._gone.set()
+        self._thread.join()
+        os.close(self._master)
+
+
+@pytest.fixture
+def plug():
+    plugged = []
+
+    def on(twin):
+        plugged.append(Plugged(twin))
+        return plugged[-1]
+
+    yield on
+    for one in plugged:
+        if not one._gone.is_set():
+            one.unplug()
+
+
+def gather(reader, seconds):
+    out, end = [], time.monotonic() + seconds
+    while time.monotonic() < end:
+        out += reader.drain()
+        time.sleep(0.01)
+    return out
+
+
+def kinds(items):
+    return [i.kind for i in items if isinstance(i, Event) and i.kind not in ("info", "text")]
+
+
+@pytest.mark.slow
+def test_unplugged_in_the_middle_of_a_recording(plug, tmp_path):
+    """The file holds all frames before and after, and marks the gap."""
+    link = tmp_path / "port"
+    first = plug(board())
+    link.symlink_to(first.path)
+    reader = Reader(partial(open_port, str(link)), "port", Settings(rate=100))
+    items = []
+    with reader, Recorder(tmp_path / "r.csv", 3) as recorder:
+        items += gather(reader, 0.6)
+        first.unplug()
+        items += gather(reader, 0.4)
+        with pytest.raises(StaleError, match=r"s old, more than 0.2 s"):
+            reader.read_latest(0.2)
+        link.unlink()
+        link.symlink_to(plug(board()).path)
+        items += gather(reader, 2)
+        assert reader.read_latest(0.2).sample.sums
+        assert reader.statistics.gaps == 1
+        recorder.extend(items)
+    assert kinds(items) == ["start", "gap", "resumed", "restart"]
+    found = read_recording(tmp_path / "r.csv")
+    samples = [i for i in items if isinstance(i, Stamped)]
+    assert found.counter.tolist() == [s.sample.counter for s in samples]
+    at = {e["event"]: n for n, e in found.events}
+    before, after = found.counter[: at["gap"]], found.counter[at["resumed"] :]
+    assert len(before) > 30
+    assert len(after) > 60
+    assert (np.diff(before) == 1).all()
+    assert (np.diff(after) == 1).all()
+    assert (np.diff(found.device_us) > 0).all()
+    gap = (found.device_us[at["resumed"]] - found.device_us[at["gap"] - 1]) / 1e6
+    assert gap == pytest.approx((found.host_ns[at["resumed"]] - found.host_ns[at["gap"] - 1]) / 1e9,
+                                abs=0.1)  # fmt: skip
+
+
+def test_over_a_socket():
+    """socket://: the same bytes from a program."""
+    twin, server = board(), socket.create_server(("127.0.0.1", 0))
+
+    def serve():
+        connection, _ = server.accept()
+        connection.settimeout(0.01)
+        with connection:
+            while True:
+                try:
+                    data = connection.recv(1000)
+                    if not data:
+                        return
+                    twin.write(data)
+                except TimeoutError:
+                    pass
+                except OSError:
+                    return
+                connection.sendall(twin.read(4096))
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+    with Reader(partial(open_port, url), url, Settings(average=4)) as reader:
+        items = gather(reader, 0.5)
+    server.close()
+    thread.join(5)
+    assert len([i for i in items if isinstance(i, Stamped)]) > 15
+
+
+def test_ports_that_are_absent_busy_or_strange(plug, tmp_path):
+    with pytest.raises(CaptureError, match="there is no such port"):
+        open_port("/dev/ttyUSB77")
+    port = plug(board()).path
+    held = open_port(port)
+    with pytest.raises(CaptureError, match="in use by another program"):
+        open_port(port)
+    held.close()
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(CaptureError, match="cannot be opened"):
+        open_port(str(tmp_path / "file"))
+
+
+class Saying:
+    """Something on a port that says the same whatever it is asked."""
+
+    def __init__(self, data):
+        self._data = data
+
+    in_waiting = 1
+
+    def read(self, size):
+        time.sleep(0.01)
+        return self._data
+
+    def write(self, data):
+        return len(data)
+
+    def close(self):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"", "nothing answers"),
+        (b"T=21.5;H=40\r\n", r"not this firmware \(it sends .*T=21.5"),
+        (encode(Info(2, (2, 0), 0, 3, 16, 50, 0, 8, 1024)), "speaks protocol 2, this version"),
+        (encode(Info(1, (1, 0), 1, 0, 16, 50, 0, 0, 26400)), "finds no ADS1115"),
+        (encode(Info(1, (1, 0), 0, 3, 16, 50, 0, 8, 1024)), "does not answer 'channels 5'"),
+    ],
+)
+def test_what_answers_is_something_else(monkeypatch, data, says):
+    monkeypatch.setattr("defsense_fab.capture.readout.reader._PATIENCE", 0.3)
+    with pytest.raises(CaptureError, match=says):
+        Reader(lambda: Saying(data), "port", Settings(channels=5)).start()
+
+
+def test_freshness():
+    with Reader(board, "twin", Settings(rate=50)) as reader:
+        gather(reader, 0.3)
+        assert time.monotonic_ns() - reader.read_latest(0.2).host_ns < 0.2e9
+    quiet = Reader(lambda: Saying(encode(Info(1, (1, 0), 0, 3, 16, 50, 0, 8, 1024))), "p")
+    with quiet, pytest.raises(StaleError, match="no sample has arrived"):
+        quiet.read_latest(1.0)
+
+
+def test_a_sink_gets_everything_at_once_and_its_error_is_told():
+    """A full disk must not end the thread in silence."""
+    seen = []
+
+    def sink(item):
+        seen.append(item)
+        if len(seen) > 10:
+            raise StorageError("disk: the disk is full")
+
+    reader = Reader(board, "twin", Settings(rate=50))
+    reader.sink = sink
+    with reader:
+        got = gather(reader, 0.15)
+        time.sleep(0.4)
+        with pytest.raises(StorageError, match="disk is full"):
+            gather(reader, 0.3)
+    assert got == seen[: len(got)]
+
+
+def test_a_clock_that_wraps():
+    """micros() begins anew after 71 minutes; the device's time goes on."""
+    reader = Reader(board, "twin")
+    last = 2**32 - 30_000
+    for n in range(4):
+        reader._take(Sample(n, (last + 20_000 * n) % 2**32, False, False, 1, (1,)), n * 20_000_000)
+    times = [i.device_us for i in reader.drain()]
+    assert np.diff(times).tolist() == [20_000] * 3
+
+
+@pytest.mark.parametrize("drift", [-80e-6, 0.0, 200e-6])
+def test_clocks(drift):
+    """Offset and drift from arrivals that are late at random, by up to 30 ms, and once by 2 s."""
+    rng = np.random.default_rng(0)
+    device = np.arange(0, 600, 0.02)
+    late = 0.002 + rng.exponential(0.008, len(device))
+    late[1000] += 2
+    host = 5000 + (1 + drift) * device + late
+    found = relate(device, host)
+    assert found.drift == pytest.approx(drift, abs=2e-6)
+    assert found.to_host(device) == pytest.approx(host - late + 0.002, abs=0.001)
+    assert found.delay == pytest.approx(0.008 * np.log(2), rel=0.15)
+    one = relate(device[:1], host[:1])
+    assert (one.drift, one.delay) == (0, 0)
+
+
+def test_the_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
+    good = Port(plug(board()).path, "USB Serial")
+    monkeypatch.setattr(
+        "defsense_fab.capture.readout.ports.ports", lambda: [good, Port("/dev/none", "")]
+    )
+    assert main(["calibrate", "ports"]) == 0
+    told = capsys.readouterr().out
+    assert f"{good.device:<16} USB Serial" in told
+    assert told.count("ohm") == 3
+    assert "█" in told
+    assert "there is no such port" in told
+    assert told.splitlines()[-1] == f"Next:    defsense calibrate ports --port {good.device}"
+    assert main(["calibrate", "ports", "--list", "--json"]) == 0
+    assert [p["device"] for p in json.loads(capsys.readouterr().out)] == [good.device, "/dev/none"]
+    monkeypatch.setattr("defsense_fab.capture.readout.ports.ports", lambda: [])
+    assert main(["calibrate", "ports"]) == 0
+    assert "no serial port is plugged in" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_board_that_is_reset_behind_an_open_port():
+    """It speaks in plain lines then, until it is greeted again."""
+    twin = board()
+    with Reader(lambda: twin, "twin", Settings(rate=50)) as reader:
+        before = gather(reader, 0.4)
+        twin.write(b"plain\n")
+        after = gather(reader, 3.5)
+        assert reader.read_latest(0.5)
+    assert kinds(before + after) == ["start", "gap", "resumed"]
+    assert sum(isinstance(i, Stamped) for i in after) > 30

@@ -1,0 +1,151 @@
+"""Recordings: written as frames come, whole up to the last line whatever happens to the writer."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.readout.recording import Recorder, read_recording
+from defsense_fab.capture.readout.replay import Replay
+from defsense_fab.capture.readout.source import Event, Stamped
+from defsense_fab.core.errors import CaptureError
+from defsense_fab.sensing.serial_frames import NOT_READ, Sample
+from tests.places import ROOT
+
+#: Times that the writer is killed.
+KILLS = int(os.environ.get("DEFSENSE_KILLS", "4"))
+
+
+def stamped(n, channels=3):
+    sums = tuple(1000 * c + n for c in range(channels))
+    return Stamped(10**6 * n, 1000 * n, Sample(n, 1000 * n, bool(n % 2), False, 16, sums))
+
+
+def test_round_trip(tmp_path):
+    path = tmp_path / "r.csv"
+    with Recorder(path, 3) as r:
+        r.add(Event(5, "start", {"full_scale": 1024}))
+        r.extend(stamped(n) for n in range(10))
+        r.add(Event(6, "gap", {"why": "unplugged"}))
+        r.add(Stamped(1, 2, Sample(77, 2, True, True, 4, (NOT_READ, 8, 0))))
+    found = read_recording(path)
+    assert found.counter.tolist() == [*range(10), 77]
+    assert found.sums[3].tolist() == [3, 1003, 2003]
+    assert found.counts[-1] == pytest.approx([np.nan, 2, 0], nan_ok=True)
+    assert (found.led[-1], found.late[-1], found.averages[-1]) == (1, 1, 4)
+    assert [(at, e["event"]) for at, e in found.events] == [(0, "start"), (10, "gap")]
+    assert found.cut == 0
+
+
+@pytest.mark.parametrize("cut", [1, 7, 25])
+def test_a_line_that_was_cut_is_left_out_for_good(tmp_path, cut):
+    """Also where what is left of it would read like a line."""
+    path = tmp_path / "r.csv"
+    with Recorder(path, 3) as r:
+        r.extend(stamped(n) for n in range(5))
+    path.write_bytes(path.read_bytes()[:-cut])
+    whole = read_recording(path)
+    assert whole.counter.tolist() == [0, 1, 2, 3]
+    assert whole.cut == 1
+    with Recorder(path, 3) as r:
+        r.extend(stamped(n) for n in range(5, 8))
+    again = read_recording(path)
+    assert again.counter.tolist() == [0, 1, 2, 3, 5, 6, 7]
+    assert again.cut == 1
+
+
+_WRITER = """
+import sys, time
+sys.path.insert(0, sys.argv[2])
+from pathlib import Path
+from tests.capture.readout.test_recording import stamped
+from defsense_fab.capture.readout.recording import Recorder, read_recording
+path = Path(sys.argv[1])
+first = len(read_recording(path).counter) if path.exists() else 0
+with Recorder(path, 3) as r:
+    print("ready", flush=True)
+    for n in range(first, 10**9):
+        r.add(stamped(n))
+        sys.stdout.write(f"{n}\\n"); sys.stdout.flush()
+"""
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment(tmp_path):
+    """SIGKILL: every frame that was written before is there, and the next run goes on."""
+    path, rng = tmp_path / "r.csv", random.Random(0)
+    root = str(ROOT)
+    for _ in range(KILLS):
+        with subprocess.Popen(
+            [sys.executable, "-c", _WRITER, str(path), root], stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout.readline() == "ready\n"
+            time.sleep(rng.uniform(0.005, 0.1))
+            process.send_signal(signal.SIGKILL)
+            told = process.stdout.read().splitlines()
+        found = read_recording(path)
+        counters = found.counter.tolist()
+        assert counters == list(range(len(counters)))
+        # The last number may have been printed in part.
+        assert not told[:-1] or counters[-1] >= int(told[-2])
+    assert found.sums[-1].tolist() == list(stamped(counters[-1]).sample.sums)
+
+
+_HEAD = "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a,b\n", "is no recording"),
+        ("", "is no recording"),
+        ("# defsense recording 1\na,b\n", "columns must begin"),
+        (_HEAD + "1,2\n", ":3: 2 cells"),
+        (_HEAD + "# x\n", ":3: not an event"),
+        (_HEAD + "1,2,3,4,5,6,x\n", "not a number"),
+    ],
+)
+def test_files_that_are_no_recordings(tmp_path, text, says):
+    path = tmp_path / "r.csv"
+    path.write_text(text)
+    with pytest.raises(CaptureError, match=says):
+        read_recording(path)
+
+
+def test_other_channels_are_refused(tmp_path):
+    path = tmp_path / "r.csv"
+    with Recorder(path, 3) as r, pytest.raises(CaptureError, match="2 channels came"):
+        r.add(stamped(0, channels=2))
+    with pytest.raises(CaptureError, match="no recording of 2 channels"):
+        Recorder(path, 2)
+    with Recorder(path, 3), pytest.raises(CaptureError, match="another program is recording"):
+        Recorder(path, 3)
+    path.write_text("mine\n")
+    with pytest.raises(CaptureError, match="no recording"):
+        Recorder(path, 3)
+    assert path.read_text() == "mine\n"
+
+
+def test_replay(tmp_path):
+    path = tmp_path / "r.csv"
+    about = {"protocol": 1, "version": [1, 0], "converter": 0, "channels": 3, "averages": 16,
+             "rate": 50, "led_period": 0, "most_channels": 8, "full_scale": 1024}  # fmt: skip
+    with Recorder(path, 3) as r:
+        r.add(Event(0, "start", about))
+        r.extend(stamped(n) for n in range(100))
+    source = Replay(path, speed=2)
+    assert source.start().full_scale == 1024
+    begun, got = time.monotonic(), []
+    while len(got) < 100:
+        got += source.drain()
+        time.sleep(0.002)
+    assert time.monotonic() - begun == pytest.approx(0.0495, abs=0.03)
+    assert [i.sample for i in got] == [stamped(n).sample for n in range(100)]
+    assert source.read_latest(5).sample.counter == 99
+    with pytest.raises(CaptureError, match="at its end"):
+        source.drain()

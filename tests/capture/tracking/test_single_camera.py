@@ -1,0 +1,72 @@
+"""Tags by one camera: what it says, and how sure it is of that."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.tracking.single_camera import locate_single, square
+from tests.capture.rigs import flat, rig, spread, tags
+from tests.twin.views import turn
+
+SIZE = 15.0
+
+
+def trial(X, sigma, seed, **more):
+    view = rig(1)[0]
+    seen = flat(view, X)
+    seen = seen + np.random.default_rng(seed).normal(0, sigma, seen.shape)
+    found = locate_single(view, seen, spread((len(X),), sigma), SIZE, **more)
+    error = (found.points - X.mean(axis=1)) @ view.rotation.T
+    return found, error, view.rotation @ found.covariance @ view.rotation.T
+
+
+def test_without_noise_a_tag_is_where_it_is():
+    X = tags(30, np.random.default_rng(0), SIZE, 0.8)
+    found, error, _ = trial(X, 1e-6, 0)
+    assert np.abs(error).max() < 1e-3
+    assert np.abs(found.corners - X).max() < 0.05
+    assert found.miss.max() < 1e-4
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5, 0.9])
+def test_the_covariance_is_that_of_many_trials(tilt):
+    view = rig(1)[0]
+    axes = view.rotation.T @ np.diag([1, -1, -1.0]) @ turn(tilt)
+    X = np.repeat((square(SIZE) @ axes.T)[None], 600, axis=0)
+    found, error, covariance = trial(X, 0.04, 1)
+    assert found.used.all()
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    ratio = np.sqrt(((error / sigma) ** 2).mean(axis=0))
+    assert (ratio > 0.65).all()
+    assert (ratio < 1.3).all()
+
+
+def test_tags_of_all_tilts_are_off_by_what_is_said():
+    X = tags(600, np.random.default_rng(2), SIZE, 0.9)
+    _, error, covariance = trial(X, 0.05, 2)
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    ratio = np.sqrt(((error / sigma) ** 2).mean(axis=0))
+    assert (ratio > 0.7).all()
+    assert (ratio < 1.3).all()
+    assert sigma[:, 2].mean() > 5 * sigma[:, :2].mean()
+
+
+def test_the_size_is_part_of_the_covariance_where_it_is_asked_for():
+    X = tags(4, np.random.default_rng(3), SIZE)
+    plain, _, _ = trial(X, 0.05, 3)
+    loose, _, _ = trial(X, 0.05, 3, size_sigma=0.01)
+    ray = plain.points - rig(1)[0].center
+    extra = loose.covariance - plain.covariance
+    assert np.allclose(extra, 1e-4 * ray[:, :, None] * ray[:, None], rtol=1e-9, atol=1e-12)
+
+
+def test_what_is_no_square_is_not_located_and_missing_stays_missing():
+    view = rig(1)[0]
+    seen = flat(view, tags(3, np.random.default_rng(4), SIZE))
+    seen[0, 2] += 25.0
+    seen[1] = np.nan
+    covariance = spread((3,), 0.05)
+    found = locate_single(view, seen, covariance, SIZE)
+    assert np.isnan(found.points[:2]).all()
+    assert np.isnan(found.covariance[:2]).all()
+    assert found.used[:, 0].tolist() == [False, False, True]
+    assert np.isfinite(found.points[2]).all()

@@ -1,0 +1,105 @@
+"""Every decoder by name: exact on what it can represent, honest about noise; contiguous folds."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device import DECODERS
+from defsense_fab.decoding.elimination import expected_square
+from defsense_fab.decoding.features import quadratic
+from defsense_fab.decoding.folds import contiguous, cross_validated
+from defsense_fab.decoding.ridge import fit
+from defsense_fab.decoding.train import train
+
+
+def curved(count, rng, channels=2):
+    """Signals along a bent path and outputs that are smooth but not affine in them."""
+    s = 0.05 * rng.uniform(-1, 1, (count, channels))
+    x, y = 20 * s[:, 0], 20 * s[:, 1]
+    return s, np.stack([3 * x + x * y, np.sin(2 * x) - y, y**2], axis=1)
+
+
+@pytest.mark.parametrize("kind", DECODERS)
+def test_noise_variance_is_that_of_sampled_noise(kind):
+    rng = np.random.default_rng(0)
+    signals, outputs = curved(60, rng)
+    decoder = train(kind, signals, outputs, 5e-4)
+    some = signals[:5]
+    noisy = some + rng.normal(0, 5e-4, (4000, 5, 2))
+    found = decoder(noisy.reshape(-1, 2)).reshape(4000, 5, 3).var(0)
+    assert found == pytest.approx(decoder.noise_variance(some, 5e-4), rel=0.15, abs=1e-7)
+
+
+def test_richer_decoders_do_better_on_curved_maps():
+    rng = np.random.default_rng(1)
+    signals, outputs = curved(80, rng)
+    unseen, truth = curved(200, rng)
+    error = {}
+    for kind in DECODERS:
+        decoder = train(kind, signals, outputs, 1e-4)
+        error[kind] = np.sqrt(((decoder(unseen) - truth) ** 2).sum(1).mean())
+    assert error["affine"] > 2 * error["quadratic"] > 2 * 2 * error["kernel"]
+
+
+def test_the_kernel_decoder_is_the_librarys():
+    from sklearn.kernel_ridge import KernelRidge
+
+    rng = np.random.default_rng(2)
+    signals, outputs = curved(40, rng)
+    decoder = train("kernel", signals, outputs, 0.0)
+    peer = KernelRidge(kernel="rbf", gamma=decoder.gamma, alpha=decoder.alpha)
+    peer.fit(decoder.trained / decoder.scale, np.repeat(outputs, 5, axis=0) - outputs.mean(0))
+    there, _ = curved(30, rng)
+    expected = peer.predict(there / decoder.scale) + outputs.mean(0)
+    assert decoder(there) == pytest.approx(expected, abs=1e-9)
+    again = train("kernel", signals, outputs, 0.0, decoder)
+    assert again(there) == pytest.approx(decoder(there), abs=1e-9)
+
+
+def test_folds_are_runs_of_neighbours():
+    folds = contiguous(13)
+    assert len(folds) == 5
+    assert np.concatenate([test for _, test in folds]).tolist() == list(range(13))
+    for seen, test in folds:
+        assert (np.diff(test) == 1).all()
+        assert set(seen) | set(test) == set(range(13))
+        assert not set(seen) & set(test)
+
+
+def test_cross_validation_sees_through_a_fit_of_noise():
+    """Outputs that have nothing to do with the signals are not predicted by any decoder."""
+    rng = np.random.default_rng(3)
+    signals, outputs = rng.normal(size=(12, 3)), rng.normal(size=(12, 2))
+    outputs -= outputs.mean(0)
+    spread = np.sqrt((outputs**2).sum(1).mean())
+
+    def learn(seen, told):
+        return train("quadratic", seen, told, 1e-4)
+
+    assert np.sqrt(((learn(signals, outputs)(signals) - outputs) ** 2).sum(1).mean()) < 0.7 * spread
+    assert cross_validated(learn, signals, outputs, 0.0) > spread
+
+
+@pytest.mark.parametrize(("channels", "states"), [(3, 3), (4, 3), (3, 2), (6, 5), (3, 8)])
+def test_expected_error_where_features_outnumber_states(channels, states):
+    """Between nothing and the outputs' own size, and that of the decoder which is fitted."""
+    rng = np.random.default_rng(0)
+    features = quadratic(channels)
+    for _ in range(50):
+        signals = np.concatenate(
+            [np.zeros((1, channels)), 0.05 * rng.normal(size=(states - 1, channels))]
+        )
+        signals[:, -1] = signals[:, 0]  # and two cords that tell the same
+        outputs = rng.normal(size=(states, 4))
+        outputs -= outputs.mean(0)
+        found = float(expected_square(features, signals, outputs, 0.002))
+        decoder = fit(features, signals, outputs, 0.002)
+        expected = ((decoder(signals) - outputs) ** 2).sum()
+        expected += decoder.noise_variance(signals, 0.002).sum()
+        assert 0 <= found <= (outputs**2).sum() * (1 + 1e-12)
+        assert found == pytest.approx(expected, rel=1e-2, abs=1e-6)
+
+
+def test_one_state_is_answered_by_every_decoder():
+    for kind in DECODERS:
+        decoder = train(kind, np.array([[0.01, 0.0]]), np.array([[1.0, 2.0]]), 0.002)
+        assert decoder(np.array([[0.01, 0.0]])) == pytest.approx(np.array([[1.0, 2.0]]))

@@ -1,0 +1,292 @@
+"""Connector bays, and the wires' ways to them or out of the skin."""
+
+from dataclasses import replace
+
+import igl
+import numpy as np
+import pytest
+
+from defsense_fab.core.curve import Hermite, Plane, bend_radius, catmull_rom
+from defsense_fab.core.device import BaySpec, BodySpec, Sensor
+from defsense_fab.core.errors import BodyError
+from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.geometry.bodies.connector_bay import recess
+from defsense_fab.geometry.channels.channel_ends import Pockets
+from defsense_fab.geometry.channels.planar_routing import HEADINGS
+from defsense_fab.geometry.channels.wire_channels import Wires
+from defsense_fab.geometry.kernels import occ, triangle_kernel
+from defsense_fab.geometry.kernels.export import write_stl
+from defsense_fab.geometry.parts.parts import Rules, make_parts
+
+BAY = BaySpec(np.array([0.0, 0, 0]), (14.0, 7.0, 8.0))
+WIRES = Wires(1.1, 1.3)
+
+
+def rules(wires):
+    return Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0, wires))
+
+
+def cord(name, origin, points, normal=(0, 0, 1)):
+    points = np.array(points, float)
+    plane = Plane.from_normal(
+        np.array(origin, float), np.array(normal, float), np.array([1.0, 0, 0])
+    )
+    return Sensor(name, plane, Hermite(points, catmull_rom(points)))
+
+
+#: One in the bay's own plane, one 8 mm above its middle, one upright and beside it.
+CORDS = [
+    cord("level", [0, 10, 0], [[2, 0], [10, 0], [60, -2], [140, 0], [148, 0]]),
+    cord("above", [0, -9, 8], [[2, 0], [10, 0], [60, 0], [140, 0], [148, 0]]),
+    cord("upright", [0, -4, -9], [[2, 0], [10, 0], [60, 0], [140, 0], [148, 0]], (0, 1, 0)),
+]
+
+
+@pytest.fixture(scope="module")
+def body():
+    import build123d as bd
+
+    from defsense_fab.geometry.bodies.body import Body
+
+    solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
+    whole = occ.tessellate(solid, 0.05)
+    bay = recess(BAY, whole)
+    solid = occ.without(solid, [bay])
+    return Body(occ.tessellate(solid, 0.05), occ.volume(solid), solid, (), bay)
+
+
+@pytest.fixture(scope="module")
+def made(body):
+    return make_parts(body.surface, CORDS, rules(replace(WIRES, bay=body.bay)), solid=body.solid)
+
+
+def leads(made):
+    return [(c, e.lead) for c in made.channels for e in c.ends if e.lead]
+
+
+def test_every_wire_reaches_the_bay(made, body):
+    assert [e.wire for c in made.channels for e in c.ends] == ["bay"] * 6
+    for channel, lead in leads(made):
+        end = lead.whole[-1]
+        local = (end - body.bay.origin) @ body.bay.axes
+        assert (np.abs(local[:2]) < [7, 3.5]).all()
+        assert 0 < local[2] < 8
+        # It begins on the cord's line, in the pocket, and stays in the plane.
+        ferrule = channel.ends[0] if lead is channel.ends[0].lead else channel.ends[1]
+        assert lead.inside[0] == pytest.approx(ferrule.mouth - (ferrule.pocket - 7) * ferrule.out)
+        assert lead.path[[0, -1]] == pytest.approx(lead.inside[[0, -1]])
+        off = (lead.inside - channel.sensor.plane.origin) @ channel.sensor.plane.normal
+        assert np.abs(off).max() < 1e-9
+        assert (lead.drop is not None) == (channel.name == "above")
+
+
+def test_bends_hold_the_wires(made):
+    """At least 45 degrees before anything else, and no bend tighter than two diameters."""
+    for _, lead in leads(made):
+        first = np.abs(lead.way.moves[: HEADINGS // 8])
+        assert (first == 1).all()
+        assert bend_radius(lead.inside).min() == pytest.approx(2.6, rel=0.01)
+
+
+def test_leads_keep_their_walls(made, body):
+    whole = body.surface
+    # Facets of the bay's walls do not count: the wire ends there.
+    corners = whole.vertices[whole.faces]
+    local = np.abs((corners - body.bay.origin) @ body.bay.axes)
+    skin = whole.faces[~((local[:, :, 0] < 7.01) & (local[:, :, 1] < 3.51)).all(axis=1)]
+    for channel, lead in leads(made):
+        square = igl.point_mesh_squared_distance(lead.whole, whole.vertices, skin)[0]
+        assert np.sqrt(square).min() > 0.65 + 0.8 - 0.03
+        for other in made.channels:
+            if other is not channel:
+                for points, radius in other.hollows(2.2, rules(WIRES).pockets):
+                    gap = np.linalg.norm(lead.whole[:, None] - points[None], axis=2).min()
+                    assert gap > 0.65 + radius + 0.8 - 0.03
+        own, late = channel.inside[60:-60], lead.whole[40:]
+        if len(late):
+            gap = np.linalg.norm(late[:, None] - own[None], axis=2).min()
+            assert gap > 0.65 + 1.1 + 0.8 - 0.05
+
+
+def test_wires_lie_in_air_and_can_be_laid_in(made, tmp_path):
+    """Measured on what the STL files hold, closed and with the halves apart."""
+    import trimesh
+
+    parts = []
+    for part in made.parts:
+        write_stl(part.surface, tmp_path / "part.stl")
+        mesh = trimesh.load(tmp_path / "part.stl", force="mesh")
+        assert mesh.is_watertight
+        parts.append((np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)))
+    for cut in made.cuts:
+        for c in cut.cords:
+            for lead in made.channels[c].leads:
+                for lift in (0.0, 0.5, 3.0, 12.0):
+                    for side, sign in zip(cut.sides, (-1, 1), strict=True):
+                        for i in side:
+                            points = lead.whole - sign * lift * cut.plane.normal
+                            wind = igl.fast_winding_number(*parts[i], points)
+                            assert np.max(wind) < 0.5
+                            square = igl.point_mesh_squared_distance(points, *parts[i])[0]
+                            assert np.sqrt(square).min() > 0.55
+
+
+def test_both_kernels_cut_the_same_leads(made):
+    assert not [w for w in made.warnings if "STEP" in w]
+    for part in made.parts:
+        assert occ.volume(part.solid) == pytest.approx(part.volume, rel=1e-3)
+
+
+def test_without_a_bay_wires_leave_beside_the_mouth(bar):
+    made = make_parts(bar, CORDS[:2], rules(WIRES))
+    found = [(c, e) for c in made.channels for e in c.ends]
+    assert [e.wire for _, e in found] == ["bend"] * 4
+    for _, end in found:
+        assert end.pocket == pytest.approx(7 + WIRES.room(0.8))
+        square = igl.point_mesh_squared_distance(end.lead.exit[None], bar.vertices, bar.faces)[0]
+        assert float(np.ravel(square)[0]) < 1e-9
+        # The hole and the chamfered mouth keep a wall between them.
+        assert np.linalg.norm(end.lead.exit - end.mouth) > 1.4 + 0.53 + 0.8 + 0.65
+
+
+def test_a_wire_that_has_no_way_says_why_and_leaves_by_its_mouth(bar):
+    far = recess(replace(BAY, at=np.array([75.0, 0, -15])), bar)
+    body = triangle_kernel.to_surface(
+        triangle_kernel.without(triangle_kernel.to_manifold(bar, "bar"), [far])
+    )
+    under = cord("under", [0, 0, 0], [[2, -11], [10, -11], [75, -3], [140, -11], [148, -11]],
+                 (0, 1, 0))  # fmt: skip
+    made = make_parts(body, [under], rules(replace(WIRES, bay=far, relief=False)))
+    assert [e.wire for e in made.channels[0].ends] == ["bay", "bay"]
+    away = cord("away", [0, 0, -9], [[100, -13], [100, -9], [100, 0], [100, 9], [100, 13]])
+    made = make_parts(body, [away], rules(replace(WIRES, bay=far, relief=False)))
+    for end, which in zip(made.channels[0].ends, ("start", "end"), strict=True):
+        assert end.wire == "mouth"
+        assert end.pocket == 7.0
+        assert "too short for two pockets" in end.unled
+        note = f"the wire at the {which} of cord away, near"
+        assert any(note in w and end.unled in w for w in made.warnings)
+
+
+def test_a_cord_that_ends_in_the_bay_needs_no_lead(body):
+    ends = [[9, 0], [16, 0], [60, 2], [140, 0], [148, 0]]
+    made = make_parts(
+        body.surface, [cord("c", [0, 0, 0], ends)], rules(replace(WIRES, bay=body.bay))
+    )
+    start, end = made.channels[0].ends
+    assert start.wire == "bay"
+    assert start.lead is None
+    assert start.pocket == 7.0
+    assert end.wire == "bay"
+    assert end.lead is not None
+
+
+def test_a_bend_keeps_off_its_own_cord(bar):
+    """Mouths 6 mm apart on one face: the bends go to the outer sides."""
+    leg = [[2, 3], [6, 3], [10, 3], [14, 3], [18, 3.3], [24, 5.2], [30, 7], [36, 8], [42, 6]]
+    points = [[x, -y] for x, y in leg] + [[44.5, 0]] + [[x, y] for x, y in leg[::-1]]
+    made = make_parts(bar, [cord("loop", [0, 0, 0], points)], rules(WIRES))
+    for end, twin in zip(made.channels[0].ends, made.channels[0].ends[::-1], strict=True):
+        assert end.wire == "bend"
+        other = twin.mouth - np.linspace(0, twin.pocket, 50)[:, None] * twin.out
+        gap = np.linalg.norm(end.lead.inside[:, None] - other[None], axis=2).min()
+        assert gap > 0.65 + 1.4 + 0.8 - 0.02
+
+
+def test_seats_keep_out_of_the_bay(bar):
+    wide = recess(BaySpec(np.array([75.0, 0, 15]), (24.0, 24.0, 6.0)), bar)
+    body = triangle_kernel.to_surface(
+        triangle_kernel.without(triangle_kernel.to_manifold(bar, "bar"), [wide])
+    )
+    asked = replace(rules(replace(WIRES, bay=wide)), seats=20)
+    made = make_parts(body, [cord("c", [0, 0, -8], [[2, 0], [10, 0], [60, 0], [148, 0]])], asked)
+    assert len(made.seats) > 10
+    for seat in made.seats:
+        beside = np.abs((seat.center - wide.origin) @ wide.axes)
+        assert (beside[:2] > 12).any() or beside[2] > 8
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bay_opens_square_to_the_face_however_the_body_lies(seed):
+    import trimesh
+
+    from defsense_fab.core.mesh import Surface
+
+    box = trimesh.creation.box(extents=(60, 40, 40))
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    vertices = np.asarray(box.vertices) @ turn.T
+    body = Surface(np.ascontiguousarray(vertices), np.asarray(box.faces, np.int64))
+    # 12 mm from two edges, so that the other faces lie within the opening's reach.
+    made = recess(BaySpec(turn @ [18.0, 8, 20], (8.0, 8.0, 6.0)), body)
+    assert made.axes[:, 2] == pytest.approx(turn[:, 2], abs=1e-9)
+
+
+def test_what_lies_over_or_behind_a_bay_is_seen():
+    import trimesh
+
+    from defsense_fab.core.mesh import Surface
+
+    def solid(bounds):
+        box = trimesh.creation.box(bounds=bounds)
+        surface = Surface(np.asarray(box.vertices, float), np.asarray(box.faces, np.int64))
+        return triangle_kernel.to_manifold(surface, "box")
+
+    block = solid([[-40, -20, -20], [40, 20, 20]])
+    at = BaySpec(np.array([0.0, 0, 20]), (14.0, 7.0, 8.0))
+    slotted = triangle_kernel.to_surface(block - solid([[-41, -21, 15], [41, 0, 17]]))
+    with pytest.raises(BodyError, match="mm of wall near"):
+        recess(at, slotted)
+    beside = triangle_kernel.to_surface(block - solid([[-20, 3.6, 13], [20, 8, 18]]))
+    with pytest.raises(BodyError, match="mm of wall near"):
+        recess(at, beside)
+    stepped = triangle_kernel.to_surface(block + solid([[5, -20, 20], [40, 20, 40]]))
+    with pytest.raises(BodyError, match="lies over its opening"):
+        recess(at, stepped)
+
+
+@pytest.mark.parametrize(
+    ("at", "size", "says"),
+    [
+        ([0, 0, 40], (14, 7, 8), "is 25.0 mm from the skin"),
+        ([0, 11, 0], (14, 7, 8), "ends under an opening"),
+        ([0, 7.5, 0], (14, 7, 8), "mm of wall near"),
+        ([75, 0, 15], (14, 7, 29.5), "mm of wall near"),
+        ([75, 0, 15], (14, 7, 60), "mm of wall near"),
+        ([0, 0, 0], (60, 7, 8), "ends under an opening"),
+        ([0, 0, 0], (400, 7, 8), "larger than the body"),
+    ],
+)
+def test_a_bay_without_room_is_refused(bar, at, size, says):
+    with pytest.raises(BodyError, match=r"\[body.bay\]") as caught:
+        recess(BaySpec(np.array(at, float), size), bar)
+    assert says in str(caught.value)
+
+
+def test_a_round_skin_is_refused_where_it_falls_away():
+    import trimesh
+
+    from defsense_fab.core.mesh import Surface
+
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=12.0)
+    surface = Surface(np.asarray(ball.vertices, float), np.asarray(ball.faces, np.int64))
+    with pytest.raises(BodyError, match="falls by"):
+        recess(BaySpec(np.array([0.0, 0, 12]), (20.0, 10.0, 4.0)), surface)
+    good = recess(BaySpec(np.array([0.0, 0, 12]), (6.0, 6.0, 5.0)), surface)
+    rest = triangle_kernel.without(triangle_kernel.to_manifold(surface, "ball"), [good])
+    cap = surface.volume - rest.volume()
+    assert 36 * 5 < cap < 36 * 6  # its floor lies 5 mm under the lowest skin of its opening
+
+
+def test_bodies_of_either_kind_get_their_bay(tmp_path):
+    script = tmp_path / "box.py"
+    script.write_text("import build123d as bd\ndef body():\n    return bd.Box(40, 30, 20)\n")
+    spec = BodySpec("script", script, bay=BaySpec(np.array([0.0, 0, 10]), (14.0, 7.0, 8.0)))
+    cad = load_body(spec)
+    write_stl(load_body(replace(spec, bay=None)).surface, tmp_path / "box.stl")
+    mesh = load_body(replace(spec, kind="mesh", path=tmp_path / "box.stl"))
+    for made in (cad, mesh):
+        assert made.volume == pytest.approx(40 * 30 * 20 - 14 * 7 * 8, rel=1e-6)
+        assert made.surface.volume == pytest.approx(made.volume, rel=1e-6)
+        assert made.bay is not None
+    assert occ.volume(cad.solid) == pytest.approx(cad.volume)

@@ -1,0 +1,417 @@
+"""Parts as they are exported: volumes, sockets, grooves, numbers, and what is refused."""
+
+from dataclasses import replace
+
+import igl
+import numpy as np
+import pytest
+import trimesh
+
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.device import Sensor
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.channels.channel_ends import Pockets
+from defsense_fab.geometry.kernels import occ, triangle_kernel
+from defsense_fab.geometry.kernels.cutting_tools import Number, cylinder
+from defsense_fab.geometry.kernels.export import write_stl
+from defsense_fab.geometry.parts.alignment_pins import free_spots
+from defsense_fab.geometry.parts.division import Cut, Division
+from defsense_fab.geometry.parts.part_contacts import contacts
+from defsense_fab.geometry.parts.part_names import names
+from defsense_fab.geometry.parts.parts import Rules, make_parts
+
+RULES = Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
+
+
+def cord(name, normal, origin, x_axis, points):
+    points = np.array(points, float)
+    plane = Plane.from_normal(
+        np.array(origin, float), np.array(normal, float), np.array(x_axis, float)
+    )
+    return Sensor(name, plane, Hermite(points, catmull_rom(points)))
+
+
+def crossing():
+    """Three planes that cross inside the bar: two cords along it, one across."""
+    wave = [[2, 0], [10, 0], [50, 5], [100, -3], [140, 0], [148, 0]]
+    return [
+        cord("flat", [0, 0, 1], [0, -5, 4], [1, 0, 0], wave),
+        cord("upright", [0, 1, 0], [0, 6, 0], [1, 0, 0],
+             [[2, 8], [10, 8], [60, 8], [140, 7], [148, 7]]),
+        cord("across", [1, 0, 0], [75, 0, 0], [0, 1, 0],
+             [[-13, -9], [-8, -8.5], [-3, -6], [0, -1], [2, 4], [3, 9], [3.5, 13]]),
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(bar):
+    import build123d as bd
+
+    solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
+    return make_parts(bar, crossing(), replace(RULES, seats=6), solid=solid)
+
+
+@pytest.fixture(scope="module")
+def exported(made, tmp_path_factory):
+    """What the STL files hold."""
+    folder = tmp_path_factory.mktemp("stl")
+    out = []
+    for part in made.parts:
+        write_stl(part.surface, folder / f"{part.name}.stl")
+        mesh = trimesh.load(folder / f"{part.name}.stl", force="mesh")
+        out.append(Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)))
+    return out
+
+
+def distance(surface, points):
+    square = igl.point_mesh_squared_distance(points, surface.vertices, surface.faces)[0]
+    return np.sqrt(square)
+
+
+def test_exported_parts_and_what_was_cut_out_add_up(made, exported):
+    assert len(made.parts) >= 5
+    total = sum(triangle_kernel.to_manifold(s, "part").volume() for s in exported)
+    assert total + made.cut_out == pytest.approx(135000, rel=1e-5)
+    channels = triangle_kernel.union([c.solid for c in made.channels])
+    body = triangle_kernel.to_manifold(Surface(*trimesh_box([[0, -15, -15], [150, 15, 15]])), "bar")
+    sockets = sum(2 * np.pi * p.socket**2 / 4 * p.depth for p in made.pins)
+    flats = sum(s.size**2 * 0.3 for s in made.seats)
+    least = float((body ^ channels).volume()) + sockets + flats
+    assert least < made.cut_out < least + 60 * (len(made.parts) + len(made.seats))  # the numbers
+
+
+def trimesh_box(bounds):
+    mesh = trimesh.creation.box(bounds=bounds)
+    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
+
+
+def test_exported_parts_share_nothing(exported):
+    """Mating faces that are rounded to single precision do not pass through each other."""
+    solids = [triangle_kernel.to_manifold(s, "part") for s in exported]
+    for i, a in enumerate(solids):
+        for b in solids[:i]:
+            assert (a ^ b).volume() < 1e-3
+
+
+def test_both_kernels_agree(made):
+    assert not [w for w in made.warnings if "STEP" in w]
+    for part in made.parts:
+        assert occ.volume(part.solid) == pytest.approx(part.volume, rel=1e-3)
+        assert occ.centroid(part.solid) == pytest.approx(part.center, abs=0.01)
+
+
+def test_cords_lie_in_air_closed_and_with_the_halves_apart(made, exported):
+    for channel in made.channels:
+        for surface in exported:
+            assert distance(surface, channel.inside).min() >= 1.0
+    for cut in made.cuts:
+        for c in cut.cords:
+            line = made.channels[c].inside
+            for gap in (0.5, 2.0, 10.0):
+                for side, sign in zip(cut.sides, (-1, 1), strict=True):
+                    for i in side:
+                        moved = line - sign * gap * cut.plane.normal
+                        solid = exported[i]
+                        inside = igl.fast_winding_number(solid.vertices, solid.faces, moved)
+                        assert np.max(inside) < 0.5
+                        assert distance(solid, moved).min() >= 0.99
+
+
+def test_sockets_leave_the_clearance_and_pins_touch_nothing(made, exported):
+    assert len(made.pins) >= 2 * len(made.cuts)
+    for pin in made.pins:
+        contact = made.contacts[pin.contact]
+        assert pin.socket == pytest.approx(pin.diameter + 0.2)
+        for i, sign in ((contact.lower, -1), (contact.upper, 1)):
+            middle = pin.center + sign * pin.depth / 2 * pin.axis
+            assert distance(exported[i], middle[None])[0] == pytest.approx(
+                pin.socket / 2, abs=0.006
+            )
+            bottom = pin.center + sign * (pin.depth - 0.5) * pin.axis
+            assert distance(exported[i], bottom[None])[0] == pytest.approx(0.5, abs=0.01)
+        assert pin.length < 2 * pin.depth
+        rod = triangle_kernel.union([triangle_kernel.solid_of(t) for t in pin.shape])
+        frame = np.column_stack([axes_of(pin.axis), pin.center - pin.length / 2 * pin.axis])
+        for surface in exported:
+            part = triangle_kernel.to_manifold(surface, "part")
+            assert (part ^ rod.transform(frame)).volume() < 1e-6
+
+
+def axes_of(normal):
+    x = np.linalg.svd(normal[None])[2][1]
+    return np.stack([x, np.cross(normal, x), normal], axis=1)
+
+
+def test_no_part_fits_turned_round_or_in_another_place(made):
+    faces = {}
+    for pin in made.pins:
+        faces.setdefault(pin.contact, []).append(pin)
+    pairs = [f for f in faces.values() if len(f) == 2]
+    assert len(pairs) >= 4
+    for a, b in pairs:
+        assert abs(a.diameter - b.diameter) >= 0.5  # turned round, the thick pin meets a thin hole
+    apart = np.sort([np.linalg.norm(a.center - b.center) for a, b in pairs])
+    assert np.diff(apart).min() >= 0.99
+
+
+def test_every_part_is_numbered_readably(made, exported):
+    assert sorted(m.part for m in made.labels) == list(range(len(made.parts)))
+    for mark in made.labels:
+        contact = made.contacts[mark.contact]
+        outward = contact.plane.normal * (1 if mark.part == contact.lower else -1)
+        axes = mark.tools[0].axes
+        assert axes[:, 2] == pytest.approx(outward)
+        assert np.linalg.det(axes) == pytest.approx(1)  # seen from outside nothing is mirrored
+        for stroke in mark.tools:
+            floor = stroke.origin + axes[:, :2] @ stroke.polygon.mean(axis=0)
+            assert distance(exported[mark.part], floor[None])[0] < 1e-4
+
+
+def test_digits_look_like_digits():
+    """A 4 on a raster: two strokes above, one below, and the line under it."""
+    tools = Number("4", 7.0, 0.8).engraved(np.zeros(3), np.eye(3), 0.6)
+
+    def filled(x, y):
+        return any((t.polygon.min(0) < [x, y]).all() and (t.polygon.max(0) > [x, y]).all()
+                   for t in tools)  # fmt: skip
+
+    left, right = -1.55, 1.55
+    spots = [(left, 3), (right, 3), (right, 0), (0, 0.8), (0, -3.9), (left, 0), (0, 3.8)]
+    assert [filled(*at) for at in spots] == [True] * 5 + [False] * 2
+
+
+def test_joints_of_cord_and_wire_have_pockets(made, exported):
+    for channel in made.channels:
+        for end in channel.ends:
+            assert end.pocket == 7.0, end.reason
+            middle = end.mouth - 4 * end.out
+            near = min(distance(s, middle[None])[0] for s in exported)
+            assert near == pytest.approx(1.4, abs=0.01)
+            beyond = end.mouth - 9 * end.out
+            assert min(distance(s, beyond[None])[0] for s in exported) < 1.15
+
+
+def test_a_short_cord_has_no_pockets_and_says_why(bar):
+    points = [[-13, 0], [-10, 0], [-4, 0], [4, 0], [10, 0], [13, 0]]
+    long = replace(RULES, pockets=Pockets(2.8, 10.0))
+    made = make_parts(bar, [cord("c", [1, 0, 0], [75, 0, 0], [0, 1, 0], points)], long)
+    assert [e.pocket for e in made.channels[0].ends] == [0, 0]
+    assert "too short for two pockets" in made.channels[0].ends[0].reason
+
+
+def test_marker_seats_are_flat_shallow_and_clear_of_cords(made, bar, exported):
+    assert [s.number for s in made.seats] == [1, 2, 3, 4, 5, 6]
+    assert not [w for w in made.warnings if "marker seats" in w]
+    for seat in made.seats:
+        assert distance(bar, seat.center[None])[0] == pytest.approx(0.3, abs=1e-6)
+        corner = seat.center + seat.axes[:, :2] @ np.array([0.45, 0.45]) * seat.size
+        assert min(distance(s, corner[None])[0] for s in exported) < 1e-4
+        for c in made.channels:
+            assert np.linalg.norm(c.inside - seat.center, axis=1).min() > 1.1 + 1.2
+    centers = np.array([s.center for s in made.seats])
+    gaps = np.linalg.norm(centers[:, None] - centers[None], axis=2)[~np.eye(6, dtype=bool)]
+    assert gaps.min() > 15
+
+
+def test_seats_keep_off_joints_while_there_is_room(bar):
+    made = make_parts(bar, crossing()[:1], replace(RULES, seats=8))
+    assert len(made.seats) == 8
+    for seat in made.seats:  # the plane is z = 4; a seat's corner lies 7.4 mm from its middle
+        assert abs(seat.center[2] - 4) > 7.3
+
+
+def test_sockets_do_not_step_through_a_thin_gap():
+    """A slot 0.3 mm high, 2 to 4 mm below the face: distances that are sampled have no sign."""
+    block = triangle_kernel.to_manifold(Surface(*trimesh_box([[0, 0, 0], [60, 30, 30]])), "block")
+    plane = Plane.from_normal(np.array([0, 0, 15.0]), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+    for depth in (2.0, 2.4, 2.9, 3.3, 3.8):
+        slot = [[-1, -1, 14.7 - depth], [40, 31, 15 - depth]]
+        solid = block - triangle_kernel.to_manifold(Surface(*trimesh_box(slot)), "slot")
+        above, below = solid.split_by_plane(plane.normal, 15.0)
+        cut = Cut(plane, np.zeros(3), (0,), ((0,), (1,)))
+        (contact,) = contacts(Division((below, above), (below, above), (cut,), 0.0), [])
+        spots = free_spots(contact, 4.0, 5.0, 0.2, 0.8)
+        assert len(spots)
+        for at in contact.world(spots):
+            hole = cylinder(at, at - 5.0 * plane.normal, 4.2)
+            missing = triangle_kernel.solid_of(hole) - below
+            assert missing.volume() < 1e-6
+
+
+def test_more_seats_than_there_is_room_for(bar):
+    made = make_parts(bar, crossing()[:1], replace(RULES, seats=40, tag=18.0))
+    assert 0 < len(made.seats) < 40
+    assert f"room for {len(made.seats)} of 40 marker seats" in " ".join(made.warnings)
+
+
+def test_a_limited_cut_takes_off_only_a_lid(bar):
+    import build123d as bd
+
+    solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
+    points = [[-13, 0], [-10, 0], [-4, 1], [4, -1], [10, 0], [13, 0]]
+    across = cord("c", [0, 0, 1], [75, 0, 5], [0, 1, 0], points)
+    made = make_parts(bar, [across], replace(RULES, limit=True), solid=solid)
+    assert len(made.parts) == 2
+    sizes = sorted(p.volume for p in made.parts)
+    assert sizes[0] < 30 * 10 * 30  # 10 mm high, as wide as the bar, less than 30 mm long
+    assert all(p.solid is not None for p in made.parts)
+    whole = make_parts(bar, [across], RULES)
+    assert min(p.volume for p in whole.parts) > 40000
+
+
+def horseshoe():
+    """Two legs of 30 mm, 80 mm long, on a foot."""
+    boxes = [([0, 0, 0], [20, 30, 30]), ([0, 0, 0], [100, 10, 30]), ([0, 20, 0], [100, 30, 30])]
+    solids = [triangle_kernel.to_manifold(Surface(*trimesh_box(b)), "leg") for b in boxes]
+    return triangle_kernel.to_surface(triangle_kernel.union(solids))
+
+
+def test_what_no_cord_touches_is_not_cut_off():
+    """A plane across both legs, with a cord through one of them: the other stays whole."""
+    body = horseshoe()
+    points = [[0, 2], [0, 6], [0, 15], [0, 20], [0, 25], [0, 28]]
+    sensor = cord("c", [1, 0, 0], [60, 5, 0], [0, 1, 0], points)
+    made = make_parts(body, [sensor], replace(RULES, pockets=None))
+    assert len(made.parts) == 2
+    assert min(p.volume for p in made.parts) == pytest.approx(40 * 10 * 30, rel=0.05)
+
+
+def test_what_is_written_is_closed_when_read_again(bar, tmp_path):
+    """Oblique ends put near-duplicate vertices where tube, pocket and chamfer meet."""
+    points = [[2, -4], [10, -3], [50, 2], [100, -3], [140, 2], [148, 4]]
+    made = make_parts(bar, [cord("c", [0, 0.1, 1], [0, 0, 0], [1, 0, 0], points)], RULES)
+    for part in made.parts:
+        write_stl(part.surface, tmp_path / "part.stl")
+        mesh = trimesh.load(tmp_path / "part.stl", force="mesh")
+        edges = np.sort(mesh.edges, axis=1)
+        assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+        assert mesh.is_watertight
+        assert mesh.body_count == 1
+        assert mesh.volume == pytest.approx(part.volume, rel=1e-6)
+
+
+def test_a_lid_has_play_in_its_recess(bar):
+    points = [[-13, 0], [-10, 0], [-4, 1], [4, -1], [10, 0], [13, 0]]
+    across = cord("c", [0, 0, 1], [75, 0, 5], [0, 1, 0], points)
+    made = make_parts(bar, [across], replace(RULES, limit=True))
+    rest, lid = (triangle_kernel.to_manifold(p.surface, p.name) for p in made.parts)
+    assert lid.volume() < rest.volume()
+    for way in ([0.09, 0, 0], [-0.09, 0, 0]):
+        assert (rest ^ lid.translate(way)).volume() < 1e-3
+    assert (rest ^ lid.translate([0.12, 0, 0])).volume() > 1
+
+
+def test_a_lid_under_a_roof_is_not_cut_out():
+    """A jaw above the plate: its piece of the plate cannot come off upwards."""
+    boxes = [([0, 0, 0], [100, 40, 20]), ([0, 0, 0], [10, 40, 60]), ([0, 0, 50], [100, 40, 60])]
+    jaw = triangle_kernel.union(
+        [triangle_kernel.to_manifold(Surface(*trimesh_box(b)), "jaw") for b in boxes]
+    )
+    points = [[-18, 0], [-14, 0], [-5, 0], [5, 0], [14, 0], [18, 0]]
+    sensor = cord("c", [0, 0, 1], [60, 20, 14], [0, 1, 0], points)
+    made = make_parts(
+        triangle_kernel.to_surface(jaw), [sensor], replace(RULES, limit=True, pockets=None)
+    )
+    surfaces = [[made.parts[i].surface for i in side] for side in made.cuts[0].sides]
+    low, high = (
+        triangle_kernel.union([triangle_kernel.to_manifold(s, "p") for s in side])
+        for side in surfaces
+    )
+    for lift in np.arange(1.0, 80.0):
+        assert (low ^ high.translate([0, 0, lift])).volume() < 0.01
+
+
+def test_pockets_side_by_side_keep_their_wall(bar):
+    straight = [[2, 0], [10, 0], [50, 0], [100, 0], [140, 0], [148, 0]]
+    for apart, length in ((3.4, 0.0), (3.8, 7.0)):
+        sensors = [cord(f"c{y:g}", [0, 0, 1], [0, y, 0], [1, 0, 0], straight)
+                   for y in (-apart / 2, apart / 2)]  # fmt: skip
+        made = make_parts(bar, sensors, RULES)
+        assert {e.pocket for c in made.channels for e in c.ends} == {length}
+
+
+def test_a_wide_curve_is_followed_closely():
+    """Few control points far apart: the cord's true path keeps its clearance all along."""
+    body = Surface(*trimesh_box([[0, 0, -10], [210, 210, 10]]))
+    points = np.array([[2, 105], [60, 105], [150, 105], [208, 105]], float)
+    tangents = np.array([[60, 0], [60, 300], [60, -300], [60, 0]], float)
+    plane = Plane.from_normal(np.zeros(3), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+    made = make_parts(body, [Sensor("c", plane, Hermite(points, tangents))], RULES)
+    path = plane.to_world(Hermite(points, tangents).sample(3000))
+    assert min(distance(p.surface, path).min() for p in made.parts) >= 1.09
+
+
+def test_a_hollow_body_and_a_body_in_pieces_are_refused(bar):
+    outer = triangle_kernel.to_manifold(bar, "bar")
+    hole = triangle_kernel.to_manifold(Surface(*trimesh_box([[60, -5, -12], [90, 5, -8]])), "hole")
+    straight = cord("c", [0, 0, 1], [0, 0, 4], [1, 0, 0], STRAIGHT)
+    with pytest.raises(FabricationError, match=r"closed cavity near \(75.0, 0.0, -10.0\)"):
+        make_parts(triangle_kernel.to_surface(outer - hole), [straight], RULES)
+    with pytest.raises(FabricationError, match="a separate piece near"):
+        make_parts(
+            triangle_kernel.to_surface(outer + hole.translate([0, 100, 0])), [straight], RULES
+        )
+
+
+def test_no_seats_unless_asked_for_and_thin_bodies_take_them(bar):
+    straight = [cord("c", [0, 0, 1], [0, 0, 0], [1, 0, 0], STRAIGHT)]
+    assert make_parts(bar, straight, RULES).seats == ()
+    plate = Surface(*trimesh_box([[0, -30, -2.75], [150, 30, 2.75]]))
+    across = [cord("c", [0, 0, 1], [0, 20, 0], [1, 0, 0], STRAIGHT)]
+    made = make_parts(plate, across, replace(RULES, seats=4, pockets=None))
+    assert len(made.seats) == 4
+    small = make_parts(bar, straight, replace(RULES, seats=2, tag=5.0))
+    assert len(small.seats) == 2
+
+
+def test_parts_are_named_by_where_they_lie():
+    bounds = np.array([[0, 0, 0], [100, 30, 40.0]])
+    stack = [[50, 15, z] for z in (35, 5, 15, 25)]
+    assert names(stack, bounds) == ["4-top", "1-bottom", "2-lower-middle", "3-upper-middle"]
+    octants = [[x, y, z] for z in (10, 30) for y in (7, 22) for x in (25, 75)]
+    assert names(octants, bounds)[0] == "1-bottom-front-left"
+    assert names(octants, bounds)[7] == "8-top-back-right"
+    assert names([[50, 15, 20]], bounds) == ["1-whole"]
+    assert len(set(names(np.random.default_rng(0).random((30, 3)) * 40, bounds))) == 30
+
+
+STRAIGHT = [[2, 0], [10, 0], [50, 0], [100, 0], [140, 0], [148, 0]]
+
+
+@pytest.mark.parametrize(
+    ("sensors", "message"),
+    [
+        ([cord("c", [0, 0, 1], [0, 0, 40], [1, 0, 0], STRAIGHT)], "'c' misses the body near"),
+        ([cord("c", [0, 0, 1], [0, 0, 15], [1, 0, 0], STRAIGHT)], "'c'"),
+        ([cord("c", [0, 0, 1], [0, 0, 14], [1, 0, 0], STRAIGHT)],
+         r"'c' leaves a wall of -0\.10 mm to the skin near \(.*14\.0\)"),
+        ([cord("c", [0, 0, 1], [0, 0, 0], [1, 0, 0], [[2, 0], [50, 0], [60, 18], [70, 0],
+                                                          [148, 0]])],
+         "'c' leaves the body near"),
+        ([cord("a", [0, 0, 1], [0, 0, 0], [1, 0, 0], STRAIGHT),
+          cord("b", [0, 1, 0], [0, 2, 0], [1, 0, 0], STRAIGHT)],
+         "'a' and 'b' leave a wall of -0.20 mm near"),
+        ([cord("c", [0, 0, 1], [0, 0, 0], [1, 0, 0],
+               [[2, 0], [40, 0], [41, 1], [42, 0], [100, 0], [148, 0]])],
+         "'c' bends to a radius of"),
+        ([cord("a", [0, 0, 1], [0, 5, 0.0], [1, 0, 0], STRAIGHT),
+          cord("b", [0, 0, 1], [0, -5, 0.4], [1, 0, 0], STRAIGHT)],
+         "the channel of cord 'b' cuts a piece of"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_made_is_refused_with_cord_and_place(bar, sensors, message):
+    with pytest.raises(FabricationError, match=message):
+        make_parts(bar, sensors, RULES)
+
+
+def test_a_channel_that_opens_into_another_joint_is_told(bar):
+    """Two planes along the bar that cross at a small angle in the middle."""
+    tilt = np.radians(4)
+    steep = cord("b", [-np.sin(tilt), 0, np.cos(tilt)], [75, -3, 0], [1, 0, 0],
+                 [[-73, 0], [-60, 0], [0, 0], [60, 0], [73, 0]])  # fmt: skip
+    flat = cord("a", [0, 0, 1], [0, 3, 0], [1, 0, 0], STRAIGHT)
+    made = make_parts(bar, [flat, steep], RULES)
+    told = [w for w in made.warnings if "opens into the joint" in w]
+    assert told
+    assert "mm near (" in told[0]

@@ -1,0 +1,92 @@
+"""Parts on the bed."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.geometry.parts.print_bed import arrange, footing, laid, resting
+from tests.conftest import box_surface
+
+BED = (220.0, 220.0, 250.0)
+
+
+def turned(surface, seed):
+    q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    q *= np.sign(np.linalg.det(q))
+    return Surface(surface.vertices @ q.T, surface.faces), q
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_part_lies_on_its_face_and_takes_the_least_rectangle(seed):
+    body, q = turned(box_surface([0, 0, 0], [80, 30, 10]), seed)
+    flat = laid(body, q @ [0, 0, -1.0])
+    assert flat.volume == pytest.approx(80 * 30 * 10)
+    assert np.ptp(flat.bounds, axis=0) == pytest.approx([80, 30, 10])
+    assert flat.bounds[0] == pytest.approx([-40, -15, 0])
+
+
+def test_a_face_in_a_hollow_is_no_foot():
+    """An L lies on its outer sides, never on the inner one that is asked for."""
+    import trimesh
+
+    el = trimesh.creation.box([40, 20, 10]).union(
+        trimesh.creation.box([10, 20, 40], np.array([[1, 0, 0, 15], [0, 1, 0, 0], [0, 0, 1, 15],
+                                                     [0, 0, 0, 1.0]])), engine="manifold"
+    )  # fmt: skip
+    surface = Surface(np.asarray(el.vertices), np.asarray(el.faces, np.int64))
+    down = resting(surface, [np.array([-1.0, 0, 0])])  # the step inside is larger than the rim
+    flat = laid(surface, down)
+    low = flat.vertices[:, 2] < 1e-9
+    assert low[flat.faces].all(axis=1).sum() >= 2
+
+
+def test_a_body_without_flats_stands_on_its_widest_end():
+    """An egg with a notch: the hull's largest side spans the notch and touches at its rims only."""
+    import trimesh
+
+    egg = trimesh.creation.icosphere(subdivisions=4)
+    egg.apply_scale([40, 20, 20])
+    knife = trimesh.creation.box([90, 4, 30])
+    knife.apply_translation([0, 0, -20])
+    notched = egg.difference(knife, engine="manifold")
+    surface = Surface(np.asarray(notched.vertices), np.asarray(notched.faces, np.int64))
+    down = resting(surface, [])
+    solid = triangle_kernel.to_manifold(surface, "egg")
+    assert footing(solid, down) > 20
+    assert footing(solid, np.array([0, 0, -1.0])) < footing(solid, down)
+
+
+def test_plates_hold_all_parts_side_by_side():
+    rng = np.random.default_rng(3)
+    parts = {f"p{k}": box_surface([0, 0, 0], rng.uniform(10, 120, 3)) for k in range(20)}
+    placed = arrange({n: laid(s, np.array([0, 0, -1.0])) for n, s in parts.items()}, BED, "printer")
+    assert set(placed) == set(parts)
+    boxes = [(p.plate, p.surface.bounds) for p in placed.values()]
+    for k, (plate, (low, high)) in enumerate(boxes):
+        assert (low >= -1e-9).all()
+        assert (high <= BED).all()
+        for other, (a, b) in boxes[:k]:
+            if other == plate:
+                assert (b[:2] + 4.9 < low[:2]).any() or (high[:2] + 4.9 < a[:2]).any()
+    assert max(plate for plate, _ in boxes) > 0
+
+
+def test_a_part_that_fills_the_bed_has_a_plate_of_its_own():
+    down = np.array([0, 0, -1.0])
+    sizes = {"a": [205, 110, 5], "b": [215, 30, 5], "c": [50, 50, 5]}
+    parts = {n: laid(box_surface([0, 0, 0], s), down) for n, s in sizes.items()}
+    plates = {n: p.plate for n, p in arrange(parts, BED, "printer").items()}
+    assert plates["b"] not in (plates["a"], plates["c"])
+
+
+def test_a_long_part_lies_across_the_corners_and_a_longer_one_is_refused():
+    long = laid(box_surface([0, 0, 0], [270, 20, 20]), np.array([0, 0, -1.0]))
+    across = arrange({"rod": long}, BED, "fdm-tpu")["rod"].surface
+    assert (across.bounds[0] >= -1e-9).all()
+    assert (across.bounds[1] <= BED).all()
+    assert across.volume == pytest.approx(long.volume)
+    longer = laid(box_surface([0, 0, 0], [320, 20, 20]), np.array([0, 0, -1.0]))
+    with pytest.raises(FabricationError, match=r"rod measures 320 x 20 x 20 mm .* bed of fdm-tpu"):
+        arrange({"rod": longer}, BED, "fdm-tpu")

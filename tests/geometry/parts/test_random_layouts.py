@@ -1,0 +1,61 @@
+"""Random layouts are made and pass every check, or are refused with a cord and a place.
+
+`DEFSENSE_RANDOM_LAYOUTS=100` runs as many on each body.
+"""
+
+import os
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device import BaySpec
+from defsense_fab.core.device_file import load_device
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.geometry.kernels.export import write_stl
+from defsense_fab.geometry.parts.print_bed import laid
+from defsense_fab.pipeline.build.stage_fabricate import fabricate
+from defsense_fab.pipeline.build.stage_optimize import limits
+from tests.geometry import slicer
+from tests.geometry.parts.random_layouts import random_layout
+from tests.places import DEVICES
+
+COUNT = int(os.environ.get("DEFSENSE_RANDOM_LAYOUTS", "4"))
+
+
+@pytest.fixture(scope="module", params=["bar", "blob", "bar with a bay"])
+def device(request):
+    found = load_device(DEVICES / request.param.split()[0])
+    spec = found.body
+    if "bay" in request.param:
+        spec = replace(spec, bay=BaySpec(np.zeros(3), (20.0, 10.0, 6.0)))
+    body = load_body(spec)
+    return found, body.surface, body.bay
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(COUNT))
+def test_a_random_layout_is_made_well_or_refused(device, seed, tmp_path):
+    device, surface, bay = device
+    sensors = random_layout(surface, limits(device), seed)
+    refusal = ""
+    try:
+        made = fabricate(device, surface, sensors, lambda *_: None, bay=bay)
+    except FabricationError as error:
+        refusal = str(error)
+    if refusal:
+        assert re.search(r"cords? 'c\d'|\d-[a-z-]+|plane", refusal)
+        assert re.search(r"near \(|lies .* mm from", refusal)
+        return
+    for check in made.checks:
+        assert np.isfinite(check.value)
+    total = 0.0
+    for part in made.parts:
+        solid = triangle_kernel.to_manifold(laid(part.surface, part.down), part.name)
+        total += solid.volume()
+        write_stl(part.surface, tmp_path / f"{part.name}.stl")
+    assert total + made.cut_out == pytest.approx(surface.volume, rel=1e-4)
+    slicer.accept(tmp_path)

@@ -1,0 +1,99 @@
+"""The fit coupon as a printer gets it: measured on the exported facets."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from defsense_fab.cli import main
+from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.kernels import triangle_kernel
+from tests.geometry import slicer
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("coupon")
+    wanted = ["--clearances", "0.3,0.1,0.2"]
+    assert main.main(["calibrate", "coupon", str(out), *wanted]) == 0
+    return out
+
+
+def circles(points, count):
+    """Middles along x and radii of circles through the points of a section, which are told apart by
+    the gaps between them."""
+    points = points[np.argsort(points[:, 0])]
+    breaks = np.argsort(np.diff(points[:, 0]))[-(count - 1) :] + 1
+    found = []
+    for part in np.split(points, np.sort(breaks)):
+        A = np.column_stack([part, np.ones(len(part))])
+        a, b, c = np.linalg.lstsq(A, (part**2).sum(1), rcond=None)[0]
+        found.append((a / 2, np.sqrt(c + (a / 2) ** 2 + (b / 2) ** 2)))
+    return np.array(found).T
+
+
+def grooves_of(mesh):
+    low, high = mesh.bounds
+    across = mesh.section(plane_origin=[0, low[1] + 1, 0], plane_normal=[0, 1, 0]).vertices[
+        :, [0, 2]
+    ]
+    inside = (np.abs(across[:, 0]) < high[0] - 0.1) & (across[:, 1] > 4)
+    return circles(across[inside & (across[:, 1] < high[2] - 0.01)], 3)
+
+
+def test_grooves_and_sockets_have_their_clearance(folder):
+    mesh = trimesh.load(folder / "coupon-plate.stl")
+    assert mesh.is_watertight
+    low, high = mesh.bounds
+    assert grooves_of(mesh)[1] == pytest.approx([1.05, 1.1, 1.15], abs=0.02)
+    level = mesh.section(plane_origin=[0, 0, high[2] - 3], plane_normal=[0, 0, 1]).vertices[:, :2]
+    sockets = level[np.abs(level[:, 1] - low[1] - 7) < 3]
+    sockets = sockets[np.abs(sockets[:, 0]) < high[0] - 0.1]
+    assert circles(sockets, 3)[1] == pytest.approx([2.05, 2.1, 2.15], abs=0.02)
+    data = json.loads((folder / "coupon.json").read_text())
+    assert data["clearances"] == [0.1, 0.2, 0.3]
+    assert data["grooves"] == pytest.approx([2.1, 2.2, 2.3])
+    peg = trimesh.load(folder / "coupon-peg.stl")
+    assert peg.extents == pytest.approx([12, 12, 9.5], abs=0.02)
+
+
+def test_a_cord_passes_between_two_plates(folder):
+    """The same plate turned over closes each groove with its like, from edge to edge."""
+    mesh = trimesh.load(folder / "coupon-plate.stl")
+    turned = mesh.copy()
+    top = [0, 0, mesh.bounds[1, 2]]
+    turned.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1, 0, 0], top))
+    closed = [
+        triangle_kernel.to_manifold(Surface(m.vertices, m.faces), "plate") for m in (mesh, turned)
+    ]
+    for x, radius in grooves_of(mesh).T:
+        y = np.linspace(-20, 20, 3)
+        line = np.stack([np.full(3, x), y, np.full(3, top[2])], axis=1)
+        normal = np.array([0, 0, 1.0])
+        cord = triangle_kernel.tube(line, normal, 2 * radius - 0.05)
+        assert sum((cord ^ half).volume() for half in closed) < 1e-3
+        cord = triangle_kernel.tube(line, normal, 2 * radius + 0.1)
+        assert sum((cord ^ half).volume() for half in closed) > 1
+
+
+def test_a_slicer_takes_both(folder):
+    slicer.accept(folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0.1,0.1", "give different clearances"),
+        ("-0.1,0.2", "clearances from 0 to 8 mm are possible"),
+        ("0.1,9", "clearances from 0 to 8 mm are possible"),
+        ("0.1,nan", "give different clearances"),
+        ("a", "write numbers in mm with commas"),
+        (",".join(str(n / 100) for n in range(25)), "does not fit the bed of fdm-tpu"),
+    ],
+)
+def test_what_cannot_be_made_is_refused(tmp_path, capsys, text, message):
+    out = tmp_path / "out"
+    assert main.main(["calibrate", "coupon", str(out), f"--clearances={text}"]) == 2
+    assert message in capsys.readouterr().err
+    assert not out.exists()

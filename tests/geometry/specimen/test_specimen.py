@@ -1,0 +1,135 @@
+"""The specimen and its jigs as a printer gets them: measured on the exported facets."""
+
+import json
+
+import igl
+import numpy as np
+import pytest
+import trimesh
+
+from defsense_fab.cli import main
+from defsense_fab.core.bending import RADII
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.geometry.specimen.specimen import Specimen
+from tests.geometry import slicer
+
+WITHIN = 0.05  # mm
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("specimen")
+    assert main.main(["calibrate", "specimen", str(out)]) == 0
+    return out
+
+
+def load(folder, name):
+    mesh = trimesh.load(folder / f"{name}.stl")
+    assert mesh.is_watertight
+    assert mesh.volume > 0
+    return mesh
+
+
+def test_halves_are_as_large_as_asked_for(folder):
+    left, right = (load(folder, f"specimen-{side}") for side in ("left", "right"))
+    assert left.extents == pytest.approx([150, 15, 10 + 4], abs=WITHIN)  # pins stand up
+    assert right.extents == pytest.approx([150, 15, 10], abs=WITHIN)
+    for mesh in (left, right):
+        assert mesh.bounds[0, 2] == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_channels_lie_where_the_strain_is_known(folder, side):
+    """Grooves in the cut face at 2, 7.5 and 13 of 15 mm, of the cord's diameter and clearance."""
+    mesh = load(folder, f"specimen-{side}")
+    section = mesh.section(plane_origin=[30, 0, 0], plane_normal=[1, 0, 0])
+    y, z = section.vertices[:, 1], section.vertices[:, 2]
+    across = y + 7.5  # from the side that lies on the jig, or the other way about: the same
+    for height in (2.0, 7.5, 13.0):
+        near = (np.abs(across - height) < 1.3) & (z > 1) & (z < 9.9)
+        distance = np.hypot(across[near] - height, z[near] - 10)
+        assert near.sum() > 8
+        assert distance.max() == pytest.approx(1.1, abs=WITHIN)
+        assert distance.min() == pytest.approx(1.1, abs=WITHIN)
+
+
+@pytest.mark.parametrize("radius", RADII)
+def test_jigs_have_their_radius(folder, radius):
+    """A circle through the corners of the facets that the specimen lies on."""
+    mesh = load(folder, f"jig-{radius:g}")
+    reach = radius * np.sin(0.95 * Specimen().half_angle(radius))
+    middle = mesh.triangles_center
+    between_rails = np.abs(middle[:, 2] - mesh.extents[2] / 2) < 9.9
+    outward = (mesh.face_normals[:, 1] < -0.3) & (np.abs(mesh.face_normals[:, 2]) < 1e-3)
+    lowest = mesh.bounds[0, 1] + radius * (1 - np.cos(Specimen().half_angle(radius))) + 9
+    under = between_rails & outward & (np.abs(middle[:, 0]) < reach) & (middle[:, 1] < lowest)
+    x, y = mesh.vertices[np.unique(mesh.faces[under])][:, :2].T
+    assert np.ptp(x) > 1.5 * reach
+    A = np.stack([x, y, np.ones_like(x)], axis=1)
+    a, b, c = np.linalg.lstsq(A, x**2 + y**2, rcond=None)[0]
+    assert np.sqrt(c + (a / 2) ** 2 + (b / 2) ** 2) == pytest.approx(radius, abs=WITHIN)
+    assert np.abs(np.hypot(x - a / 2, y - b / 2) - radius).max() < WITHIN
+    assert a / 2 == pytest.approx(0, abs=WITHIN)
+    assert (mesh.extents[:2] < 220).all()
+
+
+def test_halves_fit_together_with_the_process_clearance(folder):
+    left, right = (load(folder, f"specimen-{side}") for side in ("left", "right"))
+    right.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [1, 0, 0], [0, 0, 10]))
+    assert overlap(left, right) < 1e-3
+    pins = left.vertices[left.vertices[:, 2] > 11]
+    square = igl.point_mesh_squared_distance(pins, np.array(right.vertices), np.array(right.faces))
+    assert np.sqrt(square[0]).min() == pytest.approx(0.1, abs=0.02)  # 0.2 mm on the diameter
+    right.apply_transform(trimesh.transformations.rotation_matrix(np.pi, [0, 0, 1], [0, 0, 0]))
+    assert overlap(left, right) > 1  # turned round it does not fit
+
+
+def overlap(a, b):
+    """mm^3"""
+    one, other = (
+        triangle_kernel.to_manifold(Surface(m.vertices, m.faces), "a half") for m in (a, b)
+    )
+    return (one ^ other).volume()
+
+
+def test_strains_are_those_of_the_paper(folder):
+    """METHOD: 6.7 % at a radius of 75 mm and 2.1 % at 250 mm, 5.5 mm off the neutral plane."""
+    data = json.loads((folder / "specimen.json").read_text())
+    strains = {j["radius"]: j["strains"] for j in data["jigs"]}
+    assert strains[75.0] == pytest.approx([-0.0667, 0, 0.0667], abs=1e-4)
+    assert strains[250.0] == pytest.approx([-0.0214, 0, 0.0214], abs=1e-4)
+    assert strains[None] == [0, 0, 0]
+    assert any("skin of 0.90 mm" in w for w in data["warnings"])
+
+
+def test_a_slicer_takes_all_parts(folder):
+    slicer.accept(folder)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--offset", "1"], "break through the skin; give an offset of 1.6 mm or more"),
+        (["--thickness", "5"], "hold no three channels with pins between them"),
+        (["--radii", "20"], "wraps too far around a radius of 20 mm; give radii of 56 mm"),
+        (["--radii", "75,nan"], "give different radii above zero"),
+        (["--radii", "75,x"], "write numbers in mm with commas"),
+        (["--length", "nan"], "above zero and below 1000 mm"),
+        (["--length", "260", "--radii", "300"], "does not fit the bed of fdm-tpu"),
+        (["--cord", "wire"], "unknown cord 'wire'; there are rubber-2mm"),
+        (["--process", "cnc"], "unknown process 'cnc'; there are fdm-tpu"),
+    ],
+)
+def test_what_cannot_be_made_is_refused(tmp_path, capsys, arguments, message):
+    out = tmp_path / "out"
+    assert main.main(["calibrate", "specimen", str(out), *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_the_smallest_suggestions_work():
+    with pytest.raises(FabricationError, match=r"a thickness of 12\.4 mm or more"):
+        Specimen(thickness=12.0)
+    assert Specimen(thickness=12.4).pin == pytest.approx(1.0)

@@ -1,0 +1,147 @@
+"""Poses and mixtures as boundary conditions, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device import Handle, PointDrag, Pose, RegionPressure, SymmetryPlane
+from defsense_fab.core.errors import DeviceError
+from defsense_fab.core.mesh import TetMesh
+from defsense_fab.core.regions import Box
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle
+from defsense_fab.mechanics.loading.constraint_check import check_held
+from defsense_fab.mechanics.loading.pose import mix
+from tests.conftest import structured_bar
+
+REGIONS = {
+    "base": Box(np.array([-1, -16, -16]), np.array([10, 16, 16])),
+    "tip": Box(np.array([140, -16, -16]), np.array([151, 16, 16])),
+    "side": Box(np.array([-1, -15.1, -16]), np.array([151, -14.9, 16])),
+    "half": Box(np.array([-1, -16, -16]), np.array([80, 16, 16])),
+    "far": Box(np.array([500, 0, 0]), np.array([501, 1, 1])),
+    "edge": Box(np.array([-1, -15.1, -15.1]), np.array([151, -14.9, -14.9])),
+}
+FREE = np.full(3, np.nan)
+NONE = np.zeros(3)
+
+
+@pytest.fixture(scope="module")
+def bar():
+    return QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], (15, 3, 3)))
+
+
+def pose(rotation=NONE, translation=FREE, name="p", region="tip", fixed=("base",), **more):
+    handle = Handle(region, np.array(rotation, float), np.array(translation, float))
+    return Pose(name, fixed, (handle,), **more)
+
+
+def test_a_mixture_adds_motions_and_loads(bar):
+    a = pose([0, -0.5, 0], name="a", gravity=np.array([0, 0, -1.0]))
+    drag = PointDrag(np.array([75.0, 0, 0]), np.array([0, 0, 8.0]), 0.2)
+    press = (RegionPressure("side", 0.01),)
+    b = pose([0.8, 0, 0], name="b", drags=(drag,), pressures=press)
+    made = mix([a, b], {"a": 0.5, "b": 0.25}, REGIONS, bar, density=1.2)
+    (handle,) = made.handles
+    assert handle.rotation == pytest.approx([0.2, -0.25, 0])
+    assert np.isnan(handle.translation).all()
+    assert made.drags[0].by == pytest.approx([0, 0, 2])
+    assert made.drags[0].stiffness == 0.2
+    assert made.pressures[0].value == pytest.approx(0.0025)
+    assert made.gravity == pytest.approx([0, 0, -0.5 * 9806.65 * 1.2e-9])
+    area = np.linalg.norm(
+        np.cross(
+            *(bar.nodes[made.pressures[0].faces[:, k]] - bar.nodes[made.pressures[0].faces[:, 0]]
+              for k in (1, 2))
+        ), axis=1,
+    ).sum() / 2  # fmt: skip
+    assert area == pytest.approx(150 * 30)
+
+
+def test_partly_free_translations_are_kept(bar):
+    made = mix([pose(translation=[5, np.nan, 2])], {"p": 0.5}, REGIONS, bar)
+    assert made.handles[0].translation == pytest.approx([2.5, np.nan, 1], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("regions", "message"),
+    [
+        ({"tip": REGIONS["half"], "base": REGIONS["base"]}, "overlap but move differently"),
+        ({"tip": REGIONS["far"], "base": REGIONS["base"]}, r"regions\.tip: holds 0 nodes"),
+        ({"tip": REGIONS["tip"], "base": REGIONS["edge"]}, r"regions\.base: its nodes lie on a l"),
+    ],
+)
+def test_impossible_regions_are_refused(bar, regions, message):
+    with pytest.raises(DeviceError, match=message):
+        mix([pose([0, 0.1, 0])], {"p": 1.0}, regions, bar)
+
+
+def test_mixtures_that_contradict_themselves_are_refused(bar):
+    free, pull = pose([0.1, 0, 0], name="free"), pose(translation=[1, 0, 0], name="pull")
+    swap = pose([0.1, 0, 0], name="swap", region="base", fixed=("tip",))
+    hinge = replace(
+        free, name="hinge", handles=(Handle("tip", NONE, FREE, np.array([[0, 1.0, 0]])),)
+    )
+    with pytest.raises(DeviceError, match="both fixes and moves region 'base'"):
+        mix([free, swap], {"free": 0.5, "swap": 0.5}, REGIONS, bar)
+    with pytest.raises(DeviceError, match="both freely and by a translation"):
+        mix([free, pull], {"free": 0.5, "pull": 0.5}, REGIONS, bar)
+    with pytest.raises(DeviceError, match="both freely and by a rotation"):
+        mix([free, hinge], {"free": 0.5, "hinge": 0.5}, REGIONS, bar)
+
+
+def test_symmetry_needs_a_plane_that_handles_keep(bar):
+    plane = (SymmetryPlane("side", np.array([0, 1.0, 0])),)
+    good = pose([0, 0.3, 0], [np.nan, 0, np.nan], symmetry=plane)
+    assert len(mix([good], {"p": 1.0}, REGIONS, bar).slides) == 1
+    for bad in (pose([0.3, 0, 0], [0, 0, 0], symmetry=plane), pose([0, 0.3, 0], symmetry=plane)):
+        with pytest.raises(DeviceError, match="touches a plane of symmetry but may leave it"):
+            mix([bad], {"p": 1.0}, REGIONS, bar)
+    thick = (SymmetryPlane("half", np.array([0, 1.0, 0])),)
+    with pytest.raises(DeviceError, match="do not lie in one plane"):
+        mix([pose([0, 0.3, 0], symmetry=thick)], {"p": 1.0}, REGIONS, bar)
+
+
+def test_a_pressure_needs_a_surface(bar):
+    inside = {**REGIONS, "core": Box(np.array([40, -6, -6]), np.array([90, 6, 6]))}
+    with pytest.raises(DeviceError, match="no face of the body's surface"):
+        mix([pose(pressures=(RegionPressure("core", 0.1),))], {"p": 1.0}, inside, bar)
+
+
+def handle_on(mesh, low, translation, free_axes=None):
+    nodes = np.flatnonzero(mesh.nodes[:, 0] >= low)
+    axes = np.zeros((0, 3)) if free_axes is None else np.array(free_axes, float)
+    return RigidHandle(nodes, mesh.nodes[nodes].mean(0), NONE, np.array(translation), axes, "tip")
+
+
+def test_rigid_motions_left_free_are_named(bar):
+    nothing = np.array([], int)
+    moved = handle_on(bar, 139, [np.nan, 0, 0])
+    with pytest.raises(DeviceError, match=r"can still move along the direction \(-?1, 0, 0\)"):
+        check_held(bar, BoundaryConditions(nothing, (moved,)), "p")
+    hinged = handle_on(bar, 139, [0.0, 0, 0], [[0, 0, 1]])
+    with pytest.raises(DeviceError, match=r"can still turn about the direction \(-?0, 0, -?1\)"):
+        check_held(bar, BoundaryConditions(nothing, (hinged,)), "p")
+    held = handle_on(bar, 139, [0.0, 0, 0])
+    assert check_held(bar, BoundaryConditions(nothing, (held,)), "p") == []
+
+
+def test_loose_pieces_are_refused():
+    a, b = (structured_bar([x, 0, 0], [x + 10, 10, 10], (1, 1, 1)) for x in (0, 20))
+    both = TetMesh(np.concatenate([a.nodes, b.nodes]), np.concatenate([a.tets, b.tets + 8]))
+    mesh = QuadraticMesh.from_linear(both)
+    with pytest.raises(DeviceError, match="2 pieces that do not touch"):
+        check_held(mesh, BoundaryConditions(np.arange(3)), "p")
+
+
+def test_small_regions_and_drags_outside_are_told(bar):
+    tip = np.flatnonzero(np.linalg.norm(bar.nodes - [150, 0, 0], axis=1) < 9)
+    small = RigidHandle(tip, np.array([150.0, 0, 0]), NONE, np.array([1.0, 0, 0]), name="dot")
+    base = np.flatnonzero(bar.nodes[:, 0] < 1)
+    (said,) = check_held(bar, BoundaryConditions(base, (small,)), "p")
+    assert "'dot'" in said
+    assert "enlarge it" in said
+    outside = PointDrag(np.array([75.0, 0, 30]), NONE, 1.0)
+    with pytest.raises(DeviceError, match="lies outside the body"):
+        check_held(bar, BoundaryConditions(base, drags=(outside,)), "p")

@@ -1,0 +1,365 @@
+"""Solved poses: equilibrium, free handles, failure as a status, cancelling, warm starts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device import PointDrag
+from defsense_fab.mechanics.elements import tet10
+from defsense_fab.mechanics.elements.material import neo_hookean
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh, deformation_gradient
+from defsense_fab.mechanics.loading.boundary_conditions import (
+    BoundaryConditions,
+    Pressure,
+    RigidHandle,
+    rest,
+)
+from defsense_fab.mechanics.loading.loads import Loads
+from defsense_fab.mechanics.solver import newton
+from defsense_fab.mechanics.solver.batch import Job, solve_all
+from defsense_fab.mechanics.solver.field_validity import inspect
+from defsense_fab.mechanics.solver.linear_solver import (
+    NotPositiveDefinite,
+    Pardiso,
+    SuperLU,
+    make_solver,
+)
+from defsense_fab.mechanics.solver.load_stepping import Status, follow, solve_ramp
+from defsense_fab.mechanics.solver.newton import Cancelled, System
+from defsense_fab.mechanics.solver.stuck_patch import stuck_patch
+from tests.conftest import structured_bar
+from tests.mechanics.conftest import MODELS
+
+MATERIAL = MODELS["neo-hookean"]
+
+
+def rubber(nu):
+    """Shear modulus 0.2 MPa."""
+    return neo_hookean(0.2, 0.4 * (1 + nu) / (3 * (1 - 2 * nu)))
+
+
+def internal(mesh, material, u):
+    return tet10.forces(mesh, material, deformation_gradient(mesh, u))
+
+
+def test_patch_test(mesh, material):
+    """Boundary nodes moved by a homogeneous field: the inside follows it to rounding."""
+    G = np.array([[0.1, 0.02, 0], [0, -0.04, 0.01], [0.03, 0, -0.05]])
+    target = mesh.nodes @ G.T
+    faces = np.abs(mesh.nodes - [75, 0, 0]) > np.array([75, 15, 15]) - 0.3
+    handles = tuple(
+        RigidHandle(np.array([n]), mesh.nodes[n], np.zeros(3), target[n])
+        for n in np.flatnonzero(faces.any(1))
+    )
+    conditions = BoundaryConditions(np.array([], int), handles)
+    result = solve_ramp(mesh, material, conditions, [1.0])[-1]
+    assert result.status == Status.OK
+    assert np.abs(result.u - target).max() < 1e-6
+    force = internal(mesh, material, result.u)
+    assert np.abs(force[~faces.any(1)]).max() < 1e-7 * np.abs(force).max()
+
+
+def test_free_translation_leaves_no_force(mesh, material, clamp):
+    conditions = clamp(mesh, [0, -0.5, 0])
+    result = solve_ramp(mesh, material, conditions, [0.5, 1.0])[-1]
+    force = internal(mesh, material, result.u)
+    tip = conditions.handles[0].nodes
+    held = np.concatenate([tip, conditions.fixed])
+    inner = np.setdiff1d(np.arange(len(mesh.nodes)), held)
+    assert np.abs(force[inner]).max() < 1e-6 * np.abs(force).max()
+    assert np.abs(force[tip].sum(0)).max() < 1e-6 * np.abs(force).max()
+
+
+def test_free_rotation_leaves_no_moment(mesh, clamp):
+    conditions = clamp(mesh, translation=[-10.0, 0, 40.0], free_axes=np.eye(3))
+    result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
+    assert result.status == Status.OK
+    tip = conditions.handles[0].nodes
+    force = internal(mesh, MATERIAL, result.u)[tip]
+    turn = result.state.turns[0]
+    arm = (mesh.nodes[tip] - conditions.handles[0].center) @ turn.T
+    moment = np.cross(arm, force).sum(0)
+    assert np.abs(moment).max() < 1e-5 * np.abs(np.cross(arm, force)).sum()
+    assert result.state.shifts[0] == pytest.approx([-10, 0, 40])
+    assert turn[2, 0] > 0.3  # pushed up, the tip tilts up
+    assert turn @ turn.T == pytest.approx(np.eye(3), abs=1e-9)
+
+
+def test_a_hinge_turns_about_its_axis_only(mesh, clamp):
+    conditions = clamp(mesh, translation=[-10.0, 20.0, 40.0], free_axes=[[0, 1.0, 0]])
+    result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
+    tip = conditions.handles[0].nodes
+    force = internal(mesh, MATERIAL, result.u)[tip]
+    turn = result.state.turns[0]
+    assert turn @ [0, 1, 0] == pytest.approx([0, 1, 0], abs=1e-12)
+    arm = (mesh.nodes[tip] - conditions.handles[0].center) @ turn.T
+    moment = np.cross(arm, force).sum(0)
+    assert abs(moment[1]) < 1e-5 * np.abs(moment).max()
+
+
+def test_a_twist_of_270_degrees_stays_270(mesh, clamp):
+    result = solve_ramp(mesh, MATERIAL, clamp(mesh, [1.5 * np.pi, 0, 0]), [1.0])[-1]
+    assert result.status == Status.OK
+    middle = np.argmin(np.linalg.norm(mesh.nodes - [75, 0, 15], axis=1))
+    x, u = mesh.nodes[middle], result.u[middle]
+    angle = np.arctan2(*(x + u)[[2, 1]]) - np.arctan2(*x[[2, 1]])
+    assert np.rad2deg(angle) % 360 == pytest.approx(270 * (x[0] - 10) / 130, abs=4)
+
+
+def test_impossible_pose_is_a_status_without_a_field(mesh):
+    """The handles leave no node free between them: tets there turn inside out for certain."""
+    x = mesh.nodes
+    tip = np.flatnonzero(x[:, 0] > 70)
+    handle = RigidHandle(tip, np.array([110.0, 0, 0]), np.zeros(3), np.array([-60.0, 0, 0]))
+    conditions = BoundaryConditions(np.flatnonzero(x[:, 0] <= 70), (handle,))
+    result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
+    assert result.status == Status.NOT_REACHED
+    assert result.u is None
+    assert not result.converged
+    assert 0 <= result.amplitude < 1
+    assert result.largest is not None
+    F = deformation_gradient(mesh, result.largest.u)
+    assert np.linalg.det(F).min() > 0
+
+
+def test_a_wholly_prescribed_body_needs_no_solver(mesh):
+    every = np.arange(len(mesh.nodes))
+    moved = RigidHandle(every, np.array([75.0, 0, 0]), np.array([0, 0, 0.4]), np.array([3.0, 0, 0]))
+    conditions = BoundaryConditions(np.array([], int), (moved,))
+    result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
+    assert result.statistics.energy == pytest.approx(0, abs=1e-6)
+    assert result.u.mean(0)[0] != 0
+
+
+def test_cancelling_returns_a_status_and_what_was_reached(mesh, clamp):
+    seen = []
+    results = solve_ramp(
+        mesh, MATERIAL, clamp(mesh, [3.0, 0, 0]), [0.5, 1.0], seen.append, lambda: len(seen) > 0
+    )
+    assert [r.status for r in results] == [Status.OK, Status.CANCELLED]
+    assert results[-1].u is None
+    assert results[-1].amplitude == pytest.approx(0.5)
+    assert results[-1].largest is results[0].state
+
+
+def test_a_neighbouring_pose_is_a_start(mesh, clamp):
+    """From 50 degrees of bend to 60 degrees of twist: what rest leads to, on another way."""
+    bend, twist = clamp(mesh, [0, -0.87, 0]), clamp(mesh, [1.05, 0, 0])
+    system = System(mesh, MATERIAL, bend)
+    near = follow(system, rest(bend, len(mesh.nodes)), bend)[-1]
+    there = follow(system, near.state, twist)[-1]
+    direct = solve_ramp(mesh, MATERIAL, twist, [1.0])[-1]
+    assert there.status == direct.status == Status.OK
+    assert np.abs(there.u - direct.u).max() < 1e-4
+    other = clamp(mesh, translation=[1.0, 0, 0])
+    with pytest.raises(ValueError, match="structure"):
+        follow(system, near.state, other)
+    system.close()
+
+
+def test_nearly_incompressible_bodies_take_few_matrices(mesh, clamp):
+    """Without pressures of their own at the quadrature points it is 60 at nu = 0.499."""
+    for nu in (0.45, 0.499):
+        goal = clamp(mesh, [0.6, -0.9, 0.3], [-10.0, np.nan, np.nan])
+        result = solve_ramp(mesh, rubber(nu), goal, [1.0])[-1]
+        assert result.status == Status.OK
+        assert result.statistics.factors <= 15
+
+
+def test_a_hinge_near_incompressibility(clamp):
+    """Handles turn by the exponential map; the volumes must follow the linear movement."""
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [15, 4, 4]))
+    goal = clamp(mesh, translation=[-50.0, 20.0, 50.0], free_axes=[[0, 1.0, 0]])
+    result = solve_ramp(mesh, rubber(0.499), goal, [1.0])[-1]
+    assert result.converged
+    assert result.statistics.factors <= 60
+
+
+def test_the_way_back_to_rest_is_reached(mesh, clamp):
+    bent, straight = clamp(mesh, [0, -0.6, 0]), clamp(mesh)
+    system = System(mesh, MATERIAL, bent)
+    there = follow(system, rest(bent, len(mesh.nodes)), bent)[-1]
+    back = follow(system, there.state, straight)[-1]
+    assert back.status == Status.OK
+    assert np.abs(back.u).max() < 1e-6
+    system.close()
+
+
+def test_an_unstable_pose_asked_for_again_stays_unstable(clamp):
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [10, 2, 2]))
+    goal = clamp(mesh, translation=[-22.0, 0, 0])
+    system = System(mesh, rubber(0.45), goal)
+    first = follow(system, rest(goal, len(mesh.nodes)), goal)[-1]
+    assert first.status == Status.UNSTABLE
+    again = follow(system, first.state, goal, guess=np.zeros_like(mesh.nodes))[-1]
+    assert again.status == Status.UNSTABLE
+    system.close()
+
+
+@pytest.fixture
+def knotted(clamp):
+    """A system, an equilibrium of it, and the same with one node pulled far off."""
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [90, 3, 3]))
+    goal = clamp(mesh, [0, -0.8, 0])
+    system = System(mesh, MATERIAL, goal)
+    solved = follow(system, rest(goal, len(mesh.nodes)), goal)[-1].state
+    u = solved.u.copy()
+    u[np.argmin(np.linalg.norm(mesh.nodes - [75, 0, 0], axis=1))] += [0.2, 0.3, 0.3]
+    assert np.linalg.det(deformation_gradient(system.reduction.active, u)).min() > 0
+    yield system, solved, replace(solved, u=u)
+    system.close()
+
+
+def test_a_knot_in_a_pose_is_untied_by_itself(knotted, monkeypatch):
+    """The patch about the node is solved, the rest stays."""
+    system, solved, start = knotted
+    mesh = system.mesh
+    gradient = system.reduction.gradient(solved, internal(mesh, MATERIAL, start.u))
+    nodes, cells = stuck_patch(system.reduction, gradient)
+    moved = np.abs(start.u - solved.u).max(axis=1) > 0
+    assert nodes[moved].all()
+    assert cells.sum() < 0.2 * len(mesh.cells)
+    assert stuck_patch(system.reduction, np.ones(system.reduction.size)) is None
+    monkeypatch.setattr(newton, "PATCH_AFTER", 0)
+    eased = system.equilibrium(start)
+    monkeypatch.setattr(System, "_ease", lambda *_: None)
+    plain = system.equilibrium(start)
+    assert eased.factors < plain.factors
+    for attempt in (eased, plain):
+        assert np.abs(attempt.state.u - solved.u).max() < 1e-4
+
+
+def test_cancelling_inside_a_patch(knotted, monkeypatch):
+    system, solved, start = knotted
+    monkeypatch.setattr(newton, "PATCH_AFTER", 0)
+    asked = []
+    with pytest.raises(Cancelled):
+        system.equilibrium(start, lambda: asked.append(0) or len(asked) > 1)
+    assert np.abs(system.equilibrium(start).state.u - solved.u).max() < 1e-4
+
+
+def test_a_drag_pulls_softly(mesh, clamp):
+    """The spring's force is what the body's own forces answer."""
+    base = clamp(mesh).fixed
+    drag = PointDrag(np.array([150.0, 0, 0]), np.array([0, 0, 30.0]), 0.05)
+    result = solve_ramp(mesh, MATERIAL, BoundaryConditions(base, drags=(drag,)), [1.0])[-1]
+    end = np.argmin(np.linalg.norm(mesh.nodes - drag.at, axis=1))
+    assert 0 < result.u[end, 2] < 30
+    reaction = internal(mesh, MATERIAL, result.u)[base].sum(0)
+    stretch = drag.by[2] - result.u[end, 2]
+    assert -reaction[2] == pytest.approx(0.05 * stretch, rel=0.05)  # the end node is not the point
+
+
+def test_poses_in_parallel_are_those_one_by_one(mesh, clamp):
+    goals = [clamp(mesh, [0.5, 0, 0]), clamp(mesh, [0, 0.5, 0]), clamp(mesh, translation=[9, 0, 0])]
+    seen = []
+    both = solve_all(
+        mesh, MATERIAL, [Job(g, (0.5, 1.0)) for g in goals], lambda i, at: seen.append((i, at)), 2
+    )
+    for goal, results in zip(goals, both, strict=True):
+        alone = solve_ramp(mesh, MATERIAL, goal, [0.5, 1.0])
+        for a, b in zip(alone, results, strict=True):
+            assert np.abs(a.u - b.u).max() < 1e-5
+    assert {i for i, _ in seen} == {0, 1, 2}
+
+
+def test_an_exception_in_one_pose_ends_them_all(mesh, clamp):
+    def fail(job, at):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve_all(mesh, MATERIAL, [Job(clamp(mesh, [0.5, 0, 0]), (1.0,))] * 3, fail, 2)
+
+
+def test_a_pressed_bar_is_found_unstable(mesh, clamp):
+    """Beyond Euler's load a bar that stays straight is a saddle, and one that is on its way to
+    buckle may not be reached. Never a straight bar that is called ok."""
+    conditions = clamp(mesh, translation=[-30.0, 0, 0])
+    result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
+    if result.status == Status.NOT_REACHED:
+        assert 0.5 < result.amplitude < 1
+    else:
+        assert result.status == Status.UNSTABLE or np.abs(result.u[:, 1:]).max() > 10
+
+
+def test_a_body_through_itself_is_reported(mesh, clamp):
+    """Bent by 330 degrees, the tip stands in the base: an equilibrium, but no real pose."""
+    x = mesh.nodes
+    turn = 2 * np.pi * x[:, 0] / 150 * 1.02
+    radius = 150 / (2 * np.pi * 1.02)
+    ring = np.stack(
+        [(radius - x[:, 2]) * np.sin(turn), x[:, 1], radius - (radius - x[:, 2]) * np.cos(turn)], 1
+    )
+    found = inspect(mesh, ring - x)
+    assert len(found.inside)
+    assert "passes through itself" in found.problem()
+    assert np.linalg.norm(found.inside.mean(0) - [0, 0, 0]) < 25
+    straight = inspect(mesh, 0 * x)
+    assert straight.sound
+    assert straight.problem() is None
+    half = solve_ramp(mesh, MATERIAL, clamp(mesh, [0, -np.pi / 2, 0]), [1.0])[-1]
+    assert half.status == Status.OK
+
+
+def test_a_folded_tet_is_reported(mesh):
+    u = np.zeros_like(mesh.nodes)
+    inner = np.setdiff1d(np.arange(len(u)), np.unique(tet10.boundary_faces(mesh)))[0]
+    u[inner] = [20.0, 0, 0]
+    found = inspect(mesh, u)
+    assert len(found.inverted)
+    assert found.least_jacobian < 0
+    assert "inside out" in found.problem()
+
+
+def random_spd(seed):
+    import scipy.sparse as sp
+
+    rng = np.random.default_rng(seed)
+    a = rng.normal(size=(20, 20))
+    return sp.csr_matrix(np.triu(a @ a.T + np.eye(20))), rng.normal(size=20)
+
+
+@pytest.mark.parametrize("kind", [Pardiso, SuperLU])
+def test_both_solvers_solve_and_refuse(kind):
+    import scipy.sparse as sp
+
+    solver = kind()
+    for seed in range(3):  # one pattern, other values: the analysis is used again
+        upper, right = random_spd(seed)
+        solver.factor(upper)
+        full = upper.toarray() + np.triu(upper.toarray(), 1).T
+        assert full @ solver.solve(right) == pytest.approx(right, abs=1e-9)
+        both = solver.solve(np.stack([right, 2 * right], axis=1))
+        assert full @ both[:, 1] == pytest.approx(2 * right, abs=1e-9)
+    solver.close()
+    indefinite = sp.csr_matrix(np.array([[1.0, 2.0], [0.0, 1.0]]))
+    with pytest.raises(NotPositiveDefinite):
+        kind().factor(indefinite)
+
+
+def test_without_mkl_the_poses_are_the_same(mesh, clamp, monkeypatch):
+    goal = clamp(mesh, [0, -1.0, 0])
+    fast = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
+    monkeypatch.setenv("DEFSENSE_SOLVER", "superlu")
+    assert make_solver().name == SuperLU.name
+    slow = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
+    assert slow.status == Status.OK
+    assert np.abs(fast.u - slow.u).max() < 1e-4
+
+
+def test_pressure_on_an_open_face_bends_the_bar_to_equilibrium(clamp):
+    """The load follows the surface, so the tangent is unsymmetric; every node is in balance."""
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], (12, 2, 2)))
+    law = neo_hookean(0.3 / 2.98, 0.3 / 0.06)
+    faces = tet10.boundary_faces(mesh)
+    top = faces[(mesh.nodes[faces[:, :3], 2] > 14.9).all(axis=1)]
+    base = clamp(mesh).fixed
+    conditions = BoundaryConditions(base, pressures=(Pressure(top, 0.002),))
+    result = solve_ramp(mesh, law, conditions, [1.0])[-1]
+    assert result.status == Status.OK
+    assert result.u[:, 2].min() < -100  # pressed down, far
+    outer = Loads(mesh, conditions).pressure(conditions, result.u)
+    free = np.setdiff1d(np.arange(len(mesh.nodes)), base)
+    off = (internal(mesh, law, result.u) - outer)[free]
+    assert np.abs(off).max() < 1e-5 * np.abs(outer).max()

@@ -1,0 +1,128 @@
+"""Reading fields: located points, gradients, stretches; the interactive editor; modes."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.mechanics.elements.material import neo_hookean
+from defsense_fab.mechanics.elements.point_location import PointLocator
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions
+from defsense_fab.mechanics.solver.fields import (
+    deformation_gradient_at_nodes,
+    green_strain,
+    principal_stretches,
+    stretch_along,
+)
+from defsense_fab.mechanics.solver.interactive import Interactive
+from defsense_fab.mechanics.solver.load_stepping import Status, solve_ramp
+from defsense_fab.mechanics.solver.modes import modes, propose
+from tests.conftest import structured_bar
+
+MATERIAL = neo_hookean(0.2, 5.0)
+
+
+def test_quadratic_fields_are_read_exactly(mesh):
+    """Anywhere inside, values and gradients of a quadratic field to rounding; none missed."""
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(3, 3, 3)) * 1e-3
+    u = np.einsum("aij,ni,nj->na", A, mesh.nodes, mesh.nodes)
+    points = rng.uniform([0.5, -14.5, -14.5], [149.5, 14.5, 14.5], (20_000, 3))
+    locator = PointLocator(mesh)
+    at = locator.find(points)
+    assert at.depth.min() > -1e-9
+    assert locator.displacement(at, u[None])[0] == pytest.approx(
+        np.einsum("aij,ni,nj->na", A, points, points), abs=1e-8
+    )
+    gradient = np.einsum("aij,nj->nai", A + A.transpose(0, 2, 1), points)
+    assert locator.gradient(at, u[None])[0] == pytest.approx(gradient, abs=1e-8)
+
+
+def test_points_outside_get_the_nearest_tet(mesh):
+    at = PointLocator(mesh).find(np.array([[150.4, 0, 0], [75, 0, 15.3]]))
+    assert (at.depth < 0).all()
+    assert (at.depth > -0.5).all()
+
+
+def test_stretches_of_a_known_gradient(mesh):
+    G = np.array([[0.2, 0.1, 0], [0, -0.1, 0], [0, 0, 0.05]])
+    F = deformation_gradient_at_nodes(mesh, mesh.nodes @ G.T)
+    assert pytest.approx(np.broadcast_to(np.eye(3) + G, F.shape), abs=1e-9) == F
+    s = np.linalg.svd(np.eye(3) + G, compute_uv=False)
+    assert principal_stretches(F) == pytest.approx(np.broadcast_to(s, (len(F), 3)), abs=1e-9)
+    d = np.array([0, 2.0, 0])
+    assert stretch_along(F, d)[0] == pytest.approx(np.hypot(0.1, 0.9))
+    E = green_strain(F)[0]
+    assert stretch_along(F, d)[0] == pytest.approx(np.sqrt(1 + 2 * E[1, 1]))
+
+
+def test_an_edit_gives_the_coarse_answer_first_then_that_of_rest(clamp):
+    coarse, fine = (
+        QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], n))
+        for n in ((8, 2, 2), (15, 3, 3))
+    )
+    session = Interactive(coarse, fine, MATERIAL)
+    for degrees in (30, 40, 35):
+        seen = []
+        goal = [0, -np.deg2rad(degrees), 0]
+        result = session.edit(lambda m, goal=goal: clamp(m, goal), seen.append)
+        assert result.status == Status.OK
+        direct = solve_ramp(fine, MATERIAL, clamp(fine, goal), [1.0])[-1].u
+        assert np.abs(result.u - direct).max() < 1e-4
+        assert np.abs(seen[0] - direct).max() < 0.06 * np.abs(direct).max()
+    before = session._states[1].u
+    stopped = session.edit(lambda m: clamp(m, [1.0, 0, 0]), stop=lambda: True)
+    assert stopped.status == Status.CANCELLED
+    assert session._states[1].u is before
+    session.close()
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], (20, 4, 4)))
+    fixed = np.flatnonzero(mesh.nodes[:, 0] < 1e-3)
+    young, nu = 0.6, 0.45
+    law = neo_hookean(young / (2 * (1 + nu)), young / (3 * (1 - 2 * nu)))
+    return mesh, fixed, modes(mesh, law, fixed, 1.1, 6)
+
+
+def test_modes_of_a_bar_have_the_frequencies_of_beam_theory(shaken):
+    """Two bends, a twist, a stretch. 4 %: a bar five times as long as thick is no slender beam
+    (shear and rotary inertia lower its bends), and the clamp hinders the cross section."""
+    length, side, c = 150.0, 30.0, np.sqrt(0.6 / 1.1e-9)
+    bend = 3.516 / (2 * np.pi) * side / np.sqrt(12) / length**2 * c
+    twist = np.sqrt(0.1406 * 6 / (2 * 1.45)) * c / (4 * length)
+    stretch = c / (4 * length)
+    assert bend < twist < stretch
+    _, _, found = shaken
+    first = [m for m in found if m.order == 1]
+    assert [m.kind for m in first] == ["bend", "bend", "twist", "stretch"]
+    assert [m.frequency for m in first] == pytest.approx([bend, bend, twist, stretch], rel=0.04)
+    assert [m.frequency for m in found] == sorted(m.frequency for m in found)
+    assert [m.kind for m in found if m.order == 2] == ["bend", "bend"]
+
+
+def test_modes_become_poses(shaken):
+    mesh, fixed, found = shaken
+    poses = propose(mesh, fixed, found)
+    assert [p.name for p in poses] == ["bend", "bend_2", "twist", "stretch"]
+    first, second, twist, stretch = poses
+    assert abs(first.rotation @ second.rotation) < 1e-9  # about different axes
+    assert {int(np.abs(p.rotation).argmax()) for p in (first, second)} == {1, 2}
+    assert np.abs(twist.rotation) == pytest.approx([np.pi / 6, 0, 0])
+    assert stretch.translation[0] > 10
+    assert np.isnan(first.translation).all()
+    beyond = (mesh.nodes - first.origin) @ first.axis >= 0
+    result = solve_ramp(
+        mesh,
+        MATERIAL,
+        BoundaryConditions(fixed, (_handle(mesh, beyond, first),)),
+        [1.0],
+    )[-1]
+    assert result.status == Status.OK
+
+
+def _handle(mesh, inside, pose):
+    from defsense_fab.mechanics.loading.boundary_conditions import RigidHandle
+
+    nodes = np.flatnonzero(inside)
+    return RigidHandle(nodes, mesh.nodes[nodes].mean(0), pose.rotation, pose.translation)

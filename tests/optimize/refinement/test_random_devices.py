@@ -1,0 +1,147 @@
+"""Random bodies, fields, limits and drawings: every result keeps every limit, or there is a reason.
+
+DEFSENSE_RANDOM_DEVICES sets how many; 200 take about three minutes.
+"""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom, distinct
+from defsense_fab.core.device import DECODERS, Sensor
+from defsense_fab.core.errors import LayoutError
+from defsense_fab.core.mesh import Surface, TetMesh
+from defsense_fab.mechanics.elements.point_location import PointLocator
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.problem.problem import Limits, Problem
+from defsense_fab.optimize.refinement.refine import layout_error, optimise
+from defsense_fab.sensing.response import Response
+from tests.conftest import structured_bar
+
+COUNT = int(os.environ.get("DEFSENSE_RANDOM_DEVICES", "30"))
+_TOLERANCE = 0.05  # mm
+
+
+def body(rng):
+    """A box of random proportions, tapered, bulged and bent at random, as tets and surface."""
+    size = rng.uniform([60, 24, 20], [180, 60, 40])
+    mesh = structured_bar([0, -0.5, -0.5], [1, 0.5, 0.5], [12, 4, 4])
+    x, y, z = mesh.nodes.T
+    girth = 1 + rng.uniform(-0.35, 0.35) * (x - 0.5) + rng.uniform(0, 0.4) * np.sin(np.pi * x)
+    round_off = 1 - rng.uniform(0, 0.5) * (y * z) ** 2 * 4
+    lift = rng.uniform(-0.4, 0.4) * size[2] * np.sin(np.pi * x)
+    nodes = np.stack(
+        [size[0] * x, size[1] * y * girth * round_off, size[2] * z * girth * round_off + lift], 1
+    )
+    mesh = TetMesh(nodes, mesh.tets)
+    faces = mesh.tets[:, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]].reshape(-1, 3)
+    _, first, times = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return mesh, Surface(nodes, faces[first[times == 1]]), size
+
+
+def fields(rng, points, size, draw):
+    """Bends, twists and pulls at random, and a smooth wave; (s, p, 3)."""
+    x = points[:, 0] / size[0]
+    y, z = points[:, 1], points[:, 2]
+    out = []
+    for bend, sway, twist, pull, wave in draw:
+        u = np.stack([pull * x * 8, bend * x**2 * 15, sway * x**2 * 15], axis=1)
+        u[:, 0] -= (bend * y + sway * z) * 30 * x / size[0]
+        u += twist * 0.5 * x[:, None] * np.stack([0 * y, -z, y], axis=1)
+        u[:, 2] += wave * 3 * np.sin(np.pi * x) * y / size[1]
+        out.append(u)
+    return np.stack(out)
+
+
+def device(rng):
+    mesh, surface, size = body(rng)
+    draw = rng.normal(0, 0.6, (rng.integers(3, 9), 5))
+    quadratic = QuadraticMesh.from_linear(mesh)
+    points = surface.vertices[rng.choice(len(surface.vertices), 30, replace=False)]
+    markers = np.concatenate([np.zeros((1, 30, 3)), fields(rng, points, size, draw)])
+    diameter = rng.uniform(1.5, 2.5)
+    wall = rng.uniform(0.8, 1.6)
+    return Problem(
+        surface,
+        PointLocator(quadratic),
+        fields(rng, quadratic.nodes, size, draw),
+        markers,
+        np.full(30, 1 / 30),
+        Response.line(2.0),
+        float(rng.choice([0.0, 0.002, 0.01])),
+        Limits(wall, rng.uniform(3, 8), diameter + wall, diameter),
+        str(rng.choice(DECODERS)),
+    ), size
+
+
+def drawing(rng, size, count):
+    """Straight cords along the body, somewhere: not all of them fit."""
+    out = []
+    for i in range(count):
+        at = np.array([0, *(rng.uniform(-0.35, 0.35, 2) * size[1:])])
+        x = np.array([2, 10, *np.linspace(0.2, 0.8, 4) * size[0], size[0] - 10, size[0] - 2])
+        points = np.stack([x, np.zeros(8)], axis=1)
+        normal = rng.normal(size=3) * [0.05, 1, 1]
+        free = [["path"], ["path", "plane"], ["plane"], []][rng.integers(4)]
+        plane = Plane.from_normal(at, normal, np.array([1.0, 0, 0]))
+        out.append(Sensor(f"c{i}", plane, Hermite(points, catmull_rom(points)), frozenset(free)))
+    return out
+
+
+def least_gap(a, b):
+    return cKDTree(a).query(b)[0].min()
+
+
+@pytest.mark.parametrize("seed", range(COUNT))
+def test_results_keep_the_limits_or_say_why_not(seed):
+    rng = np.random.default_rng(seed)
+    problem, size = device(rng)
+    if rng.random() < 0.3:  # the pieces of cord at hand are neither short nor long
+        lengths = sorted(rng.uniform(0.6, 1.4, 2) * size[0])
+        bounds = replace(problem.limits, shortest=lengths[0], longest=lengths[1])
+        problem = replace(problem, limits=bounds)
+    drawn = drawing(rng, size, int(rng.integers(0, 3)))
+    extra = int(rng.integers(0 if drawn else 1, 3))
+    planes = [None, 1][int(rng.integers(2))]
+    search = {"extra": extra, "planes": planes, "starts": 2, "finalists": 1, "candidates": 1500}
+    reason = ""
+    try:
+        found = optimise(problem, drawn, rng, lambda f, m: None, **search)
+    except LayoutError as error:
+        reason = str(error)
+    broken = verify(drawn, problem.surface, problem.limits).problems
+    if broken or reason:
+        assert broken[0] in reason if broken else "no room was found for" in reason
+        return
+    allowed = max(planes or len(found.sensors), len(distinct([s.plane for s in drawn])))
+    assert len(distinct([s.plane for s in found.sensors])) <= allowed
+    limits = problem.limits
+    slack = replace(
+        limits,
+        wall=limits.wall - _TOLERANCE,
+        min_radius=limits.min_radius - _TOLERANCE,
+        clearance=limits.clearance - _TOLERANCE,
+        shortest=limits.shortest - _TOLERANCE,
+        longest=limits.longest + _TOLERANCE,
+    )
+    assert verify(found.sensors, problem.surface, slack).problems == ()
+    assert len(found.sensors) == len(drawn) + extra
+    paths = [s.plane.to_world(s.curve.sample(200)) for s in found.sensors]
+    for i, path in enumerate(paths):
+        for other in paths[:i]:
+            assert least_gap(path, other) > limits.clearance - _TOLERANCE
+    for before, after in zip(drawn, found.sensors, strict=False):
+        assert after.name == before.name
+        if "plane" not in before.free:
+            assert after.plane.axes == pytest.approx(before.plane.axes)
+        if not before.free:
+            assert after.curve.points == pytest.approx(before.curve.points)
+    assert found.rmse == pytest.approx(layout_error(problem, found.sensors))
+    if drawn and not extra:
+        assert found.rmse <= layout_error(problem, drawn) or not found.slivers

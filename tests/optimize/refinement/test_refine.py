@@ -1,0 +1,309 @@
+"""Gradients, constraints, the independent check, and the saddle point of symmetric drawings."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.device import DECODERS, Sensor
+from defsense_fab.core.errors import LayoutError
+from defsense_fab.core.response import ResponseSpec
+from defsense_fab.optimize.limits.constraints import Constraints
+from defsense_fab.optimize.limits.polyline_distance import nearest, nearest_strand
+from defsense_fab.optimize.limits.thin_parts import Slivers
+from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.problem.cord_parameters import CordFreedom, sample_path
+from defsense_fab.optimize.problem.objective import Objective
+from defsense_fab.optimize.refinement.refine import layout_error, optimise
+from defsense_fab.optimize.search.candidate_families import vary
+from defsense_fab.optimize.search.candidates import Pool
+from defsense_fab.optimize.search.selection import select
+from defsense_fab.sensing.response import response_of
+from defsense_fab.sensing.signal import signals
+from tests.optimize.conftest import LIMITS
+from tests.sensing.reference import signal_gradient
+
+
+@pytest.mark.parametrize("decoder", DECODERS)
+def test_objective_gradient_by_finite_differences(problem, straight, decoder):
+    problem = replace(problem, decoder=decoder)
+    cords = [CordFreedom(straight("a", y=5)), CordFreedom(straight("b", y=-5, free=["path"]))]
+    objective = Objective(problem, cords)
+    x = np.random.default_rng(3).normal(0, 0.7, sum(c.size for c in cords))
+    value, gradient = objective(x)
+    layout = [c.apply(p) for c, p in zip(cords, objective.split(x), strict=True)]
+    assert value == pytest.approx(layout_error(problem, layout) ** 2, rel=1e-6)
+    for i in range(len(x)):
+        e = 1e-5 * np.eye(len(x))[i]
+        slope = (objective(x + e)[0] - objective(x - e)[0]) / 2e-5
+        assert gradient[i] == pytest.approx(slope, rel=1e-3, abs=1e-5 * value)
+
+
+def test_fused_signals_are_those_of_the_arrays(problem, straight):
+    """And their slopes those of the reference, with F formed at every point."""
+    paths = [sample_path(straight("a", y=5)), sample_path(straight("b", y=-4, z=3))[:70]]
+    rng = np.random.default_rng(0)
+    paths = [p + rng.normal(0, 0.5, p.shape) for p in paths]
+    ends = np.cumsum([0, *map(len, paths)])
+    carried = problem.carrier.carry(np.concatenate(paths), ends)
+    found, by_points = carried.signals, carried.slopes()
+    weights = rng.normal(size=found.shape)
+    pulled = carried.pull(weights)
+    for c, path in enumerate(paths):
+        at = problem.locator.find(path)
+        moved = path + problem.locator.displacement(at, problem.fields)
+        F = np.eye(3) + problem.locator.gradient(at, problem.fields)
+        expected, slopes = signal_gradient(path, moved, F, problem.response.slope_everywhere)
+        assert found[:, c] == pytest.approx(expected, abs=1e-12)
+        assert problem.signals(path)[1:] == pytest.approx(expected, abs=1e-12)
+        own = by_points[ends[c] : ends[c + 1]]
+        assert own == pytest.approx(slopes.transpose(1, 2, 0), abs=1e-9)
+        assert pulled[ends[c] : ends[c + 1]] == pytest.approx(own @ weights[:, c], abs=1e-9)
+
+
+def test_constraint_derivatives_by_finite_differences(problem, straight):
+    cords = [CordFreedom(straight("a", y=5)), CordFreedom(straight("b", y=-5))]
+    limits = replace(LIMITS, shortest=100.0, longest=151.0)
+    constraints = Constraints(problem.surface, problem.depth, limits, cords)
+    x = np.random.default_rng(4).normal(0, 1.0, sum(c.size for c in cords))
+    _, jacobian = constraints(x)
+    for i in range(len(x)):
+        e = 1e-6 * np.eye(len(x))[i]
+        slope = (constraints(x + e)[0] - constraints(x - e)[0]) / 2e-6
+        assert jacobian[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-5)
+
+
+def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, straight):
+    drawn = straight()
+    objective = Objective(problem, [CordFreedom(drawn)])
+    start = layout_error(problem, [drawn])
+    assert np.abs(objective(np.zeros(CordFreedom(drawn).size))[1]).max() < 1e-2 * start**2
+    found = optimise(
+        problem, [drawn], np.random.default_rng(0), lambda f, m: None, starts=2, candidates=300
+    )
+    assert found.rmse < start / 4
+    assert found.rmse == pytest.approx(layout_error(problem, found.sensors))
+    assert not verify(found.sensors, problem.surface, LIMITS).problems
+
+
+def test_locked_cords_stay(problem, straight):
+    drawn = [straight("a", y=6, free=[]), straight("b", y=-6, z=5, free=["path"])]
+    found = optimise(
+        problem, drawn, np.random.default_rng(0), lambda f, m: None, starts=1, candidates=100
+    )
+    assert found.sensors[0].curve.points == pytest.approx(drawn[0].curve.points)
+    assert found.sensors[0].plane.origin == pytest.approx(drawn[0].plane.origin)
+    assert found.sensors[1].plane.axes == pytest.approx(drawn[1].plane.axes)
+    assert np.abs(found.sensors[1].curve.points - drawn[1].curve.points).max() > 1
+    assert found.rmse < layout_error(problem, drawn)
+
+
+def test_a_proposal_keeps_the_limits(problem):
+    found = optimise(
+        problem,
+        [],
+        np.random.default_rng(0),
+        lambda f, m: None,
+        extra=2,
+        starts=2,
+        candidates=2000,
+    )
+    assert [s.name for s in found.sensors] == ["cord-1", "cord-2"]
+    assert found.rmse <= layout_error(problem, found.initial)
+    assert not verify(found.sensors, problem.surface, LIMITS).problems
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda p: p + np.array([0, 20]), "leaves the body"),
+        (lambda p: p + np.array([0, 13.5]), "leaves a wall of"),
+        (lambda p: [*p[:3].tolist(), [62, 0], [63, 2], [64, 0], *p[4:].tolist()], "radius of"),
+    ],
+)
+def test_broken_limits_are_found(bar, straight, change, message):
+    sensor = straight()
+    points = np.array(change(sensor.curve.points))
+    sensor = replace(sensor, curve=Hermite(points, catmull_rom(points)))
+    problems = verify([sensor], bar, LIMITS).problems
+    assert any(message in p for p in problems), problems
+
+
+def _locked(points, tangents=None):
+    points = np.array(points, float)
+    plane = Plane.from_normal(np.zeros(3), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
+    tangents = catmull_rom(points) if tangents is None else np.array(tangents, float)
+    return Sensor("locked", plane, Hermite(points, tangents))
+
+
+def test_the_straight_runs_to_the_surface_are_checked_too(bar):
+    left = [[10.5, 2.2], [16, 4], [26, 6], [45, 7], [60, 7], [90, 7], [120, 7], [140, 7], [148, 7]]
+    right = [[x, -y] for x, y in left]
+    problems = verify([_locked(left), _locked(right)], bar, LIMITS).problems
+    assert any("come within 0.0" in p for p in problems), problems
+    skimming = [[11, 12.6], [20, 11], [40, 8], [60, 8], [90, 8], [120, 8], [140, 8], [148, 8]]
+    problems = verify([_locked(skimming)], bar, LIMITS).problems
+    assert any("leaves a wall of" in p for p in problems), problems
+
+
+def test_a_path_that_turns_back_on_itself_is_found(bar, straight):
+    points = straight().curve.points
+    tangents = [[8, 0], [8, 0], [26, 0], [26, 0], [-26, 0], [26, 0], [8, 0], [8, 0]]
+    problems = verify([_locked(points, tangents)], bar, LIMITS).problems
+    assert any("bends to a radius of 0.00 mm" in p for p in problems), problems
+
+
+def test_thin_slices_between_planes_are_slivers(problem, straight):
+    apart = [straight("a", y=6, z=-4), straight("b", y=-6, z=4)]
+    close = [straight("a", y=6, z=0), straight("b", y=-6, z=0.35)]
+    slivers = Slivers(problem)
+    assert not slivers(apart)
+    assert slivers(close)
+
+
+def test_slivers_between_many_planes(problem, straight):
+    """Twenty planes could bound a million cells; only those that hold something are looked at."""
+    layout = [straight(str(i), y=8 * np.sin(i), z=0.9 * i - 9) for i in range(20)]
+    turned = Rotation.from_euler("x", 0.3).as_matrix()
+    layout = [
+        replace(s, plane=Plane(s.plane.origin, turned @ s.plane.axes)) if i % 2 else s
+        for i, s in enumerate(layout)
+    ]
+    assert Slivers(problem)(layout)
+
+
+def test_a_plane_that_a_locked_cord_holds_is_no_freedom(problem, straight):
+    drawn = [straight("a", y=6, z=3, free=[]), straight("b", y=-6, z=3, free=["plane"])]
+    for planes in (None, 1):
+        found = optimise(
+            problem,
+            drawn,
+            np.random.default_rng(0),
+            lambda f, m: None,
+            planes=planes,
+            starts=2,
+            candidates=200,
+        )
+        assert found.rmse <= layout_error(problem, drawn)
+        assert not verify(found.sensors, problem.surface, LIMITS).problems
+    assert found.sensors[1].plane.coincides(drawn[0].plane)
+
+
+def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
+    drawn = [straight("a", y=5)]
+    search = {"starts": 2, "candidates": 1000}
+    bounds = replace(LIMITS, shortest=140.0, longest=150.8)
+
+    def best(limits):
+        asked = replace(problem, limits=limits)
+        found = optimise(asked, drawn, np.random.default_rng(0), lambda f, m: None, **search)
+        (cord,) = verify(found.sensors, problem.surface, limits).cords
+        assert not cord.problems
+        return found, cord.length + sum(cord.inlets)
+
+    free, length = best(LIMITS)
+    assert not bounds.shortest < length < bounds.longest
+    problems = verify(free.sensors, problem.surface, bounds).problems
+    assert any("[cord] length allows 140.0 to 150.8 mm" in p for p in problems)
+    found, length = best(bounds)
+    assert bounds.shortest < length < bounds.longest
+    assert free.rmse < found.rmse < 0.8 * layout_error(problem, drawn)
+    with pytest.raises(LayoutError, match=r"'a' takes a channel of 150\.0 mm"):
+        best(replace(LIMITS, longest=120.0))
+    drawn = []
+    search["extra"] = 1
+    with pytest.raises(LayoutError, match=r"channels of 500 to 600 mm, which .cord. length"):
+        best(replace(LIMITS, shortest=500.0, longest=600.0))
+
+
+def test_cords_that_cross_are_found(bar, straight):
+    problems = verify([straight("a"), straight("b", y=1.0)], bar, LIMITS).problems
+    assert any("'a' and 'b' come within 1.00 mm" in p for p in problems)
+    assert not verify([straight("a"), straight("b", y=4.0)], bar, LIMITS).problems
+
+
+def test_variations_keep_the_ends_and_the_planes_orthonormal(straight):
+    drawn = straight(y=4)
+    batch = vary(drawn, 50, 15.0, np.random.default_rng(0))
+    paths = batch.paths(40)
+    for i in range(51):
+        sensor = batch.sensor(i)  # a Plane refuses axes that are not orthonormal
+        assert sensor.curve.points[[0, 1, -2, -1]] == pytest.approx(
+            drawn.curve.points[[0, 1, -2, -1]]
+        )
+        assert paths[i] == pytest.approx(
+            sensor.plane.to_world(sensor.curve.sample(24))[batch.at(40)]
+        )
+        middle = sensor.plane.to_world(np.array([75.0, 0.0]))
+        assert abs(middle[0] - 75) < 1e-9  # planes turn about the middle of the path's chord
+        assert np.abs(middle - [75, 4, 0]).max() <= 15
+    assert paths[0] == pytest.approx(np.stack([paths[0][:, 0], *np.full((2, 40), [[4], [0]])], 1))
+    assert np.ptp(paths[1:, 20, 1:], axis=0).min() > 10
+
+
+def test_nearest_points_by_brute_force():
+    rng = np.random.default_rng(2)
+    points, line = rng.normal(size=(20, 3)), rng.normal(size=(9, 3))
+    t = np.linspace(0, 1, 2001)[:, None]
+    dense = [a + t * (b - a) for a, b in itertools.pairwise(line)]
+    distance, segment, where = nearest(points, line)
+    for p, d, k, w in zip(points, distance, segment, where, strict=True):
+        assert d == pytest.approx(min(np.linalg.norm(s - p, axis=1).min() for s in dense), abs=1e-3)
+        assert np.linalg.norm(line[k] + w * (line[k + 1] - line[k]) - p) == pytest.approx(d)
+    a = np.linspace(0, 2 * np.pi, 200)[:-1]
+    loop = 10 * np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)  # nearly closed
+    assert nearest_strand(loop, 20.0)[0].min() == pytest.approx(10 * (a[1] - a[0]), rel=0.01)
+    assert np.isinf(nearest_strand(loop, 70.0)[0]).all()
+
+
+@pytest.mark.parametrize("decoder", DECODERS)
+def test_selection_equals_brute_force(problem, decoder):
+    rng = np.random.default_rng(5)
+    problem = replace(problem, markers=rng.normal(size=(8, 5, 3)), noise=0.1, decoder=decoder)
+    problem = replace(problem, marker_weights=np.full(5, 0.2))
+    paths = np.stack([np.array([[i * 100.0, 0, 0], [i * 100.0 + 1, 0, 0]]) for i in range(12)])
+    pool = Pool((), paths, rng.normal(size=(8, 12)))
+    chosen = select([pool, pool], problem.expected_error, 3.0, rounds=10)
+    pairs = list(itertools.combinations(range(12), 2))
+    errors = problem.expected_error(np.stack([pool.signals[:, list(p)] for p in pairs]))
+    got = float(problem.expected_error(pool.signals[:, chosen]))
+    assert got <= np.sort(errors)[2]  # swaps end in a local minimum, here among the best
+    assert errors[pairs.index(tuple(sorted(chosen)))] == pytest.approx(got)
+
+
+@pytest.mark.parametrize(
+    ("model", "coefficients"),
+    [
+        ("line", {"k": 2.0}),
+        ("two-slopes", {"tension": 2.4, "compression": 1.5}),
+        ("quadratic", {"k": 2.0, "q": 6.0}),
+        ("piecewise", {"strains": [-0.1, -0.02, 0, 0.05], "changes": [-0.2, -0.03, 0, 0.1]}),
+    ],
+)
+def test_signals_and_slopes_of_any_response(problem, straight, model, coefficients):
+    """Those of the arrays, and finite differences along a random direction."""
+    spec = ResponseSpec(model, coefficients, (-0.1, 0.1))
+    bent = replace(problem, response=response_of(spec))
+    rng = np.random.default_rng(0)
+    paths = [sample_path(straight("a", y=5)), sample_path(straight("b", y=-4, z=3))[:70]]
+    paths = [p + rng.normal(0, 0.5, p.shape) for p in paths]
+    points, ends = np.concatenate(paths), np.cumsum([0, *map(len, paths)])
+    for path in paths:
+        moved = bent.deform(path)
+        assert bent.signals(path)[1:] == pytest.approx(
+            signals(path, moved, bent.response), abs=1e-12
+        )
+    carried = bent.carrier.carry(points, ends)
+    step = rng.normal(0, 1e-5, points.shape)
+    before, after = (bent.carrier.carry(points + s * step, ends).signals for s in (-1, 1))
+    change = (after - before) / 2
+    slopes = carried.slopes()
+    got = [np.einsum("pas,pa->s", slopes[a:b], step[a:b]) for a, b in itertools.pairwise(ends)]
+    assert np.stack(got, axis=1) == pytest.approx(change, rel=2e-3, abs=1e-9)
+    weights = rng.normal(size=change.shape)
+    assert (carried.pull(weights) * step).sum() == pytest.approx(
+        (np.stack(got, axis=1) * weights).sum(), abs=1e-12
+    )

@@ -1,0 +1,52 @@
+"""The paper's baselines keep the limits, and the search beats them; its joint iteration."""
+
+import numpy as np
+import pytest
+
+from benchmarks import joint
+from defsense_fab.core.curve import distinct
+from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.refinement.refine import layout_error, optimise
+from defsense_fab.optimize.search.baselines import manual, visual
+from tests.conftest import structured_bar
+from tests.optimize import exact
+
+
+@pytest.fixture(scope="module")
+def bends(bar):
+    mesh = structured_bar([0, -15, -15], [150, 15, 15], [15, 3, 3])
+    return exact.problem(bar, mesh, exact.RAMPS, noise=0.002)
+
+
+def test_full_beats_visual_beats_manual(bends):
+    rng = np.random.default_rng(0)
+    layouts = [
+        manual(bends, 3),
+        visual(bends, 3, rng),
+        optimise(bends, [], rng, lambda f, m: None, extra=3, starts=2).sensors,
+    ]
+    errors = [layout_error(bends, layout) for layout in layouts]
+    assert errors[0] > 3 * errors[1] > 3 * 1.5 * errors[2]
+    for layout in layouts:
+        assert not verify(layout, bends.surface, bends.limits).problems
+    assert len(distinct([s.plane for s in layouts[0]])) == 1
+    along = [s.plane.axes[:, 0] for layout in layouts[:2] for s in layout]
+    assert np.abs(along) == pytest.approx(np.repeat([[1.0, 0, 0]], 6, axis=0))
+
+
+def test_the_joint_problem_has_the_same_stationary_points(bends):
+    """At the best map its gradient by the paths is that with the map eliminated, by the map 0."""
+    layout = visual(bends, 2, np.random.default_rng(0))
+    residual, jacobian, start, objective = joint.system(bends, layout, penalty=0.0)
+    size = sum(c.size for c in objective.cords)
+    value, gradient = objective(np.zeros(size))
+    assert (residual(start) ** 2).sum() / len(bends.outputs) == pytest.approx(value, rel=1e-9)
+    theirs = 2 * jacobian(start).T @ residual(start) / len(bends.outputs)
+    assert theirs[:size] == pytest.approx(gradient, rel=1e-6, abs=1e-9 * value)
+    assert np.abs(theirs[size:]).max() < 1e-9 * value
+
+
+def test_the_joint_iteration_improves_a_layout(bends):
+    start = visual(bends, 1, np.random.default_rng(0))
+    layout = joint.refine(bends, start, 30)
+    assert layout_error(bends, layout) < layout_error(bends, start)

@@ -1,0 +1,117 @@
+"""More cords never do worse, the knee, the next cord, and cords that share planes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.curve import distinct
+from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.refinement.refine import layout_error, optimise
+from defsense_fab.optimize.studies.cord_count import by_count, knee, next_cord
+from tests.optimize.conftest import LIMITS
+
+
+def quiet(fraction, message):
+    pass
+
+
+def test_the_error_never_rises_with_the_number_of_cords(problem):
+    found = list(by_count(problem, [1, 2, 3], 0, quiet))
+    errors = [layout_error(problem, layout) for _, layout in found]
+    assert [n for n, _ in found] == [1, 2, 3]
+    assert errors == sorted(errors, reverse=True)
+    assert not any(verify(layout, problem.surface, LIMITS).problems for _, layout in found)
+
+
+def test_a_study_that_goes_on_finds_the_same(problem):
+    whole = list(by_count(problem, [1, 2], 0, quiet, planes=1))
+    ((count, layout),) = by_count(problem, [2], 0, quiet, begin=whole[0][1], planes=1)
+    assert count == 2
+    assert layout_error(problem, layout) == layout_error(problem, whole[1][1])
+    assert len(distinct([s.plane for s in layout])) == 1
+
+
+def test_the_next_cord_leaves_the_others(problem, straight):
+    drawn = [straight("a", y=6), straight("b", y=-6)]
+    layout = next_cord(problem, drawn, np.random.default_rng(0), quiet)
+    assert list(layout[:2]) == drawn
+    assert len(layout) == 3
+    assert layout_error(problem, layout) < layout_error(problem, drawn)
+    assert not verify(layout, problem.surface, LIMITS).problems
+
+
+@pytest.mark.parametrize("planes", [1, 2])
+def test_a_limit_on_planes(problem, planes):
+    found = optimise(
+        problem,
+        [],
+        np.random.default_rng(0),
+        quiet,
+        extra=3,
+        planes=planes,
+        starts=2,
+        candidates=3000,
+    )
+    assert len(distinct([s.plane for s in found.sensors])) <= planes
+    assert not verify(found.sensors, problem.surface, LIMITS).problems
+    assert found.rmse <= layout_error(problem, found.initial)
+
+
+def test_a_limit_on_planes_leaves_drawn_cords_where_they_are(problem, straight):
+    locked = [straight("a", y=6, z=8, free=[]), straight("b", y=6, z=-8, free=["path"])]
+    joined = [straight("a", y=6, z=8), straight("b", y=-6, z=8)]
+    for drawn, extra in ((locked, 1), (locked[:1], 1), (joined, 0), (joined, 1)):
+        allowed = len(distinct([s.plane for s in drawn]))
+        found = optimise(
+            problem,
+            drawn,
+            np.random.default_rng(0),
+            quiet,
+            extra=extra,
+            planes=1,
+            starts=2,
+            candidates=2000,
+        )
+        assert len(distinct([s.plane for s in found.sensors])) <= allowed
+        for before, after in zip(drawn, found.sensors, strict=False):
+            assert after.free == before.free
+            if "plane" not in before.free:
+                assert distinct([before.plane, after.plane]) == [before.plane]
+        assert not verify(found.sensors, problem.surface, LIMITS).problems
+
+
+def test_cancelling_keeps_the_best_so_far(problem):
+    from defsense_fab.optimize.refinement.refine import Cancelled
+
+    seen = []
+
+    def report(fraction, message):
+        if fraction > 0.4:
+            raise Cancelled
+
+    found = optimise(
+        problem,
+        [],
+        np.random.default_rng(0),
+        report,
+        extra=1,
+        candidates=2000,
+        watch=lambda layout, error: seen.append((layout, error)),
+    )
+    assert seen[-1] == (found.sensors, found.rmse)
+    assert [e for _, e in seen] == sorted((e for _, e in seen), reverse=True)
+
+
+def test_more_cords_than_fit_are_refused(problem):
+    from defsense_fab.core.errors import LayoutError
+
+    tight = replace(problem, limits=replace(LIMITS, clearance=70.0))
+    with pytest.raises(LayoutError, match="no room was found for 4 cords"):
+        optimise(tight, [], np.random.default_rng(0), quiet, extra=4, starts=2, candidates=2000)
+
+
+def test_the_knee_of_a_bent_line():
+    errors = np.array([8.0, 4.0, 1.0, 0.9, 0.8, 0.75])
+    assert knee([1, 2, 3, 4, 5, 6], errors) == 3
+    assert knee([2, 3], np.array([1.0, 0.5])) == 3

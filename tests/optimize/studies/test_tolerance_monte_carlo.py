@@ -1,0 +1,70 @@
+"""The predicted band against devices that are simulated frame by frame and trained by a library."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sklearn.linear_model import Ridge
+
+from defsense_fab.core.curve import catmull_rom
+from defsense_fab.optimize.problem.cord_parameters import sample_path
+from defsense_fab.optimize.refinement.refine import layout_error
+from defsense_fab.optimize.studies.tolerance_monte_carlo import Tolerances, spread
+from defsense_fab.sensing.signal import signals
+
+EXACT = Tolerances(offset=0, gauge=0, amplitude=0)
+
+
+def random_layout(straight, rng):
+    """Two wavy cords in tilted planes; limits do not matter here."""
+    layout = []
+    for name, y in (("a", 6.0), ("b", -6.0)):
+        sensor = straight(name, y=y + rng.uniform(-2, 2), z=rng.uniform(-4, 4))
+        points = sensor.curve.points.copy()
+        points[2:-2, 1] += rng.uniform(-4, 4, len(points) - 4)
+        curve = replace(sensor.curve, points=points, tangents=catmull_rom(points))
+        layout.append(replace(sensor, curve=curve))
+    return layout
+
+
+def built(problem, layout, rng):
+    """Test RMSE (mm) of one device: cords shifted as a whole by up to 0.3 mm, gauge factors and
+    amplitudes 5 % off; trained on 1,400 noisy frames, tested on 600 others."""
+    amplitude = 1 + rng.normal(0, 0.05, len(problem.fields))
+    columns = []
+    for sensor in layout:
+        path = sample_path(sensor) + rng.uniform(-0.3, 0.3, (1, 3)) * [0, 1, 1]
+        at = problem.locator.find(path)
+        u = problem.locator.displacement(at, amplitude[:, None, None] * problem.fields)
+        columns.append((1 + rng.normal(0, 0.05)) * signals(path, path + u, problem.response))
+    S = np.concatenate([np.zeros((1, 2)), np.stack(columns, axis=1)])
+    markers = problem.markers * np.concatenate([[1], amplitude])[:, None, None]
+    shown = rng.integers(len(S), size=2000)
+    read = S[shown] + rng.normal(0, problem.noise, (2000, 2))
+    truth = markers[shown].reshape(2000, -1)
+    model = Ridge(alpha=1e-9).fit(read[:1400], truth[:1400])
+    off = (model.predict(read[1400:]) - truth[1400:]).reshape(600, -1, 3)
+    return np.sqrt(((off**2).sum(2) @ problem.marker_weights).mean())
+
+
+def test_the_band_holds_nine_devices_of_ten(problem, straight):
+    problem = replace(problem, noise=0.001)
+    rng = np.random.default_rng(0)
+    ratios, inside = [], []
+    for _ in range(20):
+        layout = random_layout(straight, rng)
+        band = spread(problem, layout, rng, draws=100)
+        measured = [built(problem, layout, rng) for _ in range(3)]
+        ratios += [m / layout_error(problem, layout) for m in measured]
+        inside += [band.low <= m <= band.high for m in measured]
+    assert np.median(ratios) == pytest.approx(1, abs=0.1)
+    assert np.mean(inside) >= 0.8  # of 60: 90 % less two standard deviations
+
+
+def test_without_tolerances_the_band_is_about_the_expected_error(problem, straight):
+    layout = random_layout(straight, np.random.default_rng(1))
+    band = spread(problem, layout, np.random.default_rng(2), tolerances=EXACT)
+    assert band.low < layout_error(problem, layout) < band.high
+    assert band.median == pytest.approx(layout_error(problem, layout), rel=0.02)
+    wide = spread(problem, layout, np.random.default_rng(2))
+    assert wide.high - wide.low > 2 * (band.high - band.low)

@@ -1,0 +1,322 @@
+"""The main job on a small device through the command line, and what errors leave behind."""
+
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.files.formats import read_any
+from defsense_fab.cli import main
+from defsense_fab.core.device_file import load_device
+from defsense_fab.core.errors import StorageError
+from defsense_fab.core.files import storage_errors
+from defsense_fab.core.markers import read_markers
+from defsense_fab.core.response import ResponseSpec
+from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.pipeline.build import stage_fabricate, stage_report
+from defsense_fab.pipeline.build.stage_optimize import _uncalibrated
+from defsense_fab.pipeline.build.stage_report import _stl
+from tests.places import BAR
+
+
+def snapshot(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+@pytest.fixture(scope="module")
+def device(tmp_path_factory):
+    """A coarse bar with two cords, built once."""
+    folder = tmp_path_factory.mktemp("device") / "bar"
+    folder.mkdir()
+    shutil.copy(BAR / "bar.py", folder)
+    text = (BAR / "device.toml").read_text()
+    text = text.replace("edge_length = 6.0", "edge_length = 12.0")
+    text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
+    text = text[: text.rindex("[[sensors]]")]
+    (folder / "device.toml").write_text(text)
+    assert main.main(["build", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture
+def copy(device, tmp_path):
+    shutil.copytree(device, tmp_path / "bar")
+    return tmp_path / "bar"
+
+
+def change(folder, old, new):
+    path = folder / "device.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.slow
+def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
+    folder = tmp_path / "other"
+    folder.mkdir()
+    shutil.copy(device / "device.toml", folder)
+    shutil.copy(BAR.parent / "bar-cadquery" / "bar.py", folder)
+    assert main.main(["fabricate", str(folder)]) == 0
+    one, other = (
+        json.loads((f / "build" / "parts" / "manifest.json").read_text()) for f in (device, folder)
+    )
+    assert one["assembly"] == other["assembly"]
+    for a, b in zip(one["parts"], other["parts"], strict=True):
+        assert a["volume"] == pytest.approx(b["volume"], rel=1e-4)
+        assert np.array(a["bbox"]) == pytest.approx(np.array(b["bbox"]), abs=0.01)
+
+
+@pytest.mark.slow
+def test_layout_and_manifest_hold_what_was_agreed(device):
+    layout = json.loads((device / "build" / "layout.json").read_text())
+    assert layout["prediction"]["rmse"] < layout["initial"]["rmse"] / 5
+    assert layout["prediction"]["rmse_noise_free"] >= layout["prediction"]["floor"]
+    assert 0 < layout["band"]["low"] < layout["band"]["median"] < layout["band"]["high"]
+    assert layout["band"]["median"] == pytest.approx(layout["prediction"]["rmse"], rel=0.3)
+    assert layout["mesh"] == json.loads((device / "build" / "mesh.json").read_text())["hash"]
+    for s in layout["sensors"]:
+        assert len(s["points"]) >= 100
+        assert s["min_radius"] >= layout["limits"]["min_radius"]
+        assert s["min_wall"] >= layout["limits"]["wall"]
+    assert layout["min_clearance"] >= layout["limits"]["clearance"]
+    manifest = json.loads((device / "build" / "parts" / "manifest.json").read_text())
+    total = 0.0
+    for p in manifest["parts"]:
+        surface = _stl(device / "build" / "parts" / p["stl"])
+        total += triangle_kernel.to_manifold(surface, p["name"]).volume()
+        assert (device / "build" / "parts" / p["step"]).exists()
+    assert total + manifest["removed_volume"] == pytest.approx(manifest["body_volume"], rel=1e-3)
+    for c in manifest["cords"]:
+        assert c["resistance"] == pytest.approx(14.5 * (c["cut_length"] - c["slack"] - 7.0))
+        assert c["range"][0] <= c["resistance"] <= c["range"][1]
+    page = (device / "build" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 2 + 2 * 5  # three poses, two mixtures
+    assert "://" not in page  # no base64 picture can hold a colon
+
+
+@pytest.mark.slow
+def test_a_second_build_does_nothing(copy, capsys):
+    before = snapshot(copy / "build")
+    begin = time.perf_counter()
+    assert main.main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == []
+    assert snapshot(copy / "build") == before
+    assert time.perf_counter() - begin < 30
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[mesh]\n", "[mesh]\nsize = 3\n", "mesh.size: unknown key"),
+        ('region = "tip"', 'region = "top"', "unknown region 'top'"),
+        (
+            "tip = { box = [[140, -16, -16], [151, 16, 16]] }",
+            "tip = { box = [[240, -16, -16], [251, 16, 16]] }",
+            "regions.tip: holds no nodes",
+        ),
+        ("[140, -16, -16]", "[5, -16, -16]", "overlap"),
+        ("[36, 0]", "[36, 17]", "leaves the body"),
+        ("[36, 0]", "[36, 0], [37, 2], [38, 0]", "bends to a radius of"),
+        ("origin = [0, 8, 0]", "origin = [0, 1, 0]", "come within 1.00 mm"),
+        ('script = "bar.py"', 'script = "broken.py"', "broken.py:2: the script raised"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_the_build(copy, capsys, old, new, message):
+    (copy / "broken.py").write_text("def body(length, width, height):\n    return 1 / 0\n")
+    before = snapshot(copy / "build")
+    change(copy, old, new)
+    assert main.main(["build", str(copy)]) == 2
+    lines = [x for x in capsys.readouterr().err.splitlines() if x.startswith("error: ")]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert snapshot(copy / "build") == before
+
+
+@pytest.mark.slow
+def test_a_pose_that_no_body_can_take_is_one_line(copy, capsys):
+    """Base and tip meet and are pushed into each other: elements between them invert."""
+    before = snapshot(copy / "build")
+    change(copy, "[[140, -16, -16], [151", "[[10.000001, -16, -16], [151")
+    change(copy, 'translate = "free"', "translate = [-60, 0, 0]")
+    change(copy, "held_out = ", "# held_out = ")
+    assert main.main(["build", str(copy)]) == 2
+    assert "'bend_up@1' did not converge beyond" in capsys.readouterr().err
+    assert snapshot(copy / "build") == before
+
+
+@pytest.mark.slow
+def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monkeypatch):
+    before = snapshot(copy / "build")
+    change(copy, 'name = "bar"', 'name = "other"')
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as m:
+        m.setattr(stage_report, "run", interrupt)
+        assert main.main(["build", str(copy)]) == 2
+    assert "interrupted" in capsys.readouterr().err
+    assert snapshot(copy / "build") == before
+    assert main.main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == ["report"]
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
+    before = snapshot(copy / "build")
+    change(copy, 'name = "bar"', 'name = "other"')
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(stage_fabricate, "run", full)
+    assert main.main(["build", str(copy)]) == 2
+    assert "the disk is full" in capsys.readouterr().err
+    assert snapshot(copy / "build") == before
+
+
+@pytest.mark.slow
+def test_a_part_that_is_gone_is_made_again_and_notes_are_no_change(copy, capsys):
+    (copy / "notes.txt").write_text("glue on Monday")
+    assert main.main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == []
+    part = next((copy / "build" / "parts").glob("1-*.stl"))
+    part.unlink()
+    assert main.main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == ["fabricate"]
+    assert part.exists()
+
+
+@pytest.mark.slow
+def test_ctrl_c_still_works_after_meshing(bar):
+    import signal
+
+    from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+
+    # Background jobs of a shell begin with the signal ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        tetrahedralise(bar, 12.0)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_build_folder_that_is_a_link_is_refused(tmp_path, capsys):
+    for name in ("device.toml", "bar.py"):
+        shutil.copy(BAR / name, tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "build").symlink_to(tmp_path / "elsewhere")
+    assert main.main(["mesh", str(tmp_path)]) == 2
+    assert "build: is a symbolic link" in capsys.readouterr().err
+
+
+def test_an_error_after_ctrl_c_counts_as_the_interrupt(capsys, monkeypatch):
+    """Native modules turn a KeyboardInterrupt during their import into an ImportError."""
+    import signal
+
+    def clumsy(_):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None
+
+    monkeypatch.setattr(main, "_build", clumsy)
+    assert main.main(["build", str(BAR)]) == 2
+    assert "error: interrupted" in capsys.readouterr().err
+
+
+def test_output_that_nobody_reads_is_no_traceback(tmp_path):
+    code = "import sys; from defsense_fab import cli\nwith cli._output(): print('x' * 99999)"
+    with open("/dev/full", "w") as full:
+        out = subprocess.run(
+            [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert "standard output: No space left on device" in out.stderr
+    piped = subprocess.run(
+        ["bash", "-c", f'"{sys.executable}" -c "{code}" | true; exit ${{PIPESTATUS[0]}}'],
+        capture_output=True,
+        text=True,
+    )
+    assert (piped.returncode, piped.stderr) == (0, "")
+
+
+def test_storage_errors_name_the_path(tmp_path):
+    with pytest.raises(StorageError, match="nothing"), storage_errors(tmp_path):
+        (tmp_path / "nothing").read_bytes()
+
+
+def test_help_and_version_need_no_heavy_import():
+    code = (
+        "import sys; from defsense_fab import cli\n"
+        "try: cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'numpy','scipy','build123d','vtk','numba'} & set(sys.modules)))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.splitlines()[-1] == "[]"
+
+
+def test_set_wants_a_name_and_a_value(capsys):
+    assert main.main(["build", str(BAR), "--set", "length"]) == 2
+    assert "--set length: write it as NAME=VALUE" in capsys.readouterr().err
+
+
+def test_parameters_from_the_command_line():
+    from defsense_fab.core.device_file import load_device
+
+    device = load_device(BAR, {"length": 180})
+    assert device.body.parameters["length"] == 180
+    assert np.isclose(device.mesh.edge_length, 6)
+
+
+def test_strains_outside_of_the_calibrated_range_are_told():
+    """By cord, with both ranges; a data sheet's response has none."""
+    device = load_device(BAR)
+    sensors = [{"name": "a", "least_strain": -0.03, "peak_strain": 0.09},
+               {"name": "b", "least_strain": -0.05, "peak_strain": 0.05}]  # fmt: skip
+    assert _uncalibrated(device, sensors) == []
+    spec = ResponseSpec("line", {"k": 2.0}, (-0.067, 0.067))
+    device = replace(device, cord=replace(device.cord, response=spec))
+    (told,) = _uncalibrated(device, sensors)
+    assert "cord 'a': strains of -3.0% to 9.0% leave the calibrated range of -6.7% to 6.7%" in told
+
+
+def test_a_built_device_is_shown_to_cameras_and_recorded(copy, capsys):
+    """Tags placed, the twin recorded by the command, and processed: places and signals follow the
+    pose that the twin was asked for."""
+    markers = ["capture", "markers", str(copy), "--side", "0,-1,1", "--count", "8"]
+    assert main.main(markers) == 0
+    record = ["capture", "record", str(copy), "--cameras", "twin", "--port", "twin", "--auto"]
+    record += ["--rounds", "1", "--seconds", "3", "--free", "0", "--rest", "2"]
+    assert main.main(record) == 0
+    assert main.main([*record]) == 2  # it is finished
+    capsys.readouterr()
+    assert main.main(["capture", "process", str(copy / "session"), "--align", "all", "--json"]) == 0
+    quality = json.loads(capsys.readouterr().out)
+    assert quality["runs"][0]["ended"] == "all steps were shown"
+    assert quality["aligned_frames"] > 0.7
+    assert not quality["skipped"]
+    tracks = read_any(copy / "session" / "aligned.csv")
+    assert len(tracks.ids) == 8
+    design = read_markers(copy / "markers").centers
+    moved = np.linalg.norm(tracks.points - design, axis=2)
+    # Bends of 30 degrees, by what remains after alignment by all: up to 9 mm, of which a busy
+    # machine's few pictures may miss the ends.
+    assert np.nanmax(moved) > 3
+    at_rest = tracks.time < 1.5
+    assert np.nanmedian(moved[at_rest]) < 1
+    rows = (copy / "session" / "signals.csv").read_text().splitlines()
+    signals = np.array([[float(c) if c else np.nan for c in r.split(",")[2:-1]] for r in rows[1:]])
+    assert signals.shape == (len(tracks.time), 2)
+    assert np.nanmax(np.abs(signals)) > 0.02

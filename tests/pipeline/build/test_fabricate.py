@@ -1,0 +1,238 @@
+"""What a build leaves for the printer and the bench, without simulating anything."""
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device_file import load_device
+from defsense_fab.core.errors import DeviceError, FabricationError
+from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.geometry.channels.cord_channels import channels_of
+from defsense_fab.pipeline.artifacts.layout import write_sensor
+from defsense_fab.pipeline.build import stage_fabricate
+from defsense_fab.pipeline.build.guide import write_guide
+from defsense_fab.pipeline.build.stage_fabricate import fabricate, write
+from defsense_fab.pipeline.build.stage_report import _stl
+from defsense_fab.sensing.voltage_divider import E24, reference
+from tests.geometry import slicer
+from tests.places import DEVICES
+
+
+@pytest.fixture(scope="module")
+def cube():
+    device = load_device(DEVICES / "cube")
+    return device, load_body(device.body)
+
+
+@pytest.fixture(scope="module")
+def made(cube):
+    """The cube's parts as drawn."""
+    device, body = cube
+    return fabricate(device, body.surface, device.sensors, lambda *_: None, body.solid)
+
+
+@pytest.fixture(scope="module")
+def folder(cube, made, tmp_path_factory):
+    """Their files, with signals made up."""
+    device, _ = cube
+    out = tmp_path_factory.mktemp("cube")
+    layout = [
+        {**write_sensor(s), "points": c.inside.tolist(), "peak_strain": 0.1, "least_strain": 0.0}
+        for s, c in zip(device.sensors, made.channels, strict=True)
+    ]
+    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
+    (out / "prediction.json").write_text(json.dumps({"signals": signals.tolist()}))
+    (out / "layout.json").write_text(json.dumps({"sensors": layout}))
+    write(device, made, out, {"sensors": layout})
+    return out
+
+
+@pytest.fixture(scope="module")
+def manifest(folder):
+    return json.loads((folder / "parts" / "manifest.json").read_text())
+
+
+@pytest.mark.slow
+def test_planes_that_cross_make_parts_that_slice(folder, manifest, tmp_path):
+    assert len(manifest["parts"]) >= 5
+    slicer.accept(folder / "parts")
+    slicer.accept(folder / "parts" / "print")
+    for plate in manifest["plates"]:
+        slicer.slice_(folder / "parts" / plate["file"], tmp_path)
+    slicer.slice_(folder / "parts" / manifest["parts"][0]["print"], tmp_path)
+
+
+@pytest.mark.slow
+def test_the_manifest_says_where_everything_is(folder, manifest):
+    total = sum(p["volume"] for p in manifest["parts"]) + manifest["removed_volume"]
+    assert total == pytest.approx(manifest["body_volume"], rel=1e-5)  # faces are set back by GAP
+    for p in manifest["parts"]:
+        surface = _stl(folder / "parts" / p["stl"])
+        assert surface.volume == pytest.approx(p["volume"], rel=1e-4)
+        assert surface.bounds == pytest.approx(np.array(p["bbox"]), abs=1e-4)
+        assert _stl(folder / "parts" / p["print"]).volume == pytest.approx(p["volume"], rel=1e-4)
+        assert p["step_volume"] == pytest.approx(p["volume"], rel=2e-3)
+        assert len(p["sockets"]) >= 2
+    counted = {p["name"]: p["count"] for p in manifest["pins"]}
+    used = [p["name"] for step in manifest["assembly"] for p in step["pins"]]
+    assert counted == {n: used.count(n) for n in counted}
+    on_plates = [n for plate in manifest["plates"] for n in plate["parts"]]
+    assert len(on_plates) == len(set(on_plates)) == len(manifest["parts"]) + len(used)
+    assert len(manifest["marker_seats"]) == 8
+    assert all(np.isfinite(c["value"]) for c in manifest["checks"])
+
+
+def test_the_device_is_closed_step_by_step(manifest):
+    """Every step joins two groups that exist by then; the last makes the whole device."""
+    groups = [{p["name"]} for p in manifest["parts"]]
+    for step in manifest["assembly"]:
+        low, high = (set(side) for side in step["join"])
+        assert low in groups
+        assert high in groups
+        groups = [g for g in groups if g not in (low, high)] + [low | high]
+    assert len(groups) == 1
+
+
+def test_the_cut_list_counts_every_millimetre(cube, manifest):
+    device, _ = cube
+    for c, top in zip(manifest["cords"], (1.44, 1.0, 1.1), strict=True):
+        assert [e["joint"] for e in c["ends"]] == ["pocket", "pocket"]
+        pockets = [e["pocket"] for e in c["ends"]]
+        # The ferrule, and a bend where the skin is level or leans.
+        assert set(np.round(pockets, 2)) <= {7.0, 11.05, 12.26, 13.88}
+        assert [e["wire"]["leaves"] for e in c["ends"]] == [
+            "bend" if p > 7 else "mouth" for p in pockets
+        ]
+        assert c["between_ferrules"] == pytest.approx(c["channel_length"] - sum(pockets))
+        assert c["cut_length"] == pytest.approx(c["between_ferrules"] + 7 + 5)
+        assert c["resistance"] == pytest.approx(14.5 * c["between_ferrules"])
+        assert c["range"][1] == pytest.approx(top * c["resistance"])
+        assert c["reference_resistor"] == pytest.approx(np.sqrt(np.prod(c["range"])), rel=0.06)
+    items = " ".join(b["item"] for b in manifest["bill"])
+    for word in ("silicone-shore-30a", "rubber-2mm", "ferrule", "wire", "pin-", "resistor", "glue"):
+        assert word in items
+    assert device.fabrication.pockets
+
+
+@pytest.mark.parametrize(("loss", "bends"), [(1.04, 6), (1.06, 0)])
+def test_bends_are_left_out_where_they_cost_accuracy(cube, monkeypatch, loss, bends):
+    device, body = cube
+    monkeypatch.setattr(
+        stage_fabricate,
+        "as_made",
+        lambda d, f, channels, decoder: SimpleNamespace(rmse=loss if channels[0].leads else 1.0),
+    )
+    decide = stage_fabricate._relief
+    decided, note = decide(device, Path(), body.surface, device.sensors, None, "affine")
+    r = stage_fabricate.rules(decided)
+    made = channels_of(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
+    assert sum(len(c.leads) for c in made) == bends
+    assert bool(note) == (bends == 0)
+    wanted = replace(device, fabrication=replace(device.fabrication, strain_relief=True))
+    kept, note = decide(wanted, Path(), body.surface, device.sensors, None, "affine")
+    assert kept is wanted
+    assert not note
+
+
+def test_the_reference_gives_the_largest_swing():
+    """Against every E24 value of five decades."""
+    values = np.array([e * 10.0**d for d in range(6) for e in E24])
+    rng = np.random.default_rng(2)
+    for low, high in np.sort(10 ** rng.uniform(1.5, 4.5, (50, 2)), axis=1):
+        swing = high / (high + values) - low / (low + values)
+        chosen = reference(low, high)
+        got = high / (high + chosen) - low / (low + chosen)
+        assert got == pytest.approx(swing.max(), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, manifest):
+    device, _ = cube
+    parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
+    write_guide(device, folder, manifest, parts, np.array([0.35, -1.0, 0.55]))
+    page = (folder / "guide.html").read_text()
+    steps = len(manifest["assembly"])
+    assert page.count("data:image/png;base64,") == 1 + steps
+    assert "://" not in page
+    for part in manifest["parts"]:
+        assert part["name"] in page
+    assert "the rest hangs out until a later joint" in page
+    pdf = (folder / "guide.pdf").read_bytes()
+    assert pdf.startswith(b"%PDF-")
+    assert len(re.findall(rb"/Subtype /Image", pdf)) >= 1 + steps
+    assert not list(folder.glob(".*.part"))
+
+
+@pytest.mark.slow
+def test_freecad_opens_the_step_files_with_the_same_volume(folder, manifest, tmp_path):
+    if shutil.which("freecadcmd") is None:
+        pytest.skip("FreeCAD is not installed")
+    script = tmp_path / "volumes.py"
+    script.write_text(
+        "import Part, json, glob, os\n"
+        f"paths = sorted(glob.glob({str(folder / 'parts' / '*.step')!r}))\n"
+        "out = {os.path.basename(p): Part.read(p).Volume for p in paths}\n"
+        f"open({str(tmp_path / 'out.json')!r}, 'w').write(json.dumps(out))\n"
+    )
+    subprocess.run(["freecadcmd", str(script)], capture_output=True, timeout=300, check=False)
+    volumes = json.loads((tmp_path / "out.json").read_text())
+    for p in manifest["parts"]:
+        assert volumes[p["step"]] == pytest.approx(p["step_volume"], rel=1e-6)
+    total = sum(p["step_volume"] for p in manifest["parts"])
+    assert volumes["assembly.step"] == pytest.approx(total, rel=1e-6)
+
+
+def test_a_part_that_no_bed_holds_is_refused(cube, made):
+    device, _ = cube
+    small = replace(device, fabrication=replace(device.fabrication, bed=(25.0, 25.0, 25.0)))
+    with pytest.raises(
+        FabricationError, match=r"\d-[a-z-]+ measures .* does not fit the bed of fdm"
+    ):
+        write(small, made, Path("/nonexistent"), {})
+
+
+@pytest.mark.parametrize(
+    ("bay", "message"),
+    [
+        ("size = [9, 9, 9]", "body.bay.at: is missing"),
+        ("at = [0, 0]", "body.bay.at: must be 3 numbers"),
+        ("at = [0, 0, 30]\nsize = [9, 9]", "body.bay.size: must be 3"),
+        ("at = [0, 0, 30]\nsize = [9, 9, -1]", "body.bay.size: is width, height and depth"),
+        ("at = [0, 0, 30]\ndepth = 3", "body.bay.depth: unknown key"),
+        ("at = [0, 0, 30]", "fabrication.pockets: wires to the connector bay begin in pockets"),
+    ],
+)
+def test_a_bay_is_checked(tmp_path, bay, message):
+    text = (DEVICES / "cube" / "device.toml").read_text()
+    shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
+    text = text.replace("[material]", f"[body.bay]\n{bay}\n\n[material]", 1)
+    (tmp_path / "device.toml").write_text(text.replace("marker_seats = 8", "pockets = false"))
+    with pytest.raises(DeviceError, match=re.escape(message)):
+        load_device(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("pockets = 3", "fabrication.pockets: must be true or false, not 3"),
+        ("marker_seats = 2.5", "fabrication.marker_seats: must be a whole number"),
+        ("marker_size = -1", "fabrication.marker_size: must be greater than 0"),
+        ("wire_diameter = 2.6", "fabrication.wire_diameter: a wire of 2.6 mm is not thinner"),
+        ("strain_relief = 1", "fabrication.strain_relief: must be true or false, not 1"),
+        ("wire_diameter = 0", "fabrication.wire_diameter: must be greater than 0"),
+        ("limit_cut = true", "fabrication.limit_cut: unknown key; did you mean 'limit_cuts'?"),
+    ],
+)
+def test_settings_are_checked(tmp_path, line, message):
+    text = (DEVICES / "cube" / "device.toml").read_text()
+    shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
+    (tmp_path / "device.toml").write_text(text.replace("marker_seats = 8", line))
+    with pytest.raises(DeviceError, match=re.escape(message)):
+        load_device(tmp_path)

@@ -1,0 +1,17 @@
+"""A session that was begun, and the specimen that it asks for."""
+
+from defsense_fab.calibration.settling import Criterion
+from defsense_fab.pipeline.calibrate import session as sessions
+
+SPECIMEN = {
+    "length": 150, "thickness": 15, "channels": {"inner": 2},
+    "jigs": [{"radius": r} for r in (None, 75, 112, 200)],
+}  # fmt: skip
+
+
+def begin(folder, rounds=1, radii=(75.0, 112.0, 200.0)):
+    return sessions.create(
+        folder, name="s", geometry=sessions.Geometry(), length=150, radii=radii, rounds=rounds,
+        faces=["a", "b"], seed=1, reference=[2200.0] * 3, criterion=Criterion(), rate=20,
+        average=None,
+    )  # fmt: skip

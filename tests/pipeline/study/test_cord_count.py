@@ -1,0 +1,88 @@
+"""Studies that are interrupted, resumed, damaged, or asked for other numbers of cords."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from defsense_fab.cli import main
+from defsense_fab.core.curve import Plane
+from defsense_fab.pipeline.study.study_file import Row, chain, read_rows, write_rows
+from tests.places import BAR
+
+
+def row(begun, sensors):
+    return Row(sensors, 1.0, 0.9, float("nan"), 0.5, begun, ())
+
+
+def test_chains_without_gaps():
+    rows = [row(1, 1), row(1, 2), row(4, 4), row(4, 5), row(1, 4)]
+    assert chain(rows, 1) == rows[:2]
+    assert chain(rows, 2) == rows[:2]
+    assert chain(rows, 3) == []
+    assert chain(rows, 5) == rows[2:4]
+    assert chain([], 1) == []
+    rows = [row(3, 3), row(3, 4), row(3, 5), row(1, 1), row(1, 2), row(1, 3), row(1, 4)]
+    assert chain(rows, 3) == rows[:3]
+    assert chain(rows, 2) == rows[3:]
+
+
+def test_layouts_come_back_to_the_last_bit(tmp_path, straight):
+    path, axes = tmp_path / "study.json", Rotation.random(random_state=1).as_matrix()
+    drawn = replace(straight(free=()), plane=Plane(np.array([0.1, 1 / 3, 7.0]), axes))
+    write_rows(path, "key", [replace(row(1, 1), layout=(drawn,))])
+    (found,) = read_rows(path, "key")[0].layout
+    assert (found.plane.axes == axes).all()
+    assert (found.plane.origin == drawn.plane.origin).all()
+    assert (found.curve.points == drawn.curve.points).all()
+
+
+def test_damaged_files_are_no_rows(tmp_path):
+    path = tmp_path / "study.json"
+    assert read_rows(path, "key") == []
+    write_rows(path, "key", [replace(row(1, 1), held_out=2.0), row(1, 2)])
+    one, two = read_rows(path, "key")
+    assert one == replace(row(1, 1), held_out=2.0)
+    assert two.held_out != two.held_out
+    assert read_rows(path, "other") == []
+    data = json.loads(path.read_text())
+    for damage in (
+        [],
+        {**data, "schema": 2},
+        {**data, "rows": [{"sensors": 1}]},
+        {**data, "rows": [{**data["rows"][0], "begun": None}]},
+        {**data, "rows": [{**data["rows"][0], "rmse": None}]},
+        {**data, "rows": [{**data["rows"][0], "layout": None}]},
+        {**data, "rows": [{**data["rows"][0], "layout": [{}]}]},
+        {"schema": 1, "key": "key"},
+    ):
+        path.write_text(json.dumps(damage))
+        assert read_rows(path, "key") == []
+    path.write_text("{")
+    assert read_rows(path, "key") == []
+
+
+@pytest.mark.slow
+def test_a_resumed_study_finds_what_an_uninterrupted_one_finds(tmp_path, capsys):
+    text = (BAR / "device.toml").read_text()
+    text = text.replace("edge_length = 6.0", "edge_length = 12.0")
+    text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
+    found = []
+    for name, ranges in (("whole", ["1..2"]), ("resumed", ["1", "1..2"])):
+        folder = tmp_path / name
+        folder.mkdir()
+        shutil.copy(BAR / "bar.py", folder)
+        (folder / "device.toml").write_text(text)
+        for numbers in ranges:
+            capsys.readouterr()
+            assert main.main(["study", str(folder), "--sensors", numbers, "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    whole, resumed = ([r["rmse"] for r in f["rows"]] for f in found)
+    assert whole == pytest.approx(resumed, rel=1e-3)
+    assert whole[1] < whole[0]
+    assert found[0]["decoder"] == "affine"
+    assert Path(found[0]["picture"]).stat().st_size > 10_000

@@ -1,0 +1,117 @@
+"""Frames: the golden bytes that the firmware's C is tested with, and damage of every kind."""
+
+import os
+import random
+
+import pytest
+
+from defsense_fab.sensing.serial_frames import Info, Sample, Stream, Text, decode, encode
+from tests.places import FIRMWARE
+
+GOLDEN = FIRMWARE / "golden.txt"
+LINES = [
+    line.split() for line in GOLDEN.read_text().splitlines() if line and not line.startswith("#")
+]
+#: Faults of the campaign.
+FAULTS = int(os.environ.get("DEFSENSE_FAULTS", "3000"))
+
+
+@pytest.mark.parametrize(("name", "payload", "frame"), LINES, ids=[n for n, *_ in LINES])
+def test_golden(name, payload, frame):
+    frame = bytes.fromhex(frame)
+    message = decode(frame[:-1])
+    assert type(message) is {"sample": Sample, "info": Info, "text": Text}[name.split("_")[0]]
+    assert encode(message) == frame
+    assert 0 not in frame[:-1]
+
+
+def test_values_of_a_golden_frame():
+    frame = bytes.fromhex(dict((n, f) for n, _, f in LINES)["sample_3"])
+    assert decode(frame[:-1]) == Sample(17, 345678, True, False, 16, (8196, 4800, 12000))
+
+
+def samples(rng, count, channels):
+    out = []
+    for i in range(count):
+        sums = tuple(rng.randrange(16 * 1023) for _ in range(channels))
+        out.append(Sample(i, i * 20_000 % 2**32, bool(i // 25 % 2), False, 16, sums))
+    return out
+
+
+def damage(rng, frame, kind):
+    frame = bytearray(frame)
+    at = rng.randrange(len(frame))
+    if kind == "flip":
+        frame[at] ^= 1 << rng.randrange(8)
+    elif kind == "change":
+        frame[at] = (frame[at] + rng.randrange(1, 256)) % 256
+    elif kind == "drop":
+        del frame[at]
+    elif kind == "insert":
+        frame.insert(at, rng.randrange(256))
+    else:  # a burst of noise
+        frame[at : at + rng.randrange(1, 9)] = rng.randbytes(rng.randrange(1, 9))
+    return bytes(frame)
+
+
+@pytest.mark.parametrize("channels", [1, 3, 16])
+def test_no_damage_is_taken_for_data(channels):
+    """And two frames after a fault all is well again."""
+    rng = random.Random(channels)
+    sent = samples(rng, 3 * FAULTS, channels)
+    hit = set(rng.sample(range(len(sent)), FAULTS))
+    kinds = ("flip", "change", "drop", "insert", "burst")
+    data = b"".join(
+        damage(rng, encode(s), rng.choice(kinds)) if i in hit else encode(s)
+        for i, s in enumerate(sent)
+    )
+    stream, got = Stream(), []
+    while data:
+        size = rng.randrange(1, 200)
+        got += stream.feed(data[:size])
+        data = data[size:]
+    assert set(got) <= set(sent)
+    assert [s.counter for s in got] == sorted({s.counter for s in got})
+    there = {s.counter for s in got}
+    for i in range(2, len(sent) - 1):
+        if not {i, i - 1, i - 2} & hit:
+            assert i in there, "a frame was lost two frames after the last fault"
+    # Up to the first sample that needed a witness, what is missing was counted as lost.
+    assert stream.lost == got[-1].counter - got[0].counter + 1 - len(got)
+    assert stream.bad > 0.9 * len(hit) - 10
+
+
+def test_noise_is_nothing():
+    rng = random.Random(0)
+    stream = Stream()
+    assert stream.feed(rng.randbytes(200_000)) == []
+    assert stream.bad > 500
+
+
+def test_a_restarted_board_needs_a_witness():
+    stream = Stream()
+    one, two = ([Sample(n, 0, False, False, 1, (5,)) for n in range(a, a + 3)] for a in (5000, 0))
+    assert stream.feed(b"".join(map(encode, one))) == one
+    assert stream.feed(encode(two[0])) == []
+    assert stream.feed(encode(two[1])) == two[:2]
+    assert stream.restarts == 1
+
+
+def test_what_a_board_never_sends_is_refused():
+    good = Sample(1, 2, True, False, 16, (100, 200))
+    assert decode(encode(good)[:-1]) == good
+    for bad in (
+        Sample(1, 2, True, False, 0, (100,)),
+        Sample(1, 2, True, False, 1, (40_000,)),
+        Sample(1, 2, True, False, 1, ()),
+        Sample(1, 2, True, False, 1, (1,) * 17),
+        Text("x" * 101),
+        Text("\x07"),
+    ):
+        assert decode(encode(bad)[:-1]) is None
+    assert decode(b"") is None
+
+
+def test_another_protocol_is_known_by_its_number():
+    info = Info(2, (9, 9), 0, 3, 16, 50, 0, 8, 1024)
+    assert decode(encode(info)[:-1]).protocol == 2

@@ -1,0 +1,69 @@
+"""Voltage dividers: counts and ohms, resolution, and the tables that the firmware's page prints."""
+
+import re
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import CaptureError
+from defsense_fab.sensing.voltage_divider import Dividers, measured_reference, reference
+from tests.places import FIRMWARE
+
+PAGE = FIRMWARE / "README.md"
+
+
+def test_counts_and_ohms_are_each_others_inverse():
+    d = Dividers(np.array([1000.0, 2200, 10000]), 1024)
+    ohm = np.array([[500.0, 2200, 8000], [30, 9000, 40000]])
+    assert d.resistance(d.counts(ohm)) == pytest.approx(ohm)
+    assert d.counts(np.array([1000.0, 2200, 10000])) == pytest.approx([512] * 3)
+
+
+def test_ends_of_the_range():
+    d = Dividers(np.full(4, 1000.0), 1024)
+    found = d.resistance(np.array([0, 1023.5, 512, np.nan]))
+    assert found == pytest.approx([0, np.inf, 1000, np.nan], nan_ok=True)
+
+
+def test_resolution_is_the_derivative():
+    """FACTS of electronics: 14 ohm a count for 2.1 kohm with 10 kohm on 10 bits."""
+    d = Dividers(np.array([10_000.0]), 1024)
+    assert d.resolution(2100.0)[0] == pytest.approx(14.3, abs=0.05)
+    step = d.resistance(d.counts(np.array([2100.0])) + 0.5) - d.resistance(
+        d.counts(np.array([2100.0])) - 0.5
+    )
+    assert d.resolution(2100.0) == pytest.approx(step, rel=1e-3)
+
+
+def test_the_best_reference_is_the_cord_itself():
+    refs = np.geomspace(500, 10_000, 200)
+    finest = refs[[Dividers(np.array([r]), 1024).resolution(2200.0)[0] for r in refs].index(
+        min(Dividers(np.array([r]), 1024).resolution(2200.0)[0] for r in refs))]  # fmt: skip
+    assert finest == pytest.approx(2200, rel=0.02)
+    assert reference(2200, 2200) == 2200
+    assert reference(2000, 2600) == 2200
+
+
+def test_the_page_prints_what_is_computed():
+    rows = [
+        [cell.strip() for cell in line.strip("| \n").split("|")]
+        for line in PAGE.read_text().splitlines()
+        if re.match(r"\| (cord at rest|\d+ \| (own|ADS))", line)
+    ]
+    refs = [float(r) for r in rows[0][2:]]
+    assert len(rows) == 11
+    for ohm, converter, *cells in rows[1:]:
+        full = 1024 if converter.startswith("own") else 26400
+        expected = [Dividers(np.array([r]), full).resolution(float(ohm))[0] for r in refs]
+        assert [float(c) for c in cells] == pytest.approx(expected, rel=0.06)
+
+
+def test_references_are_measured_with_a_known_resistor():
+    true = np.array([2150.0, 2203, 2248])
+    counts = Dividers(true, 1024).counts(np.full(3, 2000.0))
+    assert measured_reference(counts, 2000, 1024) == pytest.approx(true)
+    counts[1] = 1023.9
+    with pytest.raises(CaptureError, match="channels 2 are open or shorted"):
+        measured_reference(counts, 2000, 1024)
+    with pytest.raises(CaptureError, match="reference must be above zero"):
+        Dividers(np.array([0.0]), 1024)

@@ -1,0 +1,138 @@
+"""The twin's camera against the model of the camera: no noise, areas exact."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from defsense_fab.core.errors import CaptureError
+from defsense_fab.twin.filming.renderer import Optics, Renderer, render
+from defsense_fab.twin.filming.scene import Backdrop, Patch, Scene
+from tests.twin.views import camera, tag, turn
+
+CLEAN = Optics(blur=0.0, read=0.0, shot=0.0, vignetting=0.0)
+DARK = Backdrop(0.0, (0.0, 0.0), 0.0)
+FLAT = {"backdrop": DARK, "ink": (0.0, 250.0), "shade": 0.0}
+WHITE, BLACK = np.full((1, 1), 255, np.uint8), np.zeros((1, 1), np.uint8)
+
+
+def centroid(image):
+    weight = image.astype(float)
+    y, x = np.mgrid[: image.shape[0], : image.shape[1]]
+    return np.array([(weight * x).sum(), (weight * y).sum()]) / weight.sum()
+
+
+def expected_centroid(view, patch, count=100):
+    """Of the patch's area in the image, by projecting a fine grid of points."""
+    at = (np.arange(count) + 0.5) / count * patch.pattern.shape[1]
+    grid = view.project(patch.at(np.stack(np.meshgrid(at, at), axis=-1)))
+    across, down = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
+    area = np.abs(across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0])
+    return (grid * area[..., None]).sum((0, 1)) / area.sum()
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.floats(-60, 60), st.floats(-45, 45), st.floats(-1, 1), st.floats(-1, 1), st.floats(-3, 3)
+)  # fmt: skip
+def test_the_centroid_of_a_square_is_where_the_model_has_it(x, z, tilt, sway, roll):
+    view = camera((0, -150, 0))
+    upright = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
+    axes = turn(tilt, 0, sway) @ upright @ turn(z=roll)
+    patch = Patch(0, WHITE, np.array([x, 0, z]), axes, 15.0, margin=0.0)
+    picture = Renderer(view, CLEAN, np.random.default_rng(0)).shoot(Scene((patch,), **FLAT))
+    corners = view.project(patch.corners)
+    assert np.allclose(picture.corners[0], corners, atol=1e-9)
+    ray = (patch.center - view.center) / np.linalg.norm(patch.center - view.center)
+    aside = (corners.min(0) < 0).any() or (corners.max(0) > [319, 239]).any()
+    if aside or ray @ axes[:, 2] > -0.25:  # partly outside, or seen from its side
+        return
+    assert picture.visible[0] == pytest.approx(1, abs=1e-5)
+    # Eight bits leave up to half a level in the pixels of the edge.
+    assert centroid(picture.image) == pytest.approx(expected_centroid(view, patch), abs=0.005)
+
+
+def test_a_bent_edge_is_found_where_it_is():
+    view = camera((40, -150, 60))
+    patch = Patch(0, WHITE, np.array([10, 0, 5.0]), turn(1.3, 0.1, 0.2), 70.0, margin=0.0)
+    image = render(view, Scene((patch,), **FLAT), CLEAN, np.random.default_rng(0)) / 250.0
+    at = np.linspace(0.1, 0.9, 2001)
+    left = view.project(patch.at(np.stack([0 * at, at], axis=-1)))
+    for row in range(int(left[:, 1].min()) + 2, int(left[:, 1].max()) - 2):
+        inside = (left[:, 1] > row - 0.5) & (left[:, 1] < row + 0.5)
+        edge = np.interp(np.linspace(row - 0.5, row + 0.5, 33), left[:, 1], left[:, 0]).mean()
+        assert inside.any()
+        middle = round(float(edge)) + 6
+        filled = image[row, middle - 15 : middle].sum()
+        assert middle - 0.5 - filled == pytest.approx(edge, abs=0.005)
+
+
+def test_brute_force_gives_the_same_picture():
+    """Every pixel against 16 x 16 rays through it."""
+    view = camera((60, -110, 70), size=(48, 36), focal=45.0, lens=(-0.3, 0.1, 0.003, 0.002, 0))
+    patch = Patch(3, tag(5), np.array([2, 1, 3.0]), turn(1.1, 0.2, 0.5), 60.0)
+    scene = Scene((patch,), **{**FLAT, "backdrop": Backdrop(100.0, (0.0, 0.0), 0.0)})
+    image = render(view, scene, CLEAN, np.random.default_rng(0))
+    fine = (np.arange(16) + 0.5) / 16 - 0.5
+    x = (np.arange(48)[:, None] + fine).ravel()
+    y = (np.arange(36)[:, None] + fine).ravel()
+    plane = view.to_plane(np.stack(np.meshgrid(x, y), axis=-1))
+    rays = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1) @ view.rotation
+    normal = patch.axes[:, 2]
+    far = (patch.center - view.center) @ normal / (rays @ normal)
+    hit = (view.center + rays * far[..., None] - patch.center) @ patch.axes[:, :2] / patch.cell
+    cells = np.floor(hit * [1, -1] + 3).astype(int)
+    inside = ((cells >= -1) & (cells < 7)).all(-1)
+    padded = np.pad(patch.pattern, 1, constant_values=255) / 255 * 250.0
+    column, row = np.moveaxis(np.clip(cells + 1, 0, 7), -1, 0)
+    values = np.where(inside, padded[row, column], 100.0)
+    exact = values.reshape(36, 16, 48, 16).mean((1, 3))
+    assert np.abs(image - exact).max() < 4  # half a level, and what 16 rays across leave
+    assert np.abs((image - exact).mean()) < 0.05
+
+
+def test_noise_has_the_variance_that_it_is_given():
+    scene = Scene(backdrop=Backdrop(120.0, (0.0, 0.0), 0.0))
+    optics = Optics(blur=0.7, read=2.0, shot=0.05, vignetting=0.2)
+    renderer = Renderer(camera((0, -150, 0)), optics, np.random.default_rng(1))
+    pair = [renderer.shoot(scene).image.astype(float) for _ in range(2)]
+    assert np.var(pair[0] - pair[1]) / 2 == pytest.approx(4 + 0.05 * 112 + 1 / 12, rel=0.03)
+    assert pair[0][110:130, 150:170].mean() == pytest.approx(120, abs=0.6)
+    assert pair[0][:6, :6].mean() == pytest.approx(120 * 0.8, abs=2.5)
+
+
+def test_instants_smear_what_moves_and_leave_its_middle():
+    view = camera((0, -150, 0), lens=(0.0, 0.0, 0.0, 0.0))
+    upright = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
+    where = np.linspace(-1.5, 1.5, 7)
+    scenes = [
+        Scene((Patch(0, WHITE, np.array([x, 0, 0]), upright, 10.0, margin=0.0),), **FLAT)
+        for x in where
+    ]
+    renderer = Renderer(view, CLEAN, np.random.default_rng(0))
+    smeared, still = renderer.shoot(scenes[3], scenes).image, renderer.shoot(scenes[3]).image
+    assert centroid(smeared) == pytest.approx(centroid(still), abs=0.01)
+    assert ((smeared > 5) & (smeared < 245)).sum() > 2 * ((still > 5) & (still < 245)).sum()
+    assert smeared.sum() == pytest.approx(still.sum(), rel=2e-3)
+
+
+def test_the_same_seed_gives_the_same_picture():
+    scene = Scene((Patch(0, BLACK, np.zeros(3), turn(1.3), 20.0),))
+    view = camera((0, -150, 0))
+    images = [render(view, scene, Optics(), np.random.default_rng(s)) for s in (4, 4, 5)]
+    assert (images[0] == images[1]).all()
+    assert (images[0] != images[2]).any()
+
+
+def test_what_is_gone_leaves_nothing_behind():
+    view = camera((0, -150, 0))
+    renderer = Renderer(view, Optics(read=0.0, shot=0.0), np.random.default_rng(0))
+    empty = renderer.shoot(Scene()).image
+    renderer.shoot(Scene((Patch(0, BLACK, np.array([30.0, 0, 20]), turn(1.3), 20.0),)))
+    assert (renderer.shoot(Scene()).image == empty).all()
+
+
+def test_optics_that_cannot_be():
+    for wrong in ({"blur": -1.0}, {"gain": 0.0}, {"read": float("nan")}):
+        with pytest.raises(CaptureError, match="optics"):
+            Optics(**wrong)

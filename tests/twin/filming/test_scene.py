@@ -1,0 +1,115 @@
+"""What hides what, and what the scene's records refuse."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import CaptureError
+from defsense_fab.twin.filming.renderer import Optics, Renderer
+from defsense_fab.twin.filming.scene import Ball, Ellipse, Lamp, Patch, Scene
+from tests.conftest import box_surface
+from tests.twin.views import camera, tag, turn
+
+QUIET = Optics(blur=0.0, read=0.0, shot=0.0, vignetting=0.0)
+UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
+FRONT = Patch(7, tag(), np.zeros(3), UPRIGHT, 30.0)
+
+
+def shoot(scene, view=None):
+    return Renderer(view or camera((0, -150, 0)), QUIET, np.random.default_rng(0)).shoot(scene)
+
+
+def visible(*patches, **rest):
+    return shoot(Scene(patches, **rest)).visible
+
+
+def test_corners_go_clockwise_from_the_top_left():
+    across, up = FRONT.corners @ FRONT.axes[:, 0], FRONT.corners @ FRONT.axes[:, 1]
+    assert across.tolist() == pytest.approx([-15, 15, 15, -15])
+    assert up.tolist() == pytest.approx([15, 15, -15, -15])
+    pixels = shoot(Scene((FRONT,))).corners[0]
+    assert (pixels[1] - pixels[0])[0] > 10
+    assert (pixels[2] - pixels[1])[1] > 10
+
+
+def test_a_patch_that_looks_away_is_not_drawn():
+    back = FRONT.moved(FRONT.center, FRONT.axes @ turn(y=np.pi))
+    assert visible(FRONT, back).tolist() == pytest.approx([1, 0], abs=1e-4)
+    assert (shoot(Scene((back,))).image == shoot(Scene()).image).all()
+
+
+def test_a_patch_behind_another_shows_what_sticks_out():
+    behind = FRONT.moved(np.array([20.0, 15, 0]), FRONT.axes)
+    view = camera((0, -150, 0), lens=(0.0, 0.0, 0.0, 0.0))
+    seen = shoot(Scene((behind, FRONT)), view).visible
+    # From 5 to 35 mm; at depth 165 the front one's edge, at 20 with its margin, is at 22.
+    assert seen == pytest.approx([13 / 30, 1], abs=0.01)
+
+
+def test_half_of_a_patch_behind_the_body():
+    box = box_surface([0, -40, -50], [100, -30, 50])
+    assert visible(FRONT, body=box)[0] == pytest.approx(0.5, abs=0.01)
+    assert visible(FRONT, body=box_surface([0, 30, -50], [100, 40, 50]))[0] == pytest.approx(1)
+
+
+def test_a_patch_lies_on_the_skin_and_a_body_hides_its_other_side():
+    box = box_surface([-30, 0, -30], [30, 20, 30])
+    sunk = FRONT.moved(np.array([0, 1.5, 0.0]), FRONT.axes @ turn(x=0.02))
+    far = FRONT.moved(np.array([0, 20.1, 0.0]), FRONT.axes)
+    assert visible(sunk, far, body=box).tolist() == pytest.approx([1, 0], abs=1e-3)
+    image = shoot(Scene(body=box)).image
+    assert image[117, 162] == pytest.approx(90, abs=1)
+    assert image[10, 10] != image[117, 162]
+
+
+def test_balls_hide_what_is_behind_them():
+    near, far = (Ball(np.array([0, y, 0.0]), 60.0, 33.0) for y in (-70.0, 90.0))
+    assert visible(FRONT, occluders=(near,))[0] == 0
+    assert visible(FRONT, occluders=(far,))[0] == pytest.approx(1, abs=1e-4)
+    assert shoot(Scene((FRONT,), occluders=(near,))).image[117, 162] == 33
+
+
+def test_an_ellipse_is_before_one_camera():
+    pixels = shoot(Scene((FRONT,))).corners[0]
+    spot = Ellipse((pixels[0, 0], pixels[:, 1].mean()), (8.0, 200.0), 0.0, 10.0, "left")
+    assert 0.5 < visible(FRONT, occluders=(spot,))[0] < 0.9
+    other = camera((0, -150, 0), name="right")
+    assert shoot(Scene((FRONT,), occluders=(spot,)), other).visible[0] == pytest.approx(1)
+
+
+def test_a_lamp_is_seen_on_and_off():
+    view, place = camera((0, -150, 0)), np.array([10, 0, 8.0])
+    x, y = np.round(view.project(place)).astype(int)
+    for on, level in ((True, 250), (False, 60)):
+        assert shoot(Scene(lamp=Lamp(place, on)), view).image[y, x] == level
+
+
+def test_what_is_out_of_sight_is_not_drawn():
+    for place in ([0, -400.0, 0], [5000.0, 0, 0], [0, -149.0, 0]):
+        picture = shoot(Scene((FRONT.moved(np.array(place), FRONT.axes),)))
+        assert picture.visible[0] <= 1e-3 or place[1] == -149.0
+        assert picture.image.shape == (240, 320)
+    cut = FRONT.moved(view_edge(), FRONT.axes)
+    assert 0.2 < visible(cut)[0] < 0.8
+
+
+def view_edge():
+    """Where the image's right side is, on the plane of the patch."""
+    x, y = camera((0, -150, 0)).to_plane(np.array([319.5, 117.0]))
+    return np.array([150 * x, 0, -150 * y])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"pattern": np.zeros((4, 4))}, "uint8"),
+        ({"axes": np.eye(3)[:, [1, 0, 2]]}, "rotation"),
+        ({"axes": 2 * np.eye(3)}, "rotation"),
+        ({"center": np.zeros(2)}, "center"),
+        ({"size": 0.0}, "size"),
+        ({"center": np.array([0, np.nan, 0])}, "place"),
+    ],
+)
+def test_patches_that_cannot_be(change, said):
+    good = {"pattern": tag(), "center": np.zeros(3), "axes": np.eye(3), "size": 15.0}
+    with pytest.raises(CaptureError, match=said):
+        Patch(1, **{**good, **change})
