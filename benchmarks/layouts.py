@@ -26,6 +26,7 @@ from defsense_fab.decoding.ridge import fit
 from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.limits.thin_parts import Slivers
 from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.problem.cord_kinematics import cord_at
 from defsense_fab.optimize.problem.cord_parameters import CordFreedom, sample_path
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.problem.problem import Problem
@@ -109,7 +110,7 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
     mesh = problem.locator.mesh
     pieces = []
     for c, part in zip(cords, ours.split(x), strict=True):
-        at = problem.locator.find(c.place(part).points)
+        at = problem.locator.find(cord_at(c, part).points)
         corner = mesh.nodes[mesh.cells[at.cell, 0]]
         local = jnp.asarray(problem.fields[:, mesh.cells[at.cell]])  # (s, p, 10, 3)
         pieces.append((corner, mesh.bary_gradient[at.cell], local))
@@ -186,7 +187,9 @@ def refinement(problem: Problem) -> None:
             constraints={"type": "ineq", "fun": lambda x: limits(x)[0]},
             options=options,
         )
-        layout = tuple(c.apply(x) for c, x in zip(free, objective.split(found.x), strict=True))
+        layout = tuple(
+            cord_at(c, x).sensor() for c, x in zip(free, objective.split(found.x), strict=True)
+        )
         show(f"scipy {method}, {found.nfev} values", layout, time.perf_counter() - begin, ours)
     print("the whole search: proposal, selection, refinement; 8 seeds")
     times, errors = [], []

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from ...core.errors import FabricationError
 from ..kernels import occ
 from ..kernels.cutting_tools import Tool
 from .division import Division
-
-if TYPE_CHECKING:
-    from .parts import Made, Part, Rules
+from .records import Made, Part, Rules
 
 #: Largest difference of a part's volume between the kernels: of the part, and of the body.
 PART, BODY = 2e-3, 1e-4

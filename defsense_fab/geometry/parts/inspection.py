@@ -8,8 +8,7 @@ the values that the parts were made with.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import igl
 import numpy as np
@@ -26,9 +25,7 @@ from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, frame
 from .alignment_pins import Pin, gap, rings
 from .division import Cut
-
-if TYPE_CHECKING:
-    from .parts import Made, Part, Rules
+from .records import Check, Made, Part, Rules
 
 #: Largest relative difference between the body and its parts plus what was removed.
 CONSERVATION = 1e-3
@@ -43,19 +40,6 @@ _LAYERS = 30
 _POINTS = 100_000
 _OPENED = (0.3, 2.0, 10.0)  # mm between two halves
 _TOLERANCE = 0.02  # mm
-
-
-@dataclass(frozen=True)
-class Check:
-    """`value` as measured, the `limit` that it keeps (below it for "at most"), where, and what a
-    maker should be told of it, if anything."""
-
-    name: str
-    value: float
-    limit: float
-    unit: str
-    at: str
-    note: str = ""
 
 
 def inspect(made: Made, pieces: Sequence[Any], body: Surface, rules: Rules) -> list[Check]:

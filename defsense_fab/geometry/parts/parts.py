@@ -3,83 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, place
+from ...core.arrays import place
 from ...core.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.connector_bay import without_bay
-from ..channels.channel_ends import Pockets
-from ..channels.cord_channels import Channel, channels_of
+from ..channels.cord_channels import channels_of
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, Tool
 from . import alignment_pins, inspection, part_labels, tag_seats
 from .channel_openings import Graze
-from .division import SMALL, Cut, Division, divide, plan
-from .inspection import Check
+from .division import SMALL, Division, divide, plan
 from .part_contacts import Contact, contacts
 from .part_labels import Label
 from .part_names import names as names_of
 from .print_bed import FOOTHOLD, footing, resting
-
-
-@dataclass(frozen=True)
-class Rules:
-    """What the cord and the printing process ask for, mm: diameters of the `cord` and its
-    `channel`, `clearance` of pins on the diameter, least `wall` to the skin;
-    whether to `limit` cuts to what their cords need; the `pockets` at cords' ends, or None;
-    how many `seats` for square tags of `tag` mm the skin gets."""
-
-    cord: float
-    channel: float
-    clearance: float
-    wall: float
-    limit: bool = False
-    pockets: Pockets | None = None
-    seats: int = 0
-    tag: float = 10.0
-
-    @property
-    def inner_wall(self) -> float:
-        """Least wall between two hollows in one part, which the glue closes later, mm."""
-        return 2 * self.wall / 3
-
-
-@dataclass(frozen=True)
-class Part:
-    """One printable piece in the rest frame: `surface` is what its STL holds, `volume` (mm^3) and
-    `center` (3,) mm are those facets', `down` (3,) points to the bed as it is printed; `solid` is
-    its TopoDS_Solid where the body is CAD."""
-
-    name: str
-    surface: Surface
-    volume: float
-    center: Float
-    down: Float
-    solid: Any = None
-
-
-@dataclass(frozen=True)
-class Made:
-    """The parts, in the order of their numbers, and how they are held together. Cuts come in the
-    order in which the body was divided: it is closed in the opposite one. `cut_out` is the volume
-    of all that was removed, mm^3."""
-
-    parts: tuple[Part, ...]
-    cuts: tuple[Cut, ...]
-    contacts: tuple[Contact, ...]
-    pins: tuple[alignment_pins.Pin, ...]
-    labels: tuple[Label, ...]
-    seats: tuple[tag_seats.Seat, ...]
-    channels: tuple[Channel, ...]
-    checks: tuple[Check, ...]
-    warnings: tuple[str, ...]
-    cut_out: float
-    body_volume: float
+from .records import Made, Part, Rules
 
 
 def make_parts(

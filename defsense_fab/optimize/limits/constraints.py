@@ -13,7 +13,7 @@ from ...core.device import Sensor
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import INLET_SLOPE
 from ...geometry.kernels import ray_casting
-from ..problem.cord_kinematics import Placed
+from ..problem.cord_kinematics import Placed, cord_at
 from ..problem.cord_parameters import CordFreedom
 from ..problem.problem import Limits
 from ..problem.surface_depth import DepthField
@@ -78,7 +78,7 @@ class _Inlets:
     def of(cls, cord: CordFreedom, depth: DepthField, surface: Surface) -> _Inlets:
         lengths = to_exits(cord.sensor, surface)
         runs = run_lengths(lengths)
-        track = Track.of(cord.place(np.zeros(cord.size)), runs)
+        track = Track.of(cord_at(cord, np.zeros(cord.size)), runs)
         points, path = track.points, track.placed.points
         out = path[[0, -1]] - path[[1, -2]]
         out /= np.linalg.norm(out, axis=1, keepdims=True)
@@ -142,7 +142,7 @@ class Constraints:
     def __call__(self, x: Float) -> tuple[Float, Float]:
         """Values (g,) and derivatives (g, size)."""
         tracks = [
-            Track.of(cord.place(x[columns]), inlets.runs)
+            Track.of(cord_at(cord, x[columns]), inlets.runs)
             for cord, columns, inlets in zip(self._cords, self._columns, self._inlets, strict=True)
         ]
         values, rows = [], []

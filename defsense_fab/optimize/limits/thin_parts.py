@@ -11,6 +11,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.curve import coincident
 from ...core.device import Sensor
+from ..problem.cord_kinematics import cord_at
 from ..problem.cord_parameters import CordFreedom, sample_path
 from ..problem.problem import Problem
 from .interior_points import evenly
@@ -55,7 +56,7 @@ class Slivers:
         others not to be."""
         ends = np.cumsum([0, *(c.size for c in cords)])
         parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
-        placed = [c.place(new[p]) for c, p in zip(cords, parts, strict=True)]
+        placed = [cord_at(c, new[p]) for c, p in zip(cords, parts, strict=True)]
         found = self._first([at.sensor() for at in placed])
         if found is None:
             return None
@@ -65,7 +66,7 @@ class Slivers:
             now, by = placed[owner].height(point)
             side = 1.0 if now >= 0 else -1.0
             value += side * now
-            was += side * cords[owner].place(old[parts[owner]]).height(point)[0]
+            was += side * cord_at(cords[owner], old[parts[owner]]).height(point)[0]
             row[parts[owner]] += side * by
         if was > value:
             return np.array([value - 1.5 * max(value, self._limits.wall)]), row[None]

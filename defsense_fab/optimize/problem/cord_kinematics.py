@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
@@ -11,11 +10,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.curve import Hermite, Plane
 from ...core.device import Sensor
-
-if TYPE_CHECKING:
-    from .cord_parameters import CordFreedom
-
-FRAME = 5  # parameters of a free plane: two moves, three turns
+from .cord_parameters import FRAME, CordFreedom
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +89,7 @@ class Placed:
         return value, derivative / cord.drawn_speed[:, None] ** 3
 
 
-def place(cord: CordFreedom, x: Float) -> Placed:
+def cord_at(cord: CordFreedom, x: Float) -> Placed:
     """The cord at parameters x (size,)."""
     stack, pivot, axes = cord.stack.copy(), cord.pivot.copy(), cord.sensor.plane.axes.copy()
     points, local = np.empty((len(cord.basis), 3)), np.empty((len(cord.basis), 2))

@@ -10,8 +10,8 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.curve import Hermite, Plane, hermite_basis
 from ...core.device import Sensor
-from .cord_kinematics import FRAME, Placed, place
 
+FRAME = 5  #: Parameters of a free plane: two moves, three turns.
 #: A path is sampled with at least this many points for signals and in `layout.json`.
 SAMPLES = 120
 
@@ -64,14 +64,6 @@ class CordFreedom:
         _, self.first, self.second = hermite_basis(k, 8)
         speed = np.linalg.norm(self.first @ self.stack, axis=1)
         self.drawn_speed = np.maximum(speed, 1e-3 * speed.max())
-
-    def place(self, x: Float) -> Placed:
-        """The cord at parameters x (size,)."""
-        return place(self, x)
-
-    def apply(self, x: Float) -> Sensor:
-        """The sensor at parameters x (size,)."""
-        return self.place(x).sensor()
 
 
 def apart(sensors: Sequence[Sensor]) -> tuple[list[CordFreedom], Int]:

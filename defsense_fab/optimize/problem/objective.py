@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...decoding.elimination import expected_square, square_slopes
-from .cord_kinematics import Placed
+from .cord_kinematics import Placed, cord_at
 from .cord_parameters import CordFreedom
 from .cord_signals import Carried
 from .problem import Problem
@@ -106,7 +106,7 @@ class Objective:
         return _with_rest(carried.signals), jacobians
 
     def _carry(self, x: Float) -> tuple[list[Placed], Carried]:
-        placed = [c.place(part) for c, part in zip(self.cords, self.split(x), strict=True)]
+        placed = [cord_at(c, part) for c, part in zip(self.cords, self.split(x), strict=True)]
         points = np.concatenate([p.points for p in placed])
         return placed, self.problem.carrier.carry(points, self._first)
 

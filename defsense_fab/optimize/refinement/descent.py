@@ -10,6 +10,7 @@ import numpy as np
 from ...core.arrays import Float
 from ..limits.constraints import MARGIN, Constraints
 from ..limits.thin_parts import Slivers
+from ..problem.cord_kinematics import cord_at
 from ..problem.cord_parameters import CordFreedom, apart, together
 from ..problem.objective import Model, Objective
 from ..problem.problem import Problem
@@ -72,4 +73,4 @@ def _applied(cords: Sequence[CordFreedom], x: Float, layout: Layout) -> Layout:
     """The layout with its cords at parameters x (size,), as free as before."""
     parts = np.split(x, np.cumsum([c.size for c in cords[:-1]]))
     moved = zip(cords, parts, layout, strict=True)
-    return tuple(replace(c.apply(part), free=s.free) for c, part, s in moved)
+    return tuple(replace(cord_at(c, part).sensor(), free=s.free) for c, part, s in moved)

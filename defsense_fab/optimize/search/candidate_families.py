@@ -12,7 +12,7 @@ from ...core.device import Sensor
 from ..limits.interior_points import evenly, lively
 from ..problem.cord_parameters import CordFreedom
 from ..problem.problem import Problem
-from .candidates import Batch
+from .candidate_batch import Batch
 
 _WAVES = 4  # sine waves over a path
 _INSIDE = 2.0  # a path begins so far below the surface, mm; its channel runs on straight

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
@@ -13,11 +11,7 @@ from ..limits.full_path import RUN
 from ..limits.polyline_distance import self_gaps
 from ..problem.problem import Limits
 from ..problem.surface_depth import DepthField, DepthGrid
-
-if TYPE_CHECKING:
-    from .candidates import Batch
-
-COARSE = 40  # points of a candidate's path
+from .candidate_batch import COARSE, Batch
 
 
 def feasible(batch: Batch, depth: DepthField, grid: DepthGrid, limits: Limits) -> Int:

@@ -8,7 +8,7 @@ from typing import Any
 from ...core.arrays import Float
 from ...core.device import Device
 from ...geometry.channels.channel_ends import End
-from ...geometry.parts.parts import Made
+from ...geometry.parts.records import Made
 from ...sensing.voltage_divider import reference
 
 #: Longer by this much than needed, mm: cords are trimmed when they lie in their grooves.

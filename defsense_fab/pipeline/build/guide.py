@@ -1,4 +1,4 @@
-"""The assembly guide: what to print, cut and buy, and every step with its picture; HTML and PDF."""
+"""What the assembly guide says: parts to print, cords to cut, what to buy, steps with pictures."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device import Device
-from ...core.files import replacing
 from ...core.mesh import Surface
 from ..report import pictures
-from ..report.html import write_page
 from .stages import read_json
 
 
 @dataclass(frozen=True)
-class Step:
+class AssemblyStep:
     """A title, sentences, and a picture (PNG as a data URI) or none."""
 
     title: str
@@ -28,7 +26,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class TableOf:
+class GuideTable:
     """Rows of texts under a header."""
 
     title: str
@@ -44,27 +42,9 @@ class Guide:
     intro: str
     warnings: tuple[str, ...]
     exploded: str
-    tables: tuple[TableOf, ...]
-    steps: tuple[Step, ...]
-    checks: TableOf
-
-
-def write_guide(
-    device: Device,
-    folder: Path,
-    manifest: Mapping[str, Any],
-    parts: Mapping[str, Surface],
-    view: Float,
-) -> str:
-    """Write guide.html and guide.pdf into `folder`; returns the picture of the parts apart."""
-    exploded = pictures.exploded(parts, shifts(manifest, parts), view)
-    guide = _content(device, folder, manifest, parts, exploded)
-    write_page(folder / "guide.html", "guide", guide=guide)
-    from .guide_pdf import write_pdf
-
-    with replacing(folder / "guide.pdf") as temporary:
-        write_pdf(guide, temporary)
-    return exploded
+    tables: tuple[GuideTable, ...]
+    steps: tuple[AssemblyStep, ...]
+    checks: GuideTable
 
 
 def shifts(manifest: Mapping[str, Any], parts: Mapping[str, Surface]) -> dict[str, Float]:
@@ -78,18 +58,19 @@ def shifts(manifest: Mapping[str, Any], parts: Mapping[str, Surface]) -> dict[st
     return out
 
 
-def _content(
+def assembly_guide(
     device: Device,
     folder: Path,
     manifest: Mapping[str, Any],
     parts: Mapping[str, Surface],
-    exploded: str,
+    view: Float,
 ) -> Guide:
+    """The guide of the build in `folder`; pictures look along `view` (3,) mm, rest frame."""
     return Guide(
         title=f"{device.name}: assembly guide",
         intro=f"{len(manifest['parts'])} parts, {len(manifest['cords'])} cords. All lengths in mm.",
         warnings=tuple(manifest["warnings"]),
-        exploded=exploded,
+        exploded=pictures.exploded(parts, shifts(manifest, parts), view),
         tables=(_parts(manifest), _cuts(manifest), _bill(manifest)),
         steps=(
             *_preparation(device, manifest),
@@ -100,7 +81,7 @@ def _content(
     )
 
 
-def _parts(manifest: Mapping[str, Any]) -> TableOf:
+def _parts(manifest: Mapping[str, Any]) -> GuideTable:
     where = {n: p["file"] for p in manifest["plates"] for n in p["parts"]}
     rows = [
         (
@@ -117,10 +98,10 @@ def _parts(manifest: Mapping[str, Any]) -> TableOf:
          where[f"{p['name']}_1"])
         for p in manifest["pins"]
     ]  # fmt: skip
-    return TableOf("Print", ("part", "copies", "size", "cm3", "on plate"), tuple(rows))
+    return GuideTable("Print", ("part", "copies", "size", "cm3", "on plate"), tuple(rows))
 
 
-def _cuts(manifest: Mapping[str, Any]) -> TableOf:
+def _cuts(manifest: Mapping[str, Any]) -> GuideTable:
     rows = [
         (
             c["sensor"],
@@ -141,7 +122,7 @@ def _cuts(manifest: Mapping[str, Any]) -> TableOf:
         "cord", "cut to", "of it slack", "joints at start / end", "ohm at rest", "ohm in use",
         "reference, ohm", "wires leave",
     )  # fmt: skip
-    return TableOf("Cut list", header, tuple(rows))
+    return GuideTable("Cut list", header, tuple(rows))
 
 
 def _leaves(wire: Mapping[str, Any]) -> str:
@@ -150,12 +131,12 @@ def _leaves(wire: Mapping[str, Any]) -> str:
     return str(wire["leaves"]) + inside
 
 
-def _bill(manifest: Mapping[str, Any]) -> TableOf:
+def _bill(manifest: Mapping[str, Any]) -> GuideTable:
     rows = tuple((b["item"], b["amount"], b["use"]) for b in manifest["bill"])
-    return TableOf("Bill of materials", ("item", "amount", "for"), rows)
+    return GuideTable("Bill of materials", ("item", "amount", "for"), rows)
 
 
-def _checks(manifest: Mapping[str, Any]) -> TableOf:
+def _checks(manifest: Mapping[str, Any]) -> GuideTable:
     rows = tuple(
         (
             c["name"],
@@ -165,10 +146,10 @@ def _checks(manifest: Mapping[str, Any]) -> TableOf:
         )
         for c in manifest["checks"]
     )
-    return TableOf("Checked before writing", ("what", "measured", "limit", "near"), rows)
+    return GuideTable("Checked before writing", ("what", "measured", "limit", "near"), rows)
 
 
-def _preparation(device: Device, manifest: Mapping[str, Any]) -> list[Step]:
+def _preparation(device: Device, manifest: Mapping[str, Any]) -> list[AssemblyStep]:
     plates = ", ".join(p["file"] for p in manifest["plates"])
     printing = [
         f"Print {plates} ({device.fabrication.process}, {device.material.name}): parts lie on a cut"
@@ -187,12 +168,12 @@ def _preparation(device: Device, manifest: Mapping[str, Any]) -> list[Step]:
     ]
     cords.append("A piece that differs by more than 10 % is of another batch: change"
                  " ohm_per_mm in the cord's table.")  # fmt: skip
-    return [Step("Print", tuple(printing)), Step("Cut the cords", tuple(cords))]
+    return [AssemblyStep("Print", tuple(printing)), AssemblyStep("Cut the cords", tuple(cords))]
 
 
 def _joints(
     device: Device, folder: Path, manifest: Mapping[str, Any], parts: Mapping[str, Surface]
-) -> list[Step]:
+) -> list[AssemblyStep]:
     layout = {s["name"]: s for s in read_json(folder / "layout.json")["sensors"]}
     colors = {n: pictures.COLORS[i % len(pictures.COLORS)] for i, n in enumerate(parts)}
     cut_to = {c["sensor"]: c for c in manifest["cords"]}
@@ -221,7 +202,7 @@ def _joints(
             [(np.array(p["center"]), p["socket"], 2 * p["depth"]) for p in step["pins"]],
         )
         out.append(
-            Step(
+            AssemblyStep(
                 f"Join {_all(low)} and {_all(high)}",
                 tuple(_joint(step, cut_to, laid, left)),
                 picture,
@@ -296,7 +277,7 @@ def _laying(cord: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _wiring(manifest: Mapping[str, Any]) -> Step:
+def _wiring(manifest: Mapping[str, Any]) -> AssemblyStep:
     lines = [
         f"{c['sensor']}: about {c['resistance']:.0f} ohm between its wires at rest, reference"
         f" resistor {c['reference_resistor']:g} ohm to the supply."
@@ -306,7 +287,7 @@ def _wiring(manifest: Mapping[str, Any]) -> Step:
         0, "Crimp a wire to each cord's ends before its joint is closed, and measure after every"
         " joint: a value that jumps means a pinched cord.",
     )  # fmt: skip
-    return Step("Wire and measure", tuple(lines))
+    return AssemblyStep("Wire and measure", tuple(lines))
 
 
 def _all(names: Sequence[str]) -> str:

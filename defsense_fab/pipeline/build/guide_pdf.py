@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.sax.saxutils import escape
 
 from reportlab.lib import colors
@@ -14,15 +14,20 @@ from reportlab.lib.styles import getSampleStyleSheet
 from reportlab.lib.units import mm
 from reportlab.platypus import Image, KeepTogether, Paragraph, SimpleDocTemplate, Spacer, Table
 
-if TYPE_CHECKING:
-    from .guide import Guide, Step, TableOf
+from ...core.files import replacing
+from .guide import AssemblyStep, Guide, GuideTable
 
 _MARGIN = 18 * mm
 _WIDTH = A4[0] - 2 * _MARGIN
 
 
 def write_pdf(guide: Guide, path: Path) -> None:
-    """Write the guide on A4 pages."""
+    """Write the guide on A4 pages, whole or not at all. Raises StorageError."""
+    with replacing(path) as temporary:
+        _document(guide, temporary)
+
+
+def _document(guide: Guide, path: Path) -> None:
     style = getSampleStyleSheet()
     document = SimpleDocTemplate(
         str(path), pagesize=A4, title=guide.title, author="defsense-fab", invariant=1,
@@ -56,7 +61,7 @@ def _image(uri: str) -> Any:
     return image
 
 
-def _step(number: int, step: Step, style: Any) -> Any:
+def _step(number: int, step: AssemblyStep, style: Any) -> Any:
     flow: list[Any] = [Paragraph(f"{number}. {escape(step.title)}", style["Heading2"])]
     flow += [Paragraph(escape(x), style["Normal"], bulletText="-") for x in step.lines]
     if step.picture:
@@ -64,7 +69,7 @@ def _step(number: int, step: Step, style: Any) -> Any:
     return KeepTogether(flow)
 
 
-def _table(table: TableOf, style: Any) -> list[Any]:
+def _table(table: GuideTable, style: Any) -> list[Any]:
     small = style["BodyText"].clone("small", fontSize=8.5, leading=10.5)
     rows = [[Paragraph(f"<b>{escape(h)}</b>", small) for h in table.header]]
     rows += [[Paragraph(escape(cell), small) for cell in row] for row in table.rows]

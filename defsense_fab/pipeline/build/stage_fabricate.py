@@ -21,8 +21,9 @@ from ...geometry.channels.wire_channels import Wires
 from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.kernels.export import write_3mf, write_stl
-from ...geometry.parts.parts import Made, Rules, make_parts
+from ...geometry.parts.parts import make_parts
 from ...geometry.parts.print_bed import Placed, arrange, laid
+from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
 from ...optimize.problem.cord_parameters import sample_path
 from .cut_list import bill, cut_list

@@ -14,7 +14,8 @@ from ...core.mesh import Surface
 from ...decoding.train import train
 from ..report import pictures
 from ..report.html import write_page
-from .guide import write_guide
+from .guide import assembly_guide
+from .guide_pdf import write_pdf
 from .stage_body import load_surface
 from .stage_mesh import load_mesh
 from .stage_simulate import load_fields
@@ -39,7 +40,10 @@ def run(device: Device, folder: Path, report: Report) -> None:
     }
     report(0.2, "parts")
     parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
-    images["parts"] = write_guide(device, folder, manifest, parts, view)
+    guide = assembly_guide(device, folder, manifest, parts, view)
+    write_page(folder / "guide.html", "guide", guide=guide)
+    write_pdf(guide, folder / "guide.pdf")
+    images["parts"] = guide.exploded
     images["poses"] = _poses(device, folder, view, report)
     write_page(
         folder / "report.html",

@@ -83,7 +83,7 @@ def fit_response(
     if out is not None:
         from .report import page
 
-        text = page(fitted)
+        text = page(found, data)
         with storage_errors(out):
             write_text(out.with_suffix(".html"), text)
             write_json(out, data)

@@ -3,7 +3,8 @@ cord."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -11,19 +12,15 @@ from ...calibration.calibrate import Calibration
 from ...sensing.response import response_of
 from ..report.html import as_image, render
 
-if TYPE_CHECKING:
-    from .fit_response import Fitted
-
 _COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057")
 
 
-def page(fitted: Fitted) -> str:
-    """HTML, self-contained."""
-    found = fitted.calibration
+def page(found: Calibration, data: Mapping[str, Any]) -> str:
+    """HTML, self-contained, of a calibration and what its `response.json` holds."""
     images = {"response": _response(found), "residuals": _residuals(found)}
     if len(found.neutral_changes):
         images["neutral"] = _neutral(found)
-    return render("calibration", data=fitted.data, images=images, drift=found.drift)
+    return render("calibration", data=data, images=images, drift=found.drift)
 
 
 def _figure(width: float = 9.0, height: float = 5.0) -> tuple[Any, Any]:

@@ -26,6 +26,7 @@ from ...core.tracks import Tracks
 from ..tracking.video_detection import Watched, detect_all
 from ..tracking.video_tracks import Processed, assemble
 from .camera_recorder import FILM_RATE
+from .processed_session import ProcessedSession
 from .report import write_report
 from .session import BOARD, REST, CaptureSession, ending, load, read_camera, read_log
 from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
@@ -36,19 +37,6 @@ TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
 _PAUSE = 1.0  # s, between runs, in the tracks' time
 _ALONE = 5.0  # s without tags that are worth a word
 _OFTEN = 0.8  # of the frames that the anchor must give, to be used
-
-
-@dataclass(frozen=True)
-class Result:
-    """Tracks in the first camera's frame and in the device's rest frame, (R - R0)/R0 (t, c) and
-    resistances (t, c) ohm at their times, the residuals (t,) mm of the alignment, quality."""
-
-    tracks: Tracks
-    aligned: Tracks
-    signals: Float
-    ohm: Float
-    residual: Float
-    quality: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -63,7 +51,7 @@ class _Run:
 def process_session(
     folder: Path, *, anchor: str = "auto", video: bool = False, tracks: Path | None = None,
     progress: Progress = silent,
-) -> Result:  # fmt: skip
+) -> ProcessedSession:  # fmt: skip
     """Process all runs of a session and write the results into its folder. `anchor`: align by the
     anchor's markers, by all, or by the anchor's where they are seen well enough (auto); `video`:
     look for the tags anew in the recorded videos; `tracks`: a file of a motion-capture system that
@@ -236,7 +224,7 @@ def _resting(
 
 def _join(
     session: CaptureSession, runs: Sequence[_Run], skipped: Sequence[dict[str, Any]], anchor: str
-) -> Result:
+) -> ProcessedSession:
     ids = session.markers.ids
     time, points, sigma, rest, ohm = [], [], [], [], []
     begin = 0.0
@@ -273,7 +261,7 @@ def _join(
             "glued": placed, "R0": [float(r) if np.isfinite(r) else None for r in R0],
             "warnings": warnings,
         }  # fmt: skip
-        return Result(tracks, back, R / R0 - 1, R, aligned.residual, quality)
+        return ProcessedSession(tracks, back, R / R0 - 1, R, aligned.residual, quality)
 
 
 def _aligned(
@@ -330,7 +318,7 @@ def _quantiles(values: Float) -> dict[str, float | None]:
     return {"median": float(np.median(good)), "95 %": float(np.quantile(good, 0.95))}
 
 
-def _write(folder: Path, session: CaptureSession, result: Result) -> None:
+def _write(folder: Path, session: CaptureSession, result: ProcessedSession) -> None:
     write_any(folder / TRACKS, result.tracks)
     write_any(folder / ALIGNED, result.aligned)
     columns = ["frame", "time", *session.channels, "alignment_residual"]

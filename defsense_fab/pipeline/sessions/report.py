@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..report.html import as_image, write_page
+from .processed_session import ProcessedSession
 from .session import CaptureSession
-
-if TYPE_CHECKING:
-    from .processing import Result
 
 _SYNC = {
     "lamp": "the board's LED in the pictures",
@@ -24,7 +22,7 @@ _SYNC = {
 }
 
 
-def write_report(path: Path, session: CaptureSession, result: Result) -> None:
+def write_report(path: Path, session: CaptureSession, result: ProcessedSession) -> None:
     """One self-contained page."""
     figures = [
         ("Markers seen", _seen), ("Movement and signals", _course),
@@ -75,8 +73,8 @@ def _rows(session: CaptureSession, q: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _draw(draw: Callable[[Any, CaptureSession, Result], None], session: CaptureSession,
-          result: Result) -> str:  # fmt: skip
+def _draw(draw: Callable[[Any, CaptureSession, ProcessedSession], None], session: CaptureSession,
+          result: ProcessedSession) -> str:  # fmt: skip
     from matplotlib.figure import Figure
 
     figure = Figure((9.6, 4.2), dpi=100, layout="constrained")
@@ -84,7 +82,7 @@ def _draw(draw: Callable[[Any, CaptureSession, Result], None], session: CaptureS
     return as_image(figure)
 
 
-def _seen(figure: Any, session: CaptureSession, result: Result) -> None:
+def _seen(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
     axes = figure.subplots()
     t = result.aligned
     bins = min(len(t.time), 400)
@@ -103,7 +101,7 @@ def _seen(figure: Any, session: CaptureSession, result: Result) -> None:
     figure.colorbar(image, label="seen")
 
 
-def _course(figure: Any, session: CaptureSession, result: Result) -> None:
+def _course(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
     above, below = figure.subplots(2, 1, sharex=True)
     t = result.aligned
     with np.errstate(all="ignore"):
@@ -118,7 +116,7 @@ def _course(figure: Any, session: CaptureSession, result: Result) -> None:
         below.legend(fontsize=8, ncols=4)
 
 
-def _quality(figure: Any, session: CaptureSession, result: Result) -> None:
+def _quality(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
     left, right = figure.subplots(1, 2)
     t = result.aligned
     sigma = np.linalg.norm(t.sigma, axis=2)[t.seen]
@@ -134,7 +132,7 @@ def _quality(figure: Any, session: CaptureSession, result: Result) -> None:
     right.set_ylabel("residual of the alignment, mm")
 
 
-def _places(figure: Any, session: CaptureSession, result: Result) -> None:
+def _places(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
     views = figure.subplots(1, 3)
     points = result.aligned.points
     for axes, (a, b) in zip(views, ((0, 1), (0, 2), (1, 2)), strict=True):

@@ -19,7 +19,8 @@ from defsense_fab.geometry.parts.alignment_pins import free_spots
 from defsense_fab.geometry.parts.division import Cut, Division
 from defsense_fab.geometry.parts.part_contacts import contacts
 from defsense_fab.geometry.parts.part_names import names
-from defsense_fab.geometry.parts.parts import Rules, make_parts
+from defsense_fab.geometry.parts.parts import make_parts
+from defsense_fab.geometry.parts.records import Rules
 
 RULES = Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
 

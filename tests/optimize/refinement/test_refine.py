@@ -15,6 +15,7 @@ from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.limits.polyline_distance import nearest, nearest_strand
 from defsense_fab.optimize.limits.thin_parts import Slivers
 from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.problem.cord_kinematics import cord_at
 from defsense_fab.optimize.problem.cord_parameters import CordFreedom, sample_path
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.refinement.refine import layout_error, optimise
@@ -34,7 +35,7 @@ def test_objective_gradient_by_finite_differences(problem, straight, decoder):
     objective = Objective(problem, cords)
     x = np.random.default_rng(3).normal(0, 0.7, sum(c.size for c in cords))
     value, gradient = objective(x)
-    layout = [c.apply(p) for c, p in zip(cords, objective.split(x), strict=True)]
+    layout = [cord_at(c, p).sensor() for c, p in zip(cords, objective.split(x), strict=True)]
     assert value == pytest.approx(layout_error(problem, layout) ** 2, rel=1e-6)
     for i in range(len(x)):
         e = 1e-5 * np.eye(len(x))[i]

@@ -17,9 +17,11 @@ from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.channels.cord_channels import channels_of
 from defsense_fab.pipeline.artifacts.layout import write_sensor
 from defsense_fab.pipeline.build import stage_fabricate
-from defsense_fab.pipeline.build.guide import write_guide
+from defsense_fab.pipeline.build.guide import assembly_guide
+from defsense_fab.pipeline.build.guide_pdf import write_pdf
 from defsense_fab.pipeline.build.stage_fabricate import fabricate, write
 from defsense_fab.pipeline.build.stage_report import _stl
+from defsense_fab.pipeline.report.html import write_page
 from defsense_fab.sensing.voltage_divider import E24, reference
 from tests.geometry import slicer
 from tests.places import DEVICES
@@ -156,7 +158,9 @@ def test_the_reference_gives_the_largest_swing():
 def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, manifest):
     device, _ = cube
     parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
-    write_guide(device, folder, manifest, parts, np.array([0.35, -1.0, 0.55]))
+    guide = assembly_guide(device, folder, manifest, parts, np.array([0.35, -1.0, 0.55]))
+    write_page(folder / "guide.html", "guide", guide=guide)
+    write_pdf(guide, folder / "guide.pdf")
     page = (folder / "guide.html").read_text()
     steps = len(manifest["assembly"])
     assert page.count("data:image/png;base64,") == 1 + steps
