@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from defsense_fab.core.device import Sensor
 from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.problem.cord_kinematics import cord_at
-from defsense_fab.optimize.problem.cord_parameters import CordFreedom
+from defsense_fab.optimize.problem.cord_parameters import CordParameters
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.problem.problem import Problem
 
@@ -22,7 +22,7 @@ from defsense_fab.optimize.problem.problem import Problem
 def system(problem: Problem, sensors: tuple[Sensor, ...], penalty: float):  # type: ignore[no-untyped-def]
     """The residual and its Jacobian as functions of (paths' parameters, map), the point to start
     from, with the best map for the paths as they are, and the objective with the map eliminated."""
-    cords = [CordFreedom(s) for s in sensors]
+    cords = [CordParameters(s) for s in sensors]
     objective = Objective(problem, cords)
     limits = Constraints(problem.surface, problem.depth, problem.limits, cords)
     O = problem.outputs  # noqa: E741

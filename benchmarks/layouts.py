@@ -24,10 +24,10 @@ from benchmarks import joint
 from defsense_fab.core.device_file import load_device
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.optimize.limits.constraints import Constraints
-from defsense_fab.optimize.limits.thin_parts import Slivers
+from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.cord_kinematics import cord_at
-from defsense_fab.optimize.problem.cord_parameters import CordFreedom, sample_path
+from defsense_fab.optimize.problem.cord_parameters import CordParameters, sample_path
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.problem.problem import Problem
 from defsense_fab.optimize.refinement.descent import descend
@@ -62,8 +62,8 @@ def median(work: Callable[[], object], repeat: int = 200) -> float:
     return statistics.median(times)
 
 
-def three(problem: Problem) -> list[CordFreedom]:
-    return [CordFreedom(s) for s in baselines.manual(problem, 3)]
+def three(problem: Problem) -> list[CordParameters]:
+    return [CordParameters(s) for s in baselines.manual(problem, 3)]
 
 
 def objective(problem: Problem) -> None:
@@ -153,7 +153,7 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
 def refinement(problem: Problem) -> None:
     """One descent from a selection without peers' shortcuts, and the whole search."""
     print("refinement of one selected layout, error and worst violation reached")
-    slivers = Slivers(problem)
+    slivers = ThinParts(problem)
     rng = np.random.default_rng(0)
     cords = choices(problem, (), 3, 6000, rng)
     (start,) = seeds(problem, cords, 1, None, slivers, rng, quiet)
@@ -174,7 +174,7 @@ def refinement(problem: Problem) -> None:
     begin = time.perf_counter()
     layout = joint.refine(problem, start, 100)
     show("joint Gauss-Newton, 100 steps", layout, time.perf_counter() - begin, ours)
-    free = [CordFreedom(s) for s in start]
+    free = [CordParameters(s) for s in start]
     objective = Objective(problem, free)
     limits = Constraints(problem.surface, problem.depth, problem.limits, free)
     zero = np.zeros(sum(c.size for c in free))
@@ -286,7 +286,7 @@ def growth(problem: Problem) -> None:
     """Cost of value and gradient, and of the whole search, as sizes grow."""
     print("value and gradient (ms) and the whole search (s) by number of cords")
     for count in (1, 2, 3, 4, 6, 8):
-        cords = [CordFreedom(s) for s in baselines.manual(problem, min(count, 3))]
+        cords = [CordParameters(s) for s in baselines.manual(problem, min(count, 3))]
         cords = [cords[i % len(cords)] for i in range(count)]
         f = Objective(problem, cords)
         x = np.random.default_rng(0).normal(0, 0.5, sum(c.size for c in cords))

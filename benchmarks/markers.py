@@ -19,15 +19,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.cameras.camera_threads import one_thread_per_call
-from defsense_fab.capture.cameras.extrinsics import arrange
+from defsense_fab.capture.cameras.extrinsics import estimate_extrinsics
 from defsense_fab.capture.cameras.intrinsics import calibrate
 from defsense_fab.capture.tags.board_detection import BoardFinder
-from defsense_fab.capture.tags.charuco_board import Board
-from defsense_fab.capture.tags.tag_detection import Detector, View
+from defsense_fab.capture.tags.charuco_board import CharucoBoard
+from defsense_fab.capture.tags.tag_detection import Detector, TagView
 from defsense_fab.capture.tags.tag_dictionary import Dictionary, dictionary
 from defsense_fab.capture.tracking.alignment import align
 from defsense_fab.capture.tracking.observations import collect
-from defsense_fab.capture.tracking.reconstruction import solve
+from defsense_fab.capture.tracking.reconstruction import reconstruct
 from defsense_fab.capture.tracking.single_camera import square
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
@@ -85,7 +85,7 @@ def bent(tags: list[Patch], t: float) -> list[Patch]:
 def calibrated(true: list[Camera], optics: Optics, seed: int = 0) -> list[Camera]:
     """The cameras as they are found from 30 rendered views of the default board."""
     rng = np.random.default_rng(seed)
-    board = Board()
+    board = CharucoBoard()
     cell = 8 * (board.family.cells + 2 + 7)  # px of a square in the texture
     texture = board.charuco.generateImage((board.columns * cell, board.rows * cell), marginSize=0)
     finder = BoardFinder(board)
@@ -109,11 +109,11 @@ def calibrated(true: list[Camera], optics: Optics, seed: int = 0) -> list[Camera
         calibrate(c.name, SIZE, board, [v[k] for v in instants if k in v])
         for k, c in enumerate(true)
     ]
-    rig = arrange([f.camera for f in found], board, instants, [f.sigma for f in found])
+    rig = estimate_extrinsics([f.camera for f in found], board, instants, [f.sigma for f in found])
     return list(rig.cameras)
 
 
-def corners_of(views: list[View], count: int = TAGS) -> tuple[Float, Float]:
+def corners_of(views: list[TagView], count: int = TAGS) -> tuple[Float, Float]:
     seen = [collect(np.zeros(1), [v], np.arange(count)) for v in views]
     return np.stack([s.corners for s in seen], 2), np.stack([s.covariance for s in seen], 2)
 
@@ -143,7 +143,7 @@ def ours(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[F
         with one_thread_per_call():
             jobs = [pool.submit(d.find, i) for d, i in zip(detectors, images, strict=True)]
             corners, covariance = corners_of([j.result() for j in jobs])
-        found = solve(rig, corners, covariance, side)
+        found = reconstruct(rig, corners, covariance, side)
         return found.points[0], found.covariance[0]
 
     return run
@@ -266,7 +266,7 @@ def trial(
         corners, covariance = corners_of(views)
         if single:
             corners[:, :, 1] = np.nan
-        found = solve(rig, corners, covariance, side)
+        found = reconstruct(rig, corners, covariance, side)
         good = np.isfinite(found.points[0, :, 0])
         lost += len(kept) - int(good.sum())
         if single:  # alignment would take the depth's common part away

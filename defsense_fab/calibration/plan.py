@@ -11,7 +11,7 @@ FACES = ("a", "b")
 
 
 @dataclass(frozen=True)
-class Step:
+class JigStep:
     """One reading of the round `turn` (from 0): the specimen lies on the jig of this surface
     `radius`, mm, or on the flat one (None), with its `face` down."""
 
@@ -27,14 +27,14 @@ class Step:
 
 def plan(
     radii: Sequence[float], rounds: int, faces: Sequence[str], rng: np.random.Generator
-) -> tuple[Step, ...]:
+) -> tuple[JigStep, ...]:
     """Rounds that begin and end on the flat jig; in between, one face after the other, in random
     order, and on each the jigs in random order: what drifts with time then looks like noise, not
     like an answer to strain."""
     out = []
     for turn in range(rounds):
-        out.append(Step(turn, None, faces[0]))
+        out.append(JigStep(turn, None, faces[0]))
         for face in rng.permutation(faces):
-            out += [Step(turn, float(r), str(face)) for r in rng.permutation(radii)]
-        out.append(Step(turn, None, faces[0]))
+            out += [JigStep(turn, float(r), str(face)) for r in rng.permutation(radii)]
+        out.append(JigStep(turn, None, faces[0]))
     return tuple(out)

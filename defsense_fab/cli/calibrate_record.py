@@ -202,7 +202,7 @@ def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:
     from rich.console import Console
     from rich.live import Live
 
-    from ..capture.readout.source import Stamped
+    from ..capture.readout.source import StampedSample
     from ..sensing.voltage_divider import Dividers
     from ..terminal.guided_measurement import bars
 
@@ -217,7 +217,7 @@ def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:
         while time.monotonic() < end:
             time.sleep(0.1)
             try:
-                items = [i for i in source.drain() if isinstance(i, Stamped)]
+                items = [i for i in source.drain() if isinstance(i, StampedSample)]
             except CaptureError:
                 break
             if items:
@@ -238,9 +238,9 @@ def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:
 def _record(options: argparse.Namespace) -> int:
     from ..capture.readout.reader import Settings
     from ..pipeline.calibrate import session as sessions
-    from ..pipeline.calibrate.guided_measurement import run_wizard
+    from ..pipeline.calibrate.guided_measurement import run_guided_measurement
     from ..pipeline.twin.sample_sources import open_source
-    from ..terminal.guided_measurement import Lines, Terminal
+    from ..terminal.guided_measurement import MeasurementLines, MeasurementTerminal
 
     if options.port.endswith(".csv"):
         raise DeviceError(f"--port {options.port}: a recording cannot be measured again")
@@ -263,11 +263,15 @@ def _record(options: argparse.Namespace) -> int:
     try:
         opened = open_source(options.port, settings, session.geometry, session.length)
         if options.auto:
-            done = run_wizard(session, opened.source, Lines(), opened.hands, auto=True)
+            done = run_guided_measurement(
+                session, opened.source, MeasurementLines(), opened.hands, auto=True
+            )
         else:
-            screen = Terminal(session.criterion, session.geometry.thickness, session.length)
+            screen = MeasurementTerminal(
+                session.criterion, session.geometry.thickness, session.length
+            )
             with screen:
-                done = run_wizard(session, opened.source, screen, opened.hands)
+                done = run_guided_measurement(session, opened.source, screen, opened.hands)
     except KeyboardInterrupt:
         done = False
     except DefsenseError:
@@ -350,7 +354,7 @@ def _reference(options: argparse.Namespace) -> int:
     import numpy as np
 
     from ..capture.readout.reader import Settings
-    from ..capture.readout.source import Stamped
+    from ..capture.readout.source import StampedSample
     from ..pipeline.twin.sample_sources import open_source
     from ..sensing.voltage_divider import measured_reference
 
@@ -361,7 +365,7 @@ def _reference(options: argparse.Namespace) -> int:
     info = source.start()
     try:
         time.sleep(options.seconds)
-        counts = [i.sample.counts for i in source.drain() if isinstance(i, Stamped)]
+        counts = [i.sample.counts for i in source.drain() if isinstance(i, StampedSample)]
     finally:
         source.close()
     if not counts:
@@ -379,7 +383,7 @@ def _twin(options: argparse.Namespace) -> int:
     from ..core.response import ResponseSpec
     from ..pipeline.calibrate.synthetic_session import record_twin
     from ..sensing.response import response_of
-    from ..twin.electronics.cord_twin import Traits
+    from ..twin.electronics.cord_twin import CordTraits
 
     for name, low, high in (
         ("k", -100, 100), ("q", -1000, 1000), ("noise", 0, 1), ("play", 0, 1), ("healing", 0, 1),
@@ -398,7 +402,7 @@ def _twin(options: argparse.Namespace) -> int:
             else f"--lengths {options.lengths}: give different ones"
         )  # fmt: skip
     spec = ResponseSpec("quadratic", {"k": options.k, "q": options.q}, (-0.1, 0.1))
-    traits = Traits(
+    traits = CordTraits(
         response_of(spec), options.noise, options.play, options.healing, options.time,
         options.spread, drift=options.drift,
     )  # fmt: skip

@@ -126,11 +126,11 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
     board, names = _board(options), _names(options)
     if _live(options.sources):
         from ..pipeline.cameras.live_views import calibrate_live
-        from ..terminal.camera_calibration import BoardScreen
+        from ..terminal.camera_calibration import BoardTerminal
 
         done = []
         for source, name in zip(options.sources, names, strict=True):
-            with BoardScreen() as screen:
+            with BoardTerminal() as screen:
                 done += calibrate_live(
                     source, name, board, options.calibration, options.views, screen
                 )
@@ -169,9 +169,9 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
     board = _board(options)
     if _live(options.sources):
         from ..pipeline.cameras.live_views import arrange_live
-        from ..terminal.camera_calibration import BoardScreen
+        from ..terminal.camera_calibration import BoardTerminal
 
-        with BoardScreen() as screen:
+        with BoardTerminal() as screen:
             data = arrange_live(options.sources, board, options.calibration, options.views, screen)
     else:
         from ..pipeline.cameras.recorded_views import arrange_cameras
@@ -205,9 +205,9 @@ def _check(options: argparse.Namespace, bars: Bars) -> int:
     board = _board(options)
     if _live(options.sources):
         from ..pipeline.cameras.live_views import check_live
-        from ..terminal.camera_calibration import BoardScreen
+        from ..terminal.camera_calibration import BoardTerminal
 
-        with BoardScreen() as screen:
+        with BoardTerminal() as screen:
             found = check_live(options.sources, board, options.calibration, options.views, screen)
     else:
         from ..pipeline.cameras.recorded_views import check_cameras

@@ -143,7 +143,7 @@ def _markers(
 
 
 def _board(options: argparse.Namespace) -> int:
-    from ..capture.tags.charuco_board import FILE, MARKER, Board, load_board, save_board
+    from ..capture.tags.charuco_board import FILE, MARKER, CharucoBoard, load_board, save_board
     from ..capture.tags.print_sheets import write_board
     from ..core.files import storage_errors
 
@@ -166,8 +166,8 @@ def _board(options: argparse.Namespace) -> int:
         ]
     else:
         paper = given.pop("paper", "a4")
-        square = given.get("square", Board().square)
-        board = Board(**given, marker=round(MARKER * square, 1))
+        square = given.get("square", CharucoBoard().square)
+        board = CharucoBoard(**given, marker=round(MARKER * square, 1))
         with storage_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
         forgotten = path.is_file() and _was_measured(path)

@@ -85,7 +85,7 @@ def _record(options: argparse.Namespace) -> int:
 
 def _rehearsal(options: argparse.Namespace, device: Any, markers: Any, stack: ExitStack) -> Any:
     """The twin. Raises DeviceError where only one of cameras and board is one."""
-    from ..pipeline.twin.rehearsal import rehearse
+    from ..pipeline.twin.live_twin import start_live_twin
 
     word = options.cameras[0]
     others = len(options.cameras) > 1
@@ -98,7 +98,7 @@ def _rehearsal(options: argparse.Namespace, device: Any, markers: Any, stack: Ex
             raise DeviceError(f"--cameras {word}: write twin:seed=1,cameras=2, each or none")
         values[name] = int(number)
     within("--cameras twin:cameras", values["cameras"], 1, 6)
-    rehearsal = rehearse(device, markers, values["seed"], values["cameras"])
+    rehearsal = start_live_twin(device, markers, values["seed"], values["cameras"])
     stack.callback(rehearsal.close)
     return rehearsal
 
@@ -113,8 +113,8 @@ def _run(
     from ..capture.clocks.led_schedule import LED_PERIOD
     from ..capture.readout.reader import Settings
     from ..pipeline.sessions import session as sessions
-    from ..pipeline.sessions.guided_recording import Recording
-    from ..pipeline.twin.rehearsal import known_cameras, levels_of
+    from ..pipeline.sessions.guided_recording import GuidedRecording
+    from ..pipeline.twin.live_twin import known_cameras, levels_of
     from ..pipeline.twin.sample_sources import open_source
     from ..terminal.guided_recording import CaptureLines, CaptureTerminal
 
@@ -151,11 +151,11 @@ def _run(
         hands = rehearsal.perform if rehearsal is not None else None
         if options.auto:
             screen: Any = CaptureLines()
-            done = Recording(session, openers, board, screen, levels, auto=True,
+            done = GuidedRecording(session, openers, board, screen, levels, auto=True,
                              video=options.video, hands=hands).run()  # fmt: skip
         else:
             with CaptureTerminal() as screen:
-                done = Recording(session, openers, board, screen, levels, video=options.video,
+                done = GuidedRecording(session, openers, board, screen, levels, video=options.video,
                                  hands=hands).run()  # fmt: skip
     except DefsenseError:
         if not begun:

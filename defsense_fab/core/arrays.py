@@ -10,6 +10,6 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 
-def place(point: Float) -> str:
+def xyz(point: Float) -> str:
     """A point (n,) mm as it stands in messages."""
     return "(" + ", ".join(f"{x:.1f}" for x in np.round(point, 1) + 0.0) + ")"

@@ -180,7 +180,7 @@ class Sensor:
     free: frozenset[str] = frozenset()
 
 
-#: What the map from readings to positions may be; see `decoding/train.py`.
+#: What the map from readings to positions may be; see `decoding/decoders.py`.
 DECODERS = ("affine", "quadratic", "kernel")
 
 

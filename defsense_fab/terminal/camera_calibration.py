@@ -13,7 +13,7 @@ from .screen import LiveScreen
 _SHADES = " ░▒▓█"
 
 
-class BoardScreen(LiveScreen):
+class BoardTerminal(LiveScreen):
     """Shows a `BoardShown`; enter it before use."""
 
     def show(self, shown: BoardShown) -> None:

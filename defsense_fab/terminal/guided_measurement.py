@@ -10,9 +10,9 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from ..calibration.plan import Step
+from ..calibration.plan import JigStep
 from ..calibration.settling import Criterion
-from ..pipeline.calibrate.guided_measurement import View
+from ..pipeline.calibrate.guided_measurement import MeasurementView
 from ..pipeline.calibrate.session import CHANNELS
 from .canvas import Canvas
 from .screen import LiveScreen
@@ -30,7 +30,7 @@ _PLOT = 60, 14
 _BAR = 24
 
 
-class Terminal(LiveScreen):
+class MeasurementTerminal(LiveScreen):
     """A `Screen`; enter it before use. Rings the bell when the next specimen is to be laid."""
 
     def __init__(self, criterion: Criterion, thickness: float, length: float) -> None:
@@ -38,13 +38,13 @@ class Terminal(LiveScreen):
         super().__init__()
         self._phase = ""
 
-    def show(self, view: View) -> None:
+    def show(self, view: MeasurementView) -> None:
         if view.phase == "place" and self._phase == "settling":
             self._console.bell()
         self._phase = view.phase
         self._draw(self._page(view))
 
-    def _page(self, view: View) -> Group:
+    def _page(self, view: MeasurementView) -> Group:
         parts: list[object] = [_progress(view)]
         if view.step is not None:
             parts.append(Panel(self._task(view, view.step), padding=(0, 1)))
@@ -53,7 +53,7 @@ class Terminal(LiveScreen):
         parts.append(Text(_KEYS[view.phase], "bold"))
         return Group(*parts)  # type: ignore[arg-type]
 
-    def _task(self, view: View, step: Step) -> Group:
+    def _task(self, view: MeasurementView, step: JigStep) -> Group:
         down, up = _FACES[step.face]
         words = Text()
         if view.phase == "unplugged":
@@ -72,7 +72,7 @@ class Terminal(LiveScreen):
             rows.append(Text(str(self._criterion), "dim"))
         return Group(*rows)  # type: ignore[arg-type]
 
-    def _settling(self, view: View) -> Text:
+    def _settling(self, view: MeasurementView) -> Text:
         c, at = self._criterion, view.settled
         out = Text(f"settling: {view.elapsed:4.0f} s   ")
         if at is None:
@@ -83,7 +83,7 @@ class Terminal(LiveScreen):
             out.append(f" of {c.tolerance:.2%} that may be")
         return out
 
-    def _picture(self, step: Step) -> list[Text]:
+    def _picture(self, step: JigStep) -> list[Text]:
         """The specimen on its jig, from the side, to scale."""
         half, h = self._length / 2, self._thickness
         canvas = Canvas(*_PICTURE, (-1.05 * half, 1.05 * half), (-0.5 * half, 1.3 * h))
@@ -109,7 +109,7 @@ def _on_jig(radius: float | None, s: float, height: float, thickness: float) -> 
     return (radius + height) * math.sin(angle), (radius + height) * math.cos(angle) - radius
 
 
-def _progress(view: View) -> Text:
+def _progress(view: MeasurementView) -> Text:
     filled = round(_BAR * view.done / view.total)
     out = Text("calibration  ")
     out.append("━" * filled, "green")
@@ -121,7 +121,7 @@ def _progress(view: View) -> Text:
     return out
 
 
-def _bars(view: View) -> Table:
+def _bars(view: MeasurementView) -> Table:
     return bars(dict(zip(CHANNELS, (float(r) for r in view.ohm), strict=True)))
 
 
@@ -140,7 +140,7 @@ def bars(ohm: dict[str, float], most: float | None = None) -> Table:
     return table
 
 
-def _plot(view: View) -> list[Text]:
+def _plot(view: MeasurementView) -> list[Text]:
     """(R - R0)/R0 by strain, so far."""
     if not view.points:
         return [Text("the plot begins with the first reading on the flat jig", "dim")]
@@ -164,14 +164,14 @@ def _plot(view: View) -> list[Text]:
     return [Text("(R - R0)/R0", "dim"), *rows, legend]
 
 
-class Lines:
+class MeasurementLines:
     """A `Screen` of plain lines, for logs and programs: no keys."""
 
     def __init__(self) -> None:
         self._done = -1
         self._told: set[str] = set()
 
-    def show(self, view: View) -> None:
+    def show(self, view: MeasurementView) -> None:
         if view.done != self._done:
             self._done = view.done
             step = view.step

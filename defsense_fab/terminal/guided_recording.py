@@ -12,7 +12,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from ..pipeline.sessions.guided_recording import CaptureView, Shown
+from ..pipeline.sessions.guided_recording import CameraView, CaptureView
 from .canvas import Canvas
 from .picture import GREEN, YELLOW, picture
 from .screen import LiveScreen
@@ -68,7 +68,7 @@ def _head(view: CaptureView) -> Text:
     return out
 
 
-def _camera(shown: Shown, width: int) -> Group:
+def _camera(shown: CameraView, width: int) -> Group:
     title = Text(f"{shown.name} ", "bold")
     if shown.image is None:
         return Group(title + Text("no picture", "red"), *[Text(" " * width)] * 3)

@@ -10,7 +10,7 @@ import pytest
 
 from defsense_fab.capture.readout.ports import open_port
 from defsense_fab.capture.readout.reader import Reader, Settings
-from defsense_fab.capture.readout.source import Event, Stamped
+from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.core.errors import CaptureError
 from tests.firmware.build import FIRMWARE
 from tests.firmware.conftest import collect
@@ -55,7 +55,7 @@ def test_every_sample_is_what_the_converter_read(board, sketch, settings, option
     samples = [
         i.sample
         for i in items
-        if isinstance(i, Stamped)
+        if isinstance(i, StampedSample)
         and (len(i.sample.sums), i.sample.averages) == (settings.channels, settings.average)
     ][2:]
     assert statistics.bad <= 1  # the line in which the reader came in
@@ -80,7 +80,7 @@ def test_the_host_sets_the_board_up(board):
     with reader:
         info = reader.info
         assert (info.channels, info.averages, info.rate, info.led_period) == (2, 8, 40, 100)
-        items = [i for i in collect(reader, 1.5) if isinstance(i, Stamped)]
+        items = [i for i in collect(reader, 1.5) if isinstance(i, StampedSample)]
         reader.send("rate 9999")
         texts = [
             i.data["text"]
@@ -114,7 +114,7 @@ def test_a_chip_that_falls_silent_is_not_read(board):
     with Reader(partial(open_port, running.port), "board", Settings(channels=8)) as reader:
         last, end = np.zeros(8), time.monotonic() + 30  # a busy machine's board is behind its time
         while not np.isnan(last[:4]).all() and time.monotonic() < end:
-            found = [i.sample.counts for i in collect(reader, 0.5) if isinstance(i, Stamped)]
+            found = [i.sample.counts for i in collect(reader, 0.5) if isinstance(i, StampedSample)]
             last = found[-1] if found else last
     assert np.isnan(last[:4]).all()
     assert np.isfinite(last[4:]).all()
@@ -141,6 +141,6 @@ def test_unplugged_and_plugged_in_again(board, tmp_path):
     assert kinds[:2] == ["start", "gap"]
     assert "resumed" in kinds
     assert statistics.gaps == 1
-    times = [i.device_us for i in before + after if isinstance(i, Stamped)]
+    times = [i.device_us for i in before + after if isinstance(i, StampedSample)]
     assert (np.diff(times) > 0).all()
-    assert isinstance(after[-1], Stamped)
+    assert isinstance(after[-1], StampedSample)

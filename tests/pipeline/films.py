@@ -5,7 +5,7 @@ import json
 import cv2
 import numpy as np
 
-from defsense_fab.capture.tags.charuco_board import Board
+from defsense_fab.capture.tags.charuco_board import CharucoBoard
 from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.cli import main
 from defsense_fab.core.camera import Camera
@@ -16,7 +16,7 @@ from tests.twin.views import turn
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
 SIZE = 22.0
-BOARD = Board(square=30.0, marker=21.0, measured=30.0)
+BOARD = CharucoBoard(square=30.0, marker=21.0, measured=30.0)
 
 
 def camera(name, eye, lens=(-0.12, 0.05, 0.001, -0.0005, 0.0)):

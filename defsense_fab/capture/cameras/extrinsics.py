@@ -19,7 +19,7 @@ from ...core.arrays import Float
 from ...core.camera import Camera, distort
 from ...core.errors import CaptureError
 from ..tags.board_detection import BoardView
-from ..tags.charuco_board import Board
+from ..tags.charuco_board import CharucoBoard
 
 LEAST_VIEWS = 4
 _NOISE = 0.1  # px: what corners are worth against the intrinsics' own uncertainty
@@ -29,7 +29,7 @@ _OWN = 9
 
 
 @dataclass(frozen=True)
-class Arranged:
+class Extrinsics:
     """`cameras`, the first of them at the world's origin; root mean square `error` px over all
     corners, by camera `errors` (v,); how many boards each pair saw, `shared` (v, v)."""
 
@@ -39,12 +39,12 @@ class Arranged:
     shared: Float
 
 
-def arrange(
+def estimate_extrinsics(
     cameras: Sequence[Camera],
-    board: Board,
+    board: CharucoBoard,
     instants: Sequence[Mapping[int, BoardView]],
     sigma: Sequence[Float] | None = None,
-) -> Arranged:
+) -> Extrinsics:
     """From the views of each instant by camera; `sigma`, standard deviations (9,) of fx, fy, cx,
     cy, k1, k2, p1, p2, k3 of each camera, by which they may change (not at all, where None). Raises
     CaptureError where cameras are not linked by boards that they both saw."""
@@ -73,10 +73,10 @@ def arrange(
             " views taken at the same time, are the calibrations those of these cameras, and is"
             " board.json that of this board?"
         )
-    return Arranged(out, error, errors, shared)
+    return Extrinsics(out, error, errors, shared)
 
 
-def _pose(camera: Camera, board: Board, view: BoardView) -> tuple[Float, Float] | None:
+def _pose(camera: Camera, board: CharucoBoard, view: BoardView) -> tuple[Float, Float] | None:
     """Board to camera: rotation (3, 3), translation (3,) mm."""
     plane = camera.to_plane(view.corners)
     if not np.isfinite(plane).all():
@@ -149,7 +149,7 @@ class _Problem:
     their sigma."""
 
     def __init__(
-        self, cameras: Sequence[Camera], board: Board,
+        self, cameras: Sequence[Camera], board: CharucoBoard,
         instants: Sequence[Mapping[int, BoardView]], sigma: Sequence[Float] | None,
     ) -> None:  # fmt: skip
         self._cameras, self._v, self._k = cameras, len(cameras), len(instants)

@@ -16,7 +16,7 @@ from ...core.arrays import Bool, Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ..tags.board_detection import BoardView
-from ..tags.charuco_board import Board
+from ..tags.charuco_board import CharucoBoard
 
 LEAST_VIEWS = 8
 _ODD = 3.0  # medians of the views' errors, above which one is left out
@@ -39,7 +39,7 @@ class Intrinsics:
 
 
 def calibrate(
-    name: str, size: tuple[int, int], board: Board, views: Sequence[BoardView]
+    name: str, size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView]
 ) -> Intrinsics:
     """From at least eight views, in which the board is tilted. Raises CaptureError where they do
     not tell."""
@@ -92,7 +92,9 @@ class _Fit:
     normals: Float  # (n, 3), of the boards in the camera's frame
 
 
-def _solve(size: tuple[int, int], board: Board, views: Sequence[BoardView], used: Bool) -> _Fit:
+def _solve(
+    size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView], used: Bool
+) -> _Fit:
     chosen = [v for v, u in zip(views, used, strict=True) if u]
     flat = [board.corners[v.ids].astype(np.float32) for v in chosen]
     seen = [v.corners.astype(np.float32) for v in chosen]
@@ -123,7 +125,7 @@ def _solve(size: tuple[int, int], board: Board, views: Sequence[BoardView], used
 
 
 def _one(
-    board: Board, view: BoardView, matrix: Float, distortions: Float
+    board: CharucoBoard, view: BoardView, matrix: Float, distortions: Float
 ) -> tuple[float, float, Float]:
     """A view's root mean square error, px, tilt, degrees, and the board's normal (3,)."""
     points = board.corners[view.ids]

@@ -12,9 +12,9 @@ from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ..tags.board_detection import BoardView
-from ..tags.charuco_board import Board
+from ..tags.charuco_board import CharucoBoard
 from ..tracking.alignment import align
-from ..tracking.triangulation import locate
+from ..tracking.triangulation import triangulate
 
 #: px and mm within which a calibration holds.
 FINE_PX, FINE_MM = 0.5, 0.3
@@ -40,7 +40,7 @@ class RigCheck:
 
 
 def check_rig(
-    cameras: Sequence[Camera], board: Board, instants: Sequence[Mapping[int, BoardView]]
+    cameras: Sequence[Camera], board: CharucoBoard, instants: Sequence[Mapping[int, BoardView]]
 ) -> RigCheck:
     """By the views of each instant by camera. Raises CaptureError where there are none."""
     if not instants:
@@ -60,7 +60,7 @@ def check_rig(
             flat = cameras[c].to_plane(view.corners) * cameras[c].focal + cameras[c].matrix[:2, 2]
             corners[np.searchsorted(ids, view.ids), c] = flat[:, None]
         noise = np.tile(np.eye(8) * 0.01, (len(ids), len(cameras), 1, 1))
-        found = locate(cameras, corners, noise)
+        found = triangulate(cameras, corners, noise)
         # Those that disagree by more than can be located count as that.
         seen = np.isfinite(corners[:, :, 0, 0]).sum(axis=1) >= 2
         apart.append(np.where(np.isfinite(found.miss[seen]), found.miss[seen], 2.0))
@@ -77,7 +77,7 @@ def check_rig(
     )
 
 
-def _alone(camera: Camera, board: Board, view: BoardView) -> Float:
+def _alone(camera: Camera, board: CharucoBoard, view: BoardView) -> Float:
     """Distances (k,) px of corners from those of the board where it fits best."""
     points = board.corners[view.ids]
     _, r, t = cv2.solvePnP(points, view.corners, camera.matrix, camera.distortions)

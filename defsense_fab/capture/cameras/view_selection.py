@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ..tags.board_detection import BoardView
-from ..tags.charuco_board import Board
+from ..tags.charuco_board import CharucoBoard
 
 #: px that corners may move from frame to frame, for a view that counts as still.
 STILL = 0.6
@@ -21,7 +21,7 @@ _PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 _TILTS = 15.0  # of the descriptor's slant, degrees
 
 
-def descriptor(view: BoardView, board: Board, size: tuple[int, int]) -> Float:
+def descriptor(view: BoardView, board: CharucoBoard, size: tuple[int, int]) -> Float:
     """Where and how the board is seen (5,): place in the image, size, and slant two ways; changes
     of one are of the same weight."""
     flat = board.corners[view.ids, :2]
@@ -101,7 +101,7 @@ class Coverage:
 
 
 def coverage(
-    views: Sequence[BoardView], board: Board, size: tuple[int, int], wanted: int
+    views: Sequence[BoardView], board: CharucoBoard, size: tuple[int, int], wanted: int
 ) -> Coverage:
     """Of an image of `size` px by the views of a board, of which so many are wanted."""
     columns, rows = GRID

@@ -28,7 +28,7 @@ class Clocks:
         return np.asarray(self.offset + (1 + self.drift) * np.asarray(device))
 
 
-def relate(device: Float, host: Float) -> Clocks:
+def fit_clocks(device: Float, host: Float) -> Clocks:
     """From the times (t,) s of both clocks at which frames were sent and arrived; from fewer than
     two different ones no drift."""
     start, first = float(device[0]), float(host[0])

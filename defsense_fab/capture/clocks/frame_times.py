@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from .clock_fit import relate
+from .clock_fit import fit_clocks
 
 _ABOUT = 0.06  # of the period, by which the median step may be off
 _SOME = 2000  # frames by which a period is found
@@ -26,7 +26,7 @@ _ONSET = 0.4  # periods within which most stamps are
 
 
 @dataclass(frozen=True)
-class Steady:
+class FrameTimes:
     """`time` (t,) s of frames; whether they were found `even`, otherwise they are the stamps
     themselves; `late` s, by which stamps were later in the median."""
 
@@ -35,9 +35,9 @@ class Steady:
     late: float
 
 
-def steady(stamp: Float) -> Steady:
+def even_frame_times(stamp: Float) -> FrameTimes:
     """Of stamps (t,) s that do not go back. Frames may be missing."""
-    as_is = Steady(stamp, False, 0.0)
+    as_is = FrameTimes(stamp, False, 0.0)
     step = np.diff(stamp)
     if len(stamp) < _BLOCK or not (step > 0).any():
         return as_is
@@ -54,7 +54,7 @@ def steady(stamp: Float) -> Steady:
             rest = stamp[:n] - np.polyval(np.polyfit(x, stamp[:n], 1), x)
             # One that came so late that it seems the next one's would bend the line.
             fair = rest >= np.quantile(rest, 0.02) - _EARLY * period
-            clocks = relate(number[fair], stamp[:n][fair])
+            clocks = fit_clocks(number[fair], stamp[:n][fair])
             first, period = clocks.offset, 1 + clocks.drift
         line = first + period * number
         if n == len(stamp):
@@ -66,7 +66,7 @@ def steady(stamp: Float) -> Steady:
     worst = max(float(part.min()) for part in parts)
     if worst > _NEAR * period or np.quantile(late, 0.9) > _SPREAD * period:
         return as_is
-    return Steady(line, True, float(np.median(late)))
+    return FrameTimes(line, True, float(np.median(late)))
 
 
 def _period(place: Float, about: float, reach: float) -> float:

@@ -34,7 +34,7 @@ _Blocks = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Trace:
+class LedTrace:
     """Of t frames, all since the first: the LED's `place` (2,) px; its `brightness` (t,), grey
     levels of a block, NaN where no longer known; `contrast` of lit and dark, and the `noise` of
     either, in the same."""
@@ -45,7 +45,7 @@ class Trace:
     noise: float
 
 
-class LampWatch:
+class LedDetector:
     """Looks for an LED that switches every `stay` frames (the LED's period times the camera's
     rate); None: at any regular pace."""
 
@@ -93,7 +93,7 @@ class LampWatch:
         """Whether it is known where the LED is."""
         return self._found is not None
 
-    def trace(self) -> Trace | None:
+    def trace(self) -> LedTrace | None:
         """Where the LED is and how bright it was; None where nothing blinks as it does."""
         if self._found is None:
             self._look()
@@ -118,7 +118,7 @@ class LampWatch:
                           corner[0] + y.ravel() @ weight / weight.sum()])  # fmt: skip
         contrast = float(np.median(brightness[lit]) - np.median(brightness[~lit]))
         before = np.full(self._since, np.nan)
-        return Trace(
+        return LedTrace(
             (place + 0.5) * _BLOCK - 0.5, np.concatenate([before, brightness]), contrast,
             float(np.median(steps) / 0.954),
         )  # fmt: skip

@@ -16,7 +16,7 @@ from scipy.signal import correlate
 
 from ...core.arrays import Float
 from .clock_fit import Clocks
-from .led_schedule import Toggles
+from .led_schedule import LedSchedule
 
 _STEP = 5e-3  # s, of the first search
 _WINDOW = 60.0  # s, of the first search: drifts do not yet matter
@@ -33,7 +33,7 @@ _LEAST = 8.0  # contrast over noise
 
 
 @dataclass(frozen=True)
-class Lit:
+class LedStates:
     """f frames at which it is known how bright the LED was: `time` (f,) s, `level` (f,), 0 dark and
     1 lit, and its standard deviation `noise`; the frames' `period`, s."""
 
@@ -71,7 +71,7 @@ class Found:
     jitter: float
 
 
-def normalise(time: Float, brightness: Float) -> Lit | None:
+def normalise(time: Float, brightness: Float) -> LedStates | None:
     """Levels by what is dark and lit near by in time: rooms and cameras change. None where nothing
     switches."""
     known = np.isfinite(brightness)
@@ -101,10 +101,14 @@ def normalise(time: Float, brightness: Float) -> Lit | None:
     # What is neither dark nor lit most of the time does not switch.
     if np.mean(steady[good] > 0.3) > 0.4:
         return None
-    return Lit(t[good], level[good], float(np.clip(max(wide, noise / usual), 0.02, 0.3)), period)
+    return LedStates(
+        t[good], level[good], float(np.clip(max(wide, noise / usual), 0.02, 0.3)), period
+    )
 
 
-def shift_of(lit: Lit, toggles: Toggles, before: Clocks, within: float | None) -> Shift | None:
+def shift_of(
+    lit: LedStates, toggles: LedSchedule, before: Clocks, within: float | None
+) -> Shift | None:
     """The shift at which the frames of a minute agree best with the LED's states, within so many s
     of what is known before (None: of all); None where clocks have too little in common."""
     middle = float(np.median(lit.time))
@@ -133,7 +137,7 @@ def shift_of(lit: Lit, toggles: Toggles, before: Clocks, within: float | None) -
 
 
 def posterior(
-    lit: Lit, toggles: Toggles, start: Shift, exposure: float | None, drift: float
+    lit: LedStates, toggles: LedSchedule, start: Shift, exposure: float | None, drift: float
 ) -> Found:
     """Shift and drift and their standard deviations, from a first shift on."""
     known = np.array([0.0, exposure]) if exposure is not None else _EXPOSURES
@@ -144,7 +148,7 @@ def posterior(
     shift, slope, reach, steep = 0.0, drift, 0.03, _DRIFT
     while True:
         near = np.abs(lit.time - middle) <= half + 1e-6
-        part = Lit(lit.time[near], lit.level[near], lit.noise, lit.period)
+        part = LedStates(lit.time[near], lit.level[near], lit.noise, lit.period)
         anchor = (middle, start.device)
         for least in _BLURRED:
             box = (shift, reach, slope, steep)
@@ -174,7 +178,7 @@ def posterior(
 
 
 def shifts_alike(
-    lit: Lit, toggles: Toggles, found: Found, before: Clocks, within: float | None
+    lit: LedStates, toggles: LedSchedule, found: Found, before: Clocks, within: float | None
 ) -> float | None:
     """By how many s another offset differs that explains the frames as well; None: there is
     none."""
@@ -209,7 +213,7 @@ def shifts_alike(
 
 
 def _grid(
-    lit: Lit, toggles: Toggles, anchor: tuple[float, float],
+    lit: LedStates, toggles: LedSchedule, anchor: tuple[float, float],
     box: tuple[float, float, float, float], ways: list[tuple[float, float]], size: int,
 ) -> tuple[float, float, float, float, list[tuple[float, float]]]:  # fmt: skip
     """Means of shift and drift and their standard deviations, over all `ways`: exposures and
@@ -231,7 +235,7 @@ def _grid(
 
 
 def _likelihood(
-    lit: Lit, toggles: Toggles, anchor: tuple[float, float], shifts: Float, slopes: Float,
+    lit: LedStates, toggles: LedSchedule, anchor: tuple[float, float], shifts: Float, slopes: Float,
     exposure: float, jitter: float, edge: float,
 ) -> Float:  # fmt: skip
     """Its logarithm (a, d) at shifts (a,) and drifts (d,), by frames within `edge` s of toggles."""

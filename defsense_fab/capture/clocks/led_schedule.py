@@ -26,7 +26,7 @@ _GAP = 1.0  # s without samples that part a recording
 
 
 @dataclass(frozen=True)
-class Toggles:
+class LedSchedule:
     """k toggles: `time` (k,) s of the device's clock, increasing; whether the LED is `on` (k,) from
     then; `slack` s, half the width within which all of them may be moved together; `period` s of
     the grid, 0 without one. The first and last sample are at `start` and `end` s."""
@@ -68,7 +68,7 @@ def check_clock(name: str, time: Float, gap: float | None = None) -> None:
         )
 
 
-def find_toggles(time: Float, led: Bool, conversion: float = 0.0) -> Toggles:
+def find_schedule(time: Float, led: Bool, conversion: float = 0.0) -> LedSchedule:
     """Of samples (n,): their `time` s, half-way through conversions of `conversion` s, and the
     flags `led`. Raises CaptureError for clocks that jump, and where the LED never switched."""
     check_clock("board", time, _GAP)
@@ -98,7 +98,7 @@ def find_toggles(time: Float, led: Bool, conversion: float = 0.0) -> Toggles:
         first += n
     place = np.concatenate(times)
     order = np.argsort(place, kind="stable")
-    return Toggles(
+    return LedSchedule(
         place[order], np.concatenate(states)[order], float(np.average(slacks, weights=counts)),
         period, float(began[0]), float(began[-1]),
     )  # fmt: skip

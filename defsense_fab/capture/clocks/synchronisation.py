@@ -13,9 +13,9 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
 from .clock_fit import Clocks
-from .frame_times import steady
+from .frame_times import even_frame_times
 from .led_likelihood import normalise, posterior, shift_of, shifts_alike
-from .led_schedule import check_clock, find_toggles
+from .led_schedule import check_clock, find_schedule
 from .motion_sync import find_lag
 
 _SHORTEST = 5.0  # s that both clocks must have in common
@@ -51,7 +51,7 @@ class Sync:
         return np.asarray((np.asarray(camera) - self.offset) / (1 + self.drift))
 
 
-def by_lamp(
+def by_led(
     frame_time: Float,
     brightness: Float,
     exposure: float | None,
@@ -73,10 +73,10 @@ def by_lamp(
     _check_pair("frames", frame_time, brightness)
     _check_pair("samples", device_time, led)
     check_clock("camera", frame_time)
-    toggles = find_toggles(device_time, led, conversion)
+    toggles = find_schedule(device_time, led, conversion)
     before = _clocks(rough)
     _check_length(frame_time, device_time)
-    frames = steady(frame_time)
+    frames = even_frame_times(frame_time)
     lit = normalise(frames.time, brightness)
     if lit is None:
         raise CaptureError(
@@ -141,7 +141,7 @@ def by_motion(
     check_clock("camera", frame_time)
     check_clock("board", device_time, 1.0)
     _check_length(frame_time, device_time)
-    frames = steady(frame_time)
+    frames = even_frame_times(frame_time)
     motion, signals = (np.asarray(a, float).reshape(len(a), -1) for a in (motion, signals))
     before = _clocks(rough)
     found = find_lag(

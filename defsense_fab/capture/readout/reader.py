@@ -12,7 +12,7 @@ from typing import Protocol
 
 from ...core.errors import CaptureError
 from ...sensing.serial_frames import PROTOCOL, Info, Sample, Stream, Text
-from .source import Event, Sink, StaleError, Stamped, Statistics
+from .source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
 
 #: Boards restart when their port is opened; a boot loader may wait for two seconds.
 _PATIENCE = 6.0
@@ -79,11 +79,11 @@ class Reader:
     ) -> None:
         self.name = name
         self._opener, self._settings = opener, settings or Settings()
-        self._items: deque[Stamped | Event] = deque(maxlen=_KEPT)
+        self._items: deque[StampedSample | Event] = deque(maxlen=_KEPT)
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._stream, self._thread = Stream(), threading.Thread(target=self._run, daemon=True)
         self._port: Transport | None = None
-        self._latest: Stamped | None = None
+        self._latest: StampedSample | None = None
         self._samples = self._gaps = 0
         self._reopened, self._heard = False, 0
         self._failure: Exception | None = None
@@ -102,7 +102,7 @@ class Reader:
         self._thread.start()
         return info
 
-    def drain(self) -> list[Stamped | Event]:
+    def drain(self) -> list[StampedSample | Event]:
         with self._lock:
             out = list(self._items)
             self._items.clear()
@@ -110,7 +110,7 @@ class Reader:
             raise self._failure
         return out
 
-    def read_latest(self, max_age: float) -> Stamped:
+    def read_latest(self, max_age: float) -> StampedSample:
         latest = self._latest
         if latest is None:
             raise StaleError(f"{self.name}: no sample has arrived yet")
@@ -129,9 +129,9 @@ class Reader:
                 self._port.write(command.encode("ascii") + b"\n")
 
     @property
-    def statistics(self) -> Statistics:
+    def statistics(self) -> ReadoutStatistics:
         s = self._stream
-        return Statistics(self._samples, s.lost, s.bad, self._gaps, s.restarts)
+        return ReadoutStatistics(self._samples, s.lost, s.bad, self._gaps, s.restarts)
 
     def close(self) -> None:
         self._stop.set()
@@ -272,7 +272,7 @@ class Reader:
         self._port = port
 
     def _take(self, sample: Sample, now: int) -> None:
-        stamped = Stamped(now, self._clock(sample, now), sample)
+        stamped = StampedSample(now, self._clock(sample, now), sample)
         self._latest = stamped
         self._samples += 1
         self._put(stamped)
@@ -293,7 +293,7 @@ class Reader:
             went = max(host, 1)
         return before.device_us + went
 
-    def _put(self, item: Stamped | Event) -> None:
+    def _put(self, item: StampedSample | Event) -> None:
         if self.sink is not None:
             self.sink(item)
         with self._lock:

@@ -21,7 +21,7 @@ from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 from ...core.files import storage_errors
 from ...sensing.serial_frames import NOT_READ
-from .source import Event, Stamped
+from .source import Event, StampedSample
 
 _FIRST = "# defsense recording 1"
 _COLUMNS = ("host_ns", "device_us", "counter", "led", "late", "averages")
@@ -68,7 +68,7 @@ class Recorder:
                 f"{self._path}: another program is recording to it; stop that first"
             ) from None
 
-    def add(self, item: Stamped | Event) -> None:
+    def add(self, item: StampedSample | Event) -> None:
         """A frame or an event. Raises CaptureError for a frame of other channels."""
         if isinstance(item, Event):
             data = {"event": item.kind, "host_ns": item.host_ns, **item.data}
@@ -83,7 +83,7 @@ class Recorder:
         values = (item.host_ns, item.device_us, s.counter, int(s.led), int(s.late), s.averages)
         self._write(",".join(map(str, values + s.sums)) + "\n")
 
-    def extend(self, items: Iterable[Stamped | Event]) -> None:
+    def extend(self, items: Iterable[StampedSample | Event]) -> None:
         """Several, as they are."""
         for item in items:
             self.add(item)

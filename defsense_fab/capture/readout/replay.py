@@ -8,7 +8,7 @@ from pathlib import Path
 from ...core.errors import CaptureError
 from ...sensing.serial_frames import Info, Sample
 from .recording import Recording, read_recording
-from .source import Event, Sink, StaleError, Stamped, Statistics
+from .source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
 
 
 class Replay:
@@ -17,7 +17,7 @@ class Replay:
     def __init__(self, path: Path, speed: float = 1.0) -> None:
         self.name, self._path, self._speed = str(path), path, speed
         self._next, self._begun = 0, 0
-        self._latest: Stamped | None = None
+        self._latest: StampedSample | None = None
         self._recording: Recording | None = None
         self.sink: Sink | None = None
 
@@ -31,14 +31,14 @@ class Replay:
         self._begun = time.monotonic_ns()
         return Info(**{n: about[n] for n in names})
 
-    def drain(self) -> list[Stamped | Event]:
+    def drain(self) -> list[StampedSample | Event]:
         r = self._recording
         if r is None:
             raise CaptureError(f"{self.name}: is not being played")
         if self._next >= len(r.counter):
             raise CaptureError(f"{self.name}: the recording is at its end")
         now = time.monotonic_ns()
-        out: list[Stamped | Event] = []
+        out: list[StampedSample | Event] = []
         while self._next < len(r.counter):
             i = self._next
             due = self._begun + int((r.host_ns[i] - r.host_ns[0]) / self._speed)
@@ -48,21 +48,21 @@ class Replay:
             flags = bool(r.led[i]), bool(r.late[i]), int(r.averages[i])
             micros = int(r.device_us[i]) % (1 << 32)
             sample = Sample(int(r.counter[i]), micros, *flags, sums)
-            self._latest = Stamped(due, int(r.device_us[i]), sample)
+            self._latest = StampedSample(due, int(r.device_us[i]), sample)
             if self.sink is not None:
                 self.sink(self._latest)
             out.append(self._latest)
             self._next += 1
         return out
 
-    def read_latest(self, max_age: float) -> Stamped:
+    def read_latest(self, max_age: float) -> StampedSample:
         if self._latest is None or time.monotonic_ns() - self._latest.host_ns > max_age * 1e9:
             raise StaleError(f"{self.name}: no sample of the last {max_age:g} s; drain() plays")
         return self._latest
 
     @property
-    def statistics(self) -> Statistics:
-        return Statistics(samples=self._next)
+    def statistics(self) -> ReadoutStatistics:
+        return ReadoutStatistics(samples=self._next)
 
     def close(self) -> None:
         self._recording = None

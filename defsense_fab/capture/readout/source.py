@@ -15,7 +15,7 @@ class StaleError(CaptureError):
 
 
 @dataclass(frozen=True)
-class Stamped:
+class StampedSample:
     """A sample, the host's monotonic clock when it arrived, ns, and the device's own clock, us:
     without wraps, and carried on by the host's clock over gaps and restarts."""
 
@@ -34,7 +34,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Statistics:
+class ReadoutStatistics:
     """Samples that arrived, that the counter misses, frames that were none, gaps, restarts of the
     board."""
 
@@ -46,7 +46,7 @@ class Statistics:
 
 
 #: Takes samples and events as soon as they arrive, in their order, in the source's own thread.
-Sink = Callable[["Stamped | Event"], None]
+Sink = Callable[["StampedSample | Event"], None]
 
 
 class Source(Protocol):
@@ -60,14 +60,14 @@ class Source(Protocol):
     def start(self) -> Info:
         """Begin; raises CaptureError where there is nothing to read."""
 
-    def drain(self) -> list[Stamped | Event]:
+    def drain(self) -> list[StampedSample | Event]:
         """All since the last call, in order; raises what ended the source when there is no
         more."""
 
-    def read_latest(self, max_age: float) -> Stamped:
+    def read_latest(self, max_age: float) -> StampedSample:
         """The newest sample; raises StaleError if it arrived more than `max_age` s ago."""
 
     @property
-    def statistics(self) -> Statistics: ...
+    def statistics(self) -> ReadoutStatistics: ...
 
     def close(self) -> None: ...

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Float, Int
-from .charuco_board import Board
+from .charuco_board import CharucoBoard
 from .tag_detection import Image, detector, to_grey
 
 _LEAST = 6  # corners, for a view that is of use
@@ -28,7 +28,7 @@ class BoardView:
 class BoardFinder:
     """Finds one board in images."""
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: CharucoBoard) -> None:
         self.board = board
         settings = detector(board.family).getDetectorParameters()
         self._detector = cv2.aruco.CharucoDetector(

@@ -25,7 +25,7 @@ _OFF = 0.05  # a print that is off by more was scaled to the page, or measured w
 
 
 @dataclass(frozen=True)
-class Board:
+class CharucoBoard:
     """`columns` x `rows` squares of `square` mm as drawn, the first (top left) black, with tags of
     `marker` mm in the white ones; `measured`, mm, is a square as printed, None until someone
     measured it. Everything in mm that is made of a board scales by it."""
@@ -92,25 +92,25 @@ class Board:
         x, y = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
         return np.asarray(side * np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3))
 
-    def measure(self, square: float) -> Board:
+    def measure(self, square: float) -> CharucoBoard:
         """The same with the `square`, mm, as measured on the print. Raises CaptureError where that
         is off by more than 5 %."""
         return replace(self, measured=square)
 
 
-def save_board(board: Board, path: Path) -> None:
+def save_board(board: CharucoBoard, path: Path) -> None:
     """Raises StorageError where it cannot be written."""
     with storage_errors(path):
         write_json(path, {"schema": SCHEMA, **asdict(board)})
 
 
-def load_board(path: Path) -> Board:
+def load_board(path: Path) -> CharucoBoard:
     """Of `board.json`, or of the folder that holds it. Raises CaptureError with the file."""
     path = path / FILE if path.is_dir() else path
     data = load_json(path, CaptureError, "'defsense capture board' writes such a file")
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise CaptureError(f"{path}: not a board of schema {SCHEMA}; write it anew")
-    wanted = Board.__dataclass_fields__
+    wanted = CharucoBoard.__dataclass_fields__
     for key in {*wanted, "schema"} ^ set(data):
         said = "is missing" if key in wanted else "is not known"
         raise CaptureError(f"{path}: {key!r} {said}; there are {', '.join(wanted)}")
@@ -125,6 +125,6 @@ def load_board(path: Path) -> Board:
         if not good:
             raise CaptureError(f"{path}: {key} cannot be {value!r}")
     try:
-        return Board(**{k: data[k] for k in wanted})
+        return CharucoBoard(**{k: data[k] for k in wanted})
     except CaptureError as error:
         raise CaptureError(f"{path}: {error}") from None

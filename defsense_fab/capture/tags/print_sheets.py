@@ -18,7 +18,7 @@ from ...core.arrays import Bool
 from ...core.errors import CaptureError
 from ...core.files import replacing
 from .cell_outlines import outlines
-from .charuco_board import Board
+from .charuco_board import CharucoBoard
 from .tag_dictionary import Dictionary
 
 #: Width and height upright, mm.
@@ -91,7 +91,7 @@ def draw_tags(
         canvas.showPage()
 
 
-def write_board(board: Board, path: Path, paper: str = "a4") -> None:
+def write_board(board: CharucoBoard, path: Path, paper: str = "a4") -> None:
     """The board as drawn, at its nominal size, on paper turned as it fits. Raises CaptureError
     where it does not fit and StorageError where it cannot be written."""
     width, height = _turned(board, paper)
@@ -108,7 +108,9 @@ def write_board(board: Board, path: Path, paper: str = "a4") -> None:
         low = _BOTTOM + (height - _BOTTOM - _TOP - down) / 2
         black = np.indices((board.rows, board.columns)).sum(0) % 2 == 0
         _cells(canvas, black, (left, low), board.square)
-        drawn = Board(board.columns, board.rows, board.square, board.marker, board.dictionary)
+        drawn = CharucoBoard(
+            board.columns, board.rows, board.square, board.marker, board.dictionary
+        )
         charuco = drawn.charuco
         for number, corners in zip(charuco.getIds(), charuco.getObjPoints(), strict=True):
             x, y = np.min(corners, axis=0)[0], np.max(corners, axis=0)[1]
@@ -118,7 +120,7 @@ def write_board(board: Board, path: Path, paper: str = "a4") -> None:
         canvas.showPage()
 
 
-def _turned(board: Board, paper: str) -> tuple[float, float]:
+def _turned(board: CharucoBoard, paper: str) -> tuple[float, float]:
     """The paper's width and height, turned so that the board fits."""
     upright = paper_size(paper)
     wide = board.columns >= board.rows

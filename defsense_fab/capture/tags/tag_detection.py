@@ -19,7 +19,7 @@ _ROWS = 8
 
 
 @dataclass(frozen=True)
-class View:
+class TagView:
     """The n tags of one image: numbers `ids` (n,); `corners` (n, 4, 2) px as a camera without
     distortion sees them, from the tag's top left clockwise, and their `covariance` (n, 8, 8) px^2;
     `seen` (n, 4, 2) px, corners in the image itself."""
@@ -29,12 +29,14 @@ class View:
     covariance: Float
     seen: Float
 
-    def only(self, which: Bool) -> View:
+    def only(self, which: Bool) -> TagView:
         """Some of the tags, by a mask (n,)."""
-        return View(self.ids[which], self.corners[which], self.covariance[which], self.seen[which])
+        return TagView(
+            self.ids[which], self.corners[which], self.covariance[which], self.seen[which]
+        )
 
 
-NOTHING = View(
+NOTHING = TagView(
     np.zeros(0, int), np.zeros((0, 4, 2)), np.zeros((0, 8, 8)), np.zeros((0, 4, 2))
 )  # fmt: skip
 
@@ -50,7 +52,7 @@ class Detector:
         # Compiled now, not at the first tag of a recording: that takes seconds on a new machine.
         refine(np.zeros((1, 1), np.uint8), self._plane[:1, :1], np.zeros((0, 4, 2)), self._cells)
 
-    def find(self, image: Image) -> View:
+    def find(self, image: Image) -> TagView:
         """Tags whose four edges could be fitted. Raises CaptureError for an image of another
         size."""
         grey = to_grey(image)
@@ -62,7 +64,7 @@ class Detector:
         ids = np.asarray(numbers).reshape(-1).astype(np.int64)
         seen = np.stack([np.asarray(q, float).reshape(4, 2) for q in quads])
         corners, covariance, good = refine(grey, self._plane, seen, self._cells)
-        return View(ids, corners, covariance, seen).only(good)
+        return TagView(ids, corners, covariance, seen).only(good)
 
 
 def _plane(camera: Camera) -> Float:

@@ -14,7 +14,7 @@ import numpy as np
 from ...core.arrays import Int
 from ...core.camera import Camera
 from .observations import Observations, at
-from .triangulation import locate
+from .triangulation import triangulate
 
 _MOST = 300  # tags looked at: those that move most
 _LEAST = 30
@@ -54,7 +54,7 @@ def find_offset(
         there = np.isfinite(both).all(axis=(1, 2, 3))
         if there.sum() * every < _LEAST / 2:
             return float("inf")
-        found = locate(cameras, both[there], spread[there])
+        found = triangulate(cameras, both[there], spread[there])
         # Those that disagree count with what they may disagree at most.
         m = np.where(np.isfinite(found.miss), found.miss, 2.0)
         return float(np.mean(m**2))

@@ -30,7 +30,7 @@ _FITS = 3.0  # mean squares of a frame's noise, with which the result is believe
 
 
 @dataclass(frozen=True)
-class Steps:
+class FrameDrops:
     """Of the second camera: `time` (t,) s of each of its frames on the first one's clock, NaN where
     that is not certain; the `offsets` (s,) s by which its clock was behind, one after the other,
     and the times `at` (s - 1,) s at which they changed, if they did."""
@@ -40,9 +40,9 @@ class Steps:
     at: Float
 
 
-def find_steps(
+def find_frame_drops(
     cameras: Sequence[Camera], first: Observations, second: Observations, reach: float
-) -> Steps | None:
+) -> FrameDrops | None:
     """Of two cameras whose clocks differ by at most `reach` s; None where the offset does not
     change and all frames fit it, or too little moves to tell."""
     if min(len(first.time), len(second.time)) < 10:
@@ -100,7 +100,7 @@ def find_steps(
     jumps = np.diff(offsets[told]) / period
     if (np.abs(jumps - np.round(jumps)) > _WHOLE).any():
         return None  # no frames were lost: a camera was moved
-    return Steps(time, offsets[told], first.time[starts[told]][1:])
+    return FrameDrops(time, offsets[told], first.time[starts[told]][1:])
 
 
 def _often(first: Observations, second: Observations) -> Int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ..tags.tag_detection import View
+from ..tags.tag_detection import TagView
 
 _SAME = 5e-4  # s: frames this near in time are taken as simultaneous
 _FAR = 2.5  # periods, between frames that are interpolated
@@ -25,7 +25,7 @@ class Observations:
     covariance: Float
 
 
-def collect(time: Float, views: Sequence[View], ids: Int) -> Observations:
+def collect(time: Float, views: Sequence[TagView], ids: Int) -> Observations:
     """Views by tag. Of a number that is twice in an image, the one nearer to where the tag was last
     is taken; neither where it was not seen before."""
     place = {int(i): k for k, i in enumerate(ids)}

@@ -10,13 +10,13 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.camera import Camera
 from .single_camera import locate_single
-from .triangulation import locate
+from .triangulation import triangulate
 
 _CHUNK = 20_000  # tags solved at once: what the matrices may take of memory
 
 
 @dataclass(frozen=True)
-class Solved:
+class Reconstruction:
     """n instants, m tags: `points` (n, m, 3) mm in the world, NaN where not located; `covariance`
     (n, m, 3, 3) mm^2; `cameras` (n, m), how many of them agree; `miss` (n, m) px, their residuals,
     root mean square; `sides` (n, m) mm, the mean side of the tag as located by several cameras;
@@ -30,13 +30,13 @@ class Solved:
     seen: Int
 
 
-def solve(
+def reconstruct(
     cameras: Sequence[Camera],
     corners: Float,
     covariance: Float,
     size: float,
     size_sigma: float = 0.0,
-) -> Solved:
+) -> Reconstruction:
     """Tags of `size` mm by v cameras: those that two see by triangulation, those that one sees by
     their size, with `size_sigma` as in `locate_single`. `corners` (n, m, v, 4, 2) px without
     distortion, `covariance` (n, m, v, 8, 8)."""
@@ -48,7 +48,7 @@ def solve(
     there = np.asarray(np.isfinite(flat).all(axis=(2, 3)))
     many = np.flatnonzero(there.sum(axis=1) >= 2)
     for rows in _chunks(many):
-        found = locate(cameras, flat[rows], spread[rows])
+        found = triangulate(cameras, flat[rows], spread[rows])
         points[rows], cov[rows] = found.points, found.covariance
         count[rows], miss[rows] = found.used.sum(axis=1), found.miss
         edges = found.corners - np.roll(found.corners, 1, axis=1)
@@ -59,7 +59,7 @@ def solve(
             found = locate_single(camera, flat[rows, c], spread[rows, c], size, size_sigma)
             points[rows], cov[rows] = found.points, found.covariance
             count[rows], miss[rows] = found.used.sum(axis=1), found.miss
-    return Solved(
+    return Reconstruction(
         points.reshape(n, m, 3), cov.reshape(n, m, 3, 3), count.reshape(n, m), miss.reshape(n, m),
         sides.reshape(n, m), there.sum(axis=1).reshape(n, m),
     )  # fmt: skip

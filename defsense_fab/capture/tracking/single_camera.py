@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.camera import Camera
-from .triangulation import Located
+from .triangulation import Triangulated
 
 _STEPS = 8
 _MISS = 2.0  # px, root mean square: more is no square of this size
@@ -27,7 +27,7 @@ def square(size: float) -> Float:
 
 def locate_single(
     camera: Camera, corners: Float, covariance: Float, size: float, size_sigma: float = 0.0
-) -> Located:
+) -> Triangulated:
     """Tags of `size` mm by one camera: as `locate` with v = 1.
 
     `corners` (n, 4, 2) px without distortion, `covariance` (n, 8, 8) px^2. A wrong size scales all
@@ -36,7 +36,7 @@ def locate_single(
     """
     n = len(corners)
     used = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
-    out = Located(
+    out = Triangulated(
         np.full((n, 4, 3), np.nan), np.full((n, 3, 3), np.nan), used[:, None].copy(),
         np.full(n, np.nan),
     )  # fmt: skip

@@ -23,7 +23,7 @@ _MIDDLE = np.tile(np.eye(3) / 4, 4)  # (3, 12): mean of the corners
 
 
 @dataclass(frozen=True)
-class Located:
+class Triangulated:
     """n tags: `corners` (n, 4, 3) mm in the world, `covariance` (n, 3, 3) mm^2 of their middle,
     `used` (n, v) the cameras that agree, `miss` (n,) px, root mean square over those; NaN where a
     tag could not be located."""
@@ -39,7 +39,7 @@ class Located:
         return np.asarray(self.corners.mean(axis=1))
 
 
-def locate(cameras: Sequence[Camera], corners: Float, covariance: Float) -> Located:
+def triangulate(cameras: Sequence[Camera], corners: Float, covariance: Float) -> Triangulated:
     """Tags by at least two of v cameras that agree.
 
     `corners` (n, v, 4, 2) px without distortion, NaN where a camera does not see the tag;
@@ -61,7 +61,9 @@ def locate(cameras: Sequence[Camera], corners: Float, covariance: Float) -> Loca
     return out
 
 
-def _put(out: Located, rows: Int | Bool, one: Located | None, which: Bool | None = None) -> None:
+def _put(
+    out: Triangulated, rows: Int | Bool, one: Triangulated | None, which: Bool | None = None
+) -> None:
     """Into `rows` what was found of `which`, or nothing."""
     if one is None:
         out.corners[rows], out.covariance[rows], out.miss[rows] = np.nan, np.nan, np.nan
@@ -71,14 +73,16 @@ def _put(out: Located, rows: Int | Bool, one: Located | None, which: Bool | None
     out.used[rows], out.miss[rows] = one.used[which], one.miss[which]
 
 
-def _agrees(found: Located) -> Bool:
+def _agrees(found: Triangulated) -> Bool:
     with np.errstate(invalid="ignore"):
         return np.asarray(found.miss <= _MISS)
 
 
-def _solve(cameras: Sequence[Camera], corners: Float, covariance: Float, used: Bool) -> Located:
+def _solve(
+    cameras: Sequence[Camera], corners: Float, covariance: Float, used: Bool
+) -> Triangulated:
     n, v = used.shape
-    out = Located(
+    out = Triangulated(
         np.full((n, 4, 3), np.nan), np.full((n, 3, 3), np.nan), used.copy(), np.full(n, np.nan)
     )
     enough = used.sum(axis=1) >= 2

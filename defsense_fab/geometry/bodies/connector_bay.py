@@ -5,7 +5,7 @@ from __future__ import annotations
 import igl
 import numpy as np
 
-from ...core.arrays import Bool, Float, place
+from ...core.arrays import Bool, Float, xyz
 from ...core.device import BaySpec
 from ...core.errors import BodyError
 from ...core.mesh import Surface
@@ -74,8 +74,8 @@ def _skin_at(spec: BaySpec, body: Surface) -> tuple[Float, Float]:
     away = float(np.sqrt(np.ravel(square)[0]))
     if away > _FAR:
         raise BodyError(
-            f"[body.bay] at: {place(spec.at)} is {away:.1f} mm from the skin, whose nearest point"
-            f" is {place(center)}; give a point on the skin"
+            f"[body.bay] at: {xyz(spec.at)} is {away:.1f} mm from the skin, whose nearest point"
+            f" is {xyz(center)}; give a point on the skin"
         )
     a, b, c = body.vertices[body.faces[int(np.ravel(face)[0])]]
     own = np.cross(b - a, c - a)
@@ -101,7 +101,7 @@ def _heights(
     for top, covered in zip(tops, over, strict=True):
         if covered or len(ray_casting.hits(top, normal, body)):
             raise BodyError(
-                f"[body.bay]: the body lies over its opening near {place(top)}; choose a place that"
+                f"[body.bay]: the body lies over its opening near {xyz(top)}; choose a place that"
                 " a connector can reach"
             )
         below = ray_casting.hits(top, -normal, body)
@@ -110,7 +110,7 @@ def _heights(
     if high - low > depth / 2:
         fall = "ends" if np.isinf(low) else f"falls by {high - low:.1f} mm"
         raise BodyError(
-            f"[body.bay]: the skin around {place(center)} {fall} under an opening of"
+            f"[body.bay]: the skin around {xyz(center)} {fall} under an opening of"
             f" {2 * half[0]:g} x {2 * half[1]:g} mm; choose a flatter place or a smaller size"
         )
     return low, high
@@ -137,5 +137,5 @@ def _check(bay: Prism, body: Surface, depth: float) -> None:
         k = int(spare.argmin())
         raise BodyError(
             f"[body.bay]: it leaves {max(0.0, float(wall[k])):.1f} mm of wall near"
-            f" {place(points[k])}; {_WALL:g} mm is needed: choose another place or a smaller size"
+            f" {xyz(points[k])}; {_WALL:g} mm is needed: choose another place or a smaller size"
         )

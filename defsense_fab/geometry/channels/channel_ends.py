@@ -9,7 +9,7 @@ from functools import partial
 import igl
 import numpy as np
 
-from ...core.arrays import Float, place
+from ...core.arrays import Float, xyz
 from ...core.curve import Plane
 from ...core.mesh import Surface
 from ..bodies.connector_bay import inside
@@ -202,7 +202,7 @@ class Ends:
         needed = np.minimum(radius + self._wall, INLET_SLOPE * np.linspace(0, length, count))
         if (depth < needed).any():
             at = axis[int((depth - needed).argmin())]
-            return f"there is too little wall near {place(at)}"
+            return f"there is too little wall near {xyz(at)}"
         for points, hollow in others:
             gap = np.linalg.norm(axis[:, None] - points[None], axis=2).min()
             if gap < radius + hollow + self._wall:

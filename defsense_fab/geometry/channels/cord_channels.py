@@ -9,7 +9,7 @@ from typing import Any
 import igl
 import numpy as np
 
-from ...core.arrays import Float, place
+from ...core.arrays import Float, xyz
 from ...core.curve import Hermite, bend_radius, hermite_basis
 from ...core.device import Sensor
 from ...core.errors import FabricationError
@@ -156,14 +156,14 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
     if not inside[1:-1].all():
         outside = path[1:-1][~inside[1:-1]]
         where = "misses the body" if not inside.any() else "leaves the body"
-        at = place(outside[len(outside) // 2])
+        at = xyz(outside[len(outside) // 2])
         raise FabricationError(
             f"cord {sensor.name!r} {where} near {at}; move its plane or its path"
         )
     radius = bend_radius(path)
     k = int(radius.argmin())
     if radius[k] < 0.6 * diameter:
-        at = place(path[k + 1])
+        at = xyz(path[k + 1])
         raise FabricationError(
             f"cord {sensor.name!r} bends to a radius of {radius[k]:.2f} mm near {at}, too tight"
             f" for a channel of {diameter:.2f} mm; smooth the path"

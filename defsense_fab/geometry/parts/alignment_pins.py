@@ -62,7 +62,7 @@ class Pin:
         return cylinder(self.center - 0.5 * out, self.center + self.depth * out, self.socket)
 
 
-def place(contacts: Sequence[Contact], clearance: float, wall: float) -> list[Pin]:
+def place_pins(contacts: Sequence[Contact], clearance: float, wall: float) -> list[Pin]:
     """Two pins for each contact where they have room, one or none where not.
 
     `clearance` (on the diameter) and `wall` in mm. Larger contacts choose first. Pins lie as far

@@ -24,7 +24,7 @@ _FLAT = 1e-5  # mm
 
 
 @dataclass(frozen=True)
-class Graze:
+class ChannelOpening:
     """The channel `line` (an index) has less than the wall to a face of the cut `cut` (an index)
     over `length` mm, around `at` (3,) mm, and `wall` mm at the least, below 0 where it opens."""
 
@@ -47,13 +47,13 @@ def borders(normal: Float, origin: Float, region: Prism | None) -> list[tuple[Fl
     return planes
 
 
-def grazes(
+def channel_openings(
     leaves: Sequence[Any],
     faces: Sequence[Sequence[tuple[Float, float]]],
     lines: Sequence[tuple[int, Float]],
     radius: float,
     wall: float,
-) -> list[Graze]:
+) -> list[ChannelOpening]:
     """All stretches of the channels (index and centre line (p, 3) mm, of `radius` mm) that keep
     less than `wall` mm from a face of another cord's cut and do not just cross it.
 
@@ -87,7 +87,7 @@ def _lying_on(surfaces: Sequence[Any], planes: Sequence[tuple[Float, float]]) ->
 
 def _stretches(
     i: int, k: int, line: Float, distance: Float, radius: float, wall: float
-) -> list[Graze]:
+) -> list[ChannelOpening]:
     step = float(np.linalg.norm(line[1] - line[0]))
     near = np.concatenate([[False], distance < radius + wall, [False]])
     edges = np.flatnonzero(np.diff(near.astype(int)))
@@ -98,6 +98,8 @@ def _stretches(
         spare = 2 * (radius + wall) / np.sin(_STEEP) if crosses else 0.0
         if (b - a) * step > spare:
             out.append(
-                Graze(i, k, float((b - a) * step), float(distance[least]) - radius, line[least])
+                ChannelOpening(
+                    i, k, float((b - a) * step), float(distance[least]) - radius, line[least]
+                )
             )
     return out

@@ -10,13 +10,13 @@ from typing import Any
 import manifold3d as m3
 import numpy as np
 
-from ...core.arrays import Float, place
+from ...core.arrays import Float, xyz
 from ...core.curve import Plane, coincident
 from ...core.errors import FabricationError
 from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
-from .channel_openings import Graze, borders, grazes
+from .channel_openings import ChannelOpening, borders, channel_openings
 
 #: All orders of the cuts are tried for up to this many planes.
 _ALL_ORDERS = 4
@@ -82,14 +82,16 @@ class Plan:
     leaves: list[Any]
     cuts: list[Planned]
 
-    def grazes(self, channels: Sequence[Channel], radius: float, wall: float) -> list[Graze]:
+    def grazes(
+        self, channels: Sequence[Channel], radius: float, wall: float
+    ) -> list[ChannelOpening]:
         """Where channels and their leads run along the faces of others' cuts."""
         faces = [
             borders(c.plane.normal, c.plane.origin, c.region[0] if c.region else None)
             for c in self.cuts
         ]
         lines = [(k, line) for k, c in enumerate(channels) for line in c.insides]
-        return grazes(self.leaves, faces, lines, radius, wall)
+        return channel_openings(self.leaves, faces, lines, radius, wall)
 
     @property
     def burden(self) -> float:
@@ -177,7 +179,7 @@ def _whole(leaf: Any, channels: Sequence[Channel]) -> Any:
     pieces = sorted(_solids(leaf), key=lambda p: -float(p.volume()))
     if len(pieces) > 1:
         chip = pieces[1]
-        at = place(triangle_kernel.centroid(triangle_kernel.to_surface(chip)))
+        at = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(chip)))
         near = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
         raise FabricationError(
             f"the channel of cord {' and '.join(near)} cuts a piece of {chip.volume():.1f} mm^3 off"

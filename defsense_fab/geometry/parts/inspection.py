@@ -14,7 +14,7 @@ import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...core.arrays import Float, place
+from ...core.arrays import Float, xyz
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.connector_bay import in_solid, without_bay
@@ -78,7 +78,7 @@ def _apart(made: Made) -> Check:
             if volume > worst:
                 worst, at = (
                     volume,
-                    place(triangle_kernel.centroid(triangle_kernel.to_surface(common))),
+                    xyz(triangle_kernel.centroid(triangle_kernel.to_surface(common))),
                 )
             if volume > _OVERLAP * made.body_volume:
                 raise FabricationError(
@@ -114,7 +114,7 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
         if depth[k] < needed[k] - _TOLERANCE:
             raise FabricationError(
                 f"cord {channel.name!r} leaves a wall of {depth[k] - radius:.2f} mm to the skin"
-                f" near {place(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards"
+                f" near {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards"
             )
         whole = np.where(needed >= radius + rules.wall - 1e-9, depth, np.inf)
         k = int(whole.argmin())
@@ -125,7 +125,7 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
                     float(whole[k]) - radius,
                     rules.wall,
                     "mm",
-                    place(channel.inside[k]),
+                    xyz(channel.inside[k]),
                 )
             )
         for other in channels[i + 1 :]:
@@ -136,9 +136,9 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
             if wall < rules.wall - 2 * _TOLERANCE:
                 raise FabricationError(
                     f"cords {channel.name!r} and {other.name!r} leave a wall of {wall:.2f} mm near"
-                    f" {place(channel.inside[k])}; {rules.wall:.2f} mm is needed: move them apart"
+                    f" {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move them apart"
                 )
-            out.append(Check(name, wall, rules.wall, "mm", place(channel.inside[k])))
+            out.append(Check(name, wall, rules.wall, "mm", xyz(channel.inside[k])))
     return out
 
 
@@ -172,7 +172,7 @@ def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list
                 found += [(what, _away(points, h, wires.bay)) for h in hollows]
         for what, away in found:
             k = int(away.argmin())
-            wall, at = float(away[k]) - radius, place(points[k])
+            wall, at = float(away[k]) - radius, xyz(points[k])
             name = f"wall from the wire of cord {channel.name} to {what}"
             if wall < least - 2 * _TOLERANCE:
                 raise FabricationError(
@@ -209,14 +209,14 @@ def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
         hull = _shell(pin)
         between = float(gap(hull, made.pins[:k]).min())
         if between < apart:
-            apart, where[2] = between, place(pin.center)
+            apart, where[2] = between, xyz(pin.center)
         depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, hull)[0])
         if depth.min() < skin:
-            skin, where[0] = float(depth.min()), place(pin.center)
+            skin, where[0] = float(depth.min()), xyz(pin.center)
         for name, line, radius in hollows:
             wall = float(line.query(hull)[0].min()) - radius
             if wall < groove:
-                groove, where[1] = wall, f"{place(pin.center)}, cord {name}"
+                groove, where[1] = wall, f"{xyz(pin.center)}, cord {name}"
     least = rules.inner_wall
     out = [
         Check("wall from socket to skin", skin, least, "mm", where[0]),
@@ -267,13 +267,13 @@ def _features(made: Made, pieces: Sequence[Any], rules: Rules) -> list[Check]:
             cords = " and ".join(repr(made.channels[c].name) for c in sorted(near))
             raise FabricationError(
                 f"{part.name} is thinner than {width:.1f} mm in {share:.0%} of it, near"
-                f" {place(at)}, between the planes of {cords}"
+                f" {xyz(at)}, between the planes of {cords}"
                 " and the skin: move a plane"
             )
         name = f"{part.name}: share thinner than {width:.1f} mm"
-        told = f"{name}: {share:.0%}, near {place(at)}: it may print with gaps"
+        told = f"{name}: {share:.0%}, near {xyz(at)}: it may print with gaps"
         out.append(
-            Check(name, share, THIN, "", place(at) if thin else "", told if share > TOLD else "")
+            Check(name, share, THIN, "", xyz(at) if thin else "", told if share > TOLD else "")
         )
     return out
 
@@ -304,7 +304,7 @@ def _touch(cord: Any, piece: Any, what: str) -> float:
     if volume > _TOUCH:
         at = triangle_kernel.centroid(triangle_kernel.to_surface(common))
         raise FabricationError(
-            f"{what} meets {volume:.2f} mm^3 of solid near {place(at)}; move the cord or its plane"
+            f"{what} meets {volume:.2f} mm^3 of solid near {xyz(at)}; move the cord or its plane"
         )
     return volume
 

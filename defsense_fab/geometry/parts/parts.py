@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import place
+from ...core.arrays import xyz
 from ...core.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
@@ -17,7 +17,7 @@ from ..channels.cord_channels import channels_of
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, Tool
 from . import alignment_pins, inspection, part_labels, tag_seats
-from .channel_openings import Graze
+from .channel_openings import ChannelOpening
 from .division import SMALL, Division, divide, plan
 from .part_contacts import Contact, contacts
 from .part_labels import Label
@@ -52,7 +52,7 @@ def make_parts(
     planes = [s.plane for s in sensors]
     bay = _bay(rules)
     skin = without_bay(surface, bay) if bay else surface
-    flats = tag_seats.place(skin, rules.seats, rules.tag, hollows, rules.wall, planes)
+    flats = tag_seats.place_seats(skin, rules.seats, rules.tag, hollows, rules.wall, planes)
     flattening = [t for s in flats for t in s.tools]
     if flattening:
         body = triangle_kernel.without(body, flattening)
@@ -63,7 +63,7 @@ def make_parts(
     division, names = _named(divide(body, channels, planned), surface)
     report(0.25, "pins and numbers")
     meeting = contacts(division, hollows)
-    pins = alignment_pins.place(meeting, rules.clearance, rules.inner_wall)
+    pins = alignment_pins.place_pins(meeting, rules.clearance, rules.inner_wall)
     marks = part_labels.engrave(meeting, pins, len(names), rules.inner_wall)
     own = _own_tools(len(names), meeting, pins, marks)
     pieces = [
@@ -107,7 +107,7 @@ def _bay(rules: Rules) -> Prism | None:
 def _one_solid(body: Any) -> None:
     pieces = body.decompose()
     for piece in sorted(pieces, key=lambda p: float(p.volume()))[:-1]:
-        at = place(triangle_kernel.centroid(triangle_kernel.to_surface(piece)))
+        at = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(piece)))
         raise FabricationError(
             f"the body has a closed cavity near {at}; open it to the outside or fill it"
             if piece.volume() < 0
@@ -160,7 +160,7 @@ def _own_tools(
     return own
 
 
-def _warnings(made: Made, grazing: Sequence[Graze], rules: Rules) -> list[str]:
+def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> list[str]:
     """What a maker should know of the parts."""
     out = [check.note for check in made.checks if check.note]
     if len(made.seats) < rules.seats:
@@ -171,7 +171,7 @@ def _warnings(made: Made, grazing: Sequence[Graze], rules: Rules) -> list[str]:
     ends = [(c, e, n) for c in made.channels for e, n in zip(c.ends, ("start", "end"), strict=True)]
     if _bay(rules):
         out += [
-            f"the wire at the {which} of cord {channel.name}, near {place(end.mouth)}, does not"
+            f"the wire at the {which} of cord {channel.name}, near {xyz(end.mouth)}, does not"
             f" reach the connector bay: {end.reason or end.unled}"
             for channel, end, which in ends
             if end.wire != "bay"
@@ -181,7 +181,7 @@ def _warnings(made: Made, grazing: Sequence[Graze], rules: Rules) -> list[str]:
         what = "opens into" if g.wall <= 0 else f"leaves {g.wall:.1f} mm of wall to"
         out.append(
             f"the channel of cord {made.channels[g.line].name} {what} the joint of {joint} over"
-            f" {g.length:.0f} mm near {place(g.at)}: keep glue away from it there"
+            f" {g.length:.0f} mm near {xyz(g.at)}: keep glue away from it there"
         )
     marked = {m.part for m in made.labels}
     for i, part in enumerate(made.parts):

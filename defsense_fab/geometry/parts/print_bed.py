@@ -21,7 +21,7 @@ GAP = 5.0  # mm, between parts and along the bed's edge
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedPart:
     """A part on a plate (counted from 0): its surface moved and turned, in mm from the plate's
     front left corner."""
 
@@ -85,14 +85,14 @@ def _turn(angle: float) -> Float:
 
 def arrange(
     parts: Mapping[str, Surface], bed: tuple[float, float, float], printer: str
-) -> dict[str, Placed]:
+) -> dict[str, PlacedPart]:
     """Parts that lie as they are printed, on as many plates as they need, in rows from the front.
 
     Raises FabricationError for a part that no plate holds.
     """
     turned = {name: _fitting(name, s, bed, printer) for name, s in parts.items()}
     sizes = {name: np.ptp(s.bounds, axis=0)[:2] for name, s in turned.items()}
-    out: dict[str, Placed] = {}
+    out: dict[str, PlacedPart] = {}
     plate, x, y, row = 0, GAP, GAP, 0.0
     for name in sorted(turned, key=lambda n: -sizes[n][1]):
         wide, deep = sizes[name]
@@ -108,7 +108,7 @@ def arrange(
             middle = np.array([x + wide / 2, y + deep / 2, 0.0])
             x, row = x + wide + GAP, max(row, deep)
         s = turned[name]
-        out[name] = Placed(plate, Surface(s.vertices + middle, s.faces))
+        out[name] = PlacedPart(plate, Surface(s.vertices + middle, s.faces))
     return out
 
 

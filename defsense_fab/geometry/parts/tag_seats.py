@@ -42,7 +42,7 @@ class Seat:
         return [flat, *text.engraved(self.center, self.axes, _ENGRAVED)]
 
 
-def place(
+def place_seats(
     body: Surface,
     count: int,
     tag: float,

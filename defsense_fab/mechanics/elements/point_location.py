@@ -16,7 +16,7 @@ CHUNK = 2000  # points; fewer are not worth a thread
 
 
 @dataclass(frozen=True)
-class Located:
+class LocatedPoints:
     """Points (p, 3) with their tet (p,), barycentric coordinates (p, 4), smallest of them (p,).
 
     A smallest coordinate below zero means that the point lies outside; the nearest tet's
@@ -55,16 +55,16 @@ class PointLocator:
         """The tet (m, 4) behind the face opposite each corner, -1 at the surface."""
         return neighbours(self.mesh.cells[:, :4])
 
-    def find(self, points: Float) -> Located:
+    def find(self, points: Float) -> LocatedPoints:
         """Tet and weights of each point (p, 3) mm; the nearest tet for points outside."""
         points = np.ascontiguousarray(points, float)
         cell, bary = np.zeros(len(points), np.int64), np.empty((len(points), 4))
         over_chunks(
             lambda a, b: _find(points, self.grid, a, b, cell, bary), len(points), cores(), CHUNK
         )
-        return Located(cell, bary)
+        return LocatedPoints(cell, bary)
 
-    def displacement(self, at: Located, fields: Float) -> Float:
+    def displacement(self, at: LocatedPoints, fields: Float) -> Float:
         """Displacements (s, p, 3) of the fields (s, n, 3) at the points."""
         nodes, weights = self.mesh.cells[at.cell], shape(at.bary)
         out = np.zeros((len(fields), len(nodes), 3))
@@ -76,7 +76,7 @@ class PointLocator:
         )
         return out
 
-    def gradient(self, at: Located, fields: Float) -> Float:
+    def gradient(self, at: LocatedPoints, fields: Float) -> Float:
         """Displacement gradients (s, p, 3, 3): [a, j] is the derivative of u_a by X_j."""
         mesh, count = self.mesh, len(at.cell)
         out = np.zeros((len(fields), count, 3, 3))

@@ -16,7 +16,7 @@ from .boundary_conditions import BoundaryConditions
 SMALL = 1.5
 
 
-def check_held(mesh: QuadraticMesh, conditions: BoundaryConditions, label: str) -> list[str]:
+def check_constraints(mesh: QuadraticMesh, conditions: BoundaryConditions, label: str) -> list[str]:
     """Warnings about regions so small that the strain beside them depends on the mesh.
 
     Raises DeviceError where the body is not in one piece, where it can still move as a whole, and

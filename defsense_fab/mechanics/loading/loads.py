@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...core.arrays import Float, Int
-from ..elements.point_location import Located, PointLocator
+from ..elements.point_location import LocatedPoints, PointLocator
 from ..elements.tet10 import QuadraticMesh, scatter_nodes, shape
 from .boundary_conditions import BoundaryConditions, Pressure
 
@@ -24,7 +24,7 @@ class Loads:
         )
         if conditions.drags:
             points = np.array([d.at for d in conditions.drags])
-            at: Located = PointLocator(mesh).find(points)
+            at: LocatedPoints = PointLocator(mesh).find(points)
             self._drag_nodes: Int = mesh.cells[at.cell]
             self._drag_weights: Float = shape(at.bary)
 

@@ -25,7 +25,7 @@ _SPLIT = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 
 @dataclass(frozen=True)
-class Soundness:
+class FieldValidity:
     """`inverted` (k,) tets with det F <= 0 at a node or a quadrature point, the least det F there,
     and `inside` (p, 3) mm: deformed places of the surface that lie inside the body."""
 
@@ -54,12 +54,12 @@ def nodal_gradients(mesh: QuadraticMesh, u: Float) -> Float:
     return np.asarray(np.eye(3) + np.einsum("mvnj,mna->mvaj", by, u[mesh.cells], optimize=True))
 
 
-def inspect(mesh: QuadraticMesh, u: Float) -> Soundness:
+def inspect(mesh: QuadraticMesh, u: Float) -> FieldValidity:
     """Look at displacements u (n, 3) mm."""
     inner = deformation_gradient(mesh, u)
     jacobian = np.linalg.det(np.concatenate([nodal_gradients(mesh, u), inner], axis=1))
     bad = np.flatnonzero((jacobian <= 0).any(axis=1))
-    return Soundness(bad, float(jacobian.min()), _inside(mesh, u))
+    return FieldValidity(bad, float(jacobian.min()), _inside(mesh, u))
 
 
 def _inside(mesh: QuadraticMesh, u: Float) -> Float:

@@ -35,7 +35,7 @@ class Status(StrEnum):
 
 
 @dataclass(frozen=True)
-class Statistics:
+class SolveStatistics:
     """Counts of linear solves, factorised matrices and load steps; residual relative to the
     largest nodal force; stored energy (N mm); wall time (s)."""
 
@@ -58,7 +58,7 @@ class Equilibrium:
     status: Status
     state: State | None
     amplitude: float
-    statistics: Statistics
+    statistics: SolveStatistics
     largest: State | None = field(default=None, repr=False)
     problem: str | None = None
 
@@ -123,9 +123,9 @@ def follow(
         residual = energy = np.inf
         stable = True
 
-        def statistics() -> Statistics:
+        def statistics() -> SolveStatistics:
             seconds = time.perf_counter() - began  # noqa: B023
-            return Statistics(iterations, factors, steps, residual, energy, seconds)  # noqa: B023
+            return SolveStatistics(iterations, factors, steps, residual, energy, seconds)  # noqa: B023
 
         while at < target - 1e-12:
             there = min(at + step, target)

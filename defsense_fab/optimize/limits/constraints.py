@@ -13,11 +13,11 @@ from ...core.device import Sensor
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import INLET_SLOPE
 from ...geometry.kernels import ray_casting
-from ..problem.cord_kinematics import Placed, cord_at
-from ..problem.cord_parameters import CordFreedom
+from ..problem.cord_kinematics import PlacedCord, cord_at
+from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Limits
 from ..problem.surface_depth import DepthField
-from .full_path import RUN, Track
+from .full_path import RUN, FullPath
 from .polyline_distance import nearest, nearest_strand
 
 #: An end further than this from the surface leaves cord that the signal does not count, mm.
@@ -75,10 +75,10 @@ class _Inlets:
     end: Int
 
     @classmethod
-    def of(cls, cord: CordFreedom, depth: DepthField, surface: Surface) -> _Inlets:
+    def of(cls, cord: CordParameters, depth: DepthField, surface: Surface) -> _Inlets:
         lengths = to_exits(cord.sensor, surface)
         runs = run_lengths(lengths)
-        track = Track.of(cord_at(cord, np.zeros(cord.size)), runs)
+        track = FullPath.of(cord_at(cord, np.zeros(cord.size)), runs)
         points, path = track.points, track.placed.points
         out = path[[0, -1]] - path[[1, -2]]
         out /= np.linalg.norm(out, axis=1, keepdims=True)
@@ -96,7 +96,7 @@ class _Inlets:
         ends = (both.min(axis=0), both.argmin(axis=0))
         return cls(normals, exits, runs, least, most, i[near], i[~near], *ends)
 
-    def lengths(self, track: Track, size: int) -> tuple[Float, Float]:
+    def lengths(self, track: FullPath, size: int) -> tuple[Float, Float]:
         """How far the path's ends lie from the surface at the exits, (2,) mm, inf without one, and
         the derivatives (2, size)."""
         value, row = np.full(2, np.inf), np.zeros((2, size))
@@ -130,7 +130,7 @@ class Constraints:
         surface: Surface,
         depth: DepthField,
         limits: Limits,
-        cords: Sequence[CordFreedom],
+        cords: Sequence[CordParameters],
         stride: int = 3,
     ) -> None:
         self._depth, self._limits, self._stride, self._cords = depth, limits, stride, cords
@@ -142,7 +142,7 @@ class Constraints:
     def __call__(self, x: Float) -> tuple[Float, Float]:
         """Values (g,) and derivatives (g, size)."""
         tracks = [
-            Track.of(cord_at(cord, x[columns]), inlets.runs)
+            FullPath.of(cord_at(cord, x[columns]), inlets.runs)
             for cord, columns, inlets in zip(self._cords, self._columns, self._inlets, strict=True)
         ]
         values, rows = [], []
@@ -172,7 +172,7 @@ class Constraints:
         return np.concatenate(values), np.concatenate(rows)
 
     def _walls(
-        self, tracks: Sequence[Track], i: int, depth: Float, inward: Float
+        self, tracks: Sequence[FullPath], i: int, depth: Float, inward: Float
     ) -> tuple[list[Float], list[Float]]:
         """What the depths (q,) of a cord's samples have in hand, and inlets' and cord's lengths."""
         inlets, size = self._inlets[i], self._size
@@ -202,7 +202,9 @@ class Constraints:
                 rows.append(wide)
         return values, rows
 
-    def _rows(self, tracks: Sequence[Track], count: int, *terms: tuple[int, Int, Float]) -> Float:
+    def _rows(
+        self, tracks: Sequence[FullPath], count: int, *terms: tuple[int, Int, Float]
+    ) -> Float:
         """Sums (count, size) of how far samples move: terms of cord, samples (count,), and
         directions (count, 3)."""
         out = np.zeros((count, self._size))
@@ -210,7 +212,7 @@ class Constraints:
             tracks[cord].add_rows(samples, directions, out[:, self._columns[cord]])
         return out
 
-    def _distance(self, tracks: Sequence[Track], i: int, j: int) -> tuple[Float, Float]:
+    def _distance(self, tracks: Sequence[FullPath], i: int, j: int) -> tuple[Float, Float]:
         """Every few neighbouring samples of cord i: the one nearest to cord j (or to i's far
         parts). All samples are looked at; a coarser polyline would cut the bends short."""
         a, b = tracks[i].points, tracks[j].points
@@ -228,7 +230,7 @@ class Constraints:
         return np.where(np.isfinite(best), best, _FAR) - self._limits.clearance - MARGIN, row
 
 
-def _length(placed: Placed) -> tuple[float, Float]:
+def _length(placed: PlacedCord) -> tuple[float, Float]:
     """Length of the path, mm, and the derivative (size,)."""
     step = np.diff(placed.points, axis=0)
     size = np.linalg.norm(step, axis=1)

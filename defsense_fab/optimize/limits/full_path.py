@@ -8,23 +8,23 @@ import numba
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ..problem.cord_kinematics import Placed
+from ..problem.cord_kinematics import PlacedCord
 
 RUN = 4  # samples of a straight run to the surface
 
 
 @dataclass(frozen=True)
-class Track:
+class FullPath:
     """Samples `points` (p, 3) mm in order: the run before the path's start, the path, the run
     after its end. Runs of `runs` (2,) mm follow the path's end tangents; a run of no length has
     no samples."""
 
     points: Float
-    placed: Placed
+    placed: PlacedCord
     runs: Float
 
     @classmethod
-    def of(cls, placed: Placed, runs: Float) -> Track:
+    def of(cls, placed: PlacedCord, runs: Float) -> FullPath:
         """The cord with runs of so many mm."""
         return cls(_with_runs(placed.points, runs), placed, runs)
 

@@ -12,7 +12,7 @@ from ...core.arrays import Float, Int
 from ...core.curve import coincident
 from ...core.device import Sensor
 from ..problem.cord_kinematics import cord_at
-from ..problem.cord_parameters import CordFreedom, sample_path
+from ..problem.cord_parameters import CordParameters, sample_path
 from ..problem.problem import Problem
 from .interior_points import evenly
 
@@ -32,7 +32,7 @@ class Leaf:
     planes: tuple[int, ...]
 
 
-class Slivers:
+class ThinParts:
     """Looks for slivers by points: the cuts of `geometry/parts/division.py` without solids."""
 
     def __init__(self, problem: Problem) -> None:
@@ -49,7 +49,7 @@ class Slivers:
         return self._first(sensors) is not None
 
     def guard(
-        self, cords: Sequence[CordFreedom], old: Float, new: Float
+        self, cords: Sequence[CordParameters], old: Float, new: Float
     ) -> tuple[Float, Float] | None:
         """An inequality at parameters `new` (size,) that rules out the sliver there: value (1,) mm
         and row (1, size); None without one. Thin parts that were thick at `old` are to be thick,

@@ -14,7 +14,7 @@ import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...core.arrays import Float, place
+from ...core.arrays import Float, xyz
 from ...core.curve import bend_radius
 from ...core.device import Sensor
 from ...core.mesh import Surface
@@ -61,7 +61,7 @@ def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> Layou
             if gap[k] < limits.clearance - _TOLERANCE:
                 problems.append(
                     f"cords {sensors[i].name!r} and {sensors[j].name!r} come within"
-                    f" {gap[k]:.2f} mm near {place(dense[i][k])}; {limits.clearance:.2f} mm is"
+                    f" {gap[k]:.2f} mm near {xyz(dense[i][k])}; {limits.clearance:.2f} mm is"
                     " needed"
                 )
     return LayoutCheck(cords, closest, tuple(problems))
@@ -84,7 +84,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
     if path_depth.min() < -_TOLERANCE:
         k = int(path_depth.argmin())
         problems.append(
-            f"{name} leaves the body near {place(points[k])}, {-path_depth[k]:.2f} mm outside"
+            f"{name} leaves the body near {xyz(points[k])}, {-path_depth[k]:.2f} mm outside"
         )
     for inlet, which in zip(inlets, ("start", "end"), strict=True):
         if inlet > LONGEST_INLET and not problems:
@@ -102,7 +102,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
         if slack[k] < -_TOLERANCE:
             wall = depth[k] - limits.channel_diameter / 2
             problems.append(
-                f"{name} leaves a wall of {wall:.2f} mm near {place(whole[k])};"
+                f"{name} leaves a wall of {wall:.2f} mm near {xyz(whole[k])};"
                 f" {limits.wall:.2f} mm is needed"
             )
     inside = np.minimum(along, along[-1] - along) >= limits.depth / INLET_SLOPE
@@ -119,7 +119,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
     if radius.min() < limits.min_radius - _TOLERANCE:
         k = int(radius.argmin())
         problems.append(
-            f"{name} bends to a radius of {radius[k]:.2f} mm near {place(points[k + 1])};"
+            f"{name} bends to a radius of {radius[k]:.2f} mm near {xyz(points[k + 1])};"
             f" {limits.min_radius:.2f} mm is needed"
         )
     far = np.pi * max(limits.min_radius, limits.clearance / 2)
@@ -130,7 +130,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
     if gap.min() < limits.clearance - _TOLERANCE:
         k = int(np.unravel_index(gap.argmin(), gap.shape)[0])
         problems.append(
-            f"{name} comes within {gap.min():.2f} mm of itself near {place(a[k])};"
+            f"{name} comes within {gap.min():.2f} mm of itself near {xyz(a[k])};"
             f" {limits.clearance:.2f} mm is needed"
         )
     return CordCheck(

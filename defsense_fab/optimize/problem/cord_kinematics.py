@@ -10,16 +10,16 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.curve import Hermite, Plane
 from ...core.device import Sensor
-from .cord_parameters import FRAME, CordFreedom
+from .cord_parameters import FRAME, CordParameters
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class PlacedCord:
     """Stacked control points and tangents (2 k, 2), samples `points` (p, 3) mm in the rest frame,
     and the same `local` (p, 2) in the plane, off its pivot (3,); the plane's axes (3, 3) and their
     derivatives `turns` (t, 3, 3) by its turns, t = 3 or 0."""
 
-    cord: CordFreedom
+    cord: CordParameters
     stack: Float
     points: Float
     local: Float
@@ -89,7 +89,7 @@ class Placed:
         return value, derivative / cord.drawn_speed[:, None] ** 3
 
 
-def cord_at(cord: CordFreedom, x: Float) -> Placed:
+def cord_at(cord: CordParameters, x: Float) -> PlacedCord:
     """The cord at parameters x (size,)."""
     stack, pivot, axes = cord.stack.copy(), cord.pivot.copy(), cord.sensor.plane.axes.copy()
     points, local = np.empty((len(cord.basis), 3)), np.empty((len(cord.basis), 2))
@@ -98,7 +98,7 @@ def cord_at(cord: CordFreedom, x: Float) -> Placed:
         x, cord.rows, cord.basis, cord.center, cord.moves, cord.reach, stack, pivot, axes, turns,
         local, points,
     )  # fmt: skip
-    return Placed(cord, stack, points, local, pivot, axes, turns)
+    return PlacedCord(cord, stack, points, local, pivot, axes, turns)
 
 
 @numba.njit(cache=True, nogil=True)

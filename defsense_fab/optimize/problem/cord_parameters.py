@@ -25,7 +25,7 @@ def sample_path(sensor: Sensor) -> Float:
     return sensor.plane.to_world(sensor.curve.sample(per_span(sensor)))
 
 
-class CordFreedom:
+class CordParameters:
     """Parameters of one sensor, all in mm: interior control points, tangents, and the plane.
 
     The first and last two control points and the end tangents stay where they are in the plane's
@@ -33,7 +33,7 @@ class CordFreedom:
     about the path's middle; a turn counts as the movement it causes at half the path's extent.
     """
 
-    def __init__(self, sensor: Sensor, lead: CordFreedom | None = None) -> None:
+    def __init__(self, sensor: Sensor, lead: CordParameters | None = None) -> None:
         """With `lead`, a cord in the same frame, the frame's parameters mean what they mean there:
         equal ones keep both cords in one plane."""
         curve, self.sensor = sensor.curve, sensor
@@ -66,16 +66,16 @@ class CordFreedom:
         self.drawn_speed = np.maximum(speed, 1e-3 * speed.max())
 
 
-def apart(sensors: Sequence[Sensor]) -> tuple[list[CordFreedom], Int]:
+def apart(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Int]:
     """Like `together`, for cords that go their own ways."""
-    cords = [CordFreedom(s) for s in sensors]
+    cords = [CordParameters(s) for s in sensors]
     return cords, np.arange(sum(c.size for c in cords))
 
 
-def together(sensors: Sequence[Sensor]) -> tuple[list[CordFreedom], Int]:
+def together(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Int]:
     """Freedoms of a layout whose coplanar cords stay coplanar where their plane is free, and for
     each of their parameters (size,) which of the layout's own it is."""
-    cords: list[CordFreedom] = []
+    cords: list[CordParameters] = []
     which: list[Int] = []
     count = 0
     for sensor in sensors:
@@ -85,12 +85,12 @@ def together(sensors: Sequence[Sensor]) -> tuple[list[CordFreedom], Int]:
             sensor = replace(sensor, free=sensor.free - {"plane"})
         lead = next((i for i, c in enumerate(cords) if _joined(c.sensor, sensor)), None)
         if lead is None:
-            cord = CordFreedom(sensor)
+            cord = CordParameters(sensor)
             own = count + np.arange(cord.size)
             count += cord.size
         else:
             leader = cords[lead]
-            cord = CordFreedom(_in_frame(sensor, leader.sensor.plane), leader)
+            cord = CordParameters(_in_frame(sensor, leader.sensor.plane), leader)
             own = np.concatenate([count + np.arange(cord.size - FRAME), which[lead][-FRAME:]])
             count += cord.size - FRAME
         cords.append(cord)

@@ -29,7 +29,7 @@ _SPOKES = [[(4 + e, a + b - i) for e, (a, b) in enumerate(EDGES) if i in (a, b)]
 _ON_EDGES, _BEYOND = (np.array([[s[k] for s in spokes] for spokes in _SPOKES]) for k in (0, 1))
 
 
-class Carrier:
+class CordCarrier:
     """Fields (s, n, 3) mm on the locator's mesh, kept for speed as the nodes' positions (n, 3 s) in
     all states: tet10 shape functions carry linear fields exactly, the rest positions among them."""
 
@@ -88,7 +88,9 @@ class Carried:
     `found` on the way: the points' tets and weights there, their moved positions, the lengths of
     segments, the lengths of lines and the derivatives of segments, see `_carry`."""
 
-    def __init__(self, carrier: Carrier, points: Float, ends: Int, found: tuple[Any, ...]) -> None:
+    def __init__(
+        self, carrier: CordCarrier, points: Float, ends: Int, found: tuple[Any, ...]
+    ) -> None:
         self._carrier, self._points, self._ends, self._found = carrier, points, ends, found
         lengths = found[-2]
         self.signals = carrier.gauge_factor * (lengths[:, :-1] / lengths[:, -1:] - 1).T

@@ -16,8 +16,8 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...decoding.elimination import expected_square, square_slopes
-from .cord_kinematics import Placed, cord_at
-from .cord_parameters import CordFreedom
+from .cord_kinematics import PlacedCord, cord_at
+from .cord_parameters import CordParameters
 from .cord_signals import Carried
 from .problem import Problem
 
@@ -34,7 +34,7 @@ class Model:
 class Objective:
     """Mean squared marker error as a function of all cords' parameters."""
 
-    def __init__(self, problem: Problem, cords: Sequence[CordFreedom]) -> None:
+    def __init__(self, problem: Problem, cords: Sequence[CordParameters]) -> None:
         self.problem, self.cords = problem, cords
         self._outputs = problem.outputs
         self._features = problem.features(len(cords))
@@ -105,12 +105,12 @@ class Objective:
 
         return _with_rest(carried.signals), jacobians
 
-    def _carry(self, x: Float) -> tuple[list[Placed], Carried]:
+    def _carry(self, x: Float) -> tuple[list[PlacedCord], Carried]:
         placed = [cord_at(c, part) for c, part in zip(self.cords, self.split(x), strict=True)]
         points = np.concatenate([p.points for p in placed])
         return placed, self.problem.carrier.carry(points, self._first)
 
-    def _parts(self, placed: list[Placed]) -> Iterator[tuple[Placed, int, int]]:
+    def _parts(self, placed: list[PlacedCord]) -> Iterator[tuple[PlacedCord, int, int]]:
         """Each cord with the first and the last of its points."""
         return zip(placed, self._first[:-1].tolist(), self._first[1:].tolist(), strict=True)
 

@@ -15,7 +15,7 @@ from ...decoding.features import KINDS, Features
 from ...decoding.ridge import floor
 from ...mechanics.elements.point_location import PointLocator
 from ...sensing.response import Response
-from .cord_signals import Carrier
+from .cord_signals import CordCarrier
 from .surface_depth import DepthField, DepthGrid
 
 _STILL = 1e-6  # mm
@@ -86,9 +86,9 @@ class Problem:
         return KINDS[self.decoder](cords)
 
     @cached_property
-    def carrier(self) -> Carrier:
+    def carrier(self) -> CordCarrier:
         """What moves cords with the fields; made once, its tables are large."""
-        return Carrier(self.locator, self.fields, self.response)
+        return CordCarrier(self.locator, self.fields, self.response)
 
     @cached_property
     def depth(self) -> DepthField:

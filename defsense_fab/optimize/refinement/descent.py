@@ -9,9 +9,9 @@ import numpy as np
 
 from ...core.arrays import Float
 from ..limits.constraints import MARGIN, Constraints
-from ..limits.thin_parts import Slivers
+from ..limits.thin_parts import ThinParts
 from ..problem.cord_kinematics import cord_at
-from ..problem.cord_parameters import CordFreedom, apart, together
+from ..problem.cord_parameters import CordParameters, apart, together
 from ..problem.objective import Model, Objective
 from ..problem.problem import Problem
 from ..search.starting_layouts import Layout
@@ -31,7 +31,7 @@ def descend(
     sensors: Layout,
     iterations: int,
     tolerance: float,
-    slivers: Slivers,
+    slivers: ThinParts,
     show: Callable[[float, float], None],
 ) -> Layout:
     """The layout after so many iterations, or fewer where they gain less than `tolerance` each;
@@ -69,7 +69,7 @@ def descend(
     return _applied(cords, found.x[which], sensors)
 
 
-def _applied(cords: Sequence[CordFreedom], x: Float, layout: Layout) -> Layout:
+def _applied(cords: Sequence[CordParameters], x: Float, layout: Layout) -> Layout:
     """The layout with its cords at parameters x (size,), as free as before."""
     parts = np.split(x, np.cumsum([c.size for c in cords[:-1]]))
     moved = zip(cords, parts, layout, strict=True)

@@ -12,7 +12,7 @@ import numpy as np
 from ...core.curve import distinct
 from ...core.device import Sensor
 from ...core.errors import LayoutError
-from ..limits.thin_parts import Slivers
+from ..limits.thin_parts import ThinParts
 from ..limits.verification import verify
 from ..problem.cord_parameters import sample_path
 from ..problem.problem import Problem
@@ -175,7 +175,7 @@ class _Best:
 
     def __init__(self, problem: Problem, watch: Watch | None, planes: int | None) -> None:
         self._problem, self._watch, self._planes = problem, watch, planes
-        self.slivers = Slivers(problem)
+        self.slivers = ThinParts(problem)
         self.layout: Layout = ()
         self.rank: tuple[bool, float] = (True, np.inf)
 

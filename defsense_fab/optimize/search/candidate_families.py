@@ -10,7 +10,7 @@ from ...core.arrays import Float
 from ...core.curve import Hermite, Plane, catmull_rom, curvature
 from ...core.device import Sensor
 from ..limits.interior_points import evenly, lively
-from ..problem.cord_parameters import CordFreedom
+from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Problem
 from .candidate_batch import Batch
 
@@ -39,7 +39,7 @@ def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) ->
     origins = np.repeat(sensor.plane.origin[None], n, axis=0)
     axes = np.repeat(sensor.plane.axes[None], n, axis=0)
     if "plane" in sensor.free:
-        freedom = CordFreedom(sensor)
+        freedom = CordParameters(sensor)
         angles = np.stack([rng.uniform(-np.pi / 2, np.pi / 2, n), rng.normal(0, 0.5, n)], axis=1)
         angles[0] = 0
         angles[:, 1] *= size / freedom.reach

@@ -11,7 +11,7 @@ import numpy as np
 from ...core.curve import distinct
 from ...core.device import Sensor
 from ...core.errors import LayoutError
-from ..limits.thin_parts import Slivers
+from ..limits.thin_parts import ThinParts
 from ..problem.problem import Problem
 from .candidate_families import there_and_back, through, vary, within
 from .candidates import Pool, build_pool
@@ -26,7 +26,7 @@ _HAND = 0.1  # kept from the clearance for what coarse samples miss, mm
 
 
 @dataclass(frozen=True)
-class Choice:
+class StartingLayouts:
     """The candidates of one cord, and the name and freedom that the chosen one takes. A `settled`
     one has a single candidate, the cord itself."""
 
@@ -36,7 +36,7 @@ class Choice:
     settled: bool = False
 
     @classmethod
-    def of(cls, problem: Problem, sensor: Sensor) -> Choice:
+    def of(cls, problem: Problem, sensor: Sensor) -> StartingLayouts:
         """No other than the cord itself."""
         return cls(sensor.name, sensor.free, Pool.of(problem, sensor), settled=True)
 
@@ -48,7 +48,7 @@ def choices(
     candidates: int,
     rng: np.random.Generator,
     planes: int | None = None,
-) -> list[Choice]:
+) -> list[StartingLayouts]:
     """For each drawn cord its variations and, where path and plane are free, paths of all
     families; the latter alone for `extra` cords. With a limit on `planes` drawn cords stay as they
     are: descents come later, and their planes are few already.
@@ -64,18 +64,18 @@ def choices(
     out = []
     for s in drawn:
         if planes is not None or not s.free:
-            out.append(Choice.of(problem, s))
+            out.append(StartingLayouts.of(problem, s))
             continue
         count = candidates // (8 if s.free == FREE else 2)
         own = build_pool(problem, [partial(vary, s, count, size / 2, rng)], keep_first=True)
-        out.append(Choice(s.name, s.free, own.plus(families) if s.free == FREE else own))
+        out.append(StartingLayouts(s.name, s.free, own.plus(families) if s.free == FREE else own))
     if extra:
         if wanted and not len(families):
             raise no_room(problem, len(drawn) + extra)
         used = {s.name for s in drawn}
         names = (f"cord-{i}" for i in range(1, len(drawn) + extra + 1 + len(used)))
         fresh = [n for n in names if n not in used][:extra]
-        out += [Choice(n, FREE, families) for n in fresh]
+        out += [StartingLayouts(n, FREE, families) for n in fresh]
     return out
 
 
@@ -101,10 +101,10 @@ def no_room(problem: Problem, count: int) -> LayoutError:
 
 def seeds(
     problem: Problem,
-    cords: Sequence[Choice],
+    cords: Sequence[StartingLayouts],
     count: int,
     planes: int | None,
-    slivers: Slivers,
+    slivers: ThinParts,
     rng: np.random.Generator,
     report: Callable[[float, str], None],
 ) -> list[Layout]:
@@ -130,10 +130,10 @@ def seeds(
 
 def _in_planes(
     problem: Problem,
-    cords: Sequence[Choice],
+    cords: Sequence[StartingLayouts],
     planes: int,
     share: float,
-    slivers: Slivers,
+    slivers: ThinParts,
     rng: np.random.Generator,
 ) -> Layout | None:
     """A selection in at most `planes` planes, or more only where drawn cords have them."""
@@ -152,7 +152,7 @@ def _in_planes(
     if not len(pool):
         return None
     rest = [replace(c, pool=pool) for c in new[max(room, 0) :]]
-    settled = [Choice.of(problem, s) for s in chosen]
+    settled = [StartingLayouts.of(problem, s) for s in chosen]
     found = _select(problem, [*settled, *rest], 1.0, slivers, rng)
     if found is None:
         return None
@@ -162,9 +162,9 @@ def _in_planes(
 
 def _select(
     problem: Problem,
-    cords: Sequence[Choice],
+    cords: Sequence[StartingLayouts],
     share: float,
-    slivers: Slivers,
+    slivers: ThinParts,
     rng: np.random.Generator,
 ) -> Layout | None:
     """The best that greedy selection finds in a share of the candidates, without slivers if it

@@ -13,7 +13,7 @@ from ...core.arrays import Float
 from ...core.curve import distinct
 from ...core.device import Sensor
 from ...core.errors import LayoutError
-from ..limits.thin_parts import Slivers
+from ..limits.thin_parts import ThinParts
 from ..problem.problem import Problem
 from ..refinement.refine import Optimised, layout_error, optimise, part
 from ..search.starting_layouts import FREE, Layout, no_room
@@ -66,7 +66,7 @@ def by_count(
 
     Raises LayoutError where the body has no room for more.
     """
-    before, slivers = begin, Slivers(problem)
+    before, slivers = begin, ThinParts(problem)
     for n, count in enumerate(counts):
         rng = np.random.default_rng((seed, count))  # the same wherever the study began
         low, high = n / len(counts), (n + 1) / len(counts)

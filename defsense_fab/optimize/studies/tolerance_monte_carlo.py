@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device import Sensor
-from ...decoding.train import Trained, train
+from ...decoding.decoders import Trained, fit_decoder
 from ...sensing.signal import signals
 from ..problem.cord_parameters import sample_path
 from ..problem.problem import Problem, reduce_outputs
@@ -36,7 +36,7 @@ class Tolerances:
 
 
 @dataclass(frozen=True)
-class Band:
+class ToleranceBand:
     """RMSE (mm) of built devices: median, and the limits between which 90 % of them lie."""
 
     median: float
@@ -44,13 +44,13 @@ class Band:
     high: float
 
 
-def spread(
+def tolerance_band(
     problem: Problem,
     sensors: Sequence[Sensor],
     rng: np.random.Generator,
     draws: int = 200,
     tolerances: Tolerances | None = None,
-) -> Band:
+) -> ToleranceBand:
     """The band that devices with these cords are expected in."""
     like: Trained | None = None
     found = []
@@ -58,7 +58,7 @@ def spread(
         rmse, like = session(problem, sensors, rng, tolerances or Tolerances(), like)
         found.append(rmse)
     low, median, high = np.quantile(found, [0.05, 0.5, 0.95])
-    return Band(float(median), float(low), float(high))
+    return ToleranceBand(float(median), float(low), float(high))
 
 
 def session(
@@ -80,7 +80,7 @@ def session(
     S = np.stack(columns, axis=1)
     scaled = problem.markers * np.concatenate([[1.0], amplitude])[:, None, None]
     O = reduce_outputs(scaled, problem.marker_weights)  # noqa: E741
-    decoder = train(problem.decoder, S, O, problem.noise, like)
+    decoder = fit_decoder(problem.decoder, S, O, problem.noise, like)
     shown = rng.integers(len(S), size=tolerances.frames)
     read = S[shown] + rng.normal(0, problem.noise, (tolerances.frames, len(sensors)))
     return float(np.sqrt(((decoder(read) - O[shown]) ** 2).sum(1).mean())), decoder

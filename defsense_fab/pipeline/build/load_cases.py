@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.device import Device
 from ...mechanics.elements.tet10 import QuadraticMesh
-from ...mechanics.loading.constraint_check import check_held, narrow
+from ...mechanics.loading.constraint_check import check_constraints, narrow
 from ...mechanics.loading.pose import mix
 from ...mechanics.solver.batch import Job
 
@@ -46,7 +46,7 @@ def jobs(
         conditions = mix(
             device.poses, loading.weights, device.regions, mesh, device.material.density
         )
-        warnings += check_held(mesh, conditions, loading.state(loading.fractions[-1]))
+        warnings += check_constraints(mesh, conditions, loading.state(loading.fractions[-1]))
         for name in sorted(
             {n for p in device.poses if loading.weights.get(p.name) for n in p.fixed}
         ):

@@ -45,7 +45,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Choice:
+class DensityChoice:
     """The mesh taken, the accuracy that it reaches, and all that were tried."""
 
     taken: Trial
@@ -58,7 +58,7 @@ def choose(
     accuracy: float,
     make: Callable[[float], TetMesh],
     report: Callable[[float, str], None],
-) -> Choice:
+) -> DensityChoice:
     """The coarsest mesh tried whose estimated signal error is within `accuracy`.
 
     Where MOST_TETS do not suffice, the finest one; its error then says so. Raises MeshingError
@@ -86,14 +86,14 @@ def choose(
         trials = estimate(trials)
         known = [t for t in trials if t.error <= accuracy]
         if known:
-            return Choice(known[0], tuple(trials))
+            return DensityChoice(known[0], tuple(trials))
         if last:
             if not np.isfinite(measured).all():
                 raise MeshingError(
                     "device.toml: mesh.accuracy: a pose does not converge on any mesh that was"
                     " tried; give edge_length instead to see which one"
                 )
-            return Choice(trials[-1], tuple(trials))
+            return DensityChoice(trials[-1], tuple(trials))
         edge = finer
 
 

@@ -22,7 +22,7 @@ from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.kernels.export import write_3mf, write_stl
 from ...geometry.parts.parts import make_parts
-from ...geometry.parts.print_bed import Placed, arrange, laid
+from ...geometry.parts.print_bed import PlacedPart, arrange, laid
 from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
 from ...optimize.problem.cord_parameters import sample_path
@@ -191,7 +191,7 @@ def _copies(name: str, count: int) -> list[str]:
     return [f"{name}_{k + 1}" for k in range(count)]
 
 
-def _write_plates(placed: Mapping[str, Placed], out: Path, title: str) -> list[dict[str, Any]]:
+def _write_plates(placed: Mapping[str, PlacedPart], out: Path, title: str) -> list[dict[str, Any]]:
     plates = []
     count = 1 + max(p.plate for p in placed.values())
     for k in range(count):

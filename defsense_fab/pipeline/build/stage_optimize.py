@@ -17,10 +17,10 @@ from ...core.errors import DeviceError, LayoutError
 from ...core.files import write_json
 from ...core.mesh import Surface
 from ...core.prediction import Prediction
+from ...decoding.decoders import fit_decoder
 from ...decoding.features import KINDS
 from ...decoding.folds import cross_validated
 from ...decoding.ridge import measure
-from ...decoding.train import train
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...optimize.limits.verification import LayoutCheck, verify
@@ -28,7 +28,7 @@ from ...optimize.problem.cord_parameters import sample_path
 from ...optimize.problem.problem import Limits, Problem
 from ...optimize.refinement.refine import Optimised, optimise, part
 from ...optimize.studies.risks import risks
-from ...optimize.studies.tolerance_monte_carlo import Tolerances, spread
+from ...optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band
 from ...sensing.response import response_of
 from ...sensing.signal import strain_range
 from ..artifacts.layout import read_sensor, write_sensor
@@ -170,7 +170,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             "warnings": [*risks(problem, found.sensors), *_uncalibrated(device, sensors)],
             "prediction": final.to_json(),
             "cross_validated": {kind: error for kind, (error, _) in tried.items()},
-            "band": {**asdict(spread(problem, found.sensors, rng)), **asdict(Tolerances())},
+            "band": {**asdict(tolerance_band(problem, found.sensors, rng)), **asdict(Tolerances())},
             "initial": initial.to_json(),
             "drawn": [sample_path(s).tolist() for s in found.initial],
             "proposed": device.propose > 0,
@@ -189,7 +189,7 @@ def unseen_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
     """Expected RMSE (mm) of decoders on runs of states that they were not trained on."""
     signals = np.stack([problem.signals(path) for path in _paths(sensors)], axis=1)
     return cross_validated(
-        lambda seen, told: train(problem.decoder, seen, told, problem.noise),
+        lambda seen, told: fit_decoder(problem.decoder, seen, told, problem.noise),
         signals,
         problem.outputs,
         problem.noise,
@@ -205,7 +205,7 @@ def predict(
     n, k = problem.markers.shape[:2]
     flat = problem.markers.reshape(n, -1)
     seen_by = ~held
-    decoder = train(problem.decoder, signals[seen_by], flat[seen_by], problem.noise)
+    decoder = fit_decoder(problem.decoder, signals[seen_by], flat[seen_by], problem.noise)
     guess = decoder(signals).reshape(n, k, 3)
     noisy = decoder.noise_variance(signals, problem.noise).reshape(n, k, 3).sum(2)
     variance = noisy @ problem.marker_weights

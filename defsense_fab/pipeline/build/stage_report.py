@@ -11,7 +11,7 @@ import trimesh
 from ...core.arrays import Float
 from ...core.device import Device
 from ...core.mesh import Surface
-from ...decoding.train import train
+from ...decoding.decoders import fit_decoder
 from ..report import pictures
 from ..report.html import write_page
 from .guide import assembly_guide
@@ -91,7 +91,7 @@ def _poses(device: Device, folder: Path, view: Float, report: Report) -> list[di
     seen = ~np.array([False, *held])
     flat = moved.reshape(len(moved), -1)
     kind = read_json(folder / "layout.json")["prediction"]["decoder"]
-    decoder = train(kind, signals[seen], flat[seen], device.cord.noise)
+    decoder = fit_decoder(kind, signals[seen], flat[seen], device.cord.noise)
     error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
     highest = float(np.percentile(error[shown], 99.5))
     out = []

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import FabricationError
-from .print_files import Print, Printer, Written, cord_diameter, write_prints
+from .print_files import Print, Printer, PrintFiles, cord_diameter, write_prints
 
 FILE = "coupon.json"
 CLEARANCES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
@@ -20,7 +20,7 @@ def write_coupon(
     clearances: Sequence[float] = CLEARANCES,
     cord: str = "rubber-2mm",
     process: str = "fdm-tpu",
-) -> Written:
+) -> PrintFiles:
     """Write STL and STEP files of the coupon's plate and peg, and `coupon.json`. Clearances are on
     the diameter, mm.
 

@@ -24,7 +24,7 @@ from . import session as sessions
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedResponse:
     """The calibration, what it was made of, creep in the sessions' holds by cord, and what
     `response.json` holds."""
 
@@ -45,7 +45,7 @@ def fit_response(
     spread: float = SPREAD,
     seed: int = 1,
     progress: Progress = silent,
-) -> Fitted:
+) -> FittedResponse:
     """Fit the response to all `sources`, tables or session folders; write `out` and, beside it, its
     report. `geometry` and `radii` (mm) are those of the specimens in tables.
 
@@ -79,7 +79,7 @@ def fit_response(
     progress("fit", 1.0, "done")
     data = describe(found, sources, creeps, digest(*hashed), (*warnings, *found.warnings), spread)
     data["seed"] = seed
-    fitted = Fitted(found, tuple(sources), tuple(creeps), data)
+    fitted = FittedResponse(found, tuple(sources), tuple(creeps), data)
     if out is not None:
         from .report import page
 

@@ -12,14 +12,14 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from ...calibration.plan import Step
+from ...calibration.plan import JigStep
 from ...calibration.settling import Settled, settled
 from ...capture.readout.recording import Recorder, read_recording
-from ...capture.readout.source import Event, Source, Stamped
+from ...capture.readout.source import Event, Source, StampedSample
 from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ...sensing.voltage_divider import Dividers
-from .session import CHANNELS, Session, holds
+from .session import CHANNELS, CalibrationSession, holds
 
 #: Lays the specimen on a jig: a twin's hands.
 Hands = Callable[[float | None, str], None]
@@ -34,7 +34,7 @@ _TICK = 25  # frames between two tests for settling
 
 
 @dataclass(frozen=True)
-class Point:
+class MeasuredPoint:
     """A finished reading: strain, (R - R0)/R0, and the cord's place."""
 
     strain: float
@@ -43,28 +43,28 @@ class Point:
 
 
 @dataclass(frozen=True)
-class View:
+class MeasurementView:
     """What there is to show: the `step` (None at the end), its `number` of `total`, how many are
     done, the `phase`, s since the specimen was laid down, how far it has `settled`, the last
     resistances `ohm` (c,), finished `points`, and what to look after."""
 
     phase: Phase
-    step: Step | None
+    step: JigStep | None
     number: int
     total: int
     done: int
     elapsed: float
     settled: Settled | None
     ohm: Float
-    points: tuple[Point, ...]
+    points: tuple[MeasuredPoint, ...]
     notes: tuple[str, ...]
     frames: int
 
 
-class Screen(Protocol):
+class MeasurementScreen(Protocol):
     """Shows views, and hands over keys: enter, b(ack), s(kip), t(ake now), r(epeat), q(uit)."""
 
-    def show(self, view: View) -> None: ...
+    def show(self, view: MeasurementView) -> None: ...
 
     def key(self, timeout: float) -> str | None: ...
 
@@ -84,13 +84,18 @@ class _Live:
         self.tested, self.at = 0, None
 
 
-class Wizard:
+class GuidedMeasurement:
     """One run of the protocol; what was finished in earlier runs is not asked for again."""
 
     def __init__(
-        self, session: Session, source: Source, screen: Screen, hands: Hands | None = None,
-        *, auto: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        session: CalibrationSession,
+        source: Source,
+        screen: MeasurementScreen,
+        hands: Hands | None = None,
+        *,
+        auto: bool = False,
+    ) -> None:
         """`auto` needs no keys: it takes each step as soon as the last has settled."""
         self._session, self._source, self._screen = session, source, screen
         self._hands, self._auto = hands, auto
@@ -237,7 +242,7 @@ class Wizard:
                 continue
             self._look(item)
 
-    def _look(self, item: Stamped) -> None:
+    def _look(self, item: StampedSample) -> None:
         self._frames += 1
         self._late = item.sample.late
         self._last = self._dividers.resistance(item.sample.counts)
@@ -262,14 +267,14 @@ class Wizard:
         elapsed = live.time[-1] - live.time[0] if self._holding and live.time else 0.0
         points = self.points()
         self._screen.show(
-            View(
+            MeasurementView(
                 phase, None if n is None else steps[n], len(steps) if n is None else n + 1,
                 len(steps), len(self._done), elapsed, live.at if self._holding else None,
                 self._last, points, tuple(self._notes(points)), self._frames,
             )
         )  # fmt: skip
 
-    def points(self) -> tuple[Point, ...]:
+    def points(self) -> tuple[MeasuredPoint, ...]:
         """The finished readings, once there is one on the flat jig."""
         steps, geometry = self._session.steps, self._session.geometry
         flat = [ohm for n, ohm in self._points.items() if steps[n].radius is None]
@@ -282,10 +287,10 @@ class Wizard:
             turned = 1 if steps[n].face == "a" else -1
             for (place, side), r, r0 in zip(CHANNELS.items(), ohm, rest, strict=True):
                 strain = 0.0 if radius is None else geometry.strain(radius, side * turned)
-                out.append(Point(strain, float(r / r0 - 1), place))
+                out.append(MeasuredPoint(strain, float(r / r0 - 1), place))
         return tuple(out)
 
-    def _notes(self, points: tuple[Point, ...]) -> list[str]:
+    def _notes(self, points: tuple[MeasuredPoint, ...]) -> list[str]:
         """What to look after: open or shorted cords, a neutral cord that moves, losses."""
         out = []
         for place, ohm in zip(CHANNELS, self._last, strict=True):
@@ -307,13 +312,17 @@ class Wizard:
         return out
 
 
-def run_wizard(
-    session: Session, source: Source, screen: Screen, hands: Hands | None = None,
-    *, auto: bool = False,
-) -> bool:  # fmt: skip
-    """Whether the session is finished now; see `Wizard`."""
+def run_guided_measurement(
+    session: CalibrationSession,
+    source: Source,
+    screen: MeasurementScreen,
+    hands: Hands | None = None,
+    *,
+    auto: bool = False,
+) -> bool:
+    """Whether the session is finished now; see `GuidedMeasurement`."""
     try:
-        return Wizard(session, source, screen, hands, auto=auto).run()
+        return GuidedMeasurement(session, source, screen, hands, auto=auto).run()
     except CaptureError:
         source.close()
         raise

@@ -72,7 +72,7 @@ class Printer:
 
 
 @dataclass(frozen=True)
-class Written:
+class PrintFiles:
     """What the JSON file among the parts holds, and where they are."""
 
     data: dict[str, Any]
@@ -86,7 +86,7 @@ def cord_diameter(name: str) -> float:
 
 def write_prints(
     folder: Path, prints: Mapping[str, Print], data: dict[str, Any], file: str
-) -> Written:
+) -> PrintFiles:
     """STL and STEP of every part, and last `data` with a list of them."""
     from ...geometry.kernels import occ
     from ...geometry.kernels.export import write_stl
@@ -102,7 +102,7 @@ def write_prints(
             write_stl(one.surface, folder / f"{name}.stl")
             occ.write_step(one.solid, folder / f"{name}.step", name)
         write_json(folder / file, data)
-    return Written(data, folder)
+    return PrintFiles(data, folder)
 
 
 def _row(file: str, what: str, name: str) -> dict[str, str]:

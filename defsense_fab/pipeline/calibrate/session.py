@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...calibration.memory import Memory
-from ...calibration.plan import FACES, Step, plan
+from ...calibration.plan import FACES, JigStep, plan
 from ...calibration.readings import Geometry, Piece, Readings
 from ...calibration.settling import Creep, Criterion, creep, settled
 from ...capture.readout.recording import Recording, read_recording
@@ -34,14 +34,14 @@ _COLUMNS = ("piece", "strain", "memory", "radius", "turn", "resistance")
 
 
 @dataclass(frozen=True)
-class Session:
+class CalibrationSession:
     """What `session.json` says. `reference` (c,) ohm, of the dividers."""
 
     folder: Path
     name: str
     geometry: Geometry
     length: float
-    steps: tuple[Step, ...]
+    steps: tuple[JigStep, ...]
     reference: tuple[float, ...]
     criterion: Criterion
     rate: int
@@ -66,7 +66,7 @@ def create(
     criterion: Criterion,
     rate: int,
     average: int | None,
-) -> Session:
+) -> CalibrationSession:
     """Begin a session in a folder that holds none. Raises CalibrationError if it does."""
     if (folder / FILE).exists():
         raise CalibrationError(f"{folder}: holds a session already; choose another folder")
@@ -91,7 +91,7 @@ def create(
     return load(folder)
 
 
-def agree(session: Session, wanted: Mapping[str, Any]) -> None:
+def agree(session: CalibrationSession, wanted: Mapping[str, Any]) -> None:
     """Raises CalibrationError where a session that goes on was begun with something else."""
     steps = session.steps
     begun = {
@@ -114,7 +114,7 @@ def agree(session: Session, wanted: Mapping[str, Any]) -> None:
             )
 
 
-def discard_empty(session: Session) -> None:
+def discard_empty(session: CalibrationSession) -> None:
     """Remove a session that never saw a frame: it could not begin, and must not bind the next."""
     if session.frames.exists() and len(read_recording(session.frames).counter):
         return
@@ -122,14 +122,16 @@ def discard_empty(session: Session) -> None:
     (session.folder / FILE).unlink(missing_ok=True)
 
 
-def load(folder: Path) -> Session:
+def load(folder: Path) -> CalibrationSession:
     """The session in a folder. Raises CalibrationError where there is none, or it is broken."""
     path = folder / FILE
     data = load_json(path, CalibrationError, "'defsense calibrate record' makes sessions")
     try:
         specimen = dict(data["specimen"])
         name, length = str(specimen.pop("name")), float(specimen.pop("length"))
-        steps = tuple(Step(int(t), None if r is None else float(r), f) for t, r, f in data["steps"])
+        steps = tuple(
+            JigStep(int(t), None if r is None else float(r), f) for t, r, f in data["steps"]
+        )
         if data["schema"] != 1 or data["channels"] != list(CHANNELS):
             raise CalibrationError(f"{path}: was written by another version")
         if any(s.face not in FACES or not (s.radius is None or 0 < s.radius < 1e5) for s in steps):
@@ -139,7 +141,7 @@ def load(folder: Path) -> Session:
             raise ValueError("reference")
         criterion = Criterion(**{n: float(v) for n, v in data["criterion"].items()})
         average = None if data["average"] is None else int(data["average"])
-        return Session(
+        return CalibrationSession(
             folder, name, Geometry(**specimen), length, steps, reference, criterion,
             int(data["rate"]), average,
         )  # fmt: skip
@@ -160,7 +162,7 @@ class Hold:
     settled: bool
 
 
-def holds(session: Session, recording: Recording) -> dict[int, Hold]:
+def holds(session: CalibrationSession, recording: Recording) -> dict[int, Hold]:
     """The finished steps by index, each as it was measured last. Raises CalibrationError for events
     that the session cannot have."""
     out: dict[int, Hold] = {}
@@ -205,7 +207,7 @@ def _time(recording: Recording) -> Float:
     return np.asarray(out)
 
 
-def unfinished(session: Session) -> list[int]:
+def unfinished(session: CalibrationSession) -> list[int]:
     """Steps that are still to be measured, those that were skipped among them."""
     done = holds(session, read_recording(session.frames)) if session.frames.exists() else {}
     return [n for n in range(len(session.steps)) if n not in done]

@@ -11,7 +11,7 @@ import numpy as np
 from ...core.bending import RADII
 from ...core.errors import FabricationError
 from ...core.progress import Progress, silent
-from .print_files import Print, Printer, Written, cord_diameter, write_prints
+from .print_files import Print, Printer, PrintFiles, cord_diameter, write_prints
 
 if TYPE_CHECKING:
     from ...geometry.specimen.specimen import Specimen
@@ -33,7 +33,7 @@ def write_specimen(
     cord: str = "rubber-2mm",
     process: str = "fdm-tpu",
     progress: Progress = silent,
-) -> Written:
+) -> PrintFiles:
     """Write STL (as they lie on the bed) and STEP files of the specimen's halves, a jig for each
     radius and a flat one, and `specimen.json` with the strain of each cord on each of them. All mm.
 

@@ -10,15 +10,15 @@ import numpy as np
 from ...calibration.readings import Geometry
 from ...calibration.settling import Criterion, settled
 from ...capture.readout.recording import Recorder
-from ...capture.readout.source import Event, Stamped
+from ...capture.readout.source import Event, StampedSample
 from ...core.bending import RADII
 from ...sensing.serial_frames import PROTOCOL, Info, Sample
 from ...sensing.voltage_divider import Dividers
-from ...twin.electronics.board_twin import BoardTwin
-from ...twin.electronics.cord_twin import Traits
+from ...twin.electronics.cord_twin import CordTraits
+from ...twin.electronics.readout_twin import ReadoutTwin
 from ...twin.electronics.specimen_twin import SpecimenTwin
 from . import session as sessions
-from .session import Session
+from .session import CalibrationSession
 
 #: Averages of a converter of ten bits; its steps show in single readings.
 _AVERAGE = 64
@@ -28,7 +28,7 @@ _REFERENCE = 2200.0
 
 def record_twin(
     folder: Path,
-    traits: Traits,
+    traits: CordTraits,
     *,
     seed: int,
     length: float = 150.0,
@@ -39,7 +39,7 @@ def record_twin(
     rate: int = 10,
     misplaced: float = 0.0,
     criterion: Criterion | None = None,
-) -> Session:
+) -> CalibrationSession:
     """A whole session on a new specimen of `length` mm with new pieces of a cord of these traits,
     at `rate` Hz; `misplaced` mm is the standard deviation of the cords' heights."""
     geometry = geometry or Geometry()
@@ -59,14 +59,14 @@ def record_twin(
         rate=rate,
         average=_AVERAGE,
     )
-    dividers = Dividers(np.array(session.reference), BoardTwin.full_scale)
+    dividers = Dividers(np.array(session.reference), ReadoutTwin.full_scale)
     counter, cords = 0, twin.cords
     with Recorder(session.frames, 3) as recorder:
 
         def note(kind: str, **data: object) -> None:
             recorder.add(Event(int(cords.now * 1e9), kind, data))
 
-        about = Info(PROTOCOL, (1, 0), 0, 3, _AVERAGE, rate, 0, 3, BoardTwin.full_scale)
+        about = Info(PROTOCOL, (1, 0), 0, 3, _AVERAGE, rate, 0, 3, ReadoutTwin.full_scale)
         note("start", **vars(about))
         for n, step in enumerate(session.steps):
             twin.lay(step.radius, step.face)
@@ -81,7 +81,7 @@ def record_twin(
                     sample = Sample(
                         counter, micros % (1 << 32), False, False, _AVERAGE, tuple(map(int, row))
                     )
-                    recorder.add(Stamped(int(t * 1e9), micros, sample))
+                    recorder.add(StampedSample(int(t * 1e9), micros, sample))
                     counter += 1
                 times = np.append(times, begun + time)
                 ohms = np.append(ohms, dividers.resistance(sums / _AVERAGE), axis=0)

@@ -15,7 +15,7 @@ from ...capture.cameras.rig_check import RigCheck, check_rig
 from ...capture.cameras.view_selection import STILL, coverage, descriptor, is_new, motion
 from ...capture.cameras.webcam import Images, Webcam
 from ...capture.tags.board_detection import BoardFinder, BoardView
-from ...capture.tags.charuco_board import Board
+from ...capture.tags.charuco_board import CharucoBoard
 from ...capture.tags.tag_detection import Image, wrong_size
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
@@ -53,9 +53,14 @@ Opener = Callable[[str], Images]
 
 
 def calibrate_live(
-    source: str, name: str, board: Board, out: Path, wanted: int, screen: BoardScreen,
+    source: str,
+    name: str,
+    board: CharucoBoard,
+    out: Path,
+    wanted: int,
+    screen: BoardScreen,
     opener: Opener = Webcam,
-) -> list[Calibrated]:  # fmt: skip
+) -> list[Calibrated]:
     """One camera; ends when so many views cover the picture, or at a key (enter). Raises
     CaptureError where they are too few then, or the camera is gone."""
     finder = BoardFinder(board)
@@ -101,9 +106,13 @@ def calibrate_live(
 
 
 def arrange_live(
-    sources: Sequence[str], board: Board, calibration: Path, wanted: int, screen: BoardScreen,
+    sources: Sequence[str],
+    board: CharucoBoard,
+    calibration: Path,
+    wanted: int,
+    screen: BoardScreen,
     opener: Opener = Webcam,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Several cameras at once; as `calibrate_live`."""
     rig = rig_of(calibration, [Path(s) for s in sources])
     instants = _gather(sources, rig.cameras, board, wanted, screen, opener, several=True)
@@ -111,9 +120,13 @@ def arrange_live(
 
 
 def check_live(
-    sources: Sequence[str], board: Board, calibration: Path, wanted: int, screen: BoardScreen,
+    sources: Sequence[str],
+    board: CharucoBoard,
+    calibration: Path,
+    wanted: int,
+    screen: BoardScreen,
     opener: Opener = Webcam,
-) -> RigCheck:  # fmt: skip
+) -> RigCheck:
     """A few views, and whether they fit."""
     rig = rig_of(calibration, [Path(s) for s in sources])
     several = len(sources) > 1
@@ -122,9 +135,15 @@ def check_live(
 
 
 def _gather(
-    sources: Sequence[str], cameras: Sequence[Any], board: Board, wanted: int,
-    screen: BoardScreen, opener: Opener, *, several: bool,
-) -> list[dict[int, BoardView]]:  # fmt: skip
+    sources: Sequence[str],
+    cameras: Sequence[Any],
+    board: CharucoBoard,
+    wanted: int,
+    screen: BoardScreen,
+    opener: Opener,
+    *,
+    several: bool,
+) -> list[dict[int, BoardView]]:
     """Views of instants at which the board is still and somewhere new."""
     finder = BoardFinder(board)
     kept: list[dict[int, BoardView]] = []

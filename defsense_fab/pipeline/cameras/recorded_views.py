@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from ...capture.cameras.camera_threads import in_threads
-from ...capture.cameras.extrinsics import arrange
+from ...capture.cameras.extrinsics import estimate_extrinsics
 from ...capture.cameras.intrinsics import Intrinsics, calibrate
 from ...capture.cameras.rig_check import RigCheck, check_rig
 from ...capture.cameras.rig_file import Rig, read_rig, write_rig
 from ...capture.cameras.video import Video
 from ...capture.cameras.view_selection import Coverage, choose, coverage, descriptor, motion
 from ...capture.tags.board_detection import BoardFinder, BoardView
-from ...capture.tags.charuco_board import Board
+from ...capture.tags.charuco_board import CharucoBoard
 from ...capture.tags.tag_detection import wrong_size
 from ...core.arrays import Float
 from ...core.camera import Camera
@@ -46,7 +46,10 @@ class Seen:
 
 
 def look(
-    paths: Sequence[Path], board: Board, rate: float | None = None, progress: Progress = silent
+    paths: Sequence[Path],
+    board: CharucoBoard,
+    rate: float | None = None,
+    progress: Progress = silent,
 ) -> list[Seen]:
     """Find the board in videos or folders of images. Raises CaptureError for what is none."""
     videos = [Video(p, rate if not p.is_dir() else rate or 1.0) for p in paths]
@@ -89,7 +92,7 @@ class Calibrated:
 
 
 def calibrate_views(
-    name: str, size: tuple[int, int], board: Board, views: Sequence[BoardView]
+    name: str, size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView]
 ) -> Calibrated:
     """A camera from chosen views. Raises CaptureError where they do not tell."""
     found = calibrate(name, size, board, views)
@@ -106,7 +109,7 @@ def calibrate_views(
 
 
 def calibrate_cameras(
-    paths: Sequence[Path], names: Sequence[str], board: Board, out: Path,
+    paths: Sequence[Path], names: Sequence[str], board: CharucoBoard, out: Path,
     rate: float | None = None, progress: Progress = silent,
 ) -> list[Calibrated]:  # fmt: skip
     """Intrinsics of the cameras that took these videos, into the file `out`, where they take the
@@ -125,7 +128,7 @@ def calibrate_cameras(
     return done
 
 
-def store(out: Path, done: Sequence[Calibrated], board: Board) -> None:
+def store(out: Path, done: Sequence[Calibrated], board: CharucoBoard) -> None:
     """Put calibrations into a file of cameras, with a report beside it."""
     cameras: dict[str, Camera] = {}
     metadata: dict[str, Any] = {}
@@ -148,7 +151,7 @@ def store(out: Path, done: Sequence[Calibrated], board: Board) -> None:
     write_report(out.with_suffix(".html"), [(d.intrinsics, d.coverage, d.views) for d in done])
 
 
-def _about(board: Board) -> dict[str, Any]:
+def _about(board: CharucoBoard) -> dict[str, Any]:
     return {
         "square": board.scale * board.square,
         "square_measured": board.measured is not None,
@@ -157,7 +160,7 @@ def _about(board: Board) -> dict[str, Any]:
 
 
 def arrange_cameras(
-    paths: Sequence[Path], board: Board, calibration: Path,
+    paths: Sequence[Path], board: CharucoBoard, calibration: Path,
     rate: float | None = None, progress: Progress = silent,
 ) -> dict[str, Any]:  # fmt: skip
     """Where the cameras stand that took these videos at the same time, into their file."""
@@ -191,12 +194,14 @@ def plain(rig: Rig) -> dict[str, Any]:
 
 
 def finish_arranging(
-    rig: Rig, board: Board, instants: Sequence[dict[int, BoardView]], out: Path,
+    rig: Rig, board: CharucoBoard, instants: Sequence[dict[int, BoardView]], out: Path,
     progress: Progress = silent,
 ) -> dict[str, Any]:  # fmt: skip
     """Solve and write; the numbers to tell."""
     sigma = [sigma_of(rig, c.name) for c in rig.cameras]
-    found = arrange(rig.cameras, board, instants, sigma if any(s.any() for s in sigma) else None)
+    found = estimate_extrinsics(
+        rig.cameras, board, instants, sigma if any(s.any() for s in sigma) else None
+    )
     progress("solve", 1.0, "done")
     checked = check_rig(found.cameras, board, instants)
     metadata = plain(rig) | _about(board)
@@ -223,7 +228,7 @@ def _doubts(error: float, length: float) -> list[str]:
 
 
 def check_cameras(
-    paths: Sequence[Path], board: Board, calibration: Path,
+    paths: Sequence[Path], board: CharucoBoard, calibration: Path,
     rate: float | None = None, progress: Progress = silent,
 ) -> RigCheck:  # fmt: skip
     """Whether the calibration still holds, by new views of the board."""
@@ -251,7 +256,7 @@ def rig_of(calibration: Path, paths: Sequence[Path]) -> Rig:
 
 
 def together(
-    cameras: Sequence[Camera], seen: Sequence[Seen], paths: Sequence[Path], board: Board
+    cameras: Sequence[Camera], seen: Sequence[Seen], paths: Sequence[Path], board: CharucoBoard
 ) -> list[dict[int, BoardView]]:
     """Instants at which several cameras saw the board, the most different of the stillest ones.
     Raises CaptureError for a video of another size than its camera's."""

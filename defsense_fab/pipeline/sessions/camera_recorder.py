@@ -12,8 +12,8 @@ from pathlib import Path
 import cv2
 
 from ...capture.cameras.webcam import Images
-from ...capture.clocks.led_detection import LampWatch
-from ...capture.tags.tag_detection import Detector, Image, View, to_grey
+from ...capture.clocks.led_detection import LedDetector
+from ...capture.tags.tag_detection import Detector, Image, TagView, to_grey
 from ...capture.tags.tag_dictionary import Dictionary
 from ...core.camera import Camera
 from ...core.errors import CaptureError, StorageError
@@ -27,16 +27,16 @@ _AROUND = 3  # px around it that are taken for its brightness
 
 
 @dataclass(frozen=True)
-class Glance:
+class CameraFrame:
     """The last picture: its number, when it was taken, ns, the tags in it, and itself."""
 
     frame: int
     host_ns: int
-    view: View
+    view: TagView
     image: Image
 
 
-class Watcher:
+class CameraRecorder:
     """Reads a camera until it is closed; carries on when the camera was unplugged."""
 
     def __init__(
@@ -50,13 +50,13 @@ class Watcher:
         self._frames = Stream(run / f"{camera.name}-frames.csv", FRAME_COLUMNS)
         self._film: cv2.VideoWriter | None = None
         self._path = run / f"{camera.name}.mkv" if video else None
-        self._lamp = LampWatch()
+        self._lamp = LedDetector()
         self._spot: tuple[int, int] | None = None
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self.frames = self.late = self.repeated = 0
         self.gone = False
-        self.latest: Glance | None = None
+        self.latest: CameraFrame | None = None
         self.failure: Exception | None = None
         self._last_ns = 0
         self._period = 0.0
@@ -156,7 +156,7 @@ class Watcher:
             if self.frames % _OFTEN == 0:
                 self._check_room()
         self.frames += 1
-        self.latest = Glance(number, host_ns, view, image)
+        self.latest = CameraFrame(number, host_ns, view, image)
 
     def _check_room(self) -> None:
         assert self._path is not None
@@ -180,7 +180,7 @@ class Watcher:
         around = grey[max(y - _AROUND, 0) : y + _AROUND + 1, max(x - _AROUND, 0) : x + _AROUND + 1]
         return float(around.mean())
 
-    def fresh(self, within: float) -> Glance | None:
+    def fresh(self, within: float) -> CameraFrame | None:
         """The last picture, if it is not older than so many s."""
         glance = self.latest
         if glance is None or (time.monotonic_ns() - glance.host_ns) / 1e9 > within:

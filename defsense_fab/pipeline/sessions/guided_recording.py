@@ -17,14 +17,14 @@ import numpy as np
 from ...capture.cameras.camera_threads import one_thread_per_call
 from ...capture.cameras.webcam import Images
 from ...capture.readout.recording import Recorder
-from ...capture.readout.source import Source, Stamped
+from ...capture.readout.source import Source, StampedSample
 from ...capture.tags.tag_detection import Image
 from ...capture.tags.tag_dictionary import dictionary
-from ...capture.tracking.reconstruction import solve
+from ...capture.tracking.reconstruction import reconstruct
 from ...core.arrays import Bool, Float
 from ...sensing.voltage_divider import Dividers
-from .camera_recorder import Glance, Watcher
-from .pose_coverage import Levels
+from .camera_recorder import CameraFrame, CameraRecorder
+from .pose_coverage import PoseCoverage
 from .session import BOARD, LOG, REST, CaptureSession, Log, finished
 
 _TICK = 0.1  # s between looks
@@ -36,7 +36,7 @@ Hands = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
-class Shown:
+class CameraView:
     """What a camera sees now: its name and picture, outlines (k, 4, 2) px of the tags and their
     numbers, which of them another camera sees, too; frames per second, frames that were late."""
 
@@ -60,7 +60,7 @@ class CaptureView:
     step: int
     steps: tuple[tuple[str, float], ...]
     left: float
-    cameras: tuple[Shown, ...]
+    cameras: tuple[CameraView, ...]
     channels: tuple[str, ...]
     signals: Float
     history: Float
@@ -83,12 +83,12 @@ class CaptureScreen(Protocol):
     def key(self, timeout: float) -> str | None: ...
 
 
-class Recording:
+class GuidedRecording:
     """One run of a session: `run` it."""
 
     def __init__(
         self, session: CaptureSession, openers: Sequence[Callable[[], Images]],
-        board: Source | None, screen: CaptureScreen, levels: Levels | None, *,
+        board: Source | None, screen: CaptureScreen, levels: PoseCoverage | None, *,
         auto: bool = False, video: bool = False, hands: Hands | None = None,
     ) -> None:  # fmt: skip
         self._session, self._openers, self._board = session, openers, board
@@ -126,7 +126,7 @@ class Recording:
                 stack.enter_context(one_thread_per_call(len(self._openers) > 1))
                 self._watchers = []
                 for camera, opener in zip(session.rig.cameras, self._openers, strict=True):
-                    watcher = Watcher(opener, camera, tags, folder, log, video=self._video)
+                    watcher = CameraRecorder(opener, camera, tags, folder, log, video=self._video)
                     stack.callback(watcher.close)
                     self._watchers.append(watcher)
                 for watcher in self._watchers:  # together: all of them are ready
@@ -239,7 +239,7 @@ class Recording:
         if self._board is None or self._dividers is None:
             return
         for item in self._board.drain():
-            if not isinstance(item, Stamped):
+            if not isinstance(item, StampedSample):
                 continue
             self._samples += 1
             self._heard = time.monotonic()
@@ -260,7 +260,9 @@ class Recording:
             rest = np.median(np.array(self._history), axis=0)
         return np.asarray(self._history[-1] / rest - 1)
 
-    def _locate(self, glances: Sequence[Glance | None]) -> tuple[Float | None, int, int, float]:
+    def _locate(
+        self, glances: Sequence[CameraFrame | None]
+    ) -> tuple[Float | None, int, int, float]:
         """Markers (m, 3) mm, or None for none; how many by several cameras, by one; px."""
         m = self._session.markers
         v = len(glances)
@@ -276,21 +278,27 @@ class Recording:
                     covariance[0, order[int(number)], c] = glance.view.covariance[n]
         if not np.isfinite(corners[..., 0, 0]).any():
             return None, 0, 0, float("nan")
-        found = solve(self._session.rig.cameras, corners, covariance, m.size)
+        found = reconstruct(self._session.rig.cameras, corners, covariance, m.size)
         several, single = int((found.cameras >= 2).sum()), int((found.cameras == 1).sum())
         miss = found.miss[(found.cameras >= 2)]
         residual = float(np.median(miss)) if len(miss) else float("nan")
         return found.points[0], several, single, residual
 
-    def _shown(self, w: Watcher, glance: Glance | None, glances: Sequence[Glance | None]) -> Shown:
+    def _shown(
+        self, w: CameraRecorder, glance: CameraFrame | None, glances: Sequence[CameraFrame | None]
+    ) -> CameraView:
         if glance is None:
-            return Shown(w.camera.name, None, np.zeros((0, 4, 2)), (), np.zeros(0, bool), 0, w.late)
+            return CameraView(
+                w.camera.name, None, np.zeros((0, 4, 2)), (), np.zeros(0, bool), 0, w.late
+            )
         others = [g for g in glances if g is not None and g is not glance]
         ids = tuple(int(n) for n in glance.view.ids)
         shared = np.array([any(n in g.view.ids for g in others) for n in ids], bool)
-        return Shown(w.camera.name, glance.image, glance.view.seen, ids, shared, w.rate, w.late)
+        return CameraView(
+            w.camera.name, glance.image, glance.view.seen, ids, shared, w.rate, w.late
+        )
 
-    def _warnings(self, glances: Sequence[Glance | None]) -> list[str]:
+    def _warnings(self, glances: Sequence[CameraFrame | None]) -> list[str]:
         out = list(self._notes)
         for w, g in zip(self._watchers, glances, strict=True):
             if w.gone:

@@ -16,7 +16,7 @@ _NEAR = 0.5  # of the way between rest and a shape: farther from it, it is not t
 _FEWEST = 4  # markers that tell shapes apart
 
 
-class Levels:
+class PoseCoverage:
     """Of poses by name: where m markers are, `shapes` (p, BINS, m, 3) mm, at the levels 1/BINS, ...
     1 of each, and at `rest` (m, 3) mm."""
 

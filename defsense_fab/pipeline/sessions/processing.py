@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from ...capture.cameras.video import Video, timing
-from ...capture.clocks.clock_fit import relate
+from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronisation import by_motion
 from ...capture.files.formats import read_any, write_any
 from ...capture.readout.recording import read_recording
-from ...capture.tags.tag_detection import NOTHING, View
+from ...capture.tags.tag_detection import NOTHING, TagView
 from ...capture.tracking.alignment import Aligned, align
 from ...capture.tracking.rest_pose import rest_pose
 from ...core.arrays import Bool, Float, Int
@@ -23,8 +23,8 @@ from ...core.errors import CaptureError
 from ...core.files import storage_errors, write_json, write_text
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
-from ..tracking.video_detection import Watched, detect_all
-from ..tracking.video_tracks import Processed, assemble
+from ..tracking.video_detection import VideoDetections, detect_all
+from ..tracking.video_tracks import VideoTracks, assemble
 from .camera_recorder import FILM_RATE
 from .processed_session import ProcessedSession
 from .report import write_report
@@ -40,8 +40,8 @@ _OFTEN = 0.8  # of the frames that the anchor must give, to be used
 
 
 @dataclass(frozen=True)
-class _Run:
-    processed: Processed
+class _ProcessedRun:
+    processed: VideoTracks
     ohm: Float
     rest: Bool
     sync: dict[str, Any]
@@ -84,7 +84,7 @@ def process_session(
     return result
 
 
-def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress) -> _Run:
+def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress) -> _ProcessedRun:
     """One run by itself: its clocks are its own."""
     events = read_log(run)
     cameras = [read_camera(run, c.name) for c in session.rig.cameras]
@@ -102,7 +102,7 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
             views, lacks = _again(session, run, camera, len(time), progress)
             if lacks:
                 lacking[camera.name] = lacks
-        watched.append(Watched(time, views, timing(time), 0))
+        watched.append(VideoDetections(time, views, timing(time), 0))
     names = [f"{run.name}/{c.name}" for c in session.rig.cameras]
     known = [_only(w, session.markers.ids) for w in watched]
     processed = assemble(known, session.rig, session.markers.size, names, None, progress)
@@ -126,10 +126,12 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     if lost:
         processed.quality["warnings"].append(f"cut or damaged, and left out: {', '.join(lost)}")
     processed.quality["warnings"] += _ends_early(names, known)
-    return _Run(processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut})
+    return _ProcessedRun(
+        processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}
+    )
 
 
-def _captured(session: CaptureSession, run: Path, path: Path) -> _Run:
+def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
     """A run whose markers are those of another system, in step by how they move."""
     tracks = read_any(path)
     known = np.isin(tracks.ids, session.markers.ids)
@@ -157,15 +159,15 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _Run:
     quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.seen.mean()),
                                "by_one": 0.0, "impossible": 0}  # fmt: skip
     covariance = np.full((*tracks.points.shape, 3), np.nan)
-    processed = Processed(tracks, covariance, 2 * tracks.seen.astype(np.int64), quality)
+    processed = VideoTracks(tracks, covariance, 2 * tracks.seen.astype(np.int64), quality)
     at = at_times(sync.to_device(tracks.time), device, ohm)
-    arrival = relate(device, board.host_ns / 1e9)
+    arrival = fit_clocks(device, board.host_ns / 1e9)
     rest = _resting(session, read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
     about = {"run": run.name, "ended": ending(run), "cut": board.cut, "tracks_of": str(path)}
-    return _Run(processed, at, rest, about_sync, about)
+    return _ProcessedRun(processed, at, rest, about_sync, about)
 
 
-def _ends_early(names: Sequence[str], watched: Sequence[Watched]) -> list[str]:
+def _ends_early(names: Sequence[str], watched: Sequence[VideoDetections]) -> list[str]:
     """Of cameras that see no tag for long at the end: was it moved, or is its file cut off?"""
     out = []
     for name, w in zip(names, watched, strict=True):
@@ -179,7 +181,7 @@ def _ends_early(names: Sequence[str], watched: Sequence[Watched]) -> list[str]:
     return out
 
 
-def _only(watched: Watched, ids: Int) -> Watched:
+def _only(watched: VideoDetections, ids: Int) -> VideoDetections:
     """Without tags that are none of the device's."""
     views = tuple(v.only(np.isin(v.ids, ids)) for v in watched.views)
     return replace(watched, views=views)
@@ -187,7 +189,7 @@ def _only(watched: Watched, ids: Int) -> Watched:
 
 def _again(
     session: CaptureSession, run: Path, camera: Camera, count: int, progress: Progress
-) -> tuple[tuple[View, ...], int]:
+) -> tuple[tuple[TagView, ...], int]:
     """Tags of `count` frames from the run's video, and how many of those it lacks: a video that was
     cut off, or that a full disk has left gaps in, says by its times which it has."""
     path = run / f"{camera.name}.mkv"
@@ -223,7 +225,10 @@ def _resting(
 
 
 def _join(
-    session: CaptureSession, runs: Sequence[_Run], skipped: Sequence[dict[str, Any]], anchor: str
+    session: CaptureSession,
+    runs: Sequence[_ProcessedRun],
+    skipped: Sequence[dict[str, Any]],
+    anchor: str,
 ) -> ProcessedSession:
     ids = session.markers.ids
     time, points, sigma, rest, ohm = [], [], [], [], []

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ...capture.cameras.rig_file import Rig, read_rig, toml_value
-from ...capture.tags.tag_detection import View
+from ...capture.tags.tag_detection import TagView
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 from ...core.files import storage_errors, write_text
@@ -38,7 +38,7 @@ FRAME_COLUMNS = ("frame", "host_ns", "lamp")
 
 
 @dataclass(frozen=True)
-class Step:
+class PoseStep:
     """A pose to show for so many `seconds`: its name, `rest`, or `free`."""
 
     name: str
@@ -51,7 +51,7 @@ class CaptureSession:
 
     folder: Path
     device: str
-    steps: tuple[Step, ...]
+    steps: tuple[PoseStep, ...]
     channels: tuple[str, ...]
     reference: tuple[float, ...]
     rig: Rig
@@ -66,7 +66,7 @@ class CaptureSession:
 
 
 def create(
-    folder: Path, *, device: str, steps: Sequence[Step], channels: Sequence[str],
+    folder: Path, *, device: str, steps: Sequence[PoseStep], channels: Sequence[str],
     reference: Sequence[float], calibration: Path | None, markers: Markers,
 ) -> CaptureSession:  # fmt: skip
     """Begin a session, without cameras where there is no calibration. Raises CaptureError where the
@@ -99,7 +99,7 @@ def load(folder: Path) -> CaptureSession:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
         if data["schema"] != 1:
             raise CaptureError(f"{path}: was written by another version")
-        steps = tuple(Step(str(n), float(s)) for n, s in data["steps"])
+        steps = tuple(PoseStep(str(n), float(s)) for n, s in data["steps"])
         channels = tuple(str(c) for c in data["channels"])
         reference = tuple(float(r) for r in data["reference"])
         if len(channels) != len(reference):
@@ -153,7 +153,7 @@ class Log(Stream):
         self.line(json.dumps(told))
 
 
-def tag_lines(frame: int, host_ns: int, view: View) -> str:
+def tag_lines(frame: int, host_ns: int, view: TagView) -> str:
     """The rows of a picture's tags, without a line's end after the last; empty for none."""
     rows = []
     for number, corners, covariance in zip(view.ids, view.corners, view.covariance, strict=True):
@@ -166,18 +166,18 @@ def tag_lines(frame: int, host_ns: int, view: View) -> str:
 
 
 @dataclass(frozen=True)
-class Camera:
+class RecordedCamera:
     """What one camera recorded in a run: of f pictures when they were taken, `time` (f,) ns, and
     how bright the lamp was, `lamp` (f,), NaN where not known; the tags in each, `views`; lines that
     were cut."""
 
     time: Int
     lamp: Float
-    views: tuple[View, ...]
+    views: tuple[TagView, ...]
     cut: int
 
 
-def read_camera(run: Path, name: str) -> Camera:
+def read_camera(run: Path, name: str) -> RecordedCamera:
     """Raises CaptureError with file and line for what cannot be read."""
     frames, cut_frames = _rows(run / f"{name}-frames.csv", FRAME_COLUMNS)
     tags, cut_tags = _rows(run / f"{name}.csv", TAG_COLUMNS)
@@ -187,10 +187,10 @@ def read_camera(run: Path, name: str) -> Camera:
     first = np.searchsorted(tags[:, 0], number, "left")
     last = np.searchsorted(tags[:, 0], number, "right")
     views = tuple(_view(tags[a:b]) for a, b in zip(first, last, strict=True))
-    return Camera(stamps, frames[:, 2], views, cut_frames + cut_tags)
+    return RecordedCamera(stamps, frames[:, 2], views, cut_frames + cut_tags)
 
 
-def _view(rows: Float) -> View:
+def _view(rows: Float) -> TagView:
     n = len(rows)
     corners = rows[:, 3:11].reshape(n, 4, 2)
     covariance = np.zeros((n, 8, 8))
@@ -198,7 +198,7 @@ def _view(rows: Float) -> View:
         xx, xy, yy = rows[:, 11 + 3 * k : 14 + 3 * k].T
         covariance[:, 2 * k, 2 * k], covariance[:, 2 * k + 1, 2 * k + 1] = xx, yy
         covariance[:, 2 * k, 2 * k + 1] = covariance[:, 2 * k + 1, 2 * k] = xy
-    return View(rows[:, 2].astype(np.int64), corners, covariance, corners)
+    return TagView(rows[:, 2].astype(np.int64), corners, covariance, corners)
 
 
 def _rows(path: Path, columns: Sequence[str]) -> tuple[Float, int]:
@@ -277,14 +277,14 @@ def ending(run: Path) -> str:
 
 def plan(
     poses: Sequence[str], rounds: int, seconds: float, free: float, still: float
-) -> tuple[Step, ...]:
+) -> tuple[PoseStep, ...]:
     """Rest, the poses in turns, mixtures at the end of each round, rest."""
-    steps = [Step(REST, still)]
+    steps = [PoseStep(REST, still)]
     for _ in range(rounds):
-        steps += [Step(p, seconds) for p in poses]
+        steps += [PoseStep(p, seconds) for p in poses]
         if free > 0:
-            steps.append(Step(FREE, free))
-    return (*steps, Step(REST, still))
+            steps.append(PoseStep(FREE, free))
+    return (*steps, PoseStep(REST, still))
 
 
 def as_mapping(session: CaptureSession) -> Mapping[str, Any]:

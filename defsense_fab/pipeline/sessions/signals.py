@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from ...capture.clocks.clock_fit import Clocks, relate
-from ...capture.clocks.synchronisation import Sync, by_lamp, by_motion
+from ...capture.clocks.clock_fit import Clocks, fit_clocks
+from ...capture.clocks.synchronisation import Sync, by_led, by_motion
 from ...capture.readout.recording import Recording
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
 from ...core.tracks import Tracks
 from ...sensing.voltage_divider import Dividers, conversion_time
-from .session import BOARD, Camera, CaptureSession
+from .session import BOARD, CaptureSession, RecordedCamera
 
 _DRIFTS = 5e-4  # relative: no board's clock is off by more
 _LATE = 0.01  # s: what delays do to a short part's drift
@@ -29,7 +29,7 @@ _BESIDE = 1.0  # s of frames beside a part's samples that are compared with it
 
 
 def signals_in_step(
-    session: CaptureSession, board: Recording, cameras: Sequence[Camera], start: int,
+    session: CaptureSession, board: Recording, cameras: Sequence[RecordedCamera], start: int,
     shift: Sequence[float], tracks: Tracks,
 ) -> tuple[Float, dict[str, Any]]:  # fmt: skip
     """Resistances (t, c) ohm at the tracks' times, by whichever way the clocks can be compared, and
@@ -87,13 +87,13 @@ def resistances(session: CaptureSession, board: Recording) -> Float:
 
 
 def _part(
-    board: Recording, part: slice, ohm: Float, cameras: Sequence[Camera], start: int,
+    board: Recording, part: slice, ohm: Float, cameras: Sequence[RecordedCamera], start: int,
     shift: Sequence[float], tracks: Tracks,
 ) -> tuple[Float, dict[str, Any]]:  # fmt: skip
     """The board's times (t,) s at the tracks' by samples between two starts, and how that is
     known."""
     device, host = board.device_us[part] / 1e6, (board.host_ns[part] - start) / 1e9
-    arrival = relate(device, host)
+    arrival = fit_clocks(device, host)
     sync, why = _by_lamps(board, part, cameras, start, shift, arrival)
     if sync is None:
         near = _near(tracks.time, host)
@@ -119,7 +119,7 @@ def _part(
 
 
 def _by_lamps(
-    board: Recording, part: slice, cameras: Sequence[Camera], start: int,
+    board: Recording, part: slice, cameras: Sequence[RecordedCamera], start: int,
     shift: Sequence[float], arrival: Clocks,
 ) -> tuple[Sync | None, list[str]]:  # fmt: skip
     """By the camera whose pictures of the LED tell most, and why others do not."""
@@ -132,7 +132,7 @@ def _by_lamps(
         if np.isfinite(camera.lamp[near]).sum() < 30:
             continue
         try:
-            found = by_lamp(
+            found = by_led(
                 time[near], camera.lamp[near], None, device, board.led[part].astype(bool), arrival,
                 conversion=_conversion(board),
             )  # fmt: skip

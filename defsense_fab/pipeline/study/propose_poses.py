@@ -16,7 +16,7 @@ from ...core.progress import Progress, silent
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
-from ...mechanics.loading.constraint_check import check_held
+from ...mechanics.loading.constraint_check import check_constraints
 from ...mechanics.solver.modes import Mode, ProposedPose, modes, propose
 from ..build.build import build
 from ..build.stage_mesh import load_mesh
@@ -53,7 +53,7 @@ def propose_poses(
     held = np.flatnonzero(device.regions[fixed].contains(mesh.nodes))
     if 3 * (len(mesh.nodes) - len(held)) <= count + 1:
         raise DeviceError(f"device.toml: regions.{fixed}: holds the whole body; make it smaller")
-    check_held(mesh, BoundaryConditions(held), f"modes with {fixed} held")
+    check_constraints(mesh, BoundaryConditions(held), f"modes with {fixed} held")
     progress("modes", 0.1, "solving for the lowest modes")
     found = modes(mesh, Material.from_spec(device.material), held, device.material.density, count)
     poses = propose(mesh, held, found)

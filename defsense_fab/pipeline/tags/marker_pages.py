@@ -13,7 +13,7 @@ import pyvista as pv
 
 from ...capture.tags.print_sheets import paper_size
 from ...capture.tags.tag_dictionary import dictionary
-from ...core.arrays import Bool, Float, place
+from ...core.arrays import Bool, Float, xyz
 from ...core.markers import Markers
 from ...core.mesh import Surface
 from ...geometry.kernels.ray_casting import hits
@@ -184,7 +184,7 @@ def _table(
     rows = [
         (
             str(i),
-            place(c),
+            xyz(c),
             "yes" if on else "",
             ", ".join(str(n + 1) for n, (_, seen) in enumerate(chosen) if seen[k]) or "-",
         )

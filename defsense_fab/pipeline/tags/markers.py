@@ -30,7 +30,7 @@ _FAR = 3.0  # mm from the skin: a seat there is one of another body
 
 
 @dataclass(frozen=True)
-class Written:
+class MarkerFiles:
     """What was written to `folder`, and what the user should know about it."""
 
     markers: Markers
@@ -49,7 +49,7 @@ def write_markers(
     skin: bool = False,
     side: Float | None = None,
     progress: Progress = silent,
-) -> Written:
+) -> MarkerFiles:
     """Write `markers.json` and `markers.pdf` to `folder` (the device's `markers`): tags in the
     seats that its build has cut, or else (and with `skin`) `count` tags (12) of `size` mm, by
     default the largest of SIZES with which they fit and three of the anchor are not on one line;
@@ -90,7 +90,7 @@ def write_markers(
     _write_sheets(device, body, markers, tags, paper, notes, out / SHEETS)
     write_markers_file(markers, out / FILE)
     progress("markers", 1.0, "done")
-    return Written(markers, out, tuple(notes))
+    return MarkerFiles(markers, out, tuple(notes))
 
 
 def _write_sheets(

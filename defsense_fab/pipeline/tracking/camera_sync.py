@@ -9,7 +9,7 @@ import numpy as np
 
 from ...capture.cameras.rig_file import Rig
 from ...capture.tracking.camera_offset import find_offset
-from ...capture.tracking.frame_drops import Steps, find_steps
+from ...capture.tracking.frame_drops import FrameDrops, find_frame_drops
 from ...capture.tracking.observations import Observations, at
 from ...core.arrays import Bool, Float
 from ...core.camera import Camera
@@ -22,14 +22,14 @@ _MOVES = 0.5  # px that a tag moves, for a picture that came twice to be wrong
 
 
 @dataclass(frozen=True)
-class InStep:
+class CameraSync:
     """What v cameras saw, by the first one's clock; what was added to each one's times, `shift`
     (v,) s; where that changed on the way, `steps` by camera; and how many frames of each showed the
     picture before once more, `frozen` (v,), or fit no offset, `unfit` (v,)."""
 
     seen: list[Observations]
     shift: list[float]
-    steps: dict[int, Steps]
+    steps: dict[int, FrameDrops]
     frozen: list[int]
     unfit: list[int]
 
@@ -68,14 +68,14 @@ class InStep:
         return out
 
 
-def in_step(
+def sync_cameras(
     rig: Rig, seen: Sequence[Observations], *, told: bool, without: int | None = None
-) -> InStep:
+) -> CameraSync:
     """Cameras in step with the first one; offsets that were `told` stay. The views of one that is
     left out, `without`, are gone; where that is the first, its clock is taken for the second's."""
     if without is not None:
         kept = [c for c in range(len(seen)) if c != without]
-        part = in_step(
+        part = sync_cameras(
             Rig(tuple(rig.cameras[c] for c in kept)), [seen[c] for c in kept],
             told=told,
         )  # fmt: skip
@@ -87,7 +87,7 @@ def in_step(
         shift.insert(without, 0.0)
         frozen.insert(without, 0)
         unfit.insert(without, 0)
-        return InStep(out, shift, {kept[c]: s for c, s in part.steps.items()}, frozen, unfit)
+        return CameraSync(out, shift, {kept[c]: s for c, s in part.steps.items()}, frozen, unfit)
     seen, frozen = _thawed(seen)
     shift, out, steps, unfit = [0.0], [seen[0]], {}, [0] * len(seen)
     for c, s in enumerate(seen[1:], 1):
@@ -97,7 +97,7 @@ def in_step(
         if not told and (near is None or near.after >= _CLOSE):
             begun = _begun(pair, seen[0], s)
             s = replace(s, time=s.time + begun)
-        changed = find_steps(pair, seen[0], s, _REACH)
+        changed = find_frame_drops(pair, seen[0], s, _REACH)
         if changed is not None and not len(changed.at):
             fits = np.isfinite(changed.time)
             unfit[c] = int((~fits).sum())
@@ -121,7 +121,7 @@ def in_step(
         by = found.value if found is not None and late else 0.0
         shift.append(begun + by)
         out.append(replace(s, time=s.time + by))
-    return InStep(out, shift, steps, frozen, unfit)
+    return CameraSync(out, shift, steps, frozen, unfit)
 
 
 def _begun(pair: list[Camera], first: Observations, second: Observations) -> float:

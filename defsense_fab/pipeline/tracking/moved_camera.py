@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ...capture.tracking.reconstruction import solve
+from ...capture.tracking.reconstruction import reconstruct
 from ...core.arrays import Float
 from ...core.camera import Camera
 
@@ -61,7 +61,7 @@ def _odd_one(cameras: Sequence[Camera], seen: Float, spread: Float, size: float)
 
 def _miss(cameras: Sequence[Camera], seen: Float, spread: Float, size: float) -> float:
     """px, median by which views of a tag (n, v, 4, 2) miss each other; inf where they disagree."""
-    found = solve(cameras, seen[:, None], spread[:, None], size)
+    found = reconstruct(cameras, seen[:, None], spread[:, None], size)
     several = found.seen >= 2
     if several.sum() < _FEW:
         return float("inf")

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...capture.cameras.camera_threads import in_threads
 from ...capture.cameras.video import Timing, Video, timing
-from ...capture.tags.tag_detection import Detector, View, detector, to_grey, wrong_size
+from ...capture.tags.tag_detection import Detector, TagView, detector, to_grey, wrong_size
 from ...capture.tags.tag_dictionary import FAMILIES, Dictionary, dictionary
 from ...core.arrays import Float
 from ...core.camera import Camera
@@ -23,22 +23,22 @@ _ROUNDED = 8e-4  # s, that stamps in whole ms may be off
 
 
 @dataclass(frozen=True)
-class Watched:
+class VideoDetections:
     """A video that was looked through: the times (t,) s of its frames, and the tags in each."""
 
     time: Float
-    views: tuple[View, ...]
+    views: tuple[TagView, ...]
     timing: Timing
     expected: int
 
 
-def watch(
+def detect_video(
     paths: Sequence[Path],
     cameras: Sequence[Camera],
     tags: Dictionary,
     rate: float | None,
     progress: Progress = silent,
-) -> list[Watched]:
+) -> list[VideoDetections]:
     """Look through all videos, each in a thread of its own. Raises CaptureError for one that cannot
     be read or in which there is no tag."""
     videos = [Video(p, rate) for p in paths]
@@ -48,7 +48,7 @@ def watch(
     done = [0] * len(videos)
     total = max(sum(v.expected for v in videos), 1)
 
-    def look(k: int, stop: threading.Event) -> Watched:
+    def look(k: int, stop: threading.Event) -> VideoDetections:
         found = Detector(cameras[k], tags)
         times, views = [], []
         for _, time, image in videos[k].frames():
@@ -61,7 +61,7 @@ def watch(
                 progress("tags", min(sum(done) / total, 1.0), f"{done[0]} frames")
         videos[k].close()
         stamps = _even(np.array(times))
-        return Watched(stamps, tuple(views), timing(stamps), videos[k].expected)
+        return VideoDetections(stamps, tuple(views), timing(stamps), videos[k].expected)
 
     watched = in_threads(look, range(len(videos)), len(videos))
     progress("tags", 1.0, "done")
@@ -95,7 +95,7 @@ def _even(time: Float) -> Float:
 
 def detect_all(
     video: Video, camera: Camera, family: str, progress: Progress = silent
-) -> tuple[Float, list[View]]:
+) -> tuple[Float, list[TagView]]:
     """The times (t,) s of every frame of one video, as its file has them, and the tags in each."""
     if video.size != camera.size:
         raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")

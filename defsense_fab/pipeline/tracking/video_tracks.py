@@ -14,14 +14,14 @@ from ...capture.cameras.rig_file import Rig, read_rig
 from ...capture.tags.tag_dictionary import dictionary
 from ...capture.tracking.observations import Observations, collect
 from ...capture.tracking.outlier_filter import possible
-from ...capture.tracking.reconstruction import Solved, solve
+from ...capture.tracking.reconstruction import Reconstruction, reconstruct
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
-from .camera_sync import in_step, together
+from .camera_sync import sync_cameras, together
 from .moved_camera import moved_camera
-from .video_detection import Watched, watch
+from .video_detection import VideoDetections, detect_video
 
 #: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
 _AGREEING = 0.5
@@ -39,7 +39,7 @@ _CLOSE = 1.5  # px that a permutation of cameras must fit by to be believed
 
 
 @dataclass(frozen=True)
-class Processed:
+class VideoTracks:
     """Tracks in the first camera's frame, covariance (t, m, 3, 3) mm^2 of each place, the number of
     cameras that it is from (t, m), and what there is to say of their quality."""
 
@@ -58,7 +58,7 @@ def process_videos(
     rate: float | None = None,
     offsets: Sequence[float] | None = None,
     progress: Progress = silent,
-) -> Processed:
+) -> VideoTracks:
     """Tags of `size` mm in videos of the cameras in `calibration`, in its order; `rate` Hz of image
     sequences; `offsets` s, by which each camera's clock is behind the first one's. Raises
     CaptureError for files that do not belong together, and where no tag can be located."""
@@ -80,18 +80,18 @@ def process_videos(
     if len({p.resolve() for p in paths}) < len(paths):
         raise CaptureError("the same video is given twice")
     check_offsets(offsets, len(paths))
-    watched = watch(paths, rig.cameras, tags, rate, progress)
+    watched = detect_video(paths, rig.cameras, tags, rate, progress)
     return assemble(watched, rig, size, [str(p) for p in paths], offsets, progress)
 
 
 def assemble(
-    watched: Sequence[Watched],
+    watched: Sequence[VideoDetections],
     rig: Rig,
     size: float,
     names: Sequence[str],
     offsets: Sequence[float] | None = None,
     progress: Progress = silent,
-) -> Processed:
+) -> VideoTracks:
     """Tracks from what the cameras saw, at the times of the first one; where no offsets are given
     they are found. Raises CaptureError where the cameras do not agree."""
     told = check_offsets(offsets, len(watched))
@@ -103,7 +103,7 @@ def assemble(
         seen.append(collect(w.time[first] + s, kept, ids))
     time = seen[0].time
     progress("tracks", 0.1, "comparing clocks")
-    clocks = in_step(rig, seen, told=offsets is not None)
+    clocks = sync_cameras(rig, seen, told=offsets is not None)
     progress("tracks", 0.2, "triangulating")
     corners, covariance = together(clocks.seen, time)
     moved = None
@@ -112,9 +112,9 @@ def assemble(
         views = (fitted if s is not seen else together(seen, time) for s in (clocks.seen, seen))
         moved = moved_camera(rig.cameras, views, size)
     if moved is not None:
-        clocks = in_step(rig, seen, told=offsets is not None, without=moved)
+        clocks = sync_cameras(rig, seen, told=offsets is not None, without=moved)
         corners, covariance = together(clocks.seen, time)
-    found = solve(rig.cameras, corners, covariance, size)
+    found = reconstruct(rig.cameras, corners, covariance, size)
     _check(found, rig, corners, covariance, size, names)
     progress("tracks", 0.7, "looking for what cannot be")
     odd = _odd(found)
@@ -167,7 +167,7 @@ def assemble(
             f"the cameras' views miss each other by {quality['residual']:.2f} px: they are not in"
             " step, or one was moved since it was arranged; places may be wrong by millimetres"
         )
-    return Processed(tracks, turned[:, there], cameras, quality)
+    return VideoTracks(tracks, turned[:, there], cameras, quality)
 
 
 def check_offsets(offsets: Sequence[float] | None, count: int) -> list[float]:
@@ -185,7 +185,7 @@ def check_offsets(offsets: Sequence[float] | None, count: int) -> list[float]:
     return [s - offsets[0] for s in offsets]
 
 
-def _odd(found: Solved) -> Bool:
+def _odd(found: Reconstruction) -> Bool:
     """Places (t, m) of which the views miss each other much more than those of the others do."""
     several = (found.cameras >= 2) & np.isfinite(found.miss)
     if several.sum() < _MANY:
@@ -194,7 +194,7 @@ def _odd(found: Solved) -> Bool:
     return np.asarray(several & (found.miss > limit))
 
 
-def _apart(found: Solved, odd: Bool) -> Bool:
+def _apart(found: Reconstruction, odd: Bool) -> Bool:
     """Frames (t,) in which the cameras' views of most tags disagree: those that seem to agree do so
     by chance."""
     several = found.seen >= 2
@@ -203,7 +203,12 @@ def _apart(found: Solved, odd: Bool) -> Bool:
 
 
 def _check(
-    found: Solved, rig: Rig, corners: Float, covariance: Float, size: float, names: Sequence[str]
+    found: Reconstruction,
+    rig: Rig,
+    corners: Float,
+    covariance: Float,
+    size: float,
+    names: Sequence[str],
 ) -> None:
     """Raises CaptureError where cameras disagree, or tags are of another size than told."""
     several = found.seen >= 2
@@ -248,7 +253,7 @@ def _check(
 
 
 def _permuted(
-    rig: Rig, corners: Float, covariance: Float, size: float, told: Solved
+    rig: Rig, corners: Float, covariance: Float, size: float, told: Reconstruction
 ) -> tuple[int, ...] | None:
     """Cameras in the order that fits the videos better than that which was `told`, if any."""
     agree = told.cameras[told.seen >= 2]
@@ -265,7 +270,7 @@ def _permuted(
             ],
             axis=1,
         )
-        found = solve(cameras, moved[:, None], covariance[some][:, None], size)
+        found = reconstruct(cameras, moved[:, None], covariance[some][:, None], size)
         many = found.seen >= 2
         if (found.cameras[many] < 2).mean() > 0.2:
             continue
@@ -277,9 +282,15 @@ def _permuted(
 
 
 def _quality(
-    watched: Sequence[Watched], found: Solved, keep: Any, wrong: int, tracks: Tracks,
-    cameras: Int, size: float, names: Sequence[str],
-) -> dict[str, Any]:  # fmt: skip
+    watched: Sequence[VideoDetections],
+    found: Reconstruction,
+    keep: Any,
+    wrong: int,
+    tracks: Tracks,
+    cameras: Int,
+    size: float,
+    names: Sequence[str],
+) -> dict[str, Any]:
     """Plain numbers on what was found, and warnings."""
     several, one = cameras >= 2, cameras == 1
     sigma = np.linalg.norm(tracks.sigma, axis=-1)

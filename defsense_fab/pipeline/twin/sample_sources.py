@@ -16,8 +16,8 @@ from ...capture.readout.replay import Replay
 from ...capture.readout.source import Source
 from ...core.errors import CaptureError
 from ...sensing.response import Response
-from ...twin.electronics.board_twin import BoardTwin
-from ...twin.electronics.cord_twin import Traits
+from ...twin.electronics.cord_twin import CordTraits
+from ...twin.electronics.readout_twin import ReadoutTwin
 from ...twin.electronics.specimen_twin import SpecimenTwin
 
 
@@ -54,7 +54,7 @@ def _twin(text: str, settings: Settings, geometry: Geometry, length: float) -> O
     if not 0 < values["speed"] <= 100 or values["seed"] < 0:
         raise CaptureError(f"{text}: speed is above 0 and at most 100, seed not below 0")
     rng = np.random.default_rng(int(values["seed"]))
-    traits = Traits(Response.line(values["k"]))
+    traits = CordTraits(Response.line(values["k"]))
     specimen = SpecimenTwin(traits, rng, length, geometry.thickness, geometry.offset)
-    board = BoardTwin(specimen, speed=values["speed"])
+    board = ReadoutTwin(specimen, speed=values["speed"])
     return Opened(Reader(lambda: board, text, settings), board.lay)

@@ -17,7 +17,7 @@ from ...sensing.response import Response
 
 
 @dataclass(frozen=True)
-class Traits:
+class CordTraits:
     """What pieces of one cord have in common: the `response`; `noise`, the standard deviation of
     one reading of (R - R0)/R0; half the `play` of hysteresis, in the same unit; `healing`, the
     fraction of any change that is added at first, and the time constant `time`, s, by which most of
@@ -40,10 +40,10 @@ _PLAYS = np.array([0.5, 1.0, 1.5])[:, None]
 _TIMES, _SHARES = np.array([1.0, 6.0])[:, None], np.array([0.8, 0.2])[:, None]
 
 
-class Cords:
+class CordTwins:
     """c pieces of cord: their strains change with time, their resistances follow."""
 
-    def __init__(self, traits: Traits, lengths: Float, rng: np.random.Generator) -> None:
+    def __init__(self, traits: CordTraits, lengths: Float, rng: np.random.Generator) -> None:
         """`lengths` (c,) mm."""
         self._traits, self._rng = traits, rng
         count = len(lengths)

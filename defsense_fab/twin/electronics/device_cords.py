@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...sensing.response import Response
-from .cord_twin import Cords, Traits
+from .cord_twin import CordTraits, CordTwins
 
 _READ = 1e-3  # of a step: the reading itself
 
@@ -20,12 +20,12 @@ class DeviceCords:
 
     def __init__(
         self, channels: tuple[str, ...], lengths: Float, signals_at: Callable[[float], Float],
-        traits: Traits, rng: np.random.Generator,
+        traits: CordTraits, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self.channels = channels
         self._signals_at = signals_at
         # What bends them is the ideal signal itself: the response is in it already.
-        self._cords = Cords(replace(traits, response=Response.line(1.0)), lengths, rng)
+        self._cords = CordTwins(replace(traits, response=Response.line(1.0)), lengths, rng)
         self.rest = self._cords.rest
         self.now = 0.0
 

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 from ...core.errors import CaptureError
 
 if TYPE_CHECKING:
-    from .board_twin import BoardTwin
+    from .readout_twin import ReadoutTwin
 
 _WAIT = 0.005  # s between looks at the board
 
 
-class Line:
+class PseudoTerminal:
     """Carries bytes between a board and `port`, a name such as /dev/pts/3, until it is closed."""
 
-    def __init__(self, board: BoardTwin) -> None:
+    def __init__(self, board: ReadoutTwin) -> None:
         """Raises CaptureError where the system has no pseudo-terminals."""
         try:
             import pty

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.bending import bent_strain
-from .cord_twin import Cords, Traits
+from .cord_twin import CordTraits, CordTwins
 
 
 class SpecimenTwin:
@@ -16,7 +16,7 @@ class SpecimenTwin:
 
     def __init__(
         self,
-        traits: Traits,
+        traits: CordTraits,
         rng: np.random.Generator,
         length: float = 150.0,
         thickness: float = 15.0,
@@ -27,7 +27,7 @@ class SpecimenTwin:
         self._thickness = thickness
         self._heights = np.array([offset, thickness / 2, thickness - offset])
         self._heights += misplaced * rng.normal(size=3)
-        self.cords = Cords(traits, np.full(3, length + 20.0), rng)
+        self.cords = CordTwins(traits, np.full(3, length + 20.0), rng)
 
     def lay(self, radius: float | None, face: str = "a") -> None:
         """On the jig of this surface radius, mm, or the flat one (None), with the bottom down

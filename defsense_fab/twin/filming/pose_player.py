@@ -25,7 +25,7 @@ class _Show:
     motion: Motion | None
 
 
-class Puppet:
+class PosePlayer:
     """Levels of poses by time, s; each show begins and ends at rest."""
 
     def __init__(self, ramps: Sequence[Ramp], seed: int = 0) -> None:

@@ -10,7 +10,7 @@ from ...core.arrays import Float, Int
 from ...core.camera import Camera
 from .lens import project
 from .pattern_edges import pieces
-from .scene import Ball, Ellipse, Lamp, Scene
+from .scene import Ball, Ellipse, Led, Scene
 
 #: x0, y0, x1, y1 in px of the canvas: the image and what is around it for the blur.
 Box = tuple[int, int, int, int]
@@ -23,7 +23,7 @@ _BEFORE = np.array([0.0, 0.0, 1.0, 0.0])  # the plane of what is right before th
 
 
 @dataclass(frozen=True)
-class Thing:
+class RenderPrimitive:
     """`edges` (k, 2, 2) px from the canvas's corner, `weights` (k, 3) as in `outline.py`, the
     `plane` (4,) n . X = d in the camera's frame, `scale` (2,) from pattern values to grey levels,
     its `box`, the `area` of its pattern, px, and which `patch` of the scene it is, or -1."""
@@ -37,9 +37,9 @@ class Thing:
     patch: int
 
 
-def things(
+def render_primitives(
     scene: Scene, camera: Camera, limit: float, pad: int, size: tuple[int, int]
-) -> list[Thing]:
+) -> list[RenderPrimitive]:
     """What a camera can see of a scene, from near to far, on a canvas of this size with `pad` px
     around the image; `limit` is where its lens ends."""
     found = _patches(scene, camera, limit, pad, size)
@@ -85,7 +85,7 @@ def box_of(points: Float, size: tuple[int, int]) -> Box:
 
 def _patches(
     scene: Scene, camera: Camera, limit: float, pad: int, size: tuple[int, int]
-) -> list[tuple[float, Thing]]:
+) -> list[tuple[float, RenderPrimitive]]:
     patches = scene.patches
     if not patches:
         return []
@@ -125,7 +125,7 @@ def _patches(
     return [
         (
             float(away[i]),
-            Thing(edges[a:b], c[1], planes[i], scales[i], box, float(abs(area)), int(i)),
+            RenderPrimitive(edges[a:b], c[1], planes[i], scales[i], box, float(abs(area)), int(i)),
         )
         for i, c, a, b, box, area in zip(chosen, cut, starts, ends, boxes, areas, strict=True)
     ]
@@ -149,14 +149,14 @@ def _swept(edges: Float, weights: Float) -> Float:
     return np.asarray(weights[:, 2] * cross / 2)
 
 
-def _filled(outline: Float, plane: Float, level: float, size: tuple[int, int]) -> Thing:
+def _filled(outline: Float, plane: Float, level: float, size: tuple[int, int]) -> RenderPrimitive:
     """A polygon (k, 2) px of one grey level."""
     edges = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
     turn = (edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]).sum()
     edges = edges if turn < 0 else np.ascontiguousarray(edges[:, ::-1])
     weights, box = np.tile([0.0, 1.0, 1.0], (len(edges), 1)), box_of(outline, size)
     area = float(abs(_swept(edges, weights).sum()))
-    return Thing(edges, weights, plane, np.array([level, 0.0]), box, area, -1)
+    return RenderPrimitive(edges, weights, plane, np.array([level, 0.0]), box, area, -1)
 
 
 def _circle(center: Float, radius: float) -> Float:
@@ -171,7 +171,7 @@ def _circle(center: Float, radius: float) -> Float:
 def _round(
     center: Float, radius: float, z: float, level: float, camera: Camera, limit: float, pad: int,
     size: tuple[int, int],
-) -> list[tuple[float, Thing]]:  # fmt: skip
+) -> list[tuple[float, RenderPrimitive]]:  # fmt: skip
     outline = project(camera, _circle(center, radius), limit) + (pad + 0.5)
     if not np.isfinite(outline).all() or z <= 0:
         return []
@@ -181,7 +181,7 @@ def _round(
 
 def _ball(
     ball: Ball, camera: Camera, limit: float, pad: int, size: tuple[int, int]
-) -> list[tuple[float, Thing]]:
+) -> list[tuple[float, RenderPrimitive]]:
     center = camera.to_camera(ball.center)
     away = float(np.linalg.norm(center))
     if away <= ball.radius or center[2] <= 0:
@@ -193,8 +193,8 @@ def _ball(
 
 
 def _lamp(
-    lamp: Lamp, camera: Camera, limit: float, pad: int, size: tuple[int, int]
-) -> list[tuple[float, Thing]]:
+    lamp: Led, camera: Camera, limit: float, pad: int, size: tuple[int, int]
+) -> list[tuple[float, RenderPrimitive]]:
     center, level = camera.to_camera(lamp.center), lamp.lit if lamp.on else lamp.dark
     z = float(center[2]) - lamp.radius
     return _round(center, lamp.radius, z, level, camera, limit, pad, size)

@@ -20,7 +20,7 @@ from ...core.errors import CaptureError
 from .backdrop import wall
 from .lens import plane_of_pixels, project, reach_of_lens
 from .raster import develop, fill_depth, paint
-from .render_primitives import Box, Thing, box_of, grown, things, union
+from .render_primitives import Box, RenderPrimitive, box_of, grown, render_primitives, union
 from .scene import Backdrop, Scene
 
 _SPARE = 1 << 18  # values in the bank of noise beyond those of a picture
@@ -97,7 +97,9 @@ class Renderer:
         if any(len(s.patches) != len(middle.patches) for s in instants):
             raise CaptureError(f"camera {self.camera.name}: patches must not change in an exposure")
         self._hang(middle.backdrop)
-        drawn = [things(s, self.camera, self._limit, self._pad, self._size) for s in instants]
+        drawn = [
+            render_primitives(s, self.camera, self._limit, self._pad, self._size) for s in instants
+        ]
         points, pixels, outline = self._body(middle)
         box = union([outline, *(t.box for d in drawn for t in d)])
         view = _view(box)
@@ -136,7 +138,7 @@ class Renderer:
         pixels = project(self.camera, points, self._limit) + self._pad
         return points, pixels, box_of(pixels, self._size)
 
-    def _paint(self, thing: Thing, slack: float) -> float:
+    def _paint(self, thing: RenderPrimitive, slack: float) -> float:
         return float(
             paint(
                 thing.edges, thing.weights, thing.plane, thing.scale, np.array(thing.box),

@@ -99,7 +99,7 @@ class Ellipse:
 
 
 @dataclass(frozen=True)
-class Lamp:
+class Led:
     """A light-emitting diode, seen as a disc: `center` (3,) mm, `radius` mm, whether it is on."""
 
     center: Float
@@ -131,7 +131,7 @@ class Scene:
     patches: tuple[Patch, ...] = ()
     body: Surface | None = None
     occluders: tuple[Ball | Ellipse, ...] = ()
-    lamp: Lamp | None = None
+    lamp: Led | None = None
     backdrop: Backdrop = Backdrop()
     skin: float = 90.0
     ink: tuple[float, float] = (25.0, 210.0)

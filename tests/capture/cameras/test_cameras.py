@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.capture.cameras.extrinsics import _Problem, arrange
+from defsense_fab.capture.cameras.extrinsics import _Problem, estimate_extrinsics
 from defsense_fab.capture.cameras.intrinsics import calibrate
 from defsense_fab.capture.cameras.rig_check import check_rig
 from defsense_fab.capture.cameras.view_selection import choose, coverage, descriptor, motion
 from defsense_fab.capture.tags.board_detection import BoardFinder, BoardView
-from defsense_fab.capture.tags.charuco_board import Board
+from defsense_fab.capture.tags.charuco_board import CharucoBoard
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.renderer import Optics, render
@@ -19,7 +19,7 @@ from defsense_fab.twin.filming.scene import Patch, Scene
 from tests.capture.rigs import rig
 from tests.twin.views import turn
 
-BOARD = Board()
+BOARD = CharucoBoard()
 LENS = np.array([-0.2, 0.08, 0.001, -0.0015, 0.0])
 K = np.array([[900, 0, 645.0], [0, 905, 352], [0, 0, 1]])
 LENSED = Camera("left", (1280, 720), K, LENS, np.eye(3), np.zeros(3))
@@ -96,7 +96,7 @@ def test_cameras_are_where_they_are(count, pairs):
     rng = np.random.default_rng(2)
     free = [replace(c, rotation=np.eye(3), translation=np.zeros(3)) for c in cameras]
     views = together(cameras, 14, rng, pairs)
-    found = arrange(free, BOARD, views)
+    found = estimate_extrinsics(free, BOARD, views)
     for (R, t), (R_, t_) in zip(relative(cameras), relative(found.cameras), strict=True):
         assert Rotation.from_matrix(R.T @ R_).magnitude() < 1e-3
         assert np.abs(t - t_).max() < 0.5
@@ -118,7 +118,10 @@ def test_intrinsics_may_change_as_far_as_they_are_open():
     free = [cameras[0], replace(cameras[1], matrix=off)]
     sigma = [np.array([3, 3, 3, 3, 0.01, 0.01, 1e-3, 1e-3, 1e-2])] * 2
     views = together(cameras, 16, rng)
-    fixed, found = arrange(free, BOARD, views), arrange(free, BOARD, views, sigma)
+    fixed, found = (
+        estimate_extrinsics(free, BOARD, views),
+        estimate_extrinsics(free, BOARD, views, sigma),
+    )
     assert found.error < fixed.error
     assert np.abs(found.cameras[1].focal / cameras[1].focal - 1).max() < 0.002
 
@@ -145,9 +148,9 @@ def test_the_jacobian_is_that_of_finite_differences():
 def test_cameras_that_are_not_linked_are_named():
     cameras, rng = rig(3), np.random.default_rng(5)
     with pytest.raises(CaptureError, match="top"):
-        arrange(cameras, BOARD, together(cameras, 10, rng, [(0, 1)]))
+        estimate_extrinsics(cameras, BOARD, together(cameras, 10, rng, [(0, 1)]))
     with pytest.raises(CaptureError, match="left and right saw the board together 3 times"):
-        arrange(cameras[:2], BOARD, together(cameras[:2], 3, rng))
+        estimate_extrinsics(cameras[:2], BOARD, together(cameras[:2], 3, rng))
 
 
 def test_views_that_were_not_taken_together_are_refused():
@@ -155,7 +158,7 @@ def test_views_that_were_not_taken_together_are_refused():
     views = together(cameras, 5, rng)
     mixed = [{0: a[0], 1: b[1]} for a, b in zip(views, views[3:] + views[:3], strict=True)]
     with pytest.raises(CaptureError, match="same time"):
-        arrange(cameras, BOARD, mixed)
+        estimate_extrinsics(cameras, BOARD, mixed)
 
 
 def test_a_camera_that_moved_and_cameras_that_were_swapped_do_not_hold():
@@ -201,7 +204,7 @@ def test_views_are_chosen_to_differ_and_hints_say_what_is_missing():
 
 
 def test_a_board_in_an_image_is_found_where_it_is_and_another_is_not():
-    board = Board(square=27.0, marker=21.0)  # of whole cells, 3 mm wide
+    board = CharucoBoard(square=27.0, marker=21.0)  # of whole cells, 3 mm wide
     pattern = board.charuco.generateImage((9 * 7, 9 * 5))
     axes = np.diag([1, -1, -1.0]) @ turn(0.4, 0.3, 0.2)
     patch = Patch(0, pattern, np.array([10.0, 5, 400]), axes, 7 * 27.0)
@@ -210,5 +213,5 @@ def test_a_board_in_an_image_is_found_where_it_is_and_another_is_not():
     assert len(view.ids) == 24
     true = LENSED.project(patch.at(board.corners[:, :2] / 3))
     assert np.sqrt(((view.corners - true) ** 2).sum(axis=1).mean()) < 0.1
-    assert BoardFinder(Board(dictionary="4X4_100")).find(image) is None
+    assert BoardFinder(CharucoBoard(dictionary="4X4_100")).find(image) is None
     assert BoardFinder(board).find(np.full((240, 320, 3), 90, np.uint8)) is None

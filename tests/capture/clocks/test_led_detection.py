@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.clocks.led_detection import LampWatch
+from defsense_fab.capture.clocks.led_detection import LedDetector
 from defsense_fab.core.errors import CaptureError
 
 STAY = 11.49
@@ -22,7 +22,7 @@ def disc(x, y, at, radius):
 
 
 def watched(count, draw, stay=STAY, **kw):
-    watch = LampWatch(stay)
+    watch = LedDetector(stay)
     for image in images(count, draw, **kw):
         watch.add(image)
     return watch.trace()
@@ -45,7 +45,7 @@ def test_an_led_is_found(radius, rise, level):
 
 
 def test_colour_and_any_pace():
-    watch = LampWatch()
+    watch = LedDetector()
     for image in images(150, blinking(3, 120)):
         watch.add(np.dstack([image] * 3))
     assert watch.trace().place == pytest.approx([101.3, 44.8], abs=4)
@@ -73,12 +73,12 @@ def test_nothing_else_is_taken_for_it(draw):
 
 
 def test_images_that_cannot_be_watched():
-    watch = LampWatch()
+    watch = LedDetector()
     assert watch.trace() is None
     watch.add(np.zeros((64, 64), np.uint8))
     with pytest.raises(CaptureError, match="frame 1 is 64 x 48"):
         watch.add(np.zeros((48, 64), np.uint8))
     with pytest.raises(CaptureError, match="too small"):
-        LampWatch().add(np.zeros((8, 8), np.uint8))
+        LedDetector().add(np.zeros((8, 8), np.uint8))
     with pytest.raises(CaptureError, match="cannot be followed"):
-        LampWatch(1.0)
+        LedDetector(1.0)

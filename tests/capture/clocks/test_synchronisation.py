@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.clocks.clock_fit import Clocks
-from defsense_fab.capture.clocks.frame_times import steady
-from defsense_fab.capture.clocks.led_schedule import LED_PERIOD, find_toggles
-from defsense_fab.capture.clocks.synchronisation import by_lamp, by_motion
+from defsense_fab.capture.clocks.frame_times import even_frame_times
+from defsense_fab.capture.clocks.led_schedule import LED_PERIOD, find_schedule
+from defsense_fab.capture.clocks.synchronisation import by_led, by_motion
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.sensing.voltage_divider import conversion_time
 from defsense_fab.twin.filming.film import Shutter
@@ -51,7 +51,7 @@ def test_by_the_lamp(rate, conversion):
     stamp, brightness = film(60, toggles, rng)
     brightness[500:540] = 60.0  # a hand
     # As samples are stamped half-way, true times are those of their flags' device times.
-    sync = by_lamp(stamp, brightness, None, device, led, 0.2, conversion=conversion)
+    sync = by_led(stamp, brightness, None, device, led, 0.2, conversion=conversion)
     assert worst(sync, device) < 0.002
     assert worst(sync, device) < sync.error < 0.004
     assert sync.drift == pytest.approx(DRIFT, abs=4e-5)
@@ -85,7 +85,7 @@ def test_what_cannot_be_synchronised():
 
     def refused(match, time=stamp, seen=brightness, on=device, flags=led, **kw):
         with pytest.raises(CaptureError, match=match) as error:
-            by_lamp(time, seen, None, on, flags, **kw)
+            by_led(time, seen, None, on, flags, **kw)
         assert "\n" not in str(error.value)
 
     refused("no LED is seen", seen=noise)
@@ -118,12 +118,12 @@ def test_motion_that_tells_nothing():
 def test_toggles_by_their_grid():
     rng = np.random.default_rng(0)
     device, led, true = board(40, 50, rng)
-    toggles = find_toggles(device, led)
+    toggles = find_schedule(device, led)
     assert toggles.period == pytest.approx(LED_PERIOD / 1e3)
     seen = true[(true > toggles.time[0] - START - 0.1) & (true < 40)] + START
     assert toggles.time == pytest.approx(seen[: len(toggles.time)], abs=0.0015)
     # Where the period goes into the samples' one toggle tells as much as all.
-    assert find_toggles(*board(40, 50, rng, period=1000)[:2]).slack > 0.005
+    assert find_schedule(*board(40, 50, rng, period=1000)[:2]).slack > 0.005
     assert conversion_time(0, 3, 16) == pytest.approx(0.006, rel=0.05)
     assert conversion_time(1, 16, 1) == pytest.approx(1 / 85, rel=0.05)
 
@@ -131,15 +131,15 @@ def test_toggles_by_their_grid():
 def test_even_stamps():
     rng = np.random.default_rng(4)
     number, _, stamp, _ = Shutter(30.0, 2.0, 0.0, 0.004, 0.05, 0.0).schedule(30, rng)
-    found = steady(stamp)
+    found = even_frame_times(stamp)
     assert found.even
     assert found.time == pytest.approx(2 + number / 30, abs=2e-4)
     for seed in range(8):  # many that come so late that they seem the next one
         rng = np.random.default_rng(seed)
         number, _, stamp, _ = Shutter(60.0, 2.0, 0.0, 0.003, 0.03, 0.0).schedule(40, rng)
-        found = steady(stamp)
+        found = even_frame_times(stamp)
         assert found.even
         assert found.time == pytest.approx(2 + number / 60, abs=2e-4)
     uneven = np.cumsum(rng.uniform(0.02, 0.05, 500))
-    assert not steady(uneven).even
-    assert (steady(uneven).time == uneven).all()
+    assert not even_frame_times(uneven).even
+    assert (even_frame_times(uneven).time == uneven).all()

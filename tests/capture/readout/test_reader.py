@@ -12,23 +12,23 @@ from functools import partial
 import numpy as np
 import pytest
 
-from defsense_fab.capture.clocks.clock_fit import relate
+from defsense_fab.capture.clocks.clock_fit import fit_clocks
 from defsense_fab.capture.readout.ports import Port, open_port
 from defsense_fab.capture.readout.reader import Reader, Settings
 from defsense_fab.capture.readout.recording import Recorder, read_recording
-from defsense_fab.capture.readout.source import Event, StaleError, Stamped
+from defsense_fab.capture.readout.source import Event, StaleError, StampedSample
 from defsense_fab.cli import main
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Info, Sample, encode
-from defsense_fab.twin.electronics.board_twin import BoardTwin
-from defsense_fab.twin.electronics.cord_twin import Traits
+from defsense_fab.twin.electronics.cord_twin import CordTraits
+from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
 from defsense_fab.twin.electronics.specimen_twin import SpecimenTwin
 
 
 def board(speed=1.0):
     rng = np.random.default_rng(0)
-    return BoardTwin(SpecimenTwin(Traits(Response.line(2.0)), rng), speed=speed)
+    return ReadoutTwin(SpecimenTwin(CordTraits(Response.line(2.0)), rng), speed=speed)
 
 
 class Plugged:
@@ -107,7 +107,7 @@ def test_unplugged_in_the_middle_of_a_recording(plug, tmp_path):
         recorder.extend(items)
     assert kinds(items) == ["start", "gap", "resumed", "restart"]
     found = read_recording(tmp_path / "r.csv")
-    samples = [i for i in items if isinstance(i, Stamped)]
+    samples = [i for i in items if isinstance(i, StampedSample)]
     assert found.counter.tolist() == [s.sample.counter for s in samples]
     at = {e["event"]: n for n, e in found.events}
     before, after = found.counter[: at["gap"]], found.counter[at["resumed"] :]
@@ -148,7 +148,7 @@ def test_over_a_socket():
         items = gather(reader, 0.5)
     server.close()
     thread.join(5)
-    assert len([i for i in items if isinstance(i, Stamped)]) > 15
+    assert len([i for i in items if isinstance(i, StampedSample)]) > 15
 
 
 def test_ports_that_are_absent_busy_or_strange(plug, tmp_path):
@@ -245,11 +245,11 @@ def test_clocks(drift):
     late = 0.002 + rng.exponential(0.008, len(device))
     late[1000] += 2
     host = 5000 + (1 + drift) * device + late
-    found = relate(device, host)
+    found = fit_clocks(device, host)
     assert found.drift == pytest.approx(drift, abs=2e-6)
     assert found.to_host(device) == pytest.approx(host - late + 0.002, abs=0.001)
     assert found.delay == pytest.approx(0.008 * np.log(2), rel=0.15)
-    one = relate(device[:1], host[:1])
+    one = fit_clocks(device[:1], host[:1])
     assert (one.drift, one.delay) == (0, 0)
 
 
@@ -282,4 +282,4 @@ def test_a_board_that_is_reset_behind_an_open_port():
         after = gather(reader, 3.5)
         assert reader.read_latest(0.5)
     assert kinds(before + after) == ["start", "gap", "resumed"]
-    assert sum(isinstance(i, Stamped) for i in after) > 30
+    assert sum(isinstance(i, StampedSample) for i in after) > 30

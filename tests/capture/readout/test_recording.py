@@ -12,7 +12,7 @@ import pytest
 
 from defsense_fab.capture.readout.recording import Recorder, read_recording
 from defsense_fab.capture.readout.replay import Replay
-from defsense_fab.capture.readout.source import Event, Stamped
+from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.sensing.serial_frames import NOT_READ, Sample
 from tests.places import ROOT
@@ -23,7 +23,7 @@ KILLS = int(os.environ.get("DEFSENSE_KILLS", "4"))
 
 def stamped(n, channels=3):
     sums = tuple(1000 * c + n for c in range(channels))
-    return Stamped(10**6 * n, 1000 * n, Sample(n, 1000 * n, bool(n % 2), False, 16, sums))
+    return StampedSample(10**6 * n, 1000 * n, Sample(n, 1000 * n, bool(n % 2), False, 16, sums))
 
 
 def test_round_trip(tmp_path):
@@ -32,7 +32,7 @@ def test_round_trip(tmp_path):
         r.add(Event(5, "start", {"full_scale": 1024}))
         r.extend(stamped(n) for n in range(10))
         r.add(Event(6, "gap", {"why": "unplugged"}))
-        r.add(Stamped(1, 2, Sample(77, 2, True, True, 4, (NOT_READ, 8, 0))))
+        r.add(StampedSample(1, 2, Sample(77, 2, True, True, 4, (NOT_READ, 8, 0))))
     found = read_recording(path)
     assert found.counter.tolist() == [*range(10), 77]
     assert found.sums[3].tolist() == [3, 1003, 2003]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from defsense_fab.capture.tags.cell_outlines import outlines
-from defsense_fab.capture.tags.charuco_board import MARKER, Board, load_board, save_board
+from defsense_fab.capture.tags.charuco_board import MARKER, CharucoBoard, load_board, save_board
 from defsense_fab.capture.tags.print_sheets import PAPERS, draw_tags, outer, pdf, write_board
 from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.core.errors import CaptureError, StorageError
@@ -168,7 +168,7 @@ def test_neighbouring_cells_leave_no_hairlines(printed):
 
 
 @pytest.mark.parametrize(
-    ("board", "paper"), [(Board(), "a4"), (Board(5, 8, 22, 16, "36h11"), "letter")]
+    ("board", "paper"), [(CharucoBoard(), "a4"), (CharucoBoard(5, 8, 22, 16, "36h11"), "letter")]
 )
 def test_a_board_has_its_size(tmp_path, board, paper):
     path = tmp_path / "board.pdf"
@@ -198,7 +198,7 @@ def test_outlines_hold_the_black_cells(black):
 
 
 def test_a_board_comes_back(tmp_path):
-    board = Board().measure(29.9)
+    board = CharucoBoard().measure(29.9)
     save_board(board, tmp_path / "board.json")
     assert load_board(tmp_path) == board
     assert json.loads((tmp_path / "board.json").read_text())["measured"] == 29.9
@@ -220,7 +220,7 @@ def test_a_board_comes_back(tmp_path):
 )
 def test_boards_that_cannot_be(changed, said):
     with pytest.raises(CaptureError, match=said):
-        replace(Board(), **changed)
+        replace(CharucoBoard(), **changed)
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ def test_boards_that_cannot_be(changed, said):
 )
 def test_files_that_are_no_boards(tmp_path, text, said):
     path = tmp_path / "board.json"
-    save_board(Board(), path)
+    save_board(CharucoBoard(), path)
     if isinstance(text, dict):
         text = json.dumps({**json.loads(path.read_text()), **text})
     path.write_text(text)
@@ -249,15 +249,15 @@ def test_files_that_are_no_boards(tmp_path, text, said):
 
 def test_what_does_not_fit_is_said(tmp_path, printed):
     with pytest.raises(CaptureError, match="squares of 30 mm would"):
-        write_board(Board(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf")
-    write_board(Board(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf", "A3")
+        write_board(CharucoBoard(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf")
+    write_board(CharucoBoard(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf", "A3")
     with pytest.raises(CaptureError, match="there are a4, letter, a3"):
-        write_board(Board(), tmp_path / "b.pdf", "legal")
+        write_board(CharucoBoard(), tmp_path / "b.pdf", "legal")
     with pytest.raises(CaptureError, match="do not fit"):
         printed(dictionary("4X4_50"), [1], 150.0, "a4")
     with pytest.raises(CaptureError, match="0 to 49"):
         printed(dictionary("4X4_50"), [50], 10.0, "a4")
     with pytest.raises(StorageError, match="none"):
-        write_board(Board(), tmp_path / "none" / "b.pdf")
+        write_board(CharucoBoard(), tmp_path / "none" / "b.pdf")
     assert [p.name for p in tmp_path.iterdir()] == ["b.pdf"]
     assert outer(dictionary("36h11"), 8.0) == pytest.approx(10.0)

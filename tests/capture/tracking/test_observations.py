@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tags.tag_detection import View
+from defsense_fab.capture.tags.tag_detection import TagView
 from defsense_fab.capture.tracking.camera_offset import find_offset
 from defsense_fab.capture.tracking.observations import Observations, at, collect
 from tests.capture.rigs import flat, rig, spread, tags
@@ -12,7 +12,9 @@ from tests.capture.rigs import flat, rig, spread, tags
 def view(*found):
     corners = np.array([[[x, 0.0], [x + 9, 0], [x + 9, 9], [x, 9]] for _, x in found])
     corners = corners.reshape(-1, 4, 2)
-    return View(np.array([i for i, _ in found], int), corners, spread((len(found),), 0.1), corners)
+    return TagView(
+        np.array([i for i, _ in found], int), corners, spread((len(found),), 0.1), corners
+    )
 
 
 def test_of_two_of_one_number_the_nearer_is_taken():

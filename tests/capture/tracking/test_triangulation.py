@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tracking.reconstruction import solve
-from defsense_fab.capture.tracking.triangulation import locate
+from defsense_fab.capture.tracking.reconstruction import reconstruct
+from defsense_fab.capture.tracking.triangulation import triangulate
 from tests.capture.rigs import flat, rig, spread, tags
 
 
@@ -12,7 +12,7 @@ from tests.capture.rigs import flat, rig, spread, tags
 def test_without_noise_tags_are_where_they_are(count):
     cameras, X = rig(count), tags(20, np.random.default_rng(0))
     seen = np.stack([flat(c, X) for c in cameras], axis=1)
-    found = locate(cameras, seen, spread(seen.shape[:2], 0.05))
+    found = triangulate(cameras, seen, spread(seen.shape[:2], 0.05))
     assert np.allclose(found.corners, X, atol=1e-8)
     assert np.allclose(found.points, X.mean(axis=1), atol=1e-8)
     assert found.used.all()
@@ -25,7 +25,7 @@ def test_the_covariance_is_that_of_many_trials():
     seen = np.stack([flat(c, X) for c in cameras], axis=1)
     # One camera is three times worse, and says so.
     scale = np.array([1, 1, 3.0])[:, None, None]
-    found = locate(
+    found = triangulate(
         cameras, seen + rng.normal(0, sigma, seen.shape) * scale,
         spread(seen.shape[:2], sigma) * scale[None] ** 2,
     )  # fmt: skip
@@ -41,11 +41,11 @@ def test_a_camera_that_disagrees_is_left_out_of_three_and_two_locate_nothing():
         cameras = rig(3)
         seen = np.stack([flat(c, X) for c in cameras], axis=1)
         seen[1, wrong] += 30.0
-        found = locate(cameras, seen, spread(seen.shape[:2], 0.05))
+        found = triangulate(cameras, seen, spread(seen.shape[:2], 0.05))
         assert np.allclose(found.points, X.mean(axis=1), atol=1e-6)
         assert found.used[1].tolist() == [k != wrong for k in range(3)]
         assert found.used[[0, 2, 3, 4]].all()
-    two = locate(cameras[:2], seen[:, :2] + np.array([[[0]], [[25.0]]]), spread((5, 2), 0.05))
+    two = triangulate(cameras[:2], seen[:, :2] + np.array([[[0]], [[25.0]]]), spread((5, 2), 0.05))
     assert np.isnan(two.points).all()
     assert np.isnan(two.covariance).all()
     assert not two.used.any()
@@ -56,7 +56,7 @@ def test_what_meets_behind_a_camera_is_nowhere():
     eye = np.mean([c.center for c in cameras], axis=0)
     behind = 2 * eye - X  # the rays' lines meet there
     seen = np.stack([flat(c, behind) for c in cameras], axis=1)
-    found = locate(cameras, seen, spread((1, 2), 0.05))
+    found = triangulate(cameras, seen, spread((1, 2), 0.05))
     assert np.isnan(found.points).all()
 
 
@@ -67,7 +67,7 @@ def test_several_cameras_one_camera_and_none_together():
     seen[0, 0, 1], seen[1, 2] = np.nan, np.nan
     covariance = spread(seen.shape[:3], 0.05)
     covariance[~np.isfinite(seen[..., 0, 0])] = np.nan
-    found = solve(cameras, seen, covariance, 15.0)
+    found = reconstruct(cameras, seen, covariance, 15.0)
     assert found.seen.tolist() == [[1, 2, 2], [2, 2, 0]]
     assert found.cameras.tolist() == [[1, 2, 2], [2, 2, 0]]
     there = found.seen > 0

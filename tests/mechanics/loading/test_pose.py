@@ -11,7 +11,7 @@ from defsense_fab.core.mesh import TetMesh
 from defsense_fab.core.regions import Box
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle
-from defsense_fab.mechanics.loading.constraint_check import check_held
+from defsense_fab.mechanics.loading.constraint_check import check_constraints
 from defsense_fab.mechanics.loading.pose import mix
 from tests.conftest import structured_bar
 
@@ -119,12 +119,12 @@ def test_rigid_motions_left_free_are_named(bar):
     nothing = np.array([], int)
     moved = handle_on(bar, 139, [np.nan, 0, 0])
     with pytest.raises(DeviceError, match=r"can still move along the direction \(-?1, 0, 0\)"):
-        check_held(bar, BoundaryConditions(nothing, (moved,)), "p")
+        check_constraints(bar, BoundaryConditions(nothing, (moved,)), "p")
     hinged = handle_on(bar, 139, [0.0, 0, 0], [[0, 0, 1]])
     with pytest.raises(DeviceError, match=r"can still turn about the direction \(-?0, 0, -?1\)"):
-        check_held(bar, BoundaryConditions(nothing, (hinged,)), "p")
+        check_constraints(bar, BoundaryConditions(nothing, (hinged,)), "p")
     held = handle_on(bar, 139, [0.0, 0, 0])
-    assert check_held(bar, BoundaryConditions(nothing, (held,)), "p") == []
+    assert check_constraints(bar, BoundaryConditions(nothing, (held,)), "p") == []
 
 
 def test_loose_pieces_are_refused():
@@ -132,16 +132,16 @@ def test_loose_pieces_are_refused():
     both = TetMesh(np.concatenate([a.nodes, b.nodes]), np.concatenate([a.tets, b.tets + 8]))
     mesh = QuadraticMesh.from_linear(both)
     with pytest.raises(DeviceError, match="2 pieces that do not touch"):
-        check_held(mesh, BoundaryConditions(np.arange(3)), "p")
+        check_constraints(mesh, BoundaryConditions(np.arange(3)), "p")
 
 
 def test_small_regions_and_drags_outside_are_told(bar):
     tip = np.flatnonzero(np.linalg.norm(bar.nodes - [150, 0, 0], axis=1) < 9)
     small = RigidHandle(tip, np.array([150.0, 0, 0]), NONE, np.array([1.0, 0, 0]), name="dot")
     base = np.flatnonzero(bar.nodes[:, 0] < 1)
-    (said,) = check_held(bar, BoundaryConditions(base, (small,)), "p")
+    (said,) = check_constraints(bar, BoundaryConditions(base, (small,)), "p")
     assert "'dot'" in said
     assert "enlarge it" in said
     outside = PointDrag(np.array([75.0, 0, 30]), NONE, 1.0)
     with pytest.raises(DeviceError, match="lies outside the body"):
-        check_held(bar, BoundaryConditions(base, drags=(outside,)), "p")
+        check_constraints(bar, BoundaryConditions(base, drags=(outside,)), "p")

@@ -13,10 +13,10 @@ from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.limits.polyline_distance import nearest, nearest_strand
-from defsense_fab.optimize.limits.thin_parts import Slivers
+from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.cord_kinematics import cord_at
-from defsense_fab.optimize.problem.cord_parameters import CordFreedom, sample_path
+from defsense_fab.optimize.problem.cord_parameters import CordParameters, sample_path
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.refinement.refine import layout_error, optimise
 from defsense_fab.optimize.search.candidate_families import vary
@@ -31,7 +31,7 @@ from tests.sensing.reference import signal_gradient
 @pytest.mark.parametrize("decoder", DECODERS)
 def test_objective_gradient_by_finite_differences(problem, straight, decoder):
     problem = replace(problem, decoder=decoder)
-    cords = [CordFreedom(straight("a", y=5)), CordFreedom(straight("b", y=-5, free=["path"]))]
+    cords = [CordParameters(straight("a", y=5)), CordParameters(straight("b", y=-5, free=["path"]))]
     objective = Objective(problem, cords)
     x = np.random.default_rng(3).normal(0, 0.7, sum(c.size for c in cords))
     value, gradient = objective(x)
@@ -66,7 +66,7 @@ def test_fused_signals_are_those_of_the_arrays(problem, straight):
 
 
 def test_constraint_derivatives_by_finite_differences(problem, straight):
-    cords = [CordFreedom(straight("a", y=5)), CordFreedom(straight("b", y=-5))]
+    cords = [CordParameters(straight("a", y=5)), CordParameters(straight("b", y=-5))]
     limits = replace(LIMITS, shortest=100.0, longest=151.0)
     constraints = Constraints(problem.surface, problem.depth, limits, cords)
     x = np.random.default_rng(4).normal(0, 1.0, sum(c.size for c in cords))
@@ -79,9 +79,9 @@ def test_constraint_derivatives_by_finite_differences(problem, straight):
 
 def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, straight):
     drawn = straight()
-    objective = Objective(problem, [CordFreedom(drawn)])
+    objective = Objective(problem, [CordParameters(drawn)])
     start = layout_error(problem, [drawn])
-    assert np.abs(objective(np.zeros(CordFreedom(drawn).size))[1]).max() < 1e-2 * start**2
+    assert np.abs(objective(np.zeros(CordParameters(drawn).size))[1]).max() < 1e-2 * start**2
     found = optimise(
         problem, [drawn], np.random.default_rng(0), lambda f, m: None, starts=2, candidates=300
     )
@@ -160,7 +160,7 @@ def test_a_path_that_turns_back_on_itself_is_found(bar, straight):
 def test_thin_slices_between_planes_are_slivers(problem, straight):
     apart = [straight("a", y=6, z=-4), straight("b", y=-6, z=4)]
     close = [straight("a", y=6, z=0), straight("b", y=-6, z=0.35)]
-    slivers = Slivers(problem)
+    slivers = ThinParts(problem)
     assert not slivers(apart)
     assert slivers(close)
 
@@ -173,7 +173,7 @@ def test_slivers_between_many_planes(problem, straight):
         replace(s, plane=Plane(s.plane.origin, turned @ s.plane.axes)) if i % 2 else s
         for i, s in enumerate(layout)
     ]
-    assert Slivers(problem)(layout)
+    assert ThinParts(problem)(layout)
 
 
 def test_a_plane_that_a_locked_cord_holds_is_no_freedom(problem, straight):

@@ -9,7 +9,7 @@ from sklearn.linear_model import Ridge
 from defsense_fab.core.curve import catmull_rom
 from defsense_fab.optimize.problem.cord_parameters import sample_path
 from defsense_fab.optimize.refinement.refine import layout_error
-from defsense_fab.optimize.studies.tolerance_monte_carlo import Tolerances, spread
+from defsense_fab.optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band
 from defsense_fab.sensing.signal import signals
 
 EXACT = Tolerances(offset=0, gauge=0, amplitude=0)
@@ -53,7 +53,7 @@ def test_the_band_holds_nine_devices_of_ten(problem, straight):
     ratios, inside = [], []
     for _ in range(20):
         layout = random_layout(straight, rng)
-        band = spread(problem, layout, rng, draws=100)
+        band = tolerance_band(problem, layout, rng, draws=100)
         measured = [built(problem, layout, rng) for _ in range(3)]
         ratios += [m / layout_error(problem, layout) for m in measured]
         inside += [band.low <= m <= band.high for m in measured]
@@ -63,8 +63,8 @@ def test_the_band_holds_nine_devices_of_ten(problem, straight):
 
 def test_without_tolerances_the_band_is_about_the_expected_error(problem, straight):
     layout = random_layout(straight, np.random.default_rng(1))
-    band = spread(problem, layout, np.random.default_rng(2), tolerances=EXACT)
+    band = tolerance_band(problem, layout, np.random.default_rng(2), tolerances=EXACT)
     assert band.low < layout_error(problem, layout) < band.high
     assert band.median == pytest.approx(layout_error(problem, layout), rel=0.02)
-    wide = spread(problem, layout, np.random.default_rng(2))
+    wide = tolerance_band(problem, layout, np.random.default_rng(2))
     assert wide.high - wide.low > 2 * (band.high - band.low)

@@ -15,15 +15,15 @@ import pytest
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.settling import Criterion
 from defsense_fab.capture.readout.recording import read_recording
-from defsense_fab.capture.readout.source import Event, Stamped, Statistics
+from defsense_fab.capture.readout.source import Event, ReadoutStatistics, StampedSample
 from defsense_fab.core.errors import CalibrationError, CaptureError
 from defsense_fab.pipeline.calibrate import session as sessions
-from defsense_fab.pipeline.calibrate.guided_measurement import run_wizard
+from defsense_fab.pipeline.calibrate.guided_measurement import run_guided_measurement
 from defsense_fab.pipeline.calibrate.session import measure
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Info, Sample
 from defsense_fab.sensing.voltage_divider import Dividers
-from defsense_fab.twin.electronics.cord_twin import Traits
+from defsense_fab.twin.electronics.cord_twin import CordTraits
 from defsense_fab.twin.electronics.specimen_twin import SpecimenTwin
 from tests.pipeline.calibrate.sessions import SPECIMEN, begin
 
@@ -49,7 +49,7 @@ class Fast:
 
     def __init__(self, seed=0, breaks=()):
         rng = np.random.default_rng(seed)
-        self.twin = SpecimenTwin(Traits(Response.line(2.0)), rng)
+        self.twin = SpecimenTwin(CordTraits(Response.line(2.0)), rng)
         self._dividers = Dividers(np.full(3, 2200.0), 1024)
         self._count, self._breaks, self.gaps, self.open = 0, list(breaks), 0, False
         self._away = False
@@ -85,7 +85,9 @@ class Fast:
             sums = tuple(int(n) for n in sums)
             micros = int(1e6 * t)
             out.append(
-                Stamped(1000 * micros, micros, Sample(self._count, micros, False, False, 16, sums))
+                StampedSample(
+                    1000 * micros, micros, Sample(self._count, micros, False, False, 16, sums)
+                )
             )
             self._count += 1
         for item in out:
@@ -97,7 +99,7 @@ class Fast:
 
     @property
     def statistics(self):
-        return Statistics(self._count, gaps=self.gaps)
+        return ReadoutStatistics(self._count, gaps=self.gaps)
 
     def close(self):
         pass
@@ -105,7 +107,7 @@ class Fast:
 
 def test_a_guided_session(tmp_path):
     session, source, screen = begin(tmp_path / "s", rounds=2), Fast(), Keys()
-    assert run_wizard(session, source, screen, source.lay, auto=True)
+    assert run_guided_measurement(session, source, screen, source.lay, auto=True)
     assert sessions.unfinished(session) == []
     found = measure(session.folder)
     assert len(found.readings.where) == 3 * len(session.steps)
@@ -126,17 +128,19 @@ def test_stopped_and_resumed_without_losing_a_frame(tmp_path):
     counts = []
     source = Fast()
     stop = Keys(place=["enter", "enter", "enter", "q"])
-    assert not run_wizard(session, source, stop, source.lay)
+    assert not run_guided_measurement(session, source, stop, source.lay)
     counts.append(source._count)
     assert len(sessions.unfinished(session)) == len(session.steps) - 3
     source = Fast(seed=1)
-    assert not run_wizard(
+    assert not run_guided_measurement(
         session, source, Keys(place=["enter"], settling=[None] * 5 + ["q"]), source.lay
     )
     counts.append(source._count)
     assert len(sessions.unfinished(session)) == len(session.steps) - 3
     source = Fast(seed=2)
-    assert run_wizard(sessions.load(session.folder), source, Keys(), source.lay, auto=True)
+    assert run_guided_measurement(
+        sessions.load(session.folder), source, Keys(), source.lay, auto=True
+    )
     counts.append(source._count)
     frames = read_recording(session.frames)
     assert len(frames.counter) == sum(counts)
@@ -147,7 +151,7 @@ def test_back_skip_repeat_and_take(tmp_path):
     session, source = begin(tmp_path / "s"), Fast()
     keys = Keys(place=["enter", "enter", "b", "enter", "s", "enter", "q"],
                 settling=[None] * 40 + ["r"] + [None] * 13 + ["t"])  # fmt: skip
-    assert not run_wizard(session, source, keys, source.lay)
+    assert not run_guided_measurement(session, source, keys, source.lay)
     events = [e for _, e in read_recording(session.frames).events]
     told = [(e["event"], e["step"]) for e in events if "step" in e]
     assert told.count(("skip", 2)) == 1
@@ -161,7 +165,7 @@ def test_unplugged_in_a_hold(tmp_path):
     """The hold begins anew; the gap stands in the file."""
     session, source = begin(tmp_path / "s"), Fast(breaks=[100])
     screen = Keys()
-    assert run_wizard(session, source, screen, source.lay, auto=True)
+    assert run_guided_measurement(session, source, screen, source.lay, auto=True)
     recording = read_recording(session.frames)
     kinds = [e["event"] for _, e in recording.events]
     at = kinds.index("gap")
@@ -174,21 +178,23 @@ def test_an_open_cord_is_told_and_never_taken(tmp_path):
     session, source = begin(tmp_path / "s"), Fast()
     source.open = True
     screen = Keys(place=["enter", "q"], settling=[None] * 300 + ["t", "q"])
-    assert not run_wizard(session, source, screen, source.lay)
+    assert not run_guided_measurement(session, source, screen, source.lay)
     assert any("top cord is open" in n for n in screen.views[-1].notes)
     assert len(sessions.unfinished(session)) == len(session.steps)
     with pytest.raises(CaptureError, match="top cord is open"):
-        run_wizard(session, source, Keys(), source.lay, auto=True)
+        run_guided_measurement(session, source, Keys(), source.lay, auto=True)
 
 
 def test_skipped_steps_are_asked_for_again(tmp_path):
     session, source = begin(tmp_path / "s"), Fast()
-    assert not run_wizard(session, source, Keys(place=["s"] * len(session.steps)), source.lay)
+    assert not run_guided_measurement(
+        session, source, Keys(place=["s"] * len(session.steps)), source.lay
+    )
     assert len(sessions.unfinished(session)) == len(session.steps)
     with pytest.raises(CalibrationError, match="no step was finished"):
         measure(session.folder)
     source = Fast(seed=1)
-    assert run_wizard(session, source, Keys(), source.lay, auto=True)
+    assert run_guided_measurement(session, source, Keys(), source.lay, auto=True)
 
 
 class Terminal:

@@ -17,7 +17,7 @@ from defsense_fab.pipeline.calibrate import session as sessions
 from defsense_fab.pipeline.calibrate.session import measure
 from defsense_fab.pipeline.calibrate.synthetic_session import record_twin
 from defsense_fab.sensing.response import Response, response_of
-from defsense_fab.twin.electronics.cord_twin import Cords, Traits
+from defsense_fab.twin.electronics.cord_twin import CordTraits, CordTwins
 from tests.pipeline.calibrate.sessions import SPECIMEN, begin
 
 #: Sessions of the coverage test.
@@ -52,8 +52,8 @@ def test_creep_is_found_again():
 
 def test_a_twin_cord_is_late_and_heals():
     """It reads too high after a change, either way, and lags behind by its play."""
-    traits = Traits(Response.line(2.0), noise=0, play=0.003, healing=0.1, time=8.0, spread=0)
-    cords = Cords(traits, np.array([100.0]), np.random.default_rng(0))
+    traits = CordTraits(Response.line(2.0), noise=0, play=0.003, healing=0.1, time=8.0, spread=0)
+    cords = CordTwins(traits, np.array([100.0]), np.random.default_rng(0))
     rest = cords.rest[0]
     cords.bend(np.array([0.05]))
     _, ohm = cords.hold(600, 1)
@@ -71,7 +71,9 @@ def recover(tmp_path, seed, k=2.0, q=0.0, **traits):
     parts = []
     for n, length in enumerate((150.0, 200.0)):
         folder = tmp_path / f"{seed}-{length:g}"
-        record_twin(folder, Traits(response_of(spec), **traits), seed=10 * seed + n, length=length)
+        record_twin(
+            folder, CordTraits(response_of(spec), **traits), seed=10 * seed + n, length=length
+        )
         parts.append(measure(folder).readings)
     return calibrate(joined(parts), draws=60)
 
@@ -99,7 +101,7 @@ def test_a_curved_twin_is_found_curved(tmp_path):
 def test_a_session_in_two_runs_fits_like_one(tmp_path):
     """The second run's clock begins anew: what pieces remember must not be thrown."""
     folder = tmp_path / "whole"
-    record_twin(folder, Traits(Response.line(2.0)), seed=1, rounds=2)
+    record_twin(folder, CordTraits(Response.line(2.0)), seed=1, rounds=2)
     shutil.copytree(folder, tmp_path / "split")
     lines = (folder / "frames.csv").read_text().splitlines()
     points = [n for n, line in enumerate(lines) if '"point"' in line]

@@ -11,16 +11,12 @@ import pytest
 from rich.live import Live
 
 from defsense_fab.capture.cameras.rig_file import read_rig, write_rig
-from defsense_fab.capture.tags.charuco_board import Board, save_board
+from defsense_fab.capture.tags.charuco_board import CharucoBoard, save_board
 from defsense_fab.core.errors import CaptureError, DeviceError
 from defsense_fab.core.progress import silent
 from defsense_fab.pipeline.cameras import recorded_views
-from defsense_fab.pipeline.cameras.live_views import (
-    arrange_live,
-    calibrate_live,
-    check_live,
-)
-from defsense_fab.terminal.camera_calibration import BoardScreen
+from defsense_fab.pipeline.cameras.live_views import arrange_live, calibrate_live, check_live
+from defsense_fab.terminal.camera_calibration import BoardTerminal
 from defsense_fab.twin.filming.film import Shutter
 from tests.pipeline.films import BOARD, LEFT, RIGHT, command, held, images, take, told
 
@@ -37,7 +33,7 @@ def boards(tmp_path_factory):
             2 * POSES / RATE, Shutter(RATE),
         )  # fmt: skip
     save_board(BOARD, folder / "board.json")
-    save_board(Board(9, 6), folder / "other.json")
+    save_board(CharucoBoard(9, 6), folder / "other.json")
     return folder
 
 
@@ -261,8 +257,8 @@ def test_the_screen_shows_all(opener, tmp_path, capsys, monkeypatch):
     write_rig(out, [LEFT, RIGHT], {})
     check_live(["left", "right"], BOARD, out, 2, seen, opener())
     with pytest.raises(DeviceError, match="no terminal"):
-        BoardScreen().__enter__()
-    screen = BoardScreen()
+        BoardTerminal().__enter__()
+    screen = BoardTerminal()
     with Live(console=screen._console, auto_refresh=False) as screen._live:
         for shown in seen.shown:
             screen.show(shown)

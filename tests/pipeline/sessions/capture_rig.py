@@ -15,24 +15,24 @@ import numpy as np
 from defsense_fab.capture.cameras.rig_file import write_rig
 from defsense_fab.capture.readout.reader import Reader, Settings
 from defsense_fab.capture.readout.recording import Recorder
-from defsense_fab.capture.readout.source import Event, Stamped
+from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Markers
 from defsense_fab.pipeline.sessions import session as sessions
-from defsense_fab.pipeline.sessions.guided_recording import Recording
+from defsense_fab.pipeline.sessions.guided_recording import GuidedRecording
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Sample
 from defsense_fab.sensing.voltage_divider import Dividers
-from defsense_fab.twin.electronics.board_twin import BoardTwin
-from defsense_fab.twin.electronics.cord_twin import Traits
+from defsense_fab.twin.electronics.cord_twin import CordTraits
 from defsense_fab.twin.electronics.device_cords import DeviceCords
+from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
 from defsense_fab.twin.filming.renderer import Optics, Renderer
 from defsense_fab.twin.filming.scene import Patch, Scene
 
 SIZE, SIDE, RATE = (360, 270), 15.0, 25.0
-TRAITS = Traits(Response.line(1.0), noise=0.001, play=1e-4, healing=0.01)
+TRAITS = CordTraits(Response.line(1.0), noise=0.001, play=1e-4, healing=0.01)
 CENTERS = np.array([[x, y, 0.0] for x in (-32.0, 0, 32) for y in (-20.0, 20)])
 FACING = np.diag([1.0, -1, -1])
 
@@ -130,7 +130,7 @@ def begin(
     calibration = folder.parent / f"{folder.name}-cameras.toml"
     write_rig(calibration, cameras(), {})
     return sessions.create(
-        folder, device="plate", steps=[sessions.Step(*s) for s in steps],
+        folder, device="plate", steps=[sessions.PoseStep(*s) for s in steps],
         channels=("a", "b"), reference=(1500.0, 1500.0), calibration=calibration if seen else None,
         markers=markers(),
     )  # fmt: skip
@@ -145,12 +145,12 @@ def record(
         ("a", "b"), np.array([100.0, 100.0]), lambda s: np.array([0.1, -0.06]) * level(s), TRAITS,
         np.random.default_rng(1),
     )  # fmt: skip
-    board = BoardTwin(cords, 1500.0)
+    board = ReadoutTwin(cords, 1500.0)
     board.began_ns = began
     source = Reader(lambda: board, "twin", Settings(channels=2, rate=100))
     openers = [lambda c=c: Pictures(c, began, gone if c.name == "cam_1" else float("inf"))
                for c in session.rig.cameras]  # fmt: skip
-    return Recording(
+    return GuidedRecording(
         session, openers, source, screen or Silent(), None, auto=True, video=video
     ).run()
 
@@ -172,7 +172,7 @@ def board_alone(session: sessions.CaptureSession, seconds: float) -> None:
             sums = tuple(int(x) for x in np.round(16 * dividers.counts(ohm)))
             at = k / 50 + 0.02
             sample = Sample(k, int(at * 1e6), False, False, 16, sums)
-            recorder.add(Stamped(int(at * 1e9) + 2_000_000, int(at * 1e6), sample))
+            recorder.add(StampedSample(int(at * 1e9) + 2_000_000, int(at * 1e6), sample))
     lines = []
     for name, at in (("step", 0.0), ("done", seconds / 10)):
         event = {"event": name, "step": 0, "name": "rest", "host_ns": int(at * 1e9)}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.pipeline.sessions.pose_coverage import BINS, Levels
+from defsense_fab.pipeline.sessions.pose_coverage import BINS, PoseCoverage
 
 REST = np.array([[x, y, 0.0] for x in range(0, 60, 12) for y in (0.0, 15)])
 
@@ -24,7 +24,7 @@ def twisted(level):
 def levels():
     steps = np.arange(1, BINS + 1) / BINS
     shapes = np.array([[f(s) for s in steps] for f in (bent, twisted)])
-    return Levels(["bend", "twist"], shapes, REST)
+    return PoseCoverage(["bend", "twist"], shapes, REST)
 
 
 def held(points, seed):

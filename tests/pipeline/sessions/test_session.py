@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.files.formats import read_any, write_any
 from defsense_fab.capture.readout.recording import read_recording
-from defsense_fab.capture.tags.tag_detection import View
+from defsense_fab.capture.tags.tag_detection import TagView
 from defsense_fab.capture.tracking.alignment import align
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.tracks import Tracks
@@ -254,7 +254,7 @@ def test_tags_survive_their_file(tmp_path):
     rng = np.random.default_rng(0)
     corners = rng.uniform(0, 1000, (3, 4, 2)).round(4)
     root = rng.normal(size=(3, 8, 8)) * 0.02
-    views = View(np.array([4, 0, 9]), corners, root @ root.swapaxes(1, 2), corners)
+    views = TagView(np.array([4, 0, 9]), corners, root @ root.swapaxes(1, 2), corners)
     tags = sessions.Stream(tmp_path / "c.csv", sessions.TAG_COLUMNS)
     frames = sessions.Stream(tmp_path / "c-frames.csv", sessions.FRAME_COLUMNS)
     for k in range(3):

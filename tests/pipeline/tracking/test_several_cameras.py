@@ -8,10 +8,10 @@ import pytest
 
 from defsense_fab.capture.cameras.rig_file import Rig
 from defsense_fab.capture.cameras.video import timing
-from defsense_fab.capture.tags.tag_detection import NOTHING, View
+from defsense_fab.capture.tags.tag_detection import NOTHING, TagView
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.pipeline.tracking.video_detection import Watched
+from defsense_fab.pipeline.tracking.video_detection import VideoDetections
 from defsense_fab.pipeline.tracking.video_tracks import assemble
 from tests.capture.rigs import flat, rig, spread, tags
 
@@ -41,8 +41,8 @@ def filmed(seen_by, taken_as, rng, late=0.0, frames=FRAMES):
             corners = shown
         px = flat(camera, shown) + rng.normal(scale=NOISE, size=(*shown.shape[:3], 2))
         px = (px - camera.matrix[:2, 2]) / camera.focal * named.focal + named.matrix[:2, 2]
-        views = tuple(View(np.arange(8), p, spread((8,), NOISE), p) for p in px)
-        out.append(Watched(time, views, timing(time), frames))
+        views = tuple(TagView(np.arange(8), p, spread((8,), NOISE), p) for p in px)
+        out.append(VideoDetections(time, views, timing(time), frames))
     return out, corners
 
 
@@ -82,7 +82,7 @@ def test_one_of_three_that_stops_leaves_two():
     true = cameras()
     watched, corners = filmed(true, true, np.random.default_rng(3))
     gone = watched[2].views[: FRAMES // 2] + (NOTHING,) * (FRAMES // 2)
-    watched[2] = Watched(watched[2].time, gone, watched[2].timing, FRAMES)
+    watched[2] = VideoDetections(watched[2].time, gone, watched[2].timing, FRAMES)
     found = assemble(watched, Rig(true), SIZE, ["a", "b", "c"])
     assert (found.cameras[: FRAMES // 2] == 3).all()
     assert (found.cameras[FRAMES // 2 :] == 2).all()

@@ -11,7 +11,7 @@ from defsense_fab.twin.filming.exposure import exposed
 from defsense_fab.twin.filming.film import Shutter, film, load_truth
 from defsense_fab.twin.filming.live_camera import LiveCamera
 from defsense_fab.twin.filming.renderer import Optics, Renderer
-from defsense_fab.twin.filming.scene import Lamp, Patch, Scene
+from defsense_fab.twin.filming.scene import Led, Patch, Scene
 from tests.twin.views import camera, tag, turn
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
@@ -20,7 +20,7 @@ VIEW = camera((0, -150, 0), size=(160, 120), focal=160.0)
 
 def scene_at(t, speed=40.0):
     patch = Patch(4, tag(), np.array([speed * (t - 0.5), 0, 0]), UPRIGHT, 30.0)
-    return Scene((patch,), lamp=Lamp(np.array([0, 0, 30.0]), int(4 * t) % 2 == 1))
+    return Scene((patch,), lamp=Led(np.array([0, 0, 30.0]), int(4 * t) % 2 == 1))
 
 
 def frames(path):

@@ -8,22 +8,22 @@ import pytest
 from defsense_fab.capture.readout.ports import open_port
 from defsense_fab.capture.readout.reader import Reader, Settings
 from defsense_fab.sensing.response import Response
-from defsense_fab.twin.electronics.board_twin import BoardTwin
-from defsense_fab.twin.electronics.cord_twin import Traits
+from defsense_fab.twin.electronics.cord_twin import CordTraits
 from defsense_fab.twin.electronics.device_cords import DeviceCords
-from defsense_fab.twin.electronics.pseudo_terminal import Line
+from defsense_fab.twin.electronics.pseudo_terminal import PseudoTerminal
+from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
 from defsense_fab.twin.filming.device_motion import Ramp
-from defsense_fab.twin.filming.pose_player import Puppet
+from defsense_fab.twin.filming.pose_player import PosePlayer
 
 RAMPS = [
     Ramp("bend", np.array([0.5, 1.0]), np.array([0, 1])),
     Ramp("twist", np.array([1.0]), np.array([2])),
 ]
-QUIET = Traits(Response.line(1.0), noise=0.0, play=0.0, healing=0.0, spread=0.0)
+QUIET = CordTraits(Response.line(1.0), noise=0.0, play=0.0, healing=0.0, spread=0.0)
 
 
 def test_a_pose_begins_and_ends_at_rest():
-    puppet = Puppet(RAMPS)
+    puppet = PosePlayer(RAMPS)
     puppet.perform("bend", 10.0, 8.0)
     puppet.perform("free", 20.0, 6.0)
     times = np.arange(9.0, 27.0, 0.02)
@@ -53,8 +53,8 @@ def test_a_board_on_a_pseudo_terminal_is_read_as_on_a_port():
     cords = DeviceCords(
         ("a", "b"), np.array([100.0, 80.0]), lambda s: np.zeros(2), QUIET, np.random.default_rng(0)
     )
-    board = BoardTwin(cords, 1500.0, offset=5.0)
-    line = Line(board)
+    board = ReadoutTwin(cords, 1500.0, offset=5.0)
+    line = PseudoTerminal(board)
     settings = Settings(channels=2, rate=50, led=100)
     try:
         with Reader(lambda: open_port(line.port), line.port, settings) as reader:

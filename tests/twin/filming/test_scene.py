@@ -5,7 +5,7 @@ import pytest
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.renderer import Optics, Renderer
-from defsense_fab.twin.filming.scene import Ball, Ellipse, Lamp, Patch, Scene
+from defsense_fab.twin.filming.scene import Ball, Ellipse, Led, Patch, Scene
 from tests.conftest import box_surface
 from tests.twin.views import camera, tag, turn
 
@@ -80,7 +80,7 @@ def test_a_lamp_is_seen_on_and_off():
     view, place = camera((0, -150, 0)), np.array([10, 0, 8.0])
     x, y = np.round(view.project(place)).astype(int)
     for on, level in ((True, 250), (False, 60)):
-        assert shoot(Scene(lamp=Lamp(place, on)), view).image[y, x] == level
+        assert shoot(Scene(lamp=Led(place, on)), view).image[y, x] == level
 
 
 def test_what_is_out_of_sight_is_not_drawn():

@@ -10,7 +10,7 @@ from .ridge import Decoder, fit
 Trained = Decoder | KernelDecoder
 
 
-def train(
+def fit_decoder(
     kind: str, signals: Float, outputs: Float, noise: float, like: Trained | None = None
 ) -> Trained:
     """The decoder of signals (n, c) to outputs (n, o) that expects this noise; a kernel decoder

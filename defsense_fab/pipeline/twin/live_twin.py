@@ -20,20 +20,20 @@ from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...sensing.response import response_of
 from ...sensing.signal import signals
-from ...twin.electronics.board_twin import BoardTwin
-from ...twin.electronics.cord_twin import Traits
+from ...twin.electronics.cord_twin import CordTraits
 from ...twin.electronics.device_cords import DeviceCords
-from ...twin.electronics.pseudo_terminal import Line
+from ...twin.electronics.pseudo_terminal import PseudoTerminal
+from ...twin.electronics.readout_twin import ReadoutTwin
 from ...twin.filming.device_motion import Ramp, sway
 from ...twin.filming.device_twin import DeviceTwin, blend
 from ...twin.filming.live_camera import LiveCamera
-from ...twin.filming.pose_player import Puppet
+from ...twin.filming.pose_player import PosePlayer
 from ...twin.filming.renderer import Optics
-from ...twin.filming.scene import Backdrop, Lamp, Patch, Scene
+from ...twin.filming.scene import Backdrop, Led, Patch, Scene
 from ..build.stage_mesh import load_mesh
 from ..build.stage_simulate import load_fields
 from ..build.stages import read_json
-from ..sessions.pose_coverage import BINS, Levels
+from ..sessions.pose_coverage import BINS, PoseCoverage
 
 _FOCAL, _SIZE = 900.0, (1280, 720)
 _DISTORTIONS = np.array([0.04, -0.09, 0.0008, -0.0005, 0.01])
@@ -103,23 +103,23 @@ def _used(surface: Surface) -> Surface:
 
 
 @dataclass
-class Rehearsal:
+class LiveTwin:
     """The twin of a device and of what looks at it; `close` it after use."""
 
     cameras: tuple[Camera, ...]
     sources: tuple[LiveCamera, ...]
-    puppet: Puppet
-    board: BoardTwin
+    puppet: PosePlayer
+    board: ReadoutTwin
     channels: tuple[str, ...]
     truth: DeviceTwin
     began_ns: int
-    line: Line | None = None
+    line: PseudoTerminal | None = None
     extra: dict[str, Any] = field(default_factory=dict)
 
     def port(self) -> str:
         """A pseudo-terminal on which the board speaks."""
         if self.line is None:
-            self.line = Line(self.board)
+            self.line = PseudoTerminal(self.board)
         return self.line.port
 
     def perform(self, name: str, seconds: float) -> None:
@@ -133,10 +133,10 @@ class Rehearsal:
             self.line.close()
 
 
-def rehearse(
+def start_live_twin(
     device: Device, markers: Markers, seed: int = 1, count: int = 2, rate: float = _FRAMES,
     optics: Optics | None = None, *, lamp: bool = True,
-) -> Rehearsal:  # fmt: skip
+) -> LiveTwin:  # fmt: skip
     """A twin of a built device with its tags, `count` cameras and a board. Raises CaptureError."""
     rng = np.random.default_rng(seed)
     sim = simulated(device, markers)
@@ -146,7 +146,7 @@ def rehearse(
         for n, c, a in zip(markers.ids, markers.centers, markers.axes, strict=True)
     )
     twin = DeviceTwin(sim.rest, sim.skin, seats)
-    puppet = Puppet(sim.ramps, seed)
+    puppet = PosePlayer(sim.ramps, seed)
     response = response_of(device.cord.response)
 
     def signals_at(seconds: float) -> Float:
@@ -159,13 +159,13 @@ def rehearse(
             ]
         )
 
-    traits = Traits(
+    traits = CordTraits(
         response, noise=device.cord.noise, ohm_per_mm=device.cord.ohm_per_mm, play=0.001,
         healing=0.03, time=2.0,
     )  # fmt: skip
     cords = DeviceCords(sim.names, sim.lengths, signals_at, traits, rng)
     reference = float(np.median(cords.rest))
-    board = BoardTwin(cords, reference, offset=OFFSET, drift=DRIFT)
+    board = ReadoutTwin(cords, reference, offset=OFFSET, drift=DRIFT)
     cameras = _cameras(sim.rest, markers, count)
     middle = sim.rest.bounds.mean(axis=0)
     hand = sway(rng, middle, shift=_STEADY, degrees=_STEADY)
@@ -179,7 +179,7 @@ def rehearse(
         found = twin.scene(states, hand.at(seconds), around)
         shown = found if drawn else found.moved(body=None)
         if lamp:
-            shown = shown.moved(lamp=Lamp(place, board.lit(seconds), radius=3.0))
+            shown = shown.moved(lamp=Led(place, board.lit(seconds), radius=3.0))
         return shown
 
     optics = optics or Optics()
@@ -187,7 +187,7 @@ def rehearse(
         LiveCamera(c, scene_at, optics, np.random.default_rng([seed, k]), board.began_ns, rate)
         for k, c in enumerate(cameras)
     )
-    return Rehearsal(
+    return LiveTwin(
         cameras, sources, puppet, board, sim.names, twin, board.began_ns,
         extra={"reference": reference, "hand": hand, "states": len(sim.skin)},
     )  # fmt: skip
@@ -241,14 +241,14 @@ def _beside(camera: Camera, body: Surface) -> Float:
     return np.asarray(camera.rotation.T @ (spot - camera.translation))
 
 
-def known_cameras(rehearsal: Rehearsal, path: Path) -> None:
+def known_cameras(rehearsal: LiveTwin, path: Path) -> None:
     """Write the twin's cameras as a calibration has them."""
     from ...capture.cameras.rig_file import write_rig
 
     write_rig(path, rehearsal.cameras, {"adjusted": True, "twin": True})
 
 
-def levels_of(device: Device, markers: Markers) -> Levels | None:
+def levels_of(device: Device, markers: Markers) -> PoseCoverage | None:
     """What tells how far each pose was shown; None for a device that is not built."""
     try:
         sim = simulated(device, markers)
@@ -259,4 +259,4 @@ def levels_of(device: Device, markers: Markers) -> Levels | None:
         markers.centers + np.tensordot(r.weights(steps * r.levels[-1]), sim.tags[r.states], 1)
         for r in sim.ramps
     ]
-    return Levels([r.name for r in sim.ramps], np.array(shapes), markers.centers)
+    return PoseCoverage([r.name for r in sim.ramps], np.array(shapes), markers.centers)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device import DECODERS
+from defsense_fab.decoding.decoders import fit_decoder
 from defsense_fab.decoding.elimination import expected_square
 from defsense_fab.decoding.features import quadratic
 from defsense_fab.decoding.folds import contiguous, cross_validated
 from defsense_fab.decoding.ridge import fit
-from defsense_fab.decoding.train import train
 
 
 def curved(count, rng, channels=2):
@@ -22,7 +22,7 @@ def curved(count, rng, channels=2):
 def test_noise_variance_is_that_of_sampled_noise(kind):
     rng = np.random.default_rng(0)
     signals, outputs = curved(60, rng)
-    decoder = train(kind, signals, outputs, 5e-4)
+    decoder = fit_decoder(kind, signals, outputs, 5e-4)
     some = signals[:5]
     noisy = some + rng.normal(0, 5e-4, (4000, 5, 2))
     found = decoder(noisy.reshape(-1, 2)).reshape(4000, 5, 3).var(0)
@@ -35,7 +35,7 @@ def test_richer_decoders_do_better_on_curved_maps():
     unseen, truth = curved(200, rng)
     error = {}
     for kind in DECODERS:
-        decoder = train(kind, signals, outputs, 1e-4)
+        decoder = fit_decoder(kind, signals, outputs, 1e-4)
         error[kind] = np.sqrt(((decoder(unseen) - truth) ** 2).sum(1).mean())
     assert error["affine"] > 2 * error["quadratic"] > 2 * 2 * error["kernel"]
 
@@ -45,13 +45,13 @@ def test_the_kernel_decoder_is_the_librarys():
 
     rng = np.random.default_rng(2)
     signals, outputs = curved(40, rng)
-    decoder = train("kernel", signals, outputs, 0.0)
+    decoder = fit_decoder("kernel", signals, outputs, 0.0)
     peer = KernelRidge(kernel="rbf", gamma=decoder.gamma, alpha=decoder.alpha)
     peer.fit(decoder.trained / decoder.scale, np.repeat(outputs, 5, axis=0) - outputs.mean(0))
     there, _ = curved(30, rng)
     expected = peer.predict(there / decoder.scale) + outputs.mean(0)
     assert decoder(there) == pytest.approx(expected, abs=1e-9)
-    again = train("kernel", signals, outputs, 0.0, decoder)
+    again = fit_decoder("kernel", signals, outputs, 0.0, decoder)
     assert again(there) == pytest.approx(decoder(there), abs=1e-9)
 
 
@@ -73,7 +73,7 @@ def test_cross_validation_sees_through_a_fit_of_noise():
     spread = np.sqrt((outputs**2).sum(1).mean())
 
     def learn(seen, told):
-        return train("quadratic", seen, told, 1e-4)
+        return fit_decoder("quadratic", seen, told, 1e-4)
 
     assert np.sqrt(((learn(signals, outputs)(signals) - outputs) ** 2).sum(1).mean()) < 0.7 * spread
     assert cross_validated(learn, signals, outputs, 0.0) > spread
@@ -101,5 +101,5 @@ def test_expected_error_where_features_outnumber_states(channels, states):
 
 def test_one_state_is_answered_by_every_decoder():
     for kind in DECODERS:
-        decoder = train(kind, np.array([[0.01, 0.0]]), np.array([[1.0, 2.0]]), 0.002)
+        decoder = fit_decoder(kind, np.array([[0.01, 0.0]]), np.array([[1.0, 2.0]]), 0.002)
         assert decoder(np.array([[0.01, 0.0]])) == pytest.approx(np.array([[1.0, 2.0]]))
