@@ -8,7 +8,7 @@ import pytest
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.readings import Geometry
 from defsense_fab.calibration.readings_table import read_table
-from defsense_fab.cli import main
+from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError
 from tests.calibration.sessions import GEOMETRY, readings, table
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from defsense_fab.capture.tags.charuco_board import CharucoBoard
 from defsense_fab.capture.tags.tag_dictionary import dictionary
-from defsense_fab.cli import main
+from defsense_fab.cli.main import main
 from defsense_fab.core.camera import Camera
 from defsense_fab.twin.filming.film import Shutter, film
 from defsense_fab.twin.filming.renderer import Optics

@@ -17,7 +17,7 @@ from defsense_fab.capture.readout.ports import Port, open_port
 from defsense_fab.capture.readout.reader import Reader, Settings
 from defsense_fab.capture.readout.recording import Recorder, read_recording
 from defsense_fab.capture.readout.source import Event, StaleError, StampedSample
-from defsense_fab.cli import main
+from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Info, Sample, encode

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from defsense_fab.cli import main
+from defsense_fab.cli.main import main
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import triangle_kernel
 from tests.geometry import slicer

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from defsense_fab.cli import main
+from defsense_fab.cli.main import main
 from defsense_fab.core.bending import RADII
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.files.formats import read_any
-from defsense_fab.cli import main
+from defsense_fab.cli.main import main
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.files import storage_errors
@@ -41,7 +41,7 @@ def device(tmp_path_factory):
     text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
     text = text[: text.rindex("[[sensors]]")]
     (folder / "device.toml").write_text(text)
-    assert main.main(["build", str(folder)]) == 0
+    assert main(["build", str(folder)]) == 0
     return folder
 
 
@@ -64,7 +64,7 @@ def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
     folder.mkdir()
     shutil.copy(device / "device.toml", folder)
     shutil.copy(BAR.parent / "bar-cadquery" / "bar.py", folder)
-    assert main.main(["fabricate", str(folder)]) == 0
+    assert main(["fabricate", str(folder)]) == 0
     one, other = (
         json.loads((f / "build" / "parts" / "manifest.json").read_text()) for f in (device, folder)
     )
@@ -106,7 +106,7 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
 def test_a_second_build_does_nothing(copy, capsys):
     before = snapshot(copy / "build")
     begin = time.perf_counter()
-    assert main.main(["build", str(copy), "--json"]) == 0
+    assert main(["build", str(copy), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == []
     assert snapshot(copy / "build") == before
     assert time.perf_counter() - begin < 30
@@ -134,7 +134,7 @@ def test_bad_input_is_one_line_and_leaves_the_build(copy, capsys, old, new, mess
     (copy / "broken.py").write_text("def body(length, width, height):\n    return 1 / 0\n")
     before = snapshot(copy / "build")
     change(copy, old, new)
-    assert main.main(["build", str(copy)]) == 2
+    assert main(["build", str(copy)]) == 2
     lines = [x for x in capsys.readouterr().err.splitlines() if x.startswith("error: ")]
     assert len(lines) == 1
     assert message in lines[0]
@@ -148,7 +148,7 @@ def test_a_pose_that_no_body_can_take_is_one_line(copy, capsys):
     change(copy, "[[140, -16, -16], [151", "[[10.000001, -16, -16], [151")
     change(copy, 'translate = "free"', "translate = [-60, 0, 0]")
     change(copy, "held_out = ", "# held_out = ")
-    assert main.main(["build", str(copy)]) == 2
+    assert main(["build", str(copy)]) == 2
     assert "'bend_up@1' did not converge beyond" in capsys.readouterr().err
     assert snapshot(copy / "build") == before
 
@@ -163,10 +163,10 @@ def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monk
 
     with monkeypatch.context() as m:
         m.setattr(stage_report, "run", interrupt)
-        assert main.main(["build", str(copy)]) == 2
+        assert main(["build", str(copy)]) == 2
     assert "interrupted" in capsys.readouterr().err
     assert snapshot(copy / "build") == before
-    assert main.main(["build", str(copy), "--json"]) == 0
+    assert main(["build", str(copy), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == ["report"]
 
 
@@ -179,7 +179,7 @@ def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(stage_fabricate, "run", full)
-    assert main.main(["build", str(copy)]) == 2
+    assert main(["build", str(copy)]) == 2
     assert "the disk is full" in capsys.readouterr().err
     assert snapshot(copy / "build") == before
 
@@ -187,11 +187,11 @@ def test_a_full_disk_is_one_line(copy, capsys, monkeypatch):
 @pytest.mark.slow
 def test_a_part_that_is_gone_is_made_again_and_notes_are_no_change(copy, capsys):
     (copy / "notes.txt").write_text("glue on Monday")
-    assert main.main(["build", str(copy), "--json"]) == 0
+    assert main(["build", str(copy), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == []
     part = next((copy / "build" / "parts").glob("1-*.stl"))
     part.unlink()
-    assert main.main(["build", str(copy), "--json"]) == 0
+    assert main(["build", str(copy), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == ["fabricate"]
     assert part.exists()
 
@@ -217,7 +217,7 @@ def test_a_build_folder_that_is_a_link_is_refused(tmp_path, capsys):
         shutil.copy(BAR / name, tmp_path)
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "build").symlink_to(tmp_path / "elsewhere")
-    assert main.main(["mesh", str(tmp_path)]) == 2
+    assert main(["mesh", str(tmp_path)]) == 2
     assert "build: is a symbolic link" in capsys.readouterr().err
 
 
@@ -232,12 +232,12 @@ def test_an_error_after_ctrl_c_counts_as_the_interrupt(capsys, monkeypatch):
             raise ImportError("initialization failed") from None
 
     monkeypatch.setattr(main, "_build", clumsy)
-    assert main.main(["build", str(BAR)]) == 2
+    assert main(["build", str(BAR)]) == 2
     assert "error: interrupted" in capsys.readouterr().err
 
 
 def test_output_that_nobody_reads_is_no_traceback(tmp_path):
-    code = "import sys; from defsense_fab import cli\nwith cli._output(): print('x' * 99999)"
+    code = "from defsense_fab.cli import main as cli\nwith cli._output(): print('x' * 99999)"
     with open("/dev/full", "w") as full:
         out = subprocess.run(
             [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True
@@ -258,7 +258,7 @@ def test_storage_errors_name_the_path(tmp_path):
 
 def test_help_and_version_need_no_heavy_import():
     code = (
-        "import sys; from defsense_fab import cli\n"
+        "import sys; from defsense_fab.cli import main as cli\n"
         "try: cli.main(['--help'])\n"
         "except SystemExit: pass\n"
         "print(sorted({'numpy','scipy','build123d','vtk','numba'} & set(sys.modules)))"
@@ -268,7 +268,7 @@ def test_help_and_version_need_no_heavy_import():
 
 
 def test_set_wants_a_name_and_a_value(capsys):
-    assert main.main(["build", str(BAR), "--set", "length"]) == 2
+    assert main(["build", str(BAR), "--set", "length"]) == 2
     assert "--set length: write it as NAME=VALUE" in capsys.readouterr().err
 
 
@@ -296,13 +296,13 @@ def test_a_built_device_is_shown_to_cameras_and_recorded(copy, capsys):
     """Tags placed, the twin recorded by the command, and processed: places and signals follow the
     pose that the twin was asked for."""
     markers = ["capture", "markers", str(copy), "--side", "0,-1,1", "--count", "8"]
-    assert main.main(markers) == 0
+    assert main(markers) == 0
     record = ["capture", "record", str(copy), "--cameras", "twin", "--port", "twin", "--auto"]
     record += ["--rounds", "1", "--seconds", "3", "--free", "0", "--rest", "2"]
-    assert main.main(record) == 0
-    assert main.main([*record]) == 2  # it is finished
+    assert main(record) == 0
+    assert main([*record]) == 2  # it is finished
     capsys.readouterr()
-    assert main.main(["capture", "process", str(copy / "session"), "--align", "all", "--json"]) == 0
+    assert main(["capture", "process", str(copy / "session"), "--align", "all", "--json"]) == 0
     quality = json.loads(capsys.readouterr().out)
     assert quality["runs"][0]["ended"] == "all steps were shown"
     assert quality["aligned_frames"] > 0.7

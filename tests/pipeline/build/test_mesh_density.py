@@ -8,7 +8,7 @@ import meshio
 import numpy as np
 import pytest
 
-from defsense_fab.cli import main
+from defsense_fab.cli.main import main
 from defsense_fab.core.device_file import load_device
 from defsense_fab.geometry.bodies.region_conforming import conform
 from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise

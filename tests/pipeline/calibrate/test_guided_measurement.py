@@ -205,7 +205,7 @@ class Terminal:
         command = [
             sys.executable,
             "-c",
-            "import sys; from defsense_fab.cli import main; sys.exit(main())",
+            "import sys; from defsense_fab.cli.main import main; sys.exit(main())",
         ]
         environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "110", "LINES": "45"}
         self.process = subprocess.Popen(

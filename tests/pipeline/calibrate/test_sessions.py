@@ -10,7 +10,7 @@ import pytest
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.readings import joined
 from defsense_fab.calibration.settling import Criterion, creep, settled
-from defsense_fab.cli import main
+from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CalibrationError
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.pipeline.calibrate import session as sessions

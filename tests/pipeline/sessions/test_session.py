@@ -221,7 +221,7 @@ def test_killed_at_any_moment(tmp_path):
     cut = rows = 0
     for k in range(KILLS):
         program = subprocess.Popen(
-            [sys.executable, "-m", "tests.pipeline.calibrate.sessions.capture_rig", str(folder)],
+            [sys.executable, "-m", "tests.pipeline.sessions.capture_rig", str(folder)],
             cwd=ROOT,
         )
         until = time.monotonic() + 90

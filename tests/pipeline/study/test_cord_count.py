@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.cli import main
+from defsense_fab.cli.main import main
 from defsense_fab.core.curve import Plane
 from defsense_fab.pipeline.study.study_file import Row, chain, read_rows, write_rows
 from tests.places import BAR
