@@ -37,7 +37,8 @@ from defsense_fab.optimize.search.candidate_families import through
 from defsense_fab.optimize.search.candidates import build_pool
 from defsense_fab.optimize.search.starting_layouts import choices, seeds
 from defsense_fab.pipeline.build import build
-from defsense_fab.pipeline.build.stage_optimize import Task, load_task, predict
+from defsense_fab.pipeline.build.design_task import DesignTask, load_task
+from defsense_fab.pipeline.build.predict import predict
 
 BAR = Path("fixtures/devices/bar")
 
@@ -46,7 +47,7 @@ def quiet(*_: object) -> None:
     pass
 
 
-def bar() -> Task:
+def bar() -> DesignTask:
     device = load_device(BAR)
     return load_task(device, build(device, "simulate").folder)
 
@@ -224,22 +225,19 @@ def candidates(problem: Problem) -> None:
     print(f"  one batch {fast:.3f} s; a loop {slow:.3f} s, {slow / fast:.1f}x")
 
 
-def table(task: Task) -> None:
+def table(task: DesignTask) -> None:
     """Manual, visual and full layouts with and without noise in the prediction."""
     print("predicted RMSE, mm (held out), bar, three cords")
     for noise in (0.0, 0.002):
         problem = replace(task.design, noise=noise)
-        everything = replace(task.everything, noise=noise)
+        scored = replace(task, everything=replace(task.everything, noise=noise))
         rows = {"manual": [baselines.manual(problem, 3)]}
         rngs = [np.random.default_rng(s) for s in range(5)]
         rows["visual"] = [baselines.visual(problem, 3, np.random.default_rng(s)) for s in range(21)]
         rows["full"] = [optimise(problem, (), r, quiet, extra=3).sensors for r in rngs]
         best = 0.0
         for name in ("full", "visual", "manual"):
-            found = [
-                predict(everything, [sample_path(s) for s in x], task.names, task.held)[0]
-                for x in rows[name]
-            ]
+            found = [predict(scored, [sample_path(s) for s in x]).prediction for x in rows[name]]
             rmse = statistics.median(f.rmse for f in found)
             held = statistics.median(
                 float(np.sqrt(np.mean(np.square(list(f.held_out.values()))))) for f in found
@@ -251,7 +249,7 @@ def table(task: Task) -> None:
             )
 
 
-def noise(task: Task) -> None:
+def noise(task: DesignTask) -> None:
     """Which decoder wins at which noise, on the analytic mixtures, scored on unseen ones."""
     from tests.conftest import structured_bar
     from tests.optimize import exact

@@ -1,32 +1,146 @@
-"""Cords as they stand in `layout.json` and `study.json`."""
+"""What the optimise stage leaves: the cords' paths (`layout.json`) and what they are predicted to
+sense (in it, and in full in `prediction.json`)."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
 
-import numpy as np
-
+from ...core.arrays import Float
 from ...core.curve import Hermite, Plane
 from ...core.device import Sensor
+from ...core.errors import DefsenseError, StorageError
+from ...core.prediction import Prediction
+from . import typed_json
+from .build_folder import BUILD_AGAIN
+
+LAYOUT, PREDICTION = "layout.json", "prediction.json"
 
 
-def write_sensor(sensor: Sensor) -> dict[str, Any]:
-    """Name, plane and path."""
-    return {
-        "name": sensor.name,
-        "plane": {
-            "origin": sensor.plane.origin.tolist(),
-            "normal": sensor.plane.normal.tolist(),
-            "x_axis": sensor.plane.axes[:, 0].tolist(),
-        },
-        "control_points": sensor.curve.points.tolist(),
-        "tangents": sensor.curve.tangents.tolist(),
-    }
+@dataclass(frozen=True)
+class PlaneRecord:
+    """Origin (3,) mm, unit normal and x axis (3,), rest frame."""
+
+    origin: Float
+    normal: Float
+    x_axis: Float
 
 
-def read_sensor(data: dict[str, Any]) -> Sensor:
-    """The cord that `write_sensor` wrote."""
-    p = data["plane"]
-    plane = Plane.from_normal(*(np.array(p[k]) for k in ("origin", "normal", "x_axis")))
-    curve = Hermite(np.array(data["control_points"]), np.array(data["tangents"]))
-    return Sensor(data["name"], plane, curve)
+@dataclass(frozen=True)
+class CordPath:
+    """A cord as it is drawn: control points and tangents (k, 2) mm in its plane."""
+
+    name: str
+    plane: PlaneRecord
+    control_points: Float
+    tangents: Float
+
+    @staticmethod
+    def of(sensor: Sensor) -> CordPath:
+        plane = PlaneRecord(sensor.plane.origin, sensor.plane.normal, sensor.plane.axes[:, 0])
+        return CordPath(sensor.name, plane, sensor.curve.points, sensor.curve.tangents)
+
+    def sensor(self) -> Sensor:
+        """The cord, locked where it is."""
+        plane = Plane.from_normal(self.plane.origin, self.plane.normal, self.plane.x_axis)
+        return Sensor(self.name, plane, Hermite(self.control_points, self.tangents))
+
+
+@dataclass(frozen=True)
+class CordRecord(CordPath):
+    """A cord as it was optimised: its channel of the read-out; `points` (p >= 100, 3) mm of its
+    path in the rest frame; length from skin to skin, least radius, least wall (mm); lengths (2,)
+    mm of the straight runs to the skin; strains between which it is stretched."""
+
+    channel: int
+    points: Float
+    length: float
+    min_radius: float
+    min_wall: float
+    inlets: tuple[float, float]
+    cord_diameter: float
+    peak_strain: float
+    least_strain: float
+
+
+@dataclass(frozen=True)
+class LimitsRecord:
+    """Least wall, radius of curvature and distance between cords, mm."""
+
+    wall: float
+    min_radius: float
+    clearance: float
+
+
+@dataclass(frozen=True)
+class BandRecord:
+    """RMSE (mm) of built devices: median and the limits of 90 % of them, and the tolerances that
+    they were drawn with (see optimize/studies/tolerance_monte_carlo.py)."""
+
+    median: float
+    low: float
+    high: float
+    offset: float
+    gauge: float
+    amplitude: float
+    frames: int
+
+
+@dataclass(frozen=True)
+class LayoutRecord:
+    """`layout.json`. `mesh` is the hash of the mesh that it was designed on, `cross_validated` the
+    RMSE (mm) of each decoder on runs of states that it was not trained on, `initial` the
+    prediction for the paths as `drawn`, each (p, 3) mm."""
+
+    SCHEMA: ClassVar[int] = 1
+
+    device: str
+    mesh: str
+    limits: LimitsRecord
+    sensors: tuple[CordRecord, ...]
+    min_clearance: float | None
+    warnings: tuple[str, ...]
+    prediction: Prediction
+    cross_validated: Mapping[str, float]
+    band: BandRecord
+    initial: Prediction
+    drawn: tuple[Float, ...]
+    proposed: bool
+    starts: tuple[float, ...]
+    seed: int
+
+    def by_channel(self) -> list[CordRecord]:
+        """The cords in the order of their channels."""
+        return sorted(self.sensors, key=lambda s: s.channel)
+
+
+@dataclass(frozen=True)
+class PredictionRecord:
+    """`prediction.json`: markers (k, 3) mm; of n states with rest first their names, signals (n, c)
+    and errors (n, k) mm without noise; the numbers of the decoder."""
+
+    SCHEMA: ClassVar[int] = 1
+
+    markers: Float
+    states: tuple[str, ...]
+    signals: Float
+    errors: Float
+    decoder: Mapping[str, Any]
+
+
+def save_layout(folder: Path, layout: LayoutRecord, prediction: PredictionRecord) -> None:
+    """Both files. Raises StorageError."""
+    typed_json.save(folder / LAYOUT, layout)
+    typed_json.save(folder / PREDICTION, prediction)
+
+
+def load_layout(folder: Path, error: type[DefsenseError] = StorageError) -> LayoutRecord:
+    """From a build's folder. Raises `error`."""
+    return typed_json.load(folder / LAYOUT, LayoutRecord, BUILD_AGAIN, error)
+
+
+def load_prediction(folder: Path) -> PredictionRecord:
+    """From a build's folder. Raises StorageError."""
+    return typed_json.load(folder / PREDICTION, PredictionRecord, BUILD_AGAIN)

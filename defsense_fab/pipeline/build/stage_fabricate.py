@@ -12,7 +12,6 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device import Device, Sensor
 from ...core.errors import FabricationError
-from ...core.files import write_json
 from ...core.mesh import Surface
 from ...core.prediction import Prediction
 from ...geometry.channels.channel_ends import Pockets
@@ -26,10 +25,24 @@ from ...geometry.parts.print_bed import PlacedPart, arrange, laid
 from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
 from ...optimize.problem.cord_parameters import sample_path
+from ..artifacts.body import load_body_record, load_solid, load_surface
+from ..artifacts.layout import LayoutRecord, load_layout, load_prediction
+from ..artifacts.manifest import (
+    CheckRecord,
+    JoinedPin,
+    JoinStep,
+    Manifest,
+    PartRecord,
+    PinRecord,
+    Plate,
+    Socket,
+    TagSeat,
+    save_manifest,
+)
 from .cut_list import bill, cut_list
-from .stage_body import is_cad, load_bay, load_surface
-from .stage_optimize import limits, load_sensors, load_task, predict
-from .stages import Report, read_json
+from .design_task import DesignTask, limits, load_task
+from .predict import predict
+from .stages import Report
 
 #: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
 LYING = "print"
@@ -58,31 +71,25 @@ def rules(device: Device, bay: Prism | None = None) -> Rules:
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
-    sensors = load_sensors(folder)
-    surface = load_surface(folder)
-    solid = None
-    if is_cad(folder):
-        from ...geometry.kernels import occ
-
-        solid = occ.read_step(folder / "body" / "body.step")[0]
-    layout, bay = read_json(folder / "layout.json"), load_bay(folder)
-    decoder = layout["prediction"]["decoder"]
-    device, note = _relief(device, folder, surface, sensors, bay, decoder)
+    surface, solid, bay = load_surface(folder), load_solid(folder), load_body_record(folder).bay
+    layout = load_layout(folder)
+    sensors = [s.sensor() for s in layout.sensors]
+    task = load_task(device, folder).decoded_by(layout.prediction.decoder)
+    device, note = _relief(device, task, surface, sensors, bay)
     made = fabricate(device, surface, sensors, report, solid, bay)
     report(0.75, "predicting with joints")
-    prediction = as_made(device, folder, made.channels, decoder)
+    prediction = as_made(task, made.channels)
     report(0.8, "writing parts")
     made = replace(made, warnings=(*made.warnings, *note))
-    write(device, made, folder, layout, prediction)
+    write(device, made, folder, layout, load_prediction(folder).signals, prediction)
 
 
 def _relief(
     device: Device,
-    folder: Path,
+    task: DesignTask,
     surface: Surface,
     sensors: Sequence[Sensor],
     bay: Prism | None,
-    decoder: str,
 ) -> tuple[Device, list[str]]:
     """The device with its strain relief decided where it leaves that open: bends are left out where
     the deeper pockets would cost too much accuracy, with a note."""
@@ -94,7 +101,7 @@ def _relief(
         changed = replace(device, fabrication=replace(f, strain_relief=relief))
         r = rules(changed, bay)
         channels = channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets)
-        found.append((changed, as_made(device, folder, channels, decoder).rmse))
+        found.append((changed, as_made(task, channels).rmse))
     (straight, without), (bent, with_bends) = found
     if with_bends <= _WORSE * without:
         return bent, []
@@ -120,11 +127,9 @@ def fabricate(
     return make_parts(surface, sensors, rules(device, bay), report, solid)
 
 
-def as_made(device: Device, folder: Path, channels: Sequence[Channel], decoder: str) -> Prediction:
+def as_made(task: DesignTask, channels: Sequence[Channel]) -> Prediction:
     """What the device is predicted to sense without the ends of cords that lie in pockets."""
-    task = load_task(device, folder).decoded_by(decoder)
-    paths = [_sensing(c) for c in channels]
-    return predict(task.everything, paths, task.names, task.held)[0]
+    return predict(task, [_sensing(c) for c in channels]).prediction
 
 
 def _sensing(channel: Channel) -> Float:
@@ -140,11 +145,12 @@ def write(
     device: Device,
     made: Made,
     folder: Path,
-    layout: Mapping[str, Any],
-    prediction: Prediction | None = None,
+    layout: LayoutRecord,
+    signals: Float,
+    prediction: Prediction,
 ) -> None:
-    """Leave the parts in `folder`/parts; `layout` is what `layout.json` holds, `prediction` that
-    for the cords as they are built in."""
+    """Leave the parts in `folder`/parts; `signals` (n, c) are those of the layout in all states,
+    `prediction` is that for the cords as they are built in."""
     flat = {p.name: laid(p.surface, p.down) for p in made.parts}
     pins = _pins(made)
     names = [n for name, (_, count, _) in pins.items() for n in _copies(name, count)]
@@ -167,9 +173,8 @@ def write(
         occ.write_assembly(solids, out / "assembly.step", device.name)
     write_3mf({p.name: p.surface for p in made.parts}, out / "assembly.3mf", device.name)
     plates = _write_plates(placed, out, device.name)
-    write_json(
-        out / "manifest.json", _manifest(device, folder, made, pins, plates, layout, prediction)
-    )
+    manifest = _manifest(device, made, pins, plates, layout, signals, prediction)
+    save_manifest(folder, manifest)
 
 
 def _pins(made: Made) -> dict[str, tuple[Surface, int, dict[str, float]]]:
@@ -191,122 +196,123 @@ def _copies(name: str, count: int) -> list[str]:
     return [f"{name}_{k + 1}" for k in range(count)]
 
 
-def _write_plates(placed: Mapping[str, PlacedPart], out: Path, title: str) -> list[dict[str, Any]]:
+def _write_plates(placed: Mapping[str, PlacedPart], out: Path, title: str) -> tuple[Plate, ...]:
     plates = []
     count = 1 + max(p.plate for p in placed.values())
     for k in range(count):
         on = {n: p.surface for n, p in placed.items() if p.plate == k}
         file = "plate.3mf" if count == 1 else f"plate-{k + 1}.3mf"
         write_3mf(on, out / file, title, together=False)
-        plates.append({"file": file, "parts": {n: s.bounds.tolist() for n, s in on.items()}})
-    return plates
+        plates.append(Plate(file, {n: s.bounds for n, s in on.items()}))
+    return tuple(plates)
 
 
 def _manifest(
     device: Device,
-    folder: Path,
     made: Made,
     pins: Mapping[str, tuple[Surface, int, Mapping[str, float]]],
-    plates: Sequence[Mapping[str, Any]],
-    layout: Mapping[str, Any],
-    prediction: Prediction | None,
-) -> dict[str, Any]:
-    warnings = list(made.warnings)
-    if prediction and prediction.rmse > _WORSE * layout["prediction"]["rmse"]:
+    plates: tuple[Plate, ...],
+    layout: LayoutRecord,
+    signals: Float,
+    prediction: Prediction,
+) -> Manifest:
+    cords = cut_list(device, made, signals)
+    return Manifest(
+        device=device.name,
+        unit="mm",
+        parts=tuple(_part(made, i) for i in range(len(made.parts))),
+        pins=tuple(
+            PinRecord(n, f"{LYING}/{n}.stl", count, **sizes)
+            for n, (_, count, sizes) in pins.items()
+        ),
+        plates=plates,
+        cords=cords,
+        bill=bill(device, made, cords, {n: count for n, (_, count, _) in pins.items()}),
+        assembly=_assembly(made),
+        marker_seats=tuple(
+            TagSeat(s.number, s.center, s.axes[:, 0], s.axes[:, 2], device.fabrication.marker_size)
+            for s in made.seats
+        ),
+        checks=tuple(CheckRecord(**vars(c)) for c in made.checks),
+        prediction=prediction,
+        removed_volume=made.cut_out,
+        body_volume=made.body_volume,
+        warnings=(*made.warnings, *_warnings(device, made, layout, prediction)),
+    )
+
+
+def _warnings(
+    device: Device, made: Made, layout: LayoutRecord, prediction: Prediction
+) -> list[str]:
+    """What the maker should know of the cords as they are built in."""
+    warnings = []
+    if prediction.rmse > _WORSE * layout.prediction.rmse:
         bent = any(c.leads for c in made.channels)
         way = "strain_relief = false" if bent else "pockets = false"
         warnings.append(
             f"the ends of cords in pockets do not sense: the predicted error rises from"
-            f" {layout['prediction']['rmse']:.2f} to {prediction.rmse:.2f} mm; {way} in"
+            f" {layout.prediction.rmse:.2f} to {prediction.rmse:.2f} mm; {way} in"
             " [fabrication] makes them shorter"
         )
-    for s in layout["sensors"]:
-        if s["peak_strain"] > device.cord.max_strain:
-            warnings.append(
-                f"cord {s['name']} is stretched by {s['peak_strain']:.0%}, more than its"
-                f" {device.cord.max_strain:.0%}"
-            )
-    signals = np.array(read_json(folder / "prediction.json")["signals"])
-    cords = cut_list(device, made, signals)
-    return {
-        "schema": 2,
-        "device": device.name,
-        "unit": "mm",
-        "parts": [_part(made, i) for i in range(len(made.parts))],
-        "pins": [
-            {"name": n, "stl": f"{LYING}/{n}.stl", "count": count, **sizes}
-            for n, (_, count, sizes) in pins.items()
-        ],
-        "plates": plates,
-        "cords": cords,
-        "bill": bill(device, made, cords, {n: count for n, (_, count, _) in pins.items()}),
-        "assembly": _assembly(made),
-        "marker_seats": [
-            {
-                "marker": s.number,
-                "center": s.center.tolist(),
-                "x_axis": s.axes[:, 0].tolist(),
-                "normal": s.axes[:, 2].tolist(),
-                "tag": device.fabrication.marker_size,
-            }
-            for s in made.seats
-        ],
-        "checks": [vars(c) for c in made.checks],
-        "prediction": prediction.to_json() if prediction else None,
-        "removed_volume": made.cut_out,
-        "body_volume": made.body_volume,
-        "warnings": warnings,
-    }
+    warnings += [
+        f"cord {s.name} is stretched by {s.peak_strain:.0%}, more than its"
+        f" {device.cord.max_strain:.0%}"
+        for s in layout.sensors
+        if s.peak_strain > device.cord.max_strain
+    ]
+    return warnings
 
 
-def _part(made: Made, i: int) -> dict[str, Any]:
+def _part(made: Made, i: int) -> PartRecord:
     part = made.parts[i]
-    out: dict[str, Any] = {
-        "name": part.name,
-        "number": i + 1,
-        "stl": f"{part.name}.stl",
-        "print": f"{LYING}/{part.name}.stl",
-        "step": None,
-        "volume": part.volume,
-        "bbox": part.surface.bounds.tolist(),
-        "sockets": [
-            {"center": p.center.tolist(), "axis": p.axis.tolist(), "diameter": p.socket}
-            for p in made.pins
-            if i in (made.contacts[p.contact].lower, made.contacts[p.contact].upper)
-        ],
-    }
+    step, volume = None, None
     if part.solid is not None:
         from ...geometry.kernels import occ
 
-        out["step"], out["step_volume"] = f"{part.name}.step", occ.volume(part.solid)
-    return out
+        step, volume = f"{part.name}.step", occ.volume(part.solid)
+    return PartRecord(
+        name=part.name,
+        number=i + 1,
+        stl=f"{part.name}.stl",
+        print=f"{LYING}/{part.name}.stl",
+        step=step,
+        volume=part.volume,
+        bbox=part.surface.bounds,
+        sockets=tuple(
+            Socket(p.center, p.axis, p.socket)
+            for p in made.pins
+            if i in (made.contacts[p.contact].lower, made.contacts[p.contact].upper)
+        ),
+        step_volume=volume,
+    )
 
 
-def _assembly(made: Made) -> list[dict[str, Any]]:
+def _assembly(made: Made) -> tuple[JoinStep, ...]:
     """The steps in which the device is closed: the cuts backwards."""
     steps = []
     for k in reversed(range(len(made.cuts))):
         cut = made.cuts[k]
-        pins = [p for p in made.pins if made.contacts[p.contact].cut == k]
+        low, high = (tuple(made.parts[i].name for i in side) for side in cut.sides)
         steps.append(
-            {
-                "join": [[made.parts[i].name for i in side] for side in cut.sides],
-                "cords": [made.channels[c].name for c in cut.cords if c not in cut.wires],
-                "wires": [made.channels[c].name for c in cut.wires],
-                "opens": cut.plane.normal.tolist(),
-                "pins": [
-                    {
-                        "name": f"pin-{p.diameter:g}x{p.length:.1f}",
-                        "center": p.center.tolist(),
-                        "socket": p.socket,
-                        "depth": p.depth,
-                        "between": [
+            JoinStep(
+                join=(low, high),
+                cords=tuple(made.channels[c].name for c in cut.cords if c not in cut.wires),
+                wires=tuple(made.channels[c].name for c in cut.wires),
+                opens=cut.plane.normal,
+                pins=tuple(
+                    JoinedPin(
+                        name=f"pin-{p.diameter:g}x{p.length:.1f}",
+                        center=p.center,
+                        socket=p.socket,
+                        depth=p.depth,
+                        between=(
                             made.parts[made.contacts[p.contact].lower].name,
                             made.parts[made.contacts[p.contact].upper].name,
-                        ],
-                    }
-                    for p in pins
-                ],
-            }
+                        ),
+                    )
+                    for p in made.pins
+                    if made.contacts[p.contact].cut == k
+                ),
+            )
         )
-    return steps
+    return tuple(steps)

@@ -12,47 +12,48 @@ from ...core.arrays import Float
 from ...core.device import Device
 from ...core.mesh import Surface
 from ...decoding.decoders import fit_decoder
+from ..artifacts.body import load_surface
+from ..artifacts.fields import field_path, load_fields, load_strain
+from ..artifacts.layout import load_layout, load_prediction
+from ..artifacts.manifest import load_manifest
+from ..artifacts.mesh import load_mesh, load_mesh_record
 from ..report import pictures
+from ..report.guide import assembly_guide
+from ..report.guide_pdf import write_pdf
 from ..report.html import write_page
-from .guide import assembly_guide
-from .guide_pdf import write_pdf
-from .stage_body import load_surface
-from .stage_mesh import load_mesh
-from .stage_simulate import load_fields
-from .stages import Report, read_json
+from .stages import Report
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
-    layout = read_json(folder / "layout.json")
-    manifest = read_json(folder / "parts" / "manifest.json")
+    layout = load_layout(folder)
+    manifest = load_manifest(folder)
     surface = load_surface(folder)
     view = _view(surface)
-    paths = [np.array(s["points"]) for s in layout["sensors"]]
+    paths = [s.points for s in layout.sensors]
     report(0.05, "routing")
     images: dict[str, Any] = {
         "routing": pictures.routing(
             surface,
             paths,
-            [np.array(p) for p in layout["drawn"]],
+            list(layout.drawn),
             device.cord.diameter / 2,
             view,
         )
     }
     report(0.2, "parts")
-    parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
-    guide = assembly_guide(device, folder, manifest, parts, view)
+    parts = {p.name: _stl(folder / "parts" / p.stl) for p in manifest.parts}
+    guide = assembly_guide(device, layout, manifest, parts, view)
     write_page(folder / "guide.html", "guide", guide=guide)
     write_pdf(guide, folder / "guide.pdf")
     images["parts"] = guide.exploded
-    images["poses"] = _poses(device, folder, view, report)
+    images["poses"] = _poses(device, folder, layout.prediction.decoder, view, report)
     write_page(
         folder / "report.html",
         "report",
         device=device,
         layout=layout,
         manifest=manifest,
-        mesh=read_json(folder / "mesh.json"),
-        body=read_json(folder / "body" / "body.json"),
+        mesh=load_mesh_record(folder),
         images=images,
         colors=pictures.COLORS,
         max=max,
@@ -76,9 +77,12 @@ def _section(rest: Float, u: Float) -> Float:
     return np.asarray(np.eye(3)[axes[(u[:, axes] ** 2).sum(0).argmin()]])
 
 
-def _poses(device: Device, folder: Path, view: Float, report: Report) -> list[dict[str, Any]]:
+def _poses(
+    device: Device, folder: Path, kind: str, view: Float, report: Report
+) -> list[dict[str, Any]]:
     """Strain section and error map of each pose at full amplitude, and of each mixture."""
-    names, held, fields = load_fields(folder)
+    found = load_fields(folder)
+    names, fields = found.names, found.displacements
     top = f"@{device.states.ramp[-1]:g}"
     shown = [i for i, n in enumerate(names) if "@" not in n or n.endswith(top)]
     boundary = load_mesh(folder).boundary()
@@ -86,11 +90,10 @@ def _poses(device: Device, folder: Path, view: Float, report: Report) -> list[di
     index = np.zeros(len(boundary.vertices), int)
     index[used] = np.arange(len(used))
     rest, faces = boundary.vertices[used], index[boundary.faces]
-    signals = np.array(read_json(folder / "prediction.json")["signals"])
+    signals = load_prediction(folder).signals
     moved = np.concatenate([np.zeros((1, *rest.shape)), fields[:, used]])
-    seen = ~np.array([False, *held])
+    seen = ~np.append(False, found.held_out)
     flat = moved.reshape(len(moved), -1)
-    kind = read_json(folder / "layout.json")["prediction"]["decoder"]
     decoder = fit_decoder(kind, signals[seen], flat[seen], device.cord.noise)
     error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
     highest = float(np.percentile(error[shown], 99.5))
@@ -99,15 +102,12 @@ def _poses(device: Device, folder: Path, view: Float, report: Report) -> list[di
     for k, i in enumerate(shown):
         name = names[i]
         report(0.3 + 0.7 * k / len(shown), name)
-        path = folder / "fields" / f"{name}.vtu"
-        import meshio
-
-        strain = 100 * float(np.percentile(meshio.read(path).point_data["strain"], 99.5))
+        strain = 100 * float(np.percentile(load_strain(folder, name), 99.5))
         out.append(
             {
                 "name": name,
                 "strain": pictures.strain_section(
-                    path, name, center, _section(rest, fields[i][used]), strain
+                    field_path(folder, name), name, center, _section(rest, fields[i][used]), strain
                 ),
                 "error": pictures.error_map(
                     Surface(rest + fields[i][used], faces), error[i], name, view, highest

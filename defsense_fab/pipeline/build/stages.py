@@ -13,7 +13,7 @@ from ...core.device import Device
 from ...core.files import digest
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 14
+CODE_VERSION = 15
 
 Report = Callable[[float, str], None]
 

@@ -15,7 +15,8 @@ from ...core.progress import Progress, silent
 from ...optimize.problem.cord_parameters import sample_path
 from ...optimize.studies.cord_count import by_count, knee
 from ..build.build import build
-from ..build.stage_optimize import SEED, load_task, predict
+from ..build.design_task import SEED, load_task
+from ..build.predict import predict
 from ..build.stages import keys, plain
 from .study_file import Row, chain, read_rows, write_rows
 
@@ -65,9 +66,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     ended = ""
     try:
         for count, layout in search:
-            prediction, _ = predict(
-                task.everything, [sample_path(s) for s in layout], task.names, task.held
-            )
+            prediction = predict(task, [sample_path(s) for s in layout]).prediction
             unseen = np.array(list(prediction.held_out.values()))
             found.append(
                 Row(

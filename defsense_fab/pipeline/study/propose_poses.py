@@ -18,8 +18,8 @@ from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.constraint_check import check_constraints
 from ...mechanics.solver.modes import Mode, ProposedPose, modes, propose
+from ..artifacts.mesh import load_mesh
 from ..build.build import build
-from ..build.stage_mesh import load_mesh
 
 #: Name of the region that the proposed poses move.
 END = "far_end"

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import operator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
+from ...core.arrays import Float
 from ...core.curve import Plane
-from ...core.files import write_json
+from ...core.errors import StorageError
 from ...optimize.search.starting_layouts import Layout
-from ..artifacts.layout import read_sensor, write_sensor
-from ..build.stages import read_json
+from ..artifacts import typed_json
+from ..artifacts.layout import CordPath
 
 
 @dataclass(frozen=True)
@@ -36,39 +36,58 @@ class Row:
 def read_rows(path: Path, key: str) -> list[Row]:
     """Rows found for the same input, told by `key`; none if the file is another's or damaged."""
     try:
-        data = read_json(path)
-        if data["schema"] != 1 or data["key"] != key:
-            return []
-        return [_read(r) for r in data["rows"]]
-    except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError):
+        found = typed_json.load(path, _StudyRecord, "it is begun anew")
+    except StorageError:
         return []
+    return [_read(r) for r in found.rows] if found.key == key else []
 
 
 def write_rows(path: Path, key: str, rows: list[Row]) -> None:
-    write_json(path, {"schema": 1, "key": key, "rows": [_write(r) for r in rows]})
+    """The rows, whole or not at all. Raises StorageError."""
+    typed_json.save(path, _StudyRecord(key, tuple(_write(r) for r in rows)))
 
 
-def _read(data: dict[str, Any]) -> Row:
-    # The axes as they were: to go on from rounded ones need not lead to the same layouts.
-    layout = tuple(
-        replace(s, plane=Plane(s.plane.origin, np.array(d["axes"])))
-        for s, d in ((read_sensor(d), d) for d in data["layout"])
-    )
-    return Row(
-        sensors=operator.index(data["sensors"]),
-        rmse=float(data["rmse"]),
-        rmse_noise_free=float(data["rmse_noise_free"]),
-        held_out=float("nan") if data["held_out"] is None else float(data["held_out"]),
-        floor=float(data["floor"]),
-        begun=operator.index(data["begun"]),
-        layout=layout,
-    )
+@dataclass(frozen=True)
+class _StudiedCord(CordPath):
+    """With the plane's axes (3, 3) as they were: to go on from rounded ones need not lead to the
+    same layouts."""
+
+    axes: Float
 
 
-def _write(row: Row) -> dict[str, Any]:
-    layout = [{**write_sensor(s), "axes": s.plane.axes.tolist()} for s in row.layout]
+@dataclass(frozen=True)
+class _RowRecord:
+    """A `Row` in `study.json`; no held-out error is None."""
+
+    sensors: int
+    rmse: float
+    rmse_noise_free: float
+    held_out: float | None
+    floor: float
+    begun: int
+    layout: tuple[_StudiedCord, ...]
+
+
+@dataclass(frozen=True)
+class _StudyRecord:
+    """`study.json`: the rows, and the hash of what they were found for."""
+
+    SCHEMA: ClassVar[int] = 1
+
+    key: str
+    rows: tuple[_RowRecord, ...]
+
+
+def _read(record: _RowRecord) -> Row:
+    layout = tuple(replace(c.sensor(), plane=Plane(c.plane.origin, c.axes)) for c in record.layout)
+    held_out = float("nan") if record.held_out is None else record.held_out
+    return Row(**{**vars(record), "held_out": held_out, "layout": layout})
+
+
+def _write(row: Row) -> _RowRecord:
+    layout = tuple(_StudiedCord(**vars(CordPath.of(s)), axes=s.plane.axes) for s in row.layout)
     held_out = None if np.isnan(row.held_out) else row.held_out
-    return {**vars(row), "held_out": held_out, "layout": layout}
+    return _RowRecord(**{**vars(row), "held_out": held_out, "layout": layout})
 
 
 def chain(rows: list[Row], least: int) -> list[Row]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,15 @@ from ...capture.tags.tag_dictionary import Dictionary, dictionary
 from ...core.arrays import Bool, Float
 from ...core.device import Device
 from ...core.errors import CaptureError
-from ...core.files import load_json, storage_errors
+from ...core.files import storage_errors
 from ...core.markers import FILE, Markers, write_markers_file
 from ...core.markers import read_markers as read_markers
 from ...core.mesh import Surface
 from ...core.progress import Progress, silent
 from ...geometry.bodies.tag_placement import Place, Wanted, spread_out, tag_places
+from ..artifacts.build_folder import build_folder
+from ..artifacts.layout import LAYOUT, load_layout
+from ..artifacts.manifest import MANIFEST, TagSeat, load_manifest
 
 FOLDER, SHEETS = "markers", "markers.pdf"
 COUNT, DICTIONARY = 12, "4X4_50"
@@ -63,10 +66,10 @@ def write_markers(
         raise CaptureError(f"--count {count}: give 1 to {tags.count - 1} tags of {tags.name}")
     if size is not None and not 2 <= size <= 200:
         raise CaptureError(f"--size {size:g}: give mm, from 2 to 200")
-    seats = [] if skin else _manifest_seats(device)
+    seats = () if skin else _manifest_seats(device)
     if seats and (count is not None or size is not None):
         raise CaptureError(
-            f"{device.name} has seats for {len(seats)} tags of {seats[0]['tag']:g} mm: leave out"
+            f"{device.name} has seats for {len(seats)} tags of {seats[0].tag:g} mm: leave out"
             " --count and --size, or add --skin to choose places beside the seats"
         )
     if device.fabrication.marker_seats and not seats and not skin:
@@ -130,37 +133,34 @@ def _anchor_note(device: Device, markers: Markers) -> list[str]:
     ]
 
 
-def _manifest_seats(device: Device) -> list[Mapping[str, Any]]:
-    path = device.source / "build" / "parts" / "manifest.json"
-    if not path.is_file():
-        return []
-    data = load_json(path, CaptureError, "run 'defsense build'")
-    return list(data.get("marker_seats", []))
+def _manifest_seats(device: Device) -> tuple[TagSeat, ...]:
+    folder = build_folder(device)
+    return load_manifest(folder, CaptureError).marker_seats if (folder / MANIFEST).is_file() else ()
 
 
 def _seated(
-    device: Device, body: Surface, tags: Dictionary, seats: list[Mapping[str, Any]]
+    device: Device, body: Surface, tags: Dictionary, seats: Sequence[TagSeat]
 ) -> tuple[Markers, list[str]]:
     """Tags whose pieces, white included, fill the seats."""
     import igl
 
-    centers = np.array([s["center"] for s in seats], float)
+    centers = np.array([s.center for s in seats], float)
     off = np.sqrt(igl.point_mesh_squared_distance(centers, body.vertices, body.faces)[0])
     if np.max(off) > _FAR:
         raise CaptureError(
             f"{device.name}: its build has seats {np.max(off):.1f} mm off the body: the body has"
             f" changed since; run 'defsense build {device.source}'"
         )
-    if max(s["marker"] for s in seats) >= tags.count:
+    if max(s.marker for s in seats) >= tags.count:
         raise CaptureError(f"{len(seats)} seats: {tags.name} has too few tags; take a larger one")
-    x = np.array([s["x_axis"] for s in seats], float)
-    z = np.array([s["normal"] for s in seats], float)
-    piece = float(seats[0]["tag"])
+    x = np.array([s.x_axis for s in seats], float)
+    z = np.array([s.normal for s in seats], float)
+    piece = seats[0].tag
     markers = Markers(
         device.name,
         tags.name,
         round(piece / outer(tags, 1.0), 2),
-        np.array([s["marker"] for s in seats], np.int64),
+        np.array([s.marker for s in seats], np.int64),
         centers,
         np.stack([x, np.cross(z, x), z], axis=2),
         _on_anchor(device, centers),
@@ -228,13 +228,10 @@ def _cords(device: Device, body: Surface) -> tuple[Float, list[Any]]:
     is split for them: as built, or else as drawn."""
     from ...geometry.kernels.ray_casting import hits
     from ...optimize.problem.cord_parameters import sample_path
-    from ..artifacts.layout import read_sensor
 
-    layout = device.source / "build" / "layout.json"
-    sensors = list(device.sensors)
-    if layout.is_file():
-        data = load_json(layout, CaptureError, "run 'defsense build'")
-        sensors = [read_sensor(s) for s in data["sensors"]]
+    folder, sensors = build_folder(device), list(device.sensors)
+    if (folder / LAYOUT).is_file():
+        sensors = [s.sensor() for s in load_layout(folder, CaptureError).sensors]
     mouths = [] if device.body.bay is None else [device.body.bay.at]
     for path in map(sample_path, sensors):
         for end, before in ((path[0], path[1]), (path[-1], path[-2])):

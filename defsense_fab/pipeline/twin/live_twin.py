@@ -30,9 +30,10 @@ from ...twin.filming.live_camera import LiveCamera
 from ...twin.filming.pose_player import PosePlayer
 from ...twin.filming.renderer import Optics
 from ...twin.filming.scene import Backdrop, Led, Patch, Scene
-from ..build.stage_mesh import load_mesh
-from ..build.stage_simulate import load_fields
-from ..build.stages import read_json
+from ..artifacts.build_folder import finished_build
+from ..artifacts.fields import INDEX, load_fields
+from ..artifacts.layout import LAYOUT, load_layout
+from ..artifacts.mesh import load_mesh
 from ..sessions.pose_coverage import BINS, PoseCoverage
 
 _FOCAL, _SIZE = 900.0, (1280, 720)
@@ -64,10 +65,9 @@ class Simulated:
 
 def simulated(device: Device, markers: Markers) -> Simulated:
     """From the device's build. Raises CaptureError where it has none, or no pose in it."""
-    folder = device.source / "build"
-    if not (folder / "layout.json").exists() or not (folder / "fields" / "index.json").exists():
-        raise CaptureError(f"{folder}: is not built; run 'defsense build {device.source}' first")
-    names, _, fields = load_fields(folder)
+    folder = finished_build(device, LAYOUT, INDEX)
+    found = load_fields(folder)
+    names, fields = found.names, found.displacements
     ramps = []
     for pose in device.poses:
         levels = {
@@ -88,11 +88,11 @@ def simulated(device: Device, markers: Markers) -> Simulated:
     def at(points: Float) -> Float:
         return locator.displacement(locator.find(points), fields)
 
-    sensors = sorted(read_json(folder / "layout.json")["sensors"], key=lambda s: s["channel"])
-    paths = tuple(np.array(s["points"], float) for s in sensors)
+    cords = load_layout(folder).by_channel()
+    paths = tuple(c.points for c in cords)
     return Simulated(
-        surface, at(surface.vertices), tuple(ramps), tuple(s["name"] for s in sensors), paths,
-        tuple(at(p) for p in paths), np.array([s["length"] for s in sensors]), at(markers.centers),
+        surface, at(surface.vertices), tuple(ramps), tuple(c.name for c in cords), paths,
+        tuple(at(p) for p in paths), np.array([c.length for c in cords]), at(markers.centers),
     )  # fmt: skip
 
 

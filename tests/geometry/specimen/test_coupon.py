@@ -16,7 +16,7 @@ from tests.geometry import slicer
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("coupon")
     wanted = ["--clearances", "0.3,0.1,0.2"]
-    assert main.main(["calibrate", "coupon", str(out), *wanted]) == 0
+    assert main(["calibrate", "coupon", str(out), *wanted]) == 0
     return out
 
 
@@ -94,6 +94,6 @@ def test_a_slicer_takes_both(folder):
 )
 def test_what_cannot_be_made_is_refused(tmp_path, capsys, text, message):
     out = tmp_path / "out"
-    assert main.main(["calibrate", "coupon", str(out), f"--clearances={text}"]) == 2
+    assert main(["calibrate", "coupon", str(out), f"--clearances={text}"]) == 2
     assert message in capsys.readouterr().err
     assert not out.exists()

@@ -21,7 +21,7 @@ WITHIN = 0.05  # mm
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("specimen")
-    assert main.main(["calibrate", "specimen", str(out)]) == 0
+    assert main(["calibrate", "specimen", str(out)]) == 0
     return out
 
 
@@ -124,7 +124,7 @@ def test_a_slicer_takes_all_parts(folder):
 )
 def test_what_cannot_be_made_is_refused(tmp_path, capsys, arguments, message):
     out = tmp_path / "out"
-    assert main.main(["calibrate", "specimen", str(out), *arguments]) == 2
+    assert main(["calibrate", "specimen", str(out), *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not out.exists()
 

@@ -283,8 +283,10 @@ def test_parameters_from_the_command_line():
 def test_strains_outside_of_the_calibrated_range_are_told():
     """By cord, with both ranges; a data sheet's response has none."""
     device = load_device(BAR)
-    sensors = [{"name": "a", "least_strain": -0.03, "peak_strain": 0.09},
-               {"name": "b", "least_strain": -0.05, "peak_strain": 0.05}]  # fmt: skip
+    sensors = [
+        SimpleNamespace(name="a", least_strain=-0.03, peak_strain=0.09),
+        SimpleNamespace(name="b", least_strain=-0.05, peak_strain=0.05),
+    ]
     assert _uncalibrated(device, sensors) == []
     spec = ResponseSpec("line", {"k": 2.0}, (-0.067, 0.067))
     device = replace(device, cord=replace(device.cord, response=spec))

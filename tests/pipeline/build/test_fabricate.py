@@ -13,14 +13,22 @@ import pytest
 
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import DeviceError, FabricationError
+from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.channels.cord_channels import channels_of
-from defsense_fab.pipeline.artifacts.layout import write_sensor
+from defsense_fab.pipeline.artifacts.layout import (
+    BandRecord,
+    CordPath,
+    CordRecord,
+    LayoutRecord,
+    LimitsRecord,
+)
+from defsense_fab.pipeline.artifacts.manifest import load_manifest
 from defsense_fab.pipeline.build import stage_fabricate
-from defsense_fab.pipeline.build.guide import assembly_guide
-from defsense_fab.pipeline.build.guide_pdf import write_pdf
 from defsense_fab.pipeline.build.stage_fabricate import fabricate, write
 from defsense_fab.pipeline.build.stage_report import _stl
+from defsense_fab.pipeline.report.guide import assembly_guide
+from defsense_fab.pipeline.report.guide_pdf import write_pdf
 from defsense_fab.pipeline.report.html import write_page
 from defsense_fab.sensing.voltage_divider import E24, reference
 from tests.geometry import slicer
@@ -41,19 +49,30 @@ def made(cube):
 
 
 @pytest.fixture(scope="module")
-def folder(cube, made, tmp_path_factory):
+def folder(cube, made, layout, tmp_path_factory):
     """Their files, with signals made up."""
     device, _ = cube
     out = tmp_path_factory.mktemp("cube")
-    layout = [
-        {**write_sensor(s), "points": c.inside.tolist(), "peak_strain": 0.1, "least_strain": 0.0}
-        for s, c in zip(device.sensors, made.channels, strict=True)
-    ]
-    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
-    (out / "prediction.json").write_text(json.dumps({"signals": signals.tolist()}))
-    (out / "layout.json").write_text(json.dumps({"sensors": layout}))
-    write(device, made, out, {"sensors": layout})
+    write(device, made, out, layout, np.array([[0, 0, 0], [0.44, -0.19, 0.1]]), layout.prediction)
     return out
+
+
+@pytest.fixture(scope="module")
+def layout(cube, made):
+    """What is said of the cords as drawn, with numbers made up."""
+    device, _ = cube
+    cords = tuple(
+        CordRecord(
+            **vars(CordPath.of(s)), channel=k, points=c.inside, length=c.length, min_radius=9.0,
+            min_wall=2.0, inlets=(1.0, 1.0), cord_diameter=2.0, peak_strain=0.1, least_strain=0.0,
+        )
+        for k, (s, c) in enumerate(zip(device.sensors, made.channels, strict=True))
+    )  # fmt: skip
+    prediction = Prediction("affine", 0.002, 1.0, 0.9, 2.0, 1.5, 0.1, {"rest": 0.0}, {})
+    return LayoutRecord(
+        device.name, "hash", LimitsRecord(1.2, 5.0, 3.4), cords, 4.0, (), prediction, {},
+        BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 600), prediction, (), False, (), 1,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -129,16 +148,16 @@ def test_bends_are_left_out_where_they_cost_accuracy(cube, monkeypatch, loss, be
     monkeypatch.setattr(
         stage_fabricate,
         "as_made",
-        lambda d, f, channels, decoder: SimpleNamespace(rmse=loss if channels[0].leads else 1.0),
+        lambda task, channels: SimpleNamespace(rmse=loss if channels[0].leads else 1.0),
     )
     decide = stage_fabricate._relief
-    decided, note = decide(device, Path(), body.surface, device.sensors, None, "affine")
+    decided, note = decide(device, None, body.surface, device.sensors, None)
     r = stage_fabricate.rules(decided)
     made = channels_of(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
     assert sum(len(c.leads) for c in made) == bends
     assert bool(note) == (bends == 0)
     wanted = replace(device, fabrication=replace(device.fabrication, strain_relief=True))
-    kept, note = decide(wanted, Path(), body.surface, device.sensors, None, "affine")
+    kept, note = decide(wanted, None, body.surface, device.sensors, None)
     assert kept is wanted
     assert not note
 
@@ -155,10 +174,12 @@ def test_the_reference_gives_the_largest_swing():
 
 
 @pytest.mark.slow
-def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, manifest):
+def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, layout, manifest):
     device, _ = cube
     parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
-    guide = assembly_guide(device, folder, manifest, parts, np.array([0.35, -1.0, 0.55]))
+    guide = assembly_guide(
+        device, layout, load_manifest(folder), parts, np.array([0.35, -1.0, 0.55])
+    )
     write_page(folder / "guide.html", "guide", guide=guide)
     write_pdf(guide, folder / "guide.pdf")
     page = (folder / "guide.html").read_text()
@@ -193,13 +214,13 @@ def test_freecad_opens_the_step_files_with_the_same_volume(folder, manifest, tmp
     assert volumes["assembly.step"] == pytest.approx(total, rel=1e-6)
 
 
-def test_a_part_that_no_bed_holds_is_refused(cube, made):
+def test_a_part_that_no_bed_holds_is_refused(cube, made, layout):
     device, _ = cube
     small = replace(device, fabrication=replace(device.fabrication, bed=(25.0, 25.0, 25.0)))
     with pytest.raises(
         FabricationError, match=r"\d-[a-z-]+ measures .* does not fit the bed of fdm"
     ):
-        write(small, made, Path("/nonexistent"), {})
+        write(small, made, Path("/nonexistent"), layout, np.zeros((2, 3)), layout.prediction)
 
 
 @pytest.mark.parametrize(

@@ -82,13 +82,13 @@ def edit(folder, *changes):
 
 def test_accuracy_is_told_in_words_and_numbers(folder, capsys):
     edit(folder, ("edge_length = 12.0", "accuracy = 0.1"))
-    assert main.main(["mesh", str(folder)]) == 0
+    assert main(["mesh", str(folder)]) == 0
     assert "keeps signals within" in capsys.readouterr().out
     mesh = json.loads((folder / "build" / "mesh.json").read_text())
     assert mesh["accuracy"]["asked"] == 0.1
     assert mesh["accuracy"]["reached"] <= 0.1
     assert len(mesh["accuracy"]["tried"]) >= 2
-    assert main.main(["mesh", str(folder), "--json"]) == 0
+    assert main(["mesh", str(folder), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == []
 
 
@@ -100,7 +100,7 @@ def test_a_pose_too_far_leaves_what_was_reached(folder, capsys):
         ("tip = { box = [[140,", "tip = { box = [[90,"),
         ('translate = "free"', "translate = [-50, 0, 0]"),
     )
-    assert main.main(["simulate", str(folder)]) == 2
+    assert main(["simulate", str(folder)]) == 2
     said = capsys.readouterr().err
     assert "'bend_up@1' did not converge beyond" in said
     (left,) = (folder / "not-reached").glob("bend_up@*.vtu")
@@ -120,7 +120,7 @@ def test_a_body_through_itself_and_a_small_region_are_notes(folder, capsys):
         ("tip = {", dot + "tip = {"),
         (twist, twist.replace("tip", "dot").replace("45", "5")),
     )
-    assert main.main(["simulate", str(folder), "--json"]) == 0
+    assert main(["simulate", str(folder), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["simulation"]
     status = {s["state"]: s["status"] for s in found["states"]}
     assert status["bend_up@1"] == "unsound"
@@ -135,19 +135,19 @@ def test_modes_propose_poses_that_build(folder, capsys):
     start, end = text.index("tip ="), text.index("[outputs]")
     text = text[:start] + "\n" + text[end : text.index("[[sensors]]")]
     (folder / "device.toml").write_text(text + "[design]\nsensors = 1\n")
-    assert main.main(["modes", str(folder), "--fixed", "base", "--write"]) == 0
+    assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 0
     said = capsys.readouterr().out
     assert "far_end" in said
     assert (folder / "modes.png").read_bytes()[:4] == b"\x89PNG"
     assert [p.name for p in load_device(folder).poses] == ["bend", "bend_2", "twist", "stretch"]
-    assert main.main(["simulate", str(folder)]) == 0
+    assert main(["simulate", str(folder)]) == 0
     capsys.readouterr()
-    assert main.main(["modes", str(folder), "--fixed", "base", "--write"]) == 2
+    assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 2
     assert "there is a pose 'bend' already" in capsys.readouterr().err
     text = (folder / "device.toml").read_text().replace('name = "', 'name = "my_')
     (folder / "device.toml").write_text(text.replace("my_tango", "tango").replace("my_rub", "rub"))
-    assert main.main(["modes", str(folder), "--fixed", "base", "--write"]) == 0  # another region
+    assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 0  # another region
     assert set(load_device(folder).regions) == {"base", "far_end", "far_end_new"}
     capsys.readouterr()
-    assert main.main(["modes", str(folder), "--fixed", "bse"]) == 2
+    assert main(["modes", str(folder), "--fixed", "bse"]) == 2
     assert "no region 'bse'" in capsys.readouterr().err

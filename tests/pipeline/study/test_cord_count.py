@@ -79,7 +79,7 @@ def test_a_resumed_study_finds_what_an_uninterrupted_one_finds(tmp_path, capsys)
         (folder / "device.toml").write_text(text)
         for numbers in ranges:
             capsys.readouterr()
-            assert main.main(["study", str(folder), "--sensors", numbers, "--json"]) == 0
+            assert main(["study", str(folder), "--sensors", numbers, "--json"]) == 0
         found.append(json.loads(capsys.readouterr().out))
     whole, resumed = ([r["rmse"] for r in f["rows"]] for f in found)
     assert whole == pytest.approx(resumed, rel=1e-3)

@@ -1,6 +1,7 @@
 """Which tags a device gets and where, and what is printed of it."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import igl
@@ -19,6 +20,7 @@ from defsense_fab.geometry.bodies import tag_placement
 from defsense_fab.geometry.bodies.tag_placement import spread_out
 from defsense_fab.geometry.kernels.cutting_tools import upright
 from defsense_fab.geometry.kernels.export import write_stl
+from defsense_fab.pipeline.artifacts.manifest import Manifest, TagSeat, save_manifest
 from defsense_fab.pipeline.tags import marker_pages
 from defsense_fab.pipeline.tags import markers as module
 from defsense_fab.pipeline.tags.markers import write_markers
@@ -95,6 +97,13 @@ def check_places(markers, surface, tags):
         under = (np.abs(local[..., :2]) < piece / 2 - 0.4).all(-1)  # rims overhang a little
         under &= np.abs(local[..., 2]) < 1.5
         assert not under[np.arange(len(points)) != i].any()
+
+
+def with_seats(seats):
+    """A manifest of nothing else."""
+    return Manifest(
+        "box", "mm", (), (), (), (), (), (), tuple(seats), (), None, 0.0, 1.0, warnings=()
+    )
 
 
 def test_a_device_gets_its_tags(make, box):
@@ -195,13 +204,12 @@ def test_seats_come_first(make, undrawn):
     device = make(seats="marker_seats = 2")
     with pytest.raises(CaptureError, match=r"defsense build .*or add --skin"):
         write_markers(device)
-    parts = device.source / "build" / "parts"
-    parts.mkdir(parents=True)
+    (device.source / "build" / "parts").mkdir(parents=True)
     seats = [
-        {"marker": k + 1, "center": [10 + 50 * k, 0, 14], "x_axis": [0, 1, 0], "normal": [0, 0, 1],
-         "tag": 10.0} for k in range(2)
-    ]  # fmt: skip
-    (parts / "manifest.json").write_text(json.dumps({"marker_seats": seats}))
+        TagSeat(k + 1, np.array([10.0 + 50 * k, 0, 14]), np.eye(3)[1], np.eye(3)[2], 10.0)
+        for k in range(2)
+    ]
+    save_manifest(device.source / "build", with_seats(seats))
     found = write_markers(device)
     assert found.markers.size == 7.5  # with a white cell on both sides 10 mm
     assert found.markers.anchor.tolist() == [True, False]
@@ -209,8 +217,8 @@ def test_seats_come_first(make, undrawn):
     with pytest.raises(CaptureError, match="leave out --count"):
         write_markers(device, count=5)
     assert len(write_markers(device, count=5, skin=True).markers.ids) == 5
-    seats[0]["center"] = [10, 0, 40]
-    (parts / "manifest.json").write_text(json.dumps({"marker_seats": seats}))
+    seats[0] = replace(seats[0], center=np.array([10.0, 0, 40]))
+    save_manifest(device.source / "build", with_seats(seats))
     with pytest.raises(CaptureError, match=r"25\.0 mm off the body"):
         write_markers(device)
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...core.arrays import Float
 from ...core.device import Device
 from ...core.mesh import Surface
-from ..report import pictures
-from .stages import read_json
+from ..artifacts.layout import LayoutRecord
+from ..artifacts.manifest import CutCord, JoinStep, Manifest, WireRecord
+from . import pictures
 
 
 @dataclass(frozen=True)
@@ -47,76 +46,75 @@ class Guide:
     checks: GuideTable
 
 
-def shifts(manifest: Mapping[str, Any], parts: Mapping[str, Surface]) -> dict[str, Float]:
+def shifts(manifest: Manifest, parts: Mapping[str, Surface]) -> dict[str, Float]:
     """Where each part goes, (3,) mm, when every cut is opened along its normal."""
     out = {name: np.zeros(3) for name in parts}
     size = float(np.linalg.norm(np.ptp([s.bounds for s in parts.values()], axis=(0, 1))))
-    for step in manifest["assembly"]:
-        for side, sign in zip(step["join"], (-1, 1), strict=True):
+    for step in manifest.assembly:
+        for side, sign in zip(step.join, (-1, 1), strict=True):
             for name in side:
-                out[name] = out[name] + sign * 0.1 * size * np.array(step["opens"])
+                out[name] = out[name] + sign * 0.1 * size * step.opens
     return out
 
 
 def assembly_guide(
     device: Device,
-    folder: Path,
-    manifest: Mapping[str, Any],
+    layout: LayoutRecord,
+    manifest: Manifest,
     parts: Mapping[str, Surface],
     view: Float,
 ) -> Guide:
-    """The guide of the build in `folder`; pictures look along `view` (3,) mm, rest frame."""
+    """The guide of a device with its parts by name; pictures look along `view` (3,), rest frame."""
     return Guide(
         title=f"{device.name}: assembly guide",
-        intro=f"{len(manifest['parts'])} parts, {len(manifest['cords'])} cords. All lengths in mm.",
-        warnings=tuple(manifest["warnings"]),
+        intro=f"{len(manifest.parts)} parts, {len(manifest.cords)} cords. All lengths in mm.",
+        warnings=tuple(manifest.warnings),
         exploded=pictures.exploded(parts, shifts(manifest, parts), view),
         tables=(_parts(manifest), _cuts(manifest), _bill(manifest)),
         steps=(
             *_preparation(device, manifest),
-            *_joints(device, folder, manifest, parts),
+            *_joints(device, layout, manifest, parts),
             _wiring(manifest),
         ),
         checks=_checks(manifest),
     )
 
 
-def _parts(manifest: Mapping[str, Any]) -> GuideTable:
-    where = {n: p["file"] for p in manifest["plates"] for n in p["parts"]}
+def _parts(manifest: Manifest) -> GuideTable:
+    where = {n: p.file for p in manifest.plates for n in p.parts}
     rows = [
         (
-            p["name"],
+            p.name,
             "1",
-            " x ".join(f"{b - a:.1f}" for a, b in zip(*p["bbox"], strict=True)),
-            f"{p['volume'] / 1000:.1f}",
-            where[p["name"]],
+            " x ".join(f"{b - a:.1f}" for a, b in zip(*p.bbox, strict=True)),
+            f"{p.volume / 1000:.1f}",
+            where[p.name],
         )
-        for p in manifest["parts"]
+        for p in manifest.parts
     ]
     rows += [
-        (p["name"], str(p["count"]), f"{p['diameter']:g} x {p['length']:.1f}", "",
-         where[f"{p['name']}_1"])
-        for p in manifest["pins"]
+        (p.name, str(p.count), f"{p.diameter:g} x {p.length:.1f}", "",
+         where[f"{p.name}_1"])
+        for p in manifest.pins
     ]  # fmt: skip
     return GuideTable("Print", ("part", "copies", "size", "cm3", "on plate"), tuple(rows))
 
 
-def _cuts(manifest: Mapping[str, Any]) -> GuideTable:
+def _cuts(manifest: Manifest) -> GuideTable:
     rows = [
         (
-            c["sensor"],
-            f"{c['cut_length']:.0f}",
-            f"{c['slack']:.0f}",
+            c.sensor,
+            f"{c.cut_length:.0f}",
+            f"{c.slack:.0f}",
             " / ".join(
-                "in pocket" if e["joint"] == "pocket" else f"{e['lead']:.0f} free"
-                for e in c["ends"]
+                "in pocket" if e.joint == "pocket" else f"{e.lead:.0f} free" for e in c.ends
             ),
-            f"{c['resistance']:.0f}",
-            f"{c['range'][0]:.0f} to {c['range'][1]:.0f}",
-            f"{c['reference_resistor']:g}",
-            " / ".join(_leaves(e["wire"]) for e in c["ends"]),
+            f"{c.resistance:.0f}",
+            f"{c.range[0]:.0f} to {c.range[1]:.0f}",
+            f"{c.reference_resistor:g}",
+            " / ".join(_leaves(e.wire) for e in c.ends),
         )
-        for c in manifest["cords"]
+        for c in manifest.cords
     ]
     header = (
         "cord", "cut to", "of it slack", "joints at start / end", "ohm at rest", "ohm in use",
@@ -125,46 +123,46 @@ def _cuts(manifest: Mapping[str, Any]) -> GuideTable:
     return GuideTable("Cut list", header, tuple(rows))
 
 
-def _leaves(wire: Mapping[str, Any]) -> str:
+def _leaves(wire: WireRecord) -> str:
     """Where a wire leaves the body, and after how many mm in it."""
-    inside = f" ({wire['length']:.0f})" if wire["length"] else ""
-    return str(wire["leaves"]) + inside
+    inside = f" ({wire.length:.0f})" if wire.length else ""
+    return str(wire.leaves) + inside
 
 
-def _bill(manifest: Mapping[str, Any]) -> GuideTable:
-    rows = tuple((b["item"], b["amount"], b["use"]) for b in manifest["bill"])
+def _bill(manifest: Manifest) -> GuideTable:
+    rows = tuple((b.item, b.amount, b.use) for b in manifest.bill)
     return GuideTable("Bill of materials", ("item", "amount", "for"), rows)
 
 
-def _checks(manifest: Mapping[str, Any]) -> GuideTable:
+def _checks(manifest: Manifest) -> GuideTable:
     rows = tuple(
         (
-            c["name"],
-            f"{c['value']:.3g} {c['unit']}".strip(),
-            f"{c['limit']:.3g} {c['unit']}".strip(),
-            c["at"],
+            c.name,
+            f"{c.value:.3g} {c.unit}".strip(),
+            f"{c.limit:.3g} {c.unit}".strip(),
+            c.at,
         )
-        for c in manifest["checks"]
+        for c in manifest.checks
     )
     return GuideTable("Checked before writing", ("what", "measured", "limit", "near"), rows)
 
 
-def _preparation(device: Device, manifest: Mapping[str, Any]) -> list[AssemblyStep]:
-    plates = ", ".join(p["file"] for p in manifest["plates"])
+def _preparation(device: Device, manifest: Manifest) -> list[AssemblyStep]:
+    plates = ", ".join(p.file for p in manifest.plates)
     printing = [
         f"Print {plates} ({device.fabrication.process}, {device.material.name}): parts lie on a cut"
         " face where they have one to lie on; grooves and sockets need no support.",
         "A part's number is engraved in a face that vanishes in the device, where there is room.",
     ]
-    if manifest["pins"]:
+    if manifest.pins:
         printing.append(
             "Try every pin in its socket: the two pins of a joint differ in diameter, and no two"
             " joints have them equally far apart."
         )
     cords = [
-        f"Cut {c['sensor']} to {c['cut_length']:.0f} mm, {c['slack']:.0f} mm of it to trim later."
-        f" It should measure about {c['cut_length'] * device.cord.ohm_per_mm:.0f} ohm."
-        for c in manifest["cords"]
+        f"Cut {c.sensor} to {c.cut_length:.0f} mm, {c.slack:.0f} mm of it to trim later."
+        f" It should measure about {c.cut_length * device.cord.ohm_per_mm:.0f} ohm."
+        for c in manifest.cords
     ]
     cords.append("A piece that differs by more than 10 % is of another batch: change"
                  " ohm_per_mm in the cord's table.")  # fmt: skip
@@ -172,17 +170,17 @@ def _preparation(device: Device, manifest: Mapping[str, Any]) -> list[AssemblySt
 
 
 def _joints(
-    device: Device, folder: Path, manifest: Mapping[str, Any], parts: Mapping[str, Surface]
+    device: Device, layout: LayoutRecord, manifest: Manifest, parts: Mapping[str, Surface]
 ) -> list[AssemblyStep]:
-    layout = {s["name"]: s for s in read_json(folder / "layout.json")["sensors"]}
+    paths = {s.name: s.points for s in layout.sensors}
     colors = {n: pictures.COLORS[i % len(pictures.COLORS)] for i, n in enumerate(parts)}
-    cut_to = {c["sensor"]: c for c in manifest["cords"]}
-    left = [c for step in manifest["assembly"] for c in step["cords"]]
+    cut_to = {c.sensor: c for c in manifest.cords}
+    left = [c for step in manifest.assembly for c in step.cords]
     laid: set[str] = set()
     out = []
-    for step in manifest["assembly"]:
-        low, high = step["join"]
-        normal = np.array(step["opens"])
+    for step in manifest.assembly:
+        low, high = step.join
+        normal = step.opens
         lower, upper = ({n: parts[n] for n in side} for side in (low, high))
         # The lighter side is the one to lift.
         volumes = [sum(s.volume for s in side.values()) for side in (lower, upper)]
@@ -190,7 +188,7 @@ def _joints(
             low, high, lower, upper, normal = high, low, upper, lower, -normal
         size = np.ptp([s.bounds for s in (*lower.values(), *upper.values())], axis=(0, 1))
         lift = 0.4 * float(np.linalg.norm(size))
-        cords = [np.array(layout[c]["points"]) for c in step["cords"]]
+        cords = [paths[c] for c in step.cords]
         picture = pictures.joining(
             lower,
             upper,
@@ -199,7 +197,7 @@ def _joints(
             lift,
             [(line, "#222222", device.cord.diameter / 2) for line in cords]
             + [(w, "#c1121f", device.fabrication.wire_diameter / 2) for w in _wires(step, cut_to)],
-            [(np.array(p["center"]), p["socket"], 2 * p["depth"]) for p in step["pins"]],
+            [(p.center, p.socket, 2 * p.depth) for p in step.pins],
         )
         out.append(
             AssemblyStep(
@@ -211,29 +209,28 @@ def _joints(
     return out
 
 
-def _wires(step: Mapping[str, Any], cut_to: Mapping[str, Mapping[str, Any]]) -> list[Float]:
+def _wires(step: JoinStep, cut_to: Mapping[str, CutCord]) -> list[Float]:
     """Lines (p, 3) mm of the wires that are laid in a step."""
     found = []
-    for name in [*step["cords"], *step["wires"]]:
-        for wire in (e["wire"] for e in cut_to[name]["ends"]):
-            if "path" in wire:
-                line = np.array(wire["path"])
-                drop = [line[-1:] + np.array(wire["drop"])] if wire["drop"] else []
-                found.append(np.concatenate([line, *drop]))
+    for name in [*step.cords, *step.wires]:
+        for wire in (e.wire for e in cut_to[name].ends):
+            if wire.path is not None:
+                drop = [] if wire.drop is None else [wire.path[-1:] + wire.drop]
+                found.append(np.concatenate([wire.path, *drop]))
     return found
 
 
 def _joint(
-    step: Mapping[str, Any],
-    cut_to: Mapping[str, Mapping[str, Any]],
+    step: JoinStep,
+    cut_to: Mapping[str, CutCord],
     laid: set[str],
     left: list[str],
 ) -> list[str]:
     """What to do; cords move from those `left` to lay to those `laid`."""
     lines = []
-    if step["pins"]:
-        lines.append(f"Put in {_counted([p['name'] for p in step['pins']])}.")
-    for name in step["cords"]:
+    if step.pins:
+        lines.append(f"Put in {_counted([p.name for p in step.pins])}.")
+    for name in step.cords:
         left.remove(name)
         begun, goes_on = name in laid, name in left
         laid.add(name)
@@ -246,42 +243,42 @@ def _joint(
                 lines += _laying(cut_to[name])
             continue
         start, end = (
-            f"{what} in its pocket" if e["joint"] == "pocket" else f"{what} {e['lead']:.0f} mm out"
-            for e, what in zip(cut_to[name]["ends"], ("start", "end"), strict=True)
+            f"{what} in its pocket" if e.joint == "pocket" else f"{what} {e.lead:.0f} mm out"
+            for e, what in zip(cut_to[name].ends, ("start", "end"), strict=True)
         )
         lines.append(f"Lay cord {name} into its groove, not stretched: {start}, {end}.")
         lines += _laying(cut_to[name])
-    for name in step["wires"]:
+    for name in step.wires:
         lines.append(f"Of cord {name}, only its wire runs here: lay it into its groove.")
     lines.append("Close the joint dry first. Then glue the faces; keep glue out of the grooves: the"
                  " cord must slide.")  # fmt: skip
     return lines
 
 
-def _laying(cord: Mapping[str, Any]) -> list[str]:
+def _laying(cord: CutCord) -> list[str]:
     """What to do with the wires of a cord."""
     lines = []
-    for end, what in zip(cord["ends"], ("start", "end"), strict=True):
-        wire = end["wire"]
-        if wire["leaves"] == "bend":
+    for end, what in zip(cord.ends, ("start", "end"), strict=True):
+        wire = end.wire
+        if wire.leaves == "bend":
             lines.append(
                 f"Its wire at the {what} leaves by the bend beside the mouth, which holds it when"
                 " it is pulled."
             )
-        elif wire["leaves"] == "bay" and wire["length"]:
-            hole = " and through the hole at the end of it" if wire["drop"] else ""
+        elif wire.leaves == "bay" and wire.length:
+            hole = " and through the hole at the end of it" if wire.drop is not None else ""
             lines.append(
                 f"Its wire at the {what} goes along its groove{hole} into the bay,"
-                f" {wire['length']:.0f} mm."
+                f" {wire.length:.0f} mm."
             )
     return lines
 
 
-def _wiring(manifest: Mapping[str, Any]) -> AssemblyStep:
+def _wiring(manifest: Manifest) -> AssemblyStep:
     lines = [
-        f"{c['sensor']}: about {c['resistance']:.0f} ohm between its wires at rest, reference"
-        f" resistor {c['reference_resistor']:g} ohm to the supply."
-        for c in manifest["cords"]
+        f"{c.sensor}: about {c.resistance:.0f} ohm between its wires at rest, reference"
+        f" resistor {c.reference_resistor:g} ohm to the supply."
+        for c in manifest.cords
     ]
     lines.insert(
         0, "Crimp a wire to each cord's ends before its joint is closed, and measure after every"

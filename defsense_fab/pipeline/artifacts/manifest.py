@@ -1,0 +1,191 @@
+"""What the fabricate stage leaves beside the parts: `parts/manifest.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from ...core.arrays import Float
+from ...core.errors import DefsenseError, StorageError
+from ...core.prediction import Prediction
+from . import typed_json
+from .build_folder import BUILD_AGAIN
+
+FOLDER, MANIFEST = "parts", "parts/manifest.json"
+
+
+@dataclass(frozen=True)
+class Socket:
+    """A hole for a pin: middle (3,) mm, axis (3,), diameter mm."""
+
+    center: Float
+    axis: Float
+    diameter: float
+
+
+@dataclass(frozen=True)
+class PartRecord:
+    """A printable part: its files beside the manifest (`stl` where it belongs in the device,
+    `print` as it lies on the bed, `step` of CAD bodies), volume mm^3, bounds (2, 3) mm."""
+
+    name: str
+    number: int
+    stl: str
+    print: str
+    step: str | None
+    volume: float
+    bbox: Float
+    sockets: tuple[Socket, ...]
+    step_volume: float | None = None
+
+
+@dataclass(frozen=True)
+class PinRecord:
+    """A kind of loose pin and how many are needed; diameter and length in mm."""
+
+    name: str
+    stl: str
+    count: int
+    diameter: float
+    length: float
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A file to print, and the bounds (2, 3) mm of each part on it."""
+
+    file: str
+    parts: Mapping[str, Float]
+
+
+@dataclass(frozen=True)
+class WireRecord:
+    """Where a wire leaves the body ("mouth", "bend", "bay", ...), its length in the body (mm); its
+    path (p, 3) mm and the way (3,) mm down into the bay, where it has them; why it has none."""
+
+    leaves: str
+    length: float
+    path: Float | None = None
+    drop: Float | None = None
+    why: str | None = None
+
+
+@dataclass(frozen=True)
+class CordEnd:
+    """An end of a cord: a joint in a "pocket" of so many mm or "free", behind `lead` mm outside;
+    where its channel opens (3,) mm; why it is not in a pocket."""
+
+    joint: str
+    pocket: float
+    at: Float
+    lead: float
+    wire: WireRecord
+    why: str | None = None
+
+
+@dataclass(frozen=True)
+class CutCord:
+    """A cord to cut: lengths mm, of the channel and between the ferrules; resistance at rest, its
+    range in use and the reference resistor, ohm."""
+
+    sensor: str
+    cut_length: float
+    slack: float
+    channel_length: float
+    between_ferrules: float
+    ends: tuple[CordEnd, CordEnd]
+    channel_diameter: float
+    resistance: float
+    range: tuple[float, float]
+    reference_resistor: float
+
+
+@dataclass(frozen=True)
+class BillItem:
+    """What to buy, how much, and what for."""
+
+    item: str
+    amount: str
+    use: str
+
+
+@dataclass(frozen=True)
+class JoinedPin:
+    """A pin of a joint: the name of its kind, middle (3,) mm, diameter of the socket and its depth
+    in each part (mm), the two parts."""
+
+    name: str
+    center: Float
+    socket: float
+    depth: float
+    between: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class JoinStep:
+    """A step in which two groups of parts are joined: cords and wires laid in it, the direction
+    (3,) in which the joint opens, its pins."""
+
+    join: tuple[tuple[str, ...], tuple[str, ...]]
+    cords: tuple[str, ...]
+    wires: tuple[str, ...]
+    opens: Float
+    pins: tuple[JoinedPin, ...]
+
+
+@dataclass(frozen=True)
+class TagSeat:
+    """A flat for a camera tag: middle (3,) mm, directions (3,), side of the piece, mm."""
+
+    marker: int
+    center: Float
+    x_axis: Float
+    normal: Float
+    tag: float
+
+
+@dataclass(frozen=True)
+class CheckRecord:
+    """A measurement of the finished parts, the limit that it keeps, where, and a note."""
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    at: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """`parts/manifest.json`; `prediction` is that for the cords as they are built in; volumes
+    mm^3."""
+
+    SCHEMA: ClassVar[int] = 2
+
+    device: str
+    unit: str
+    parts: tuple[PartRecord, ...]
+    pins: tuple[PinRecord, ...]
+    plates: tuple[Plate, ...]
+    cords: tuple[CutCord, ...]
+    bill: tuple[BillItem, ...]
+    assembly: tuple[JoinStep, ...]
+    marker_seats: tuple[TagSeat, ...]
+    checks: tuple[CheckRecord, ...]
+    prediction: Prediction | None
+    removed_volume: float
+    body_volume: float
+    warnings: tuple[str, ...]
+
+
+def save_manifest(folder: Path, manifest: Manifest) -> None:
+    """Into a build's folder. Raises StorageError."""
+    typed_json.save(folder / MANIFEST, manifest)
+
+
+def load_manifest(folder: Path, error: type[DefsenseError] = StorageError) -> Manifest:
+    """From a build's folder. Raises `error`."""
+    return typed_json.load(folder / MANIFEST, Manifest, BUILD_AGAIN, error)
