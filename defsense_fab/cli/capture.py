@@ -14,7 +14,8 @@ from typing import Any
 from ..core.errors import DeviceError, StorageError
 from ..core.progress import Progress
 from . import capture_cameras, capture_print, capture_record
-from .options import numbers, say
+from .options import numbers
+from .output import say
 
 Bars = Callable[[Any], AbstractContextManager[Progress]]
 

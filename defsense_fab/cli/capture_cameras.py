@@ -12,7 +12,7 @@ from typing import Any
 
 from ..core.errors import DeviceError
 from ..core.progress import Progress
-from .options import say
+from .output import say
 
 Bars = Callable[[Any], AbstractContextManager[Progress]]
 _LIVE = ("0", "/dev/video0")

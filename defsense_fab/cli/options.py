@@ -1,14 +1,8 @@
-"""What the words and numbers of all commands go through, and how commands print."""
+"""Checks that the words and numbers of all commands go through."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
 from ..core.errors import DeviceError
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 REFERENCE = 2200.0  # ohm, of the dividers
 
@@ -21,27 +15,6 @@ def numbers(option: str, text: str, unit: str = "mm") -> list[float]:
         raise DeviceError(
             f"{option} {text}: write numbers in {unit} with commas, as in 75,100,150"
         ) from None
-
-
-def console() -> Console:
-    """For tables, whose reader may go (`| head`): that is told as BrokenPipeError."""
-    from rich.console import Console
-
-    out = Console()
-    out.on_broken_pipe = _leave  # type: ignore[method-assign]
-    return out
-
-
-def _leave() -> None:
-    """In place of rich's own exit with code 1."""
-    raise BrokenPipeError
-
-
-def say(lines: Iterable[str]) -> None:
-    """Print lines as they are, for terminals of any width: brackets are no colours."""
-    out = console()
-    for line in lines:
-        out.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def references(text: str, channels: int) -> list[float]:

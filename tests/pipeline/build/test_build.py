@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.files.formats import read_any
+from defsense_fab.cli import build
 from defsense_fab.cli.main import main
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import StorageError
@@ -232,13 +233,13 @@ def test_an_error_after_ctrl_c_counts_as_the_interrupt(capsys, monkeypatch):
         except KeyboardInterrupt:
             raise ImportError("initialization failed") from None
 
-    monkeypatch.setattr(main, "_build", clumsy)
+    monkeypatch.setattr(build, "_build", clumsy)
     assert main(["build", str(BAR)]) == 2
     assert "error: interrupted" in capsys.readouterr().err
 
 
 def test_output_that_nobody_reads_is_no_traceback(tmp_path):
-    code = "from defsense_fab.cli import main as cli\nwith cli._output(): print('x' * 99999)"
+    code = "from defsense_fab.cli import output as cli\nwith cli.results(): print('x' * 99999)"
     with open("/dev/full", "w") as full:
         out = subprocess.run(
             [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True

@@ -1,0 +1,120 @@
+"""The commands `defsense build | mesh | simulate | optimize | fabricate | report`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from .device import device_arguments, overrides
+from .output import console, progress_bars, results, say, silent_stdout
+
+_STAGES = {
+    "build": ("report", "all stages: body, mesh, poses, cords, parts, report"),
+    "mesh": ("mesh", "load the body and make tetrahedra"),
+    "simulate": ("simulate", "solve every pose, after what it needs"),
+    "optimize": ("optimize", "route the cords, after what they need"),
+    "fabricate": ("fabricate", "make the parts, after what they need"),
+    "report": ("report", "write the report, after what it needs"),
+}
+
+
+def add(commands: Any) -> None:
+    """`build` and its stages."""
+    for name, (until, text) in _STAGES.items():
+        sub = commands.add_parser(
+            name,
+            help=text,
+            description=f"{text.capitalize()}. What is up to date is reused.",
+            epilog=f"example:  defsense {name} fixtures/devices/bar --set width=32",
+        )
+        device_arguments(sub)
+        sub.set_defaults(until=until, run=_build)
+
+
+def _build(options: argparse.Namespace) -> int:
+    from ..core.device_file import load_device
+
+    device = load_device(options.folder, overrides(options.set))
+    from ..pipeline.build.build import build, summary
+
+    with silent_stdout(), progress_bars(options) as progress:
+        result = build(device, options.until, progress)
+    data = {**summary(result.folder), "made": result.made, "reused": result.reused}
+    with results():
+        if options.json:
+            sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        else:
+            _show(data, options)
+    return 0
+
+
+def _percent(error: float | None) -> str:
+    return "an unknown error" if error is None else f"{error:.2%}"
+
+
+def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
+    from rich.table import Table
+
+    out = console()
+    if not data["made"]:
+        say(["Everything is up to date."])
+    folder = data["build"]
+    chosen = data.get("mesh", {}).get("accuracy")
+    if chosen:
+        say([
+            f"mesh: an edge length of {data['mesh']['edge_length']:.3g} mm"
+            f" ({data['mesh']['tets']} tets) keeps signals within {_percent(chosen['reached'])};"
+            f" {chosen['asked']:.2%} was asked"
+        ])  # fmt: skip
+    say(f"note: {w}" for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", []))
+    if "layout" in data:
+        layout = data["layout"]
+        first, best = layout["initial"], layout["prediction"]
+        table = Table(title="predicted RMSE, mm")
+        for column in (
+            "",
+            "as proposed" if layout["proposed"] else "as drawn",
+            "optimised",
+            "floor" if best["decoder"] == "affine" else "affine floor",
+        ):
+            table.add_column(column, justify="right" if column else "left")
+        table.add_row("with noise", f"{first['rmse']:.3f}", f"{best['rmse']:.3f}", "")
+        table.add_row(
+            "without",
+            f"{first['rmse_noise_free']:.3f}",
+            f"{best['rmse_noise_free']:.3f}",
+            f"{best['floor']:.3f}",
+        )
+        band = layout["band"]
+        table.add_row("90 % of devices", "", f"{band['low']:.2f} to {band['high']:.2f}", "")
+        out.print(table)
+    if "manifest" in data:
+        manifest = data["manifest"]
+        table = Table(title="parts")
+        for column in ("part", "volume, cm3", "size, mm"):
+            table.add_column(column, justify="left" if column == "part" else "right")
+        for p in manifest["parts"]:
+            low, high = p["bbox"]
+            size = " x ".join(f"{b - a:.1f}" for a, b in zip(low, high, strict=True))
+            table.add_row(p["name"], f"{p['volume'] / 1000:.2f}", size)
+        out.print(table)
+        table = Table(title="cut list")
+        for column in ("cord", "cut to, mm", "expected, ohm"):
+            table.add_column(column, justify="left" if column == "cord" else "right")
+        for c in manifest["cords"]:
+            table.add_row(c["sensor"], f"{c['cut_length']:.0f}", f"{c['resistance']:.0f}")
+        out.print(table)
+        say(f"note: {w}" for w in manifest["warnings"])
+    where = f"{folder}/report.html" if options.until == "report" else folder
+    following = {
+        "build": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
+        "mesh": f"defsense simulate {options.folder}",
+        "simulate": f"defsense optimize {options.folder}",
+        "optimize": f"defsense fabricate {options.folder}",
+        "fabricate": f"defsense report {options.folder}",
+        "report": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
+    }[options.command]
+    text = f"Look at: {where}\nNext:    {following}"
+    say([text])

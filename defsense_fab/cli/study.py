@@ -1,0 +1,90 @@
+"""The command `defsense study`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import Any
+
+from ..core.errors import DeviceError
+from .device import device_arguments, overrides
+from .output import console, progress_bars, results, say, silent_stdout
+
+
+def add(commands: Any) -> None:
+    """`study`."""
+    sub = commands.add_parser(
+        "study",
+        help="how many cords a device should have",
+        description="Find the best layout of each number of cords and show how the predicted error"
+        " falls. Cords drawn in device.toml are left out of account; [design] planes holds; for the"
+        " decoder auto the affine one is studied. A study that was interrupted goes on where it"
+        " stood.",
+        epilog="example:  defsense study fixtures/devices/bar --sensors 1..6",
+    )
+    device_arguments(sub)
+    sub.add_argument(
+        "--sensors", default="1..6", metavar="A..B", help="numbers of cords to look at (1..6)"
+    )
+    sub.set_defaults(run=_study)
+
+
+def _study(options: argparse.Namespace) -> int:
+    from ..core.device_file import load_device
+
+    least, most = _range(options.sensors)
+    device = load_device(options.folder, overrides(options.set))
+    from ..pipeline.study import cord_count
+
+    with silent_stdout(), progress_bars(options) as progress:
+        found = cord_count.study(device, least, most, progress)
+    with results():
+        if options.json:
+            rows = [
+                {k: v for k, v in vars(r).items() if k != "layout" and v == v} for r in found.rows
+            ]
+            data = {"rows": rows, "knee": found.knee, "decoder": found.decoder}
+            data["ended"] = found.ended
+            files = {"file": str(found.file), "picture": str(found.picture)}
+            sys.stdout.write(json.dumps({**data, **files}, indent=1) + "\n")
+        else:
+            _show_study(found, options)
+    return 0
+
+
+def _range(text: str) -> tuple[int, int]:
+    least, dots, most = text.partition("..")
+    if not (least.isdigit() and (most.isdigit() if dots else not most)):
+        raise DeviceError(f"--sensors {text}: write a range such as 1..6, or one number")
+    a, b = int(least), int(most or least)
+    if not 1 <= a <= b <= 16:
+        raise DeviceError(f"--sensors {text}: give numbers from 1 to 16, the smaller one first")
+    return a, b
+
+
+def _show_study(found: Any, options: argparse.Namespace) -> None:
+    from rich.table import Table
+
+    out = console()
+    table = Table(title=f"predicted RMSE, mm, {found.decoder} decoder, by number of cords")
+    for column in ("cords", "with noise", "without", "held out", "affine floor", ""):
+        table.add_column(column, justify="right" if column else "left")
+    for r in found.rows:
+        numbers = (r.rmse, r.rmse_noise_free, r.held_out, r.floor)
+        cells = ("-" if v != v else f"{v:.3f}" for v in numbers)
+        mark = "recommended" if r.sensors == found.knee else ""
+        table.add_row(str(r.sensors), *cells, mark)
+    out.print(table)
+    if found.ended:
+        say([f"note: ended early: {found.ended}"])
+    if any(r.held_out != r.held_out for r in found.rows):
+        say([
+            "note: no states are held out; [states] held_out in device.toml tells how the layouts"
+            " do between the poses"
+        ])  # fmt: skip
+    say([
+        f"Look at: {found.picture}",
+        f"Next:    [design] sensors = {found.knee} in {options.folder / 'device.toml'}, then"
+        f" defsense build {options.folder}",
+    ])  # fmt: skip
