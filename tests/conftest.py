@@ -1,5 +1,7 @@
 """Shared bodies and meshes, made once."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,8 @@ from benchmarks.grid import grid_of_tets
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import Sensor
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.pipeline.build import mesh_store
+from tests import stored_meshes
 
 
 def box_surface(low, high):
@@ -27,9 +30,13 @@ def structured_bar(low, high, counts):
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
-    """Tests neither see nor fill the user's cache."""
+    """Tests neither see nor fill the user's cache: it holds the meshes of tests/meshes, because the
+    mesher is not repeatable and a layout follows its mesh."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DEFSENSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        stored_meshes.fill_cache()
+        if os.environ.get("STORE_MESHES"):  # see stored_meshes.py
+            patch.setattr(mesh_store, "remember", stored_meshes.storing(mesh_store.remember))
         yield
 
 
@@ -40,7 +47,7 @@ def bar():
 
 @pytest.fixture(scope="session")
 def bar_mesh(bar):
-    return tetrahedralise(bar, 10.0)
+    return stored_meshes.mesh_of(bar, 10.0)
 
 
 @pytest.fixture
