@@ -53,7 +53,7 @@ def _read(path: Path) -> tuple[Float, Int]:
         else:
             import trimesh
 
-            mesh = trimesh.load(path, force="mesh", process=False)
+            mesh = trimesh.load_mesh(path, process=False)
             vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
     except Exception as error:  # readers raise whatever their parsers do
         text = " ".join(str(error).split())

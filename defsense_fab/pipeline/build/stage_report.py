@@ -61,7 +61,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
 
 
 def _stl(path: Path) -> Surface:
-    mesh = trimesh.load(path, force="mesh")
+    mesh = trimesh.load_mesh(path)
     return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
 
 
