@@ -5,7 +5,7 @@ motion and pixels have blurred: a + b Phi(d / s), with d the distance from the l
 blur and the light's change along the edge are fitted to all pixels beside it at once
 (Gauss-Newton), in the coordinates of a camera without distortion, in which edges are straight. What
 lies on an edge is left out. Corners are where two lines cross; their covariance follows from that
-of the lines.
+of the lines, for each corner by itself.
 """
 
 from __future__ import annotations
@@ -63,14 +63,14 @@ _GUESS = 4.0  # grey levels squared, of the noise before it is known
 def refine(
     image: NDArray[np.uint8], plane: Float, corners: Float, cells: int
 ) -> tuple[Float, Float, Bool]:
-    """Corners (n, 4, 2) without distortion, px; their covariances (n, 8, 8) px^2, in the order x0,
-    y0, x1, ...; and which tags (n,) could be fitted.
+    """Corners (n, 4, 2) without distortion, px; the covariance (n, 4, 2, 2) px^2 of each; and which
+    tags (n,) could be fitted.
 
     `image` (h, w); `plane` (h, w, 2) the place of each pixel without distortion, px; `corners`
     (n, 4, 2) px as the detector found them in the image; `cells` across a tag, its border with it.
     """
     count = len(corners)
-    out, covariance = np.full((count, 4, 2), np.nan), np.full((count, 8, 8), np.nan)
+    out, covariance = np.full((count, 4, 2), np.nan), np.full((count, 4, 2, 2), np.nan)
     good = np.zeros(count, np.bool_)
     _refine(image, plane, np.ascontiguousarray(corners, float), cells, out, covariance, good)
     return out, covariance, good
@@ -136,10 +136,12 @@ def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignor
         for k in range(4):
             S[2 * k, 2 * k], S[2 * k + 1, 2 * k + 1] = spread[k, 0], spread[k, 2]
             S[2 * k, 2 * k + 1] = S[2 * k + 1, 2 * k] = spread[k, 1]
-        covariance[tag] = J @ S @ J.T
         unsure = False
-        for k in range(8):
-            unsure = unsure or not covariance[tag, k, k] < _UNSURE**2
+        for k in range(4):
+            D = J[2 * k : 2 * k + 2]
+            covariance[tag, k] = D @ S @ D.T
+            for c in range(2):
+                unsure = unsure or not covariance[tag, k, c, c] < _UNSURE**2
         good[tag] = not unsure
 
 

@@ -21,8 +21,8 @@ _ROWS = 8
 @dataclass(frozen=True)
 class TagView:
     """The n tags of one image: numbers `ids` (n,); `corners` (n, 4, 2) px as a camera without
-    distortion sees them, from the tag's top left clockwise, and their `covariance` (n, 8, 8) px^2;
-    `seen` (n, 4, 2) px, corners in the image itself."""
+    distortion sees them, from the tag's top left clockwise, and the `covariance` (n, 4, 2, 2) px^2
+    of each; `seen` (n, 4, 2) px, corners in the image itself."""
 
     ids: Int
     corners: Float
@@ -37,7 +37,7 @@ class TagView:
 
 
 NOTHING = TagView(
-    np.zeros(0, int), np.zeros((0, 4, 2)), np.zeros((0, 8, 8)), np.zeros((0, 4, 2))
+    np.zeros(0, int), np.zeros((0, 4, 2)), np.zeros((0, 4, 2, 2)), np.zeros((0, 4, 2))
 )  # fmt: skip
 
 

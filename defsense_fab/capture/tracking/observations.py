@@ -17,7 +17,8 @@ _FAR = 2.5  # periods, between frames that are interpolated
 @dataclass(frozen=True)
 class Observations:
     """t frames of one camera, m tags: `time` (t,) s, increasing; numbers `ids` (m,); `corners`
-    (t, m, 4, 2) px without distortion, NaN where not seen, and `covariance` (t, m, 8, 8) px^2."""
+    (t, m, 4, 2) px without distortion, NaN where not seen, and the `covariance` (t, m, 4, 2, 2)
+    px^2 of each."""
 
     time: Float
     ids: Int
@@ -30,7 +31,7 @@ def collect(time: Float, views: Sequence[TagView], ids: Int) -> Observations:
     is taken; neither where it was not seen before."""
     place = {int(i): k for k, i in enumerate(ids)}
     corners = np.full((len(views), len(ids), 4, 2), np.nan)
-    covariance = np.full((len(views), len(ids), 8, 8), np.nan)
+    covariance = np.full((len(views), len(ids), 4, 2, 2), np.nan)
     last = np.full((len(ids), 2), np.nan)
     for t, view in enumerate(views):
         numbers = [int(i) for i in view.ids]
@@ -48,10 +49,10 @@ def collect(time: Float, views: Sequence[TagView], ids: Int) -> Observations:
 
 
 def at(seen: Observations, time: Float) -> tuple[Float, Float]:
-    """Corners (n, m, 4, 2) and covariances (n, m, 8, 8) at other times (n,), s: along a cubic
+    """Corners (n, m, 4, 2) and covariances (n, m, 4, 2, 2) at other times (n,), s: along a cubic
     through four frames, or a line where they lack the tag; NaN where the frames beside do."""
     n, m = len(time), len(seen.ids)
-    corners, covariance = np.full((n, m, 4, 2), np.nan), np.full((n, m, 8, 8), np.nan)
+    corners, covariance = np.full((n, m, 4, 2), np.nan), np.full((n, m, 4, 2, 2), np.nan)
     if not len(seen.time) or not n:
         return corners, covariance
     nearest = np.clip(np.searchsorted(seen.time, time), 1, max(len(seen.time) - 1, 1))
@@ -72,6 +73,7 @@ def at(seen: Observations, time: Float) -> tuple[Float, Float]:
     w = (time[inside] - seen.time[a]) / step
     w = np.where(step <= far, w, np.nan)[:, None, None, None]
     corners[inside] = (1 - w) * seen.corners[a] + w * seen.corners[a + 1]
+    w = w[..., None]
     covariance[inside] = (1 - w) ** 2 * seen.covariance[a] + w**2 * seen.covariance[a + 1]
     _curve(seen, time, np.flatnonzero(inside), a, far, corners)
     return corners, covariance

@@ -30,9 +30,9 @@ def locate_single(
 ) -> Triangulated:
     """Tags of `size` mm by one camera: as `locate` with v = 1.
 
-    `corners` (n, 4, 2) px without distortion, `covariance` (n, 8, 8) px^2. A wrong size scales all
-    places from the camera together; its relative standard deviation `size_sigma` (0.002 is what a
-    caliper on paper allows) is added along the line of sight.
+    `corners` (n, 4, 2) px without distortion, `covariance` (n, 4, 2, 2) px^2 of each. A wrong size
+    scales all places from the camera together; its relative standard deviation `size_sigma` (0.002
+    is what a caliper on paper allows) is added along the line of sight.
     """
     n = len(corners)
     used = np.asarray(np.isfinite(corners).all(axis=(1, 2)))
@@ -101,26 +101,26 @@ def _fit(
             turned = model @ np.swapaxes(R, -1, -2)
             X = turned + t[:, None]
             plane = X[..., :2] / X[..., 2:]
-            miss = (seen - plane * camera.focal - camera.matrix[:2, 2]).reshape(-1, 8)
+            miss = seen - plane * camera.focal - camera.matrix[:2, 2]
             D = np.zeros((*plane.shape, 3))
             D[..., 0, 0] = D[..., 1, 1] = 1.0
             D[..., 2] = -plane
             D = D / X[..., 2:, None] * camera.focal[:, None]
-            J = np.concatenate([-D @ _cross(turned), D], axis=-1).reshape(-1, 8, 6)
-            JW = np.swapaxes(J, -1, -2) @ W
-            N = JW @ J
+            J = np.concatenate([-D @ _cross(turned), D], axis=-1)
+            WJ = (W @ J).reshape(-1, 8, 6)
+            N = np.swapaxes(J.reshape(-1, 8, 6), -1, -2) @ WJ
             N = np.where(np.isfinite(N).all(axis=(1, 2), keepdims=True), N, np.eye(6))
-            chi = np.einsum("nk,nkl,nl->n", miss, W, miss)
+            chi = np.einsum("nki,nkij,nkj->n", miss, W, miss)
             if step == _STEPS:
                 break
-            g = np.nan_to_num((JW @ miss[..., None])[..., 0])
+            g = np.nan_to_num(np.einsum("nkc,nk->nc", WJ, miss.reshape(-1, 8)))
             N = N + 1e-9 * np.eye(6) * np.trace(N, axis1=1, axis2=2)[:, None, None]
             d = np.linalg.solve(N, g[..., None])[..., 0]
             angle = np.linalg.norm(d[:, :3], axis=1, keepdims=True)
             d[:, :3] *= np.minimum(1.0, 0.3 / np.maximum(angle, 1e-12))
             R = _turn(d[:, :3]) @ R
             t = t + d[:, 3:]
-    return X, np.linalg.inv(N)[:, 3:, 3:], chi, (miss**2).sum(axis=1)
+    return X, np.linalg.inv(N)[:, 3:, 3:], chi, (miss**2).sum(axis=(1, 2))
 
 
 def _cross(a: Float) -> Float:

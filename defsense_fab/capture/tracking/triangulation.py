@@ -1,9 +1,8 @@
 """Where tags are, from the corners that several cameras see.
 
-All four corners of a tag are found together, by weighted least squares over the pixels of all
-cameras that see it (the gold standard of Hartley & Zisserman 2004, 12.3, with full covariances in
-place of equal noise). The place of a tag is the mean of its corners, which does not depend on its
-size.
+Each corner of a tag is found by weighted least squares over the pixels of all cameras that see it
+(the gold standard of Hartley & Zisserman 2004, 12.3, with covariances in place of equal noise). The
+place of a tag is the mean of its corners, which does not depend on its size.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from ...core.camera import Camera
 _STEPS, _ENOUGH = 3, 1e-5  # at most; mm, a step after which there is no other
 #: px, root mean square: a tag whose corners miss by more is not the same in all views.
 _MISS = 2.0
-_MIDDLE = np.tile(np.eye(3) / 4, 4)  # (3, 12): mean of the corners
 
 
 @dataclass(frozen=True)
@@ -43,8 +41,8 @@ def triangulate(cameras: Sequence[Camera], corners: Float, covariance: Float) ->
     """Tags by at least two of v cameras that agree.
 
     `corners` (n, v, 4, 2) px without distortion, NaN where a camera does not see the tag;
-    `covariance` (n, v, 8, 8) px^2. With three cameras or more, one that disagrees is left out; two
-    that disagree locate nothing.
+    `covariance` (n, v, 4, 2, 2) px^2 of each corner. With three cameras or more, one that disagrees
+    is left out; two that disagree locate nothing.
     """
     used = np.asarray(np.isfinite(corners).all(axis=(2, 3)))
     out = _solve(cameras, corners, covariance, used)
@@ -91,32 +89,31 @@ def _solve(
         return out
     use = used[enough]
     seen = np.where(use[..., None, None], corners[enough], 0.0)
-    W = np.zeros((len(use), v, 8, 8))
+    W = np.zeros((len(use), v, 4, 2, 2))
     W[use] = np.linalg.inv(covariance[enough][use])
     X = _begin(cameras, seen, use)
-    cov = np.zeros((len(use), 12, 12))
     square = np.zeros(len(use))
     last = False
     for step in range(_STEPS + 1):
-        N, g = np.zeros((len(use), 12, 12)), np.zeros((len(use), 12))
+        N, g = np.zeros((len(use), 4, 3, 3)), np.zeros((len(use), 4, 3))
         chi, square = np.zeros(len(use)), np.zeros(len(use))
         for c, camera in enumerate(cameras):
             miss, J = _miss(camera, X, seen[:, c])
-            miss = np.where(use[:, c, None], miss, 0.0)
-            JW = J.swapaxes(1, 2) @ W[:, c]
+            miss = np.where(use[:, c, None, None], miss, 0.0)
+            JW = J.swapaxes(2, 3) @ W[:, c]
             N += JW @ J
             g += (JW @ miss[..., None])[..., 0]
-            chi += (miss * (W[:, c] @ miss[..., None])[..., 0]).sum(axis=1)
-            square += (miss**2).sum(axis=1)
+            chi += (miss * (W[:, c] @ miss[..., None])[..., 0]).sum(axis=(1, 2))
+            square += (miss**2).sum(axis=(1, 2))
         if last or step == _STEPS:
             break
         move = np.linalg.solve(N, g[..., None])[..., 0]
-        X = X + move.reshape(-1, 4, 3)
+        X = X + move
         last = bool(np.abs(move).max() < _ENOUGH)
     free = 8 * use.sum(axis=1) - 12
-    cov = np.linalg.inv(N) * np.maximum(chi / free, 1.0)[:, None, None]
+    cov = np.linalg.inv(N).sum(axis=1) / 16  # of the mean of four independent corners
     out.corners[enough] = X
-    out.covariance[enough] = _MIDDLE @ cov @ _MIDDLE.T
+    out.covariance[enough] = cov * np.maximum(chi / free, 1.0)[:, None, None]
     out.miss[enough] = np.sqrt(square / (8 * use.sum(axis=1)))
     ahead = np.ones(len(use), bool)
     for c, camera in enumerate(cameras):
@@ -142,7 +139,7 @@ def _begin(cameras: Sequence[Camera], seen: Float, use: Bool) -> Float:
 
 
 def _miss(camera: Camera, X: Float, seen: Float) -> tuple[Float, Float]:
-    """seen - projected (n, 8) px of corners X (n, 4, 3), and derivatives (n, 8, 12) of the
+    """seen - projected (n, 4, 2) px of corners X (n, 4, 3), and derivatives (n, 4, 2, 3) of the
     projected."""
     at = camera.to_camera(X)
     z = np.where(np.abs(at[..., 2:]) > 1e-9, at[..., 2:], 1e-9)
@@ -151,8 +148,4 @@ def _miss(camera: Camera, X: Float, seen: Float) -> tuple[Float, Float]:
     D = np.zeros((*plane.shape, 3))
     D[..., 0, 0] = D[..., 1, 1] = 1.0
     D[..., 2] = -plane
-    D = (D / z[..., None] * camera.focal[:, None]) @ camera.rotation
-    J = np.zeros((len(X), 8, 12))
-    for k in range(4):
-        J[:, 2 * k : 2 * k + 2, 3 * k : 3 * k + 3] = D[:, k]
-    return miss.reshape(-1, 8), J
+    return miss, (D / z[..., None] * camera.focal[:, None]) @ camera.rotation

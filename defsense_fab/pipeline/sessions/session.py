@@ -157,9 +157,7 @@ def tag_lines(frame: int, host_ns: int, view: TagView) -> str:
     """The rows of a picture's tags, without a line's end after the last; empty for none."""
     rows = []
     for number, corners, covariance in zip(view.ids, view.corners, view.covariance, strict=True):
-        spread = [
-            covariance[2 * k + a, 2 * k + b] for k in range(4) for a, b in ((0, 0), (0, 1), (1, 1))
-        ]
+        spread = covariance[:, [0, 0, 1], [0, 1, 1]].ravel()
         cells = [f"{x:.4f}" for x in corners.ravel()] + [f"{s:.3e}" for s in spread]
         rows.append(f"{frame},{host_ns},{number},{','.join(cells)}")
     return "\n".join(rows)
@@ -193,11 +191,7 @@ def read_camera(run: Path, name: str) -> RecordedCamera:
 def _view(rows: Float) -> TagView:
     n = len(rows)
     corners = rows[:, 3:11].reshape(n, 4, 2)
-    covariance = np.zeros((n, 8, 8))
-    for k in range(4):
-        xx, xy, yy = rows[:, 11 + 3 * k : 14 + 3 * k].T
-        covariance[:, 2 * k, 2 * k], covariance[:, 2 * k + 1, 2 * k + 1] = xx, yy
-        covariance[:, 2 * k, 2 * k + 1] = covariance[:, 2 * k + 1, 2 * k] = xy
+    covariance = rows[:, 11:].reshape(n, 4, 3)[..., [[0, 1], [1, 2]]]
     return TagView(rows[:, 2].astype(np.int64), corners, covariance, corners)
 
 

@@ -133,7 +133,8 @@ def _begun(pair: list[Camera], first: Observations, second: Observations) -> flo
 
 
 def together(seen: Sequence[Observations], time: Float) -> tuple[Float, Float]:
-    """Corners (n, m, v, 4, 2) and covariances (n, m, v, 8, 8) of all cameras at the times (n,)."""
+    """Corners (n, m, v, 4, 2) and covariances (n, m, v, 4, 2, 2) of all cameras at times
+    (n,)."""
     parts = [at(s, time) for s in seen]
     parts[0] = seen[0].corners, seen[0].covariance
     return np.stack([p[0] for p in parts], axis=2), np.stack([p[1] for p in parts], axis=2)

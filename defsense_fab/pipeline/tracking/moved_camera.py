@@ -22,7 +22,7 @@ def moved_camera(
 ) -> int | None:
     """The one without which the others fit together, where they do so without no other; None where
     all fit, or it cannot be told which. `views`: corners (n, m, v, 4, 2) px without distortion and
-    their covariance (n, m, v, 8, 8), once as the cameras' clocks were brought in step, where all
+    their covariance (n, m, v, 4, 2, 2), once as the cameras' clocks were brought in step, where all
     may fit, and once as they were: views of a camera that was moved can look late."""
     taken = []
     for corners, covariance in views:

@@ -47,8 +47,9 @@ def look(scene, blur=0.8, noise=2.0, name="4X4_50", seed=0, **optics):
 
 def misses(view, patches):
     """Errors (n, 8) px and their squares by the covariance, per coordinate (n,)."""
-    error = (view.corners - flat(patches)[view.ids]).reshape(-1, 8)
-    return error, np.einsum("ni,nij,nj->n", error, np.linalg.inv(view.covariance), error) / 8
+    error = view.corners - flat(patches)[view.ids]
+    squares = np.einsum("nki,nkij,nkj->n", error, np.linalg.inv(view.covariance), error) / 8
+    return error.reshape(-1, 8), squares
 
 
 @pytest.mark.parametrize("name", ["4X4_50", "36H11"])
@@ -132,4 +133,4 @@ def test_images_of_another_size_and_without_tags():
         DETECTORS["4X4_50"].find(np.zeros((100, 100), np.uint8))
     empty = DETECTORS["4X4_50"].find(np.zeros((480, 640, 3), np.uint8))
     assert empty.corners.shape == (0, 4, 2)
-    assert empty.covariance.shape == (0, 8, 8)
+    assert empty.covariance.shape == (0, 4, 2, 2)

@@ -36,7 +36,7 @@ def test_between_frames_corners_are_interpolated():
     got, covariance = at(seen, asked)
     expected = [np.nan, 0, 0.25, 1.0, np.nan, np.nan, 3, np.nan, 7.5, np.nan]
     assert got[:, 0, 0, 0] == pytest.approx(expected, nan_ok=True)
-    assert covariance[2, 0, 0, 0] == pytest.approx(0.75**2 + 0.25**2)
+    assert covariance[2, 0, 0, 0, 0] == pytest.approx(0.75**2 + 0.25**2)
     for few in (0, 1):
         part = Observations(time[:few], seen.ids, corners[:few], seen.covariance[:few])
         assert np.isfinite(at(part, asked)[0]).sum() == few * 8

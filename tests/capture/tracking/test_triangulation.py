@@ -27,7 +27,7 @@ def test_the_covariance_is_that_of_many_trials():
     scale = np.array([1, 1, 3.0])[:, None, None]
     found = triangulate(
         cameras, seen + rng.normal(0, sigma, seen.shape) * scale,
-        spread(seen.shape[:2], sigma) * scale[None] ** 2,
+        spread(seen.shape[:2], sigma) * scale[..., None] ** 2,
     )  # fmt: skip
     error = found.points - X.mean(axis=1)
     assert np.abs(error.mean(axis=0) / error.std(axis=0)).max() < 0.1

@@ -207,12 +207,12 @@ def test_wrong_tags(process, films):
     ],
 )  # fmt: skip
 def test_bad_options_are_refused_before_the_work(process, monkeypatch, more, words):
-    monkeypatch.setattr("defsense_fab.pipeline.tracking.video_tracks.watch", None)
+    monkeypatch.setattr("defsense_fab.pipeline.tracking.video_tracks.detect_video", None)
     assert words in process("a.mkv", "b.mkv", more=more)
 
 
 def test_places_that_cannot_be_written(process, films, tmp_path, monkeypatch):
-    monkeypatch.setattr("defsense_fab.pipeline.tracking.video_tracks.watch", None)
+    monkeypatch.setattr("defsense_fab.pipeline.tracking.video_tracks.detect_video", None)
     assert "no folder" in process("a.mkv", "b.mkv", out=tmp_path / "none" / "x.csv")
     assert "suffixes" in process("a.mkv", "b.mkv", out=tmp_path / "x.docx")
     (films / "dir.csv").mkdir()
