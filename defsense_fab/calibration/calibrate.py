@@ -10,6 +10,7 @@ import numpy as np
 from ..core.arrays import Float, Int
 from ..core.errors import CalibrationError
 from ..core.response import ResponseSpec
+from ..sensing.signal import relative_change
 from . import neutral
 from .fit import Data, Fitted, free_gains
 from .interval import Doubt, doubt
@@ -81,7 +82,7 @@ def calibrate(
     data, radius = _outer(used, used.changes())
     # Flat readings remember, too: R0 is what they tell of a piece that forgot.
     rest = 1 + _first_fit(data, radius, spread).offset[data.piece]
-    data = replace(data, y=(1 + data.y) / rest - 1)
+    data = replace(data, y=relative_change(1 + data.y, rest))
     tried = compare(data, radius, spread)
     both = _both_faces(data)
     chosen, reason = choose(tried, both)

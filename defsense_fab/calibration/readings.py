@@ -9,6 +9,7 @@ import numpy as np
 from ..core.arrays import Bool, Float, Int
 from ..core.bending import bent_strain
 from ..core.errors import CalibrationError
+from ..sensing.signal import relative_change
 from .memory import TERMS
 
 #: Fewer radii tell no line from a curve, and no outlier from either.
@@ -115,7 +116,7 @@ class Readings:
                     " jig, so its resistance at rest is unknown; add one (an empty jig_radius)"
                 )
             rest[i] = own.mean() if len(own) else np.nan
-        return np.asarray(self.resistance / rest[self.piece] - 1)
+        return relative_change(self.resistance, rest[self.piece])
 
 
 def joined(parts: list[Readings]) -> Readings:

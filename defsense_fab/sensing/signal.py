@@ -1,4 +1,4 @@
-"""The cord's signal: relative change of resistance along a deformed polyline.
+"""The cord's signal: relative change of resistance, measured or along a deformed polyline.
 
 METHOD: a segment's strain is eps = |x'_{k+1} - x'_k| / |x_{k+1} - x_k| - 1 with x' = x + u(x),
 and the signal is the mean over the rest length of the response w(eps).
@@ -26,6 +26,15 @@ def signals(rest: Float, deformed: Float, response: Response) -> Float:
         return np.asarray(slope * (after.sum(-1) / length - 1))
     before = np.maximum(before, 1e-300)  # a segment without length answers to nothing
     return np.asarray((before * response(after / before - 1)).sum(-1) / length)
+
+
+def relative_change(resistance: Float, rest: Float) -> Float:
+    """(R - R0)/R0, without unit.
+
+    `resistance` (..., c) ohm as measured; `rest` ohm at rest, of a shape that broadcasts to it.
+    Returns (..., c): NaN where either is, inf for an open circuit.
+    """
+    return np.asarray(resistance / rest - 1)
 
 
 def strain_range(rest: Float, deformed: Float) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..pipeline.sessions.guided_recording import CameraView, CaptureView
+from ..sensing.signal import relative_change
 from .canvas import Canvas
 from .picture import GREEN, YELLOW, picture
 from .screen import LiveScreen
@@ -109,7 +110,7 @@ def _signals(view: CaptureView) -> list[object]:
         return [table]
     with np.errstate(all="ignore"):
         middle = np.nanmedian(history, axis=0)
-        course = history / middle - 1
+        course = relative_change(history, middle)
     most = max(float(np.nanmax(np.abs(course), initial=0.0)), 0.02)
     canvas = Canvas(*_TRACE, (0, len(course) - 1), (-most, most))
     for k in range(course.shape[1]):

@@ -7,7 +7,7 @@ from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.sensing.response import Response
-from defsense_fab.sensing.signal import signals
+from defsense_fab.sensing.signal import relative_change, signals
 from tests.sensing.reference import signal_gradient
 
 LENGTH = 150.0
@@ -97,3 +97,9 @@ def test_gradient_by_finite_differences():
                 for s in (1, -1)
             )
             assert analytic[0, p, d] == pytest.approx((high - low)[0] / (2 * h), abs=1e-8)
+
+
+def test_relative_change_is_by_channel_and_keeps_what_is_not_known():
+    resistance = np.array([[110.0, 180.0], [np.nan, np.inf]])
+    change = relative_change(resistance, np.array([100.0, 200.0]))
+    assert change == pytest.approx(np.array([[0.1, -0.1], [np.nan, np.inf]]), nan_ok=True)

@@ -18,6 +18,7 @@ from ...capture.readout.recording import Recorder, read_recording
 from ...capture.readout.source import Event, Source, StampedSample
 from ...core.arrays import Float
 from ...core.errors import CaptureError
+from ...sensing.signal import relative_change
 from ...sensing.voltage_divider import Dividers
 from .session import CHANNELS, CalibrationSession, holds
 
@@ -287,7 +288,7 @@ class GuidedMeasurement:
             turned = 1 if steps[n].face == "a" else -1
             for (place, side), r, r0 in zip(CHANNELS.items(), ohm, rest, strict=True):
                 strain = 0.0 if radius is None else geometry.strain(radius, side * turned)
-                out.append(MeasuredPoint(strain, float(r / r0 - 1), place))
+                out.append(MeasuredPoint(strain, float(relative_change(r, r0)), place))
         return tuple(out)
 
     def _notes(self, points: tuple[MeasuredPoint, ...]) -> list[str]:

@@ -22,6 +22,7 @@ from ...capture.tags.tag_detection import Image
 from ...capture.tags.tag_dictionary import dictionary
 from ...capture.tracking.reconstruction import reconstruct
 from ...core.arrays import Bool, Float
+from ...sensing.signal import relative_change
 from ...sensing.voltage_divider import Dividers
 from .camera_recorder import CameraFrame, CameraRecorder
 from .pose_coverage import PoseCoverage
@@ -258,7 +259,7 @@ class GuidedRecording:
         rest = self._rest
         if not np.isfinite(rest).all():  # a session that is gone on with, before its next rest
             rest = np.median(np.array(self._history), axis=0)
-        return np.asarray(self._history[-1] / rest - 1)
+        return relative_change(self._history[-1], rest)
 
     def _locate(
         self, glances: Sequence[CameraFrame | None]

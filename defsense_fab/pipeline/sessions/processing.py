@@ -23,11 +23,13 @@ from ...core.errors import CaptureError
 from ...core.files import storage_errors, write_json, write_text
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
+from ...sensing.signal import relative_change
 from ..tracking.video_detection import VideoDetections, detect_all
 from ..tracking.video_tracks import VideoTracks, assemble
 from .camera_recorder import FILM_RATE
 from .processed_session import ProcessedSession
 from .report import write_report
+from .rest_resistance import rest_resistances
 from .session import BOARD, REST, CaptureSession, ending, load, read_camera, read_log
 from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
 
@@ -250,7 +252,9 @@ def _join(
     resting, R = np.concatenate(rest), np.concatenate(ohm)
     tracks = Tracks(T, ids, P, S, np.arange(len(T)))
     aligned, by, placed, warnings = _aligned(session, tracks, resting, anchor)
-    R0 = _medians(R[resting] if np.isfinite(R[resting]).any() else R)
+    names = [str(r.told["run"]) for r in runs]
+    R0, told = rest_resistances(names, session.channels, ohm, rest)
+    warnings += told
     if not resting.any():
         warnings.append("no rest was finished: R0 and the rest pose are those of the whole session")
     back = Tracks(T, ids, aligned.points, aligned.sigma, np.arange(len(T)))
@@ -263,10 +267,14 @@ def _join(
             "residual": _quantiles(aligned.residual), "sigma": _quantiles(
                 np.linalg.norm(back.sigma, axis=-1)[back.seen]),
             "seen": dict(zip(map(str, ids.tolist()), back.seen.mean(axis=0).tolist(), strict=True)),
-            "glued": placed, "R0": [float(r) if np.isfinite(r) else None for r in R0],
-            "warnings": warnings,
+            "glued": placed, "warnings": warnings,
+            "R0": {
+                n: [float(r) if np.isfinite(r) else None for r in of]
+                for n, of in zip(names, R0, strict=True)
+            },
         }  # fmt: skip
-        return ProcessedSession(tracks, back, R / R0 - 1, R, aligned.residual, quality)
+        signals = [relative_change(of, r0) for of, r0 in zip(ohm, R0, strict=True)]
+        return ProcessedSession(tracks, back, np.concatenate(signals), R, aligned.residual, quality)
 
 
 def _aligned(
@@ -342,9 +350,3 @@ def _write(folder: Path, session: CaptureSession, result: ProcessedSession) -> N
 def _cell(value: float) -> str:
     """A number, or nothing where there is none."""
     return f"{value:.6f}" if np.isfinite(value) else ""
-
-
-def _medians(values: Float) -> Float:
-    """Of columns (n, c), NaN for those without a number."""
-    finite = [v[np.isfinite(v)] for v in values.T]
-    return np.array([float(np.median(v)) if len(v) else np.nan for v in finite])

@@ -1,0 +1,56 @@
+"""Sessions of several runs, and long ones: drift of the cords in between."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks import memory
+from defsense_fab.pipeline.sessions.processing import process_session
+
+SECONDS = 20.0
+
+
+def recorded(folder, *runs):
+    """A session before two cameras, of runs with these settings."""
+    session = memory.create(folder, 2, 12)
+    for k, settings in enumerate(runs):
+        memory.record(session, SECONDS, np.random.default_rng(k), **settings)
+    return session
+
+
+def at_rest(result, run):
+    """The signals (t, c) of a run while the device rests, by the frames' times."""
+    starts = np.flatnonzero(np.diff(result.tracks.time, prepend=-10.0) > 0.5)
+    begin = result.tracks.time[starts[run]]
+    time = result.tracks.time - begin
+    signals = result.signals[(time > 0.5) & (time < memory.RESTS - 0.5)]
+    return signals[np.isfinite(signals).all(axis=1)]
+
+
+def test_cords_that_drift_between_runs_are_at_zero_at_rest_in_both(tmp_path):
+    session = recorded(tmp_path / "s", {"ohm": 1200.0}, {"ohm": 1260.0})
+    result = process_session(session.folder)
+    for run in range(2):
+        rest = at_rest(result, run)
+        assert len(rest) > 50
+        assert np.abs(rest).max() < 1e-3
+    assert result.signals[np.isfinite(result.signals[:, 0]), 0].max() > 0.05
+    told = json.loads((session.folder / "quality.json").read_text())["R0"]
+    assert told["run-1"] == pytest.approx([1200.0] * 4, rel=1e-3)
+    assert told["run-2"] == pytest.approx([1260.0] * 4, rel=1e-3)
+    assert not [w for w in result.quality["warnings"] if "R0" in w]
+
+
+def test_a_run_without_rest_takes_its_neighbours_with_a_warning(tmp_path):
+    session = recorded(
+        tmp_path / "s", {"ohm": 1200.0}, {"ohm": 1230.0}, {"ohm": 1260.0, "rests": False}
+    )
+    result = process_session(session.folder)
+    told = result.quality["R0"]
+    assert told["run-3"] == told["run-2"]
+    assert told["run-1"] != told["run-2"]
+    assert at_rest(result, 2) == pytest.approx(1260 / 1230 - 1, abs=2e-3)
+    assert [w for w in result.quality["warnings"] if "R0 is that of run-2" in w and "run-3" in w]
