@@ -38,6 +38,12 @@ class Tracks:
         if (np.isnan(self.points).any(-1) != np.isnan(self.points).all(-1)).any():
             raise CaptureError("tracks: a marker is seen or it is not: part of its place is NaN")
 
+    def part(self, frames: slice) -> Tracks:
+        """Some of the frames."""
+        return Tracks(
+            self.time[frames], self.ids, self.points[frames], self.sigma[frames], self.frame[frames]
+        )
+
     @property
     def seen(self) -> Bool:
         """Which markers were seen (t, m)."""

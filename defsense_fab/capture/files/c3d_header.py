@@ -46,7 +46,7 @@ def check_whole(path: Path) -> None:
     width = 4 if head[12 + sign] & 0x80 else 2  # a negative scale stands for data stored as floats
     needed = max(last - first + 1, 0) * (4 * points + analog) * width
     there = max(size - (start - 1) * _BLOCK, 0)
-    if start > 1 and there < needed:
+    if there < needed:
         raise CaptureError(
             f"{path}: is cut short: frames {first} to {last} need {needed} bytes, and there are"
             f" {there}; copy it again"

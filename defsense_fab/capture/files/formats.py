@@ -13,6 +13,7 @@ from ...core.errors import CaptureError
 from ...core.files import replacing
 from ...core.tracks import Tracks
 from .c3d import read_c3d, write_c3d
+from .size_limit import check_size
 from .tracks_csv import COLUMNS, from_rows, read_tracks, to_rows, write_tracks
 from .trc import read_trc, write_trc
 
@@ -46,13 +47,15 @@ def write_npz(path: Path, tracks: Tracks) -> None:
 def read_npz(path: Path) -> Tracks:
     """As `write_npz` writes it. Raises CaptureError for what is not."""
     try:
+        with zipfile.ZipFile(path) as archive:
+            check_size(path, sum(entry.file_size for entry in archive.infolist()))
         with path.open("rb") as whole, np.load(whole, allow_pickle=False) as file:
             found = {name: np.asarray(file[name]) for name in _ARRAYS}
     except KeyError as error:
         raise CaptureError(f"{path}: is no NPZ of tracks: {error.args[0]}") from None
     except FileNotFoundError as error:
         raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
-    except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile):
+    except (OSError, EOFError, ValueError, TypeError, MemoryError, zipfile.BadZipFile):
         raise CaptureError(f"{path}: is no whole NPZ file; copy or write it again") from None
     for name, kind in _ARRAYS.items():
         if not np.can_cast(found[name].dtype, kind, "same_kind"):
@@ -82,19 +85,24 @@ def read_parquet(path: Path) -> Tracks:
     arrow, parquet = _libraries(path)
     try:
         with path.open("rb") as file:
-            table = parquet.ParquetFile(file).read()
+            whole = parquet.ParquetFile(file)
+            names = whole.schema_arrow.names
+            missing = [name for name in COLUMNS if name not in names]
+            if missing:
+                raise CaptureError(
+                    f"{path}: has no column {missing[0]}; it needs {', '.join(COLUMNS)}"
+                )
+            check_size(path, whole.metadata.num_rows * len(COLUMNS) * 8)
+            table = whole.read(columns=list(COLUMNS))
     except (arrow.ArrowException, EOFError):
         raise CaptureError(f"{path}: is no whole Parquet file; copy or write it again") from None
     except OSError as error:
         raise CaptureError(f"{path}: cannot be read: {error.strerror or error}") from None
-    missing = [name for name in COLUMNS if name not in table.column_names]
-    if missing:
-        raise CaptureError(f"{path}: has no column {missing[0]}; it needs {', '.join(COLUMNS)}")
     try:
         columns = [np.asarray(table[name].to_numpy(), float) for name in COLUMNS]
     except (ValueError, TypeError):
         raise CaptureError(f"{path}: its columns must be numbers") from None
-    return from_rows(np.column_stack(columns), lambda row: f"{path}: row {row + 1}")
+    return from_rows(path, np.column_stack(columns), lambda row: f"{path}: row {row + 1}")
 
 
 def _libraries(path: Path) -> tuple[Any, Any]:

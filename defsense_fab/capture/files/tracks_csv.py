@@ -13,12 +13,14 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
-from ...core.files import write_text
+from ...core.files import replacing
 from ...core.tracks import Tracks
+from .size_limit import CELL, check_size
 
 COLUMNS = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
 _HEADER = ",".join(COLUMNS)
 _ROW = "%d,%.9f,%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n"
+_BLOCK = 1000  # frames written at once
 
 
 def to_rows(tracks: Tracks) -> Float:
@@ -29,9 +31,10 @@ def to_rows(tracks: Tracks) -> Float:
     ).astype(float)
 
 
-def from_rows(rows: Float, where: Callable[[int], str]) -> Tracks:
-    """Tracks of a table (r, 9) in any order, markers by number. Raises CaptureError that begins
-    with `where(row)` for what cannot be."""
+def from_rows(path: Path, rows: Float, where: Callable[[int], str]) -> Tracks:
+    """Tracks of a file's table (r, 9) in any order, markers by number. Raises CaptureError that
+    begins with `where(row)` for what cannot be, and for frames and markers out of all proportion to
+    the file."""
 
     def refuse(wrong: Bool, why: Callable[[int], str]) -> None:
         if wrong.any():
@@ -64,6 +67,7 @@ def from_rows(rows: Float, where: Callable[[int], str]) -> Tracks:
     back[order[first[1:]]] = np.diff(time) <= 0
     refuse(back, lambda r: f"the time {rows[r, 1]:g} s is not later than that of the frame before")
 
+    check_size(path, len(frame) * len(ids) * CELL)
     points = np.full((len(frame), len(ids), 3), np.nan)
     sigma = points.copy()
     points[at, column], sigma[at, column] = sorted_[:, 3:6], sorted_[:, 6:]
@@ -77,9 +81,11 @@ def _whole(values: Float) -> Int:
 def write_tracks(path: Path, tracks: Tracks) -> None:
     """The table as CSV: times to 1 ns, places to 1 nm, sigma `nan` where not known. Raises
     StorageError where it cannot be written."""
-    rows = to_rows(tracks)
-    text = _HEADER + "\n" + (_ROW * len(rows)) % tuple(rows.ravel().tolist())
-    write_text(path, text)
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        file.write(_HEADER + "\n")
+        for k in range(0, len(tracks.time), _BLOCK):
+            rows = to_rows(tracks.part(slice(k, k + _BLOCK)))
+            file.write((_ROW * len(rows)) % tuple(rows.ravel().tolist()))
 
 
 def read_tracks(path: Path) -> Tracks:
@@ -95,7 +101,7 @@ def read_tracks(path: Path) -> Tracks:
         raise CaptureError(f"{path}:1: the first line must be {_HEADER}, not {found}")
     numbers = [i for i, line in enumerate(lines[1:], 2) if line.strip()]
     rows = _table(path, numbers, [lines[i - 1] for i in numbers])
-    return from_rows(rows, lambda row: f"{path}:{numbers[row]}")
+    return from_rows(path, rows, lambda row: f"{path}:{numbers[row]}")
 
 
 def _table(path: Path, numbers: list[int], lines: list[str]) -> Float:

@@ -11,6 +11,7 @@ from ...core.errors import CaptureError
 from ...core.files import replacing
 from ...core.tracks import Tracks
 from .marker_labels import Labelled, labels_of, numbers_of
+from .size_limit import CELL, check_size
 
 _MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 _NAMES = (
@@ -69,6 +70,7 @@ def read_trc(path: Path) -> Labelled:
             f"{path}:4: {len(labels)} labels of markers, each over three columns, and NumMarkers is"
             f" {markers}"
         )
+    check_size(path, len(lines) * markers * CELL)
     rows = [
         _row(f"{path}:{number}", line, markers)
         for number, line in enumerate(lines[_HEAD:], _HEAD + 1)

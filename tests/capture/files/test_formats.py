@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import struct
 import sys
 
 import numpy as np
@@ -286,6 +287,32 @@ def test_bad_npz_and_parquet(tmp_path):
         refused(path, message)
     np.savez(path, time=good["time"])
     refused(path, "is no NPZ of tracks")
+
+
+def test_what_would_fill_the_memory_is_refused(tmp_path):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "a.trc"
+    labels = "\t\t\t".join(f"M{k}" for k in range(3000))
+    head = TRC.split("\n")[:5]
+    head[2] = head[2].replace("\t3\t2\tm", "\t20000\t3000\tm")
+    head[3] = f"Frame#\tTime\t{labels}\t\t"
+    path.write_text("\n".join([*head, *(f"{k}\t{k}" for k in range(20_000))]) + "\n")
+    refused(path, "out of all proportion")
+    path = tmp_path / "a.parquet"
+    names = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
+    parquet.write_table(arrow.table({n: np.zeros(2_000_000) for n in names}), path)
+    refused(path, "out of all proportion")
+    path = tmp_path / "a.npz"
+    nothing = np.zeros((40_000, 100, 3))
+    arrays = {"time": np.arange(4e4), "ids": np.arange(100), "frame": np.arange(40_000)}
+    np.savez_compressed(path, points=nothing, sigma=nothing, **arrays)
+    refused(path, "out of all proportion")
+    path = tmp_path / "a.c3d"
+    data = bytearray(c3d_format.build(np.ones((30, 2, 3)), ["a", "b"], 50.0))
+    data[6:10] = struct.pack("<2H", 1, 65535)
+    data[16:18] = struct.pack("<H", 1)
+    path.write_bytes(data)
+    refused(path, "is cut short: frames 1 to 65535")
 
 
 def test_libraries_that_are_missing(tmp_path, monkeypatch):

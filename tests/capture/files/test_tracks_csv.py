@@ -1,6 +1,7 @@
 """The table of tracks as CSV."""
 
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -114,3 +115,18 @@ def test_no_file_and_no_folder(tmp_path):
         read_tracks(tmp_path / "none.csv")
     with pytest.raises(StorageError, match="No such file"):
         write_tracks(tmp_path / "none" / "a.csv", made(2, 2))
+
+
+def test_more_frames_and_markers_than_the_file_can_mean_are_refused_at_once(tmp_path):
+    """20,000 rows, each of another frame and another marker: 19 GB."""
+    path = tmp_path / "a.csv"
+    rows = (f"{k},{k}.5,{k},1,2,3,nan,nan,nan" for k in range(20_000))
+    path.write_text("\n".join([HEADER, *rows]) + "\n")
+    tracemalloc.start()
+    with pytest.raises(CaptureError, match="out of all proportion") as error:
+        read_tracks(path)
+    assert tracemalloc.get_traced_memory()[1] < 50e6
+    tracemalloc.stop()
+    assert str(error.value).startswith(str(path))
+    path.write_text("\n".join([HEADER, *path.read_text().split("\n")[1:801]]) + "\n")
+    assert read_tracks(path).points.shape == (800, 800, 3)
