@@ -135,7 +135,7 @@ class LiveTwin:
 
 def start_live_twin(
     device: Device, markers: Markers, seed: int = 1, count: int = 2, rate: float = _FRAMES,
-    optics: Optics | None = None, *, lamp: bool = True,
+    optics: Optics | None = None, *, led: bool = True,
 ) -> LiveTwin:  # fmt: skip
     """A twin of a built device with its tags, `count` cameras and a board. Raises CaptureError."""
     rng = np.random.default_rng(seed)
@@ -178,8 +178,8 @@ def start_live_twin(
         states = np.pad(w, (0, len(sim.skin) - len(w)))
         found = twin.scene(states, hand.at(seconds), around)
         shown = found if drawn else found.moved(body=None)
-        if lamp:
-            shown = shown.moved(lamp=Led(place, board.lit(seconds), radius=3.0))
+        if led:
+            shown = shown.moved(led=Led(place, board.lit(seconds), radius=3.0))
         return shown
 
     optics = optics or Optics()
@@ -233,7 +233,7 @@ def _cameras(body: Surface, markers: Markers, count: int) -> tuple[Camera, ...]:
 
 
 def _beside(camera: Camera, body: Surface) -> Float:
-    """A place for the lamp (3,) mm: above the body as the camera sees it."""
+    """A place for the LED (3,) mm: above the body as the camera sees it."""
     at = camera.to_camera(body.vertices)
     highest = float((at[:, 1] / at[:, 2]).min())
     depth = float(at[:, 2].mean())

@@ -67,7 +67,7 @@ class DeviceTwin:
     def scene(
         self, weights: Float, held: Rigid | None = None, around: Scene | None = None
     ) -> Scene:
-        """The same with lamp, occluders and light of the scene `around`."""
+        """The same with LED, occluders and light of the scene `around`."""
         body, patches = self.at(weights, held)
         return (around or Scene()).moved(body=body, patches=patches)
 

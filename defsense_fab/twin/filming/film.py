@@ -63,7 +63,7 @@ class Shutter:
 @dataclass(frozen=True)
 class Truth:
     """What f frames of a film show: their `number` (f,) at the camera, the true `time` (f,) s, the
-    camera's `stamp` (f,) s, whether it `repeats` (f,) the one before, and the `lamp` (f,); of the m
+    camera's `stamp` (f,) s, whether it `repeats` (f,) the one before, and the `led` (f,); of the m
     patches their `ids` (m,), `centers` (f, m, 3) and `corners` (f, m, 4, 3) mm, `pixels`
     (f, m, 4, 2) and the `visible` part (f, m)."""
 
@@ -71,7 +71,7 @@ class Truth:
     time: Float
     stamp: Float
     repeats: Bool
-    lamp: Bool
+    led: Bool
     ids: Int
     centers: Float
     corners: Float
@@ -143,7 +143,7 @@ def _truth(
     m = len(scenes[0].patches)
     return Truth(
         *schedule,
-        np.array([s.lamp is not None and s.lamp.on for s in scenes]),
+        np.array([s.led is not None and s.led.on for s in scenes]),
         np.array([p.number for p in scenes[0].patches], int),
         np.array([p.center for s in scenes for p in s.patches]).reshape(-1, m, 3),
         np.array([p.corners for s in scenes for p in s.patches]).reshape(-1, m, 4, 3),

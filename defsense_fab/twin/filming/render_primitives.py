@@ -48,8 +48,8 @@ def render_primitives(
             found += _ball(one, camera, limit, pad, size)
         elif one.camera in (None, camera.name):
             found.append((0.0, _filled(_ellipse(one) + pad + 0.5, _BEFORE, one.level, size)))
-    if scene.lamp is not None:
-        found += _lamp(scene.lamp, camera, limit, pad, size)
+    if scene.led is not None:
+        found += _led(scene.led, camera, limit, pad, size)
     found.sort(key=lambda one: one[0])
     return [t for _, t in found if t.box[0] < t.box[2] and t.box[1] < t.box[3]]
 
@@ -192,12 +192,12 @@ def _ball(
     return _round(rim[0], float(rim[1]), z, ball.level, camera, limit, pad, size)
 
 
-def _lamp(
-    lamp: Led, camera: Camera, limit: float, pad: int, size: tuple[int, int]
+def _led(
+    led: Led, camera: Camera, limit: float, pad: int, size: tuple[int, int]
 ) -> list[tuple[float, RenderPrimitive]]:
-    center, level = camera.to_camera(lamp.center), lamp.lit if lamp.on else lamp.dark
-    z = float(center[2]) - lamp.radius
-    return _round(center, lamp.radius, z, level, camera, limit, pad, size)
+    center, level = camera.to_camera(led.center), led.lit if led.on else led.dark
+    z = float(center[2]) - led.radius
+    return _round(center, led.radius, z, level, camera, limit, pad, size)
 
 
 def _ellipse(one: Ellipse) -> Float:

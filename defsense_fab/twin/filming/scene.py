@@ -1,4 +1,4 @@
-"""What stands before the twin's cameras at an instant: tags, a body, a lamp, hands in the way."""
+"""What stands before the twin's cameras at an instant: tags, a body, an LED, hands in the way."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class Scene:
     patches: tuple[Patch, ...] = ()
     body: Surface | None = None
     occluders: tuple[Ball | Ellipse, ...] = ()
-    lamp: Led | None = None
+    led: Led | None = None
     backdrop: Backdrop = Backdrop()
     skin: float = 90.0
     ink: tuple[float, float] = (25.0, 210.0)

@@ -20,7 +20,7 @@ VIEW = camera((0, -150, 0), size=(160, 120), focal=160.0)
 
 def scene_at(t, speed=40.0):
     patch = Patch(4, tag(), np.array([speed * (t - 0.5), 0, 0]), UPRIGHT, 30.0)
-    return Scene((patch,), lamp=Led(np.array([0, 0, 30.0]), int(4 * t) % 2 == 1))
+    return Scene((patch,), led=Led(np.array([0, 0, 30.0]), int(4 * t) % 2 == 1))
 
 
 def frames(path):
@@ -48,7 +48,7 @@ def test_a_film_keeps_every_grey_level_and_tells_the_truth(tmp_path):
     assert truth.corners[7, 0] == pytest.approx(patch.corners)
     assert truth.pixels[7, 0] == pytest.approx(VIEW.project(patch.corners))
     assert truth.ids.tolist() == [4]
-    assert truth.lamp.tolist() == [int(4 * k / 20) % 2 == 1 for k in range(20)]
+    assert truth.led.tolist() == [int(4 * k / 20) % 2 == 1 for k in range(20)]
     again = load_truth(tmp_path / "left.npz")
     assert (again.pixels == truth.pixels).all()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["left.csv", "left.mkv", "left.npz"]

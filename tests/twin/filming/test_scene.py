@@ -76,11 +76,11 @@ def test_an_ellipse_is_before_one_camera():
     assert shoot(Scene((FRONT,), occluders=(spot,)), other).visible[0] == pytest.approx(1)
 
 
-def test_a_lamp_is_seen_on_and_off():
+def test_an_led_is_seen_on_and_off():
     view, place = camera((0, -150, 0)), np.array([10, 0, 8.0])
     x, y = np.round(view.project(place)).astype(int)
     for on, level in ((True, 250), (False, 60)):
-        assert shoot(Scene(lamp=Led(place, on)), view).image[y, x] == level
+        assert shoot(Scene(led=Led(place, on)), view).image[y, x] == level
 
 
 def test_what_is_out_of_sight_is_not_drawn():
