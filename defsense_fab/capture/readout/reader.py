@@ -21,7 +21,8 @@ _AGAIN = 0.5  # s between attempts to open a port that went away
 _STRANGE = 2_000_000  # us by which a board's clock may differ from the host's over a gap
 _SILENT, _SILENT_SAMPLES = 1.5, 20  # s, or samples, that a board may be silent
 _WRAP = 1 << 32
-_KEPT = 100_000  # items, if nobody drains them
+_KEPT = 100_000  # items that wait to be drained: a quarter of an hour at 100 Hz
+_HANGS = 5.0  # s after which a thread that does not come back is left to itself
 
 
 class Transport(Protocol):
@@ -71,7 +72,9 @@ class Settings:
 class Reader:
     """A `Source` on whatever `opener` opens.
 
-    Frames are stamped on arrival. `drain` loses nothing; `read_latest` tells how fresh it is.
+    Frames are stamped on arrival. A sink gets every one of them. For `drain` the latest 100,000
+    items wait; where nobody drains, older ones are dropped: `statistics` counts them, and an event
+    `dropped` stands in their place. `read_latest` tells how fresh it is.
     """
 
     def __init__(
@@ -79,8 +82,10 @@ class Reader:
     ) -> None:
         self.name = name
         self._opener, self._settings = opener, settings or Settings()
-        self._items: deque[StampedSample | Event] = deque(maxlen=_KEPT)
+        self._items: deque[StampedSample | Event] = deque()
+        self._dropped = self._dropped_now = 0  # in all, and since the last `drain`
         self._lock, self._stop = threading.Lock(), threading.Event()
+        self._port_lock = threading.Lock()  # a port is not closed while `send` writes to it
         self._stream, self._thread = Stream(), threading.Thread(target=self._run, daemon=True)
         self._port: Transport | None = None
         self._latest: StampedSample | None = None
@@ -106,11 +111,16 @@ class Reader:
         with self._lock:
             out = list(self._items)
             self._items.clear()
+            dropped, self._dropped_now = self._dropped_now, 0
+        if dropped:
+            out.insert(0, Event(out[0].host_ns, "dropped", {"items": dropped}))
         if not out and self._failure:
             raise self._failure
         return out
 
     def read_latest(self, max_age: float) -> StampedSample:
+        if self._failure:
+            raise self._failure
         latest = self._latest
         if latest is None:
             raise StaleError(f"{self.name}: no sample has arrived yet")
@@ -124,20 +134,26 @@ class Reader:
 
     def send(self, command: str) -> None:
         """One command line; what the board answers is an event."""
-        if self._port is not None:
-            with contextlib.suppress(OSError):
-                self._port.write(command.encode("ascii") + b"\n")
+        with self._port_lock:
+            if self._port is not None:
+                with contextlib.suppress(OSError):
+                    self._port.write(command.encode("ascii") + b"\n")
 
     @property
     def statistics(self) -> ReadoutStatistics:
         s = self._stream
-        return ReadoutStatistics(self._samples, s.lost, s.bad, self._gaps, s.restarts)
+        return ReadoutStatistics(
+            self._samples, s.lost, s.bad, self._gaps, s.restarts, self._dropped
+        )
 
     def close(self) -> None:
+        """End the thread and close the port. A thread that hangs in a driver is left to itself: it
+        closes the port when it comes back, for a descriptor must not be closed under it."""
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join(5)
-        self._shut()
+            self._thread.join(_HANGS)
+        if not self._thread.is_alive():
+            self._shut()
 
     def __enter__(self) -> Reader:
         self.start()
@@ -147,10 +163,11 @@ class Reader:
         self.close()
 
     def _shut(self) -> None:
-        if self._port is not None:
-            with contextlib.suppress(OSError):
-                self._port.close()
-            self._port = None
+        with self._port_lock:
+            if self._port is not None:
+                with contextlib.suppress(OSError):
+                    self._port.close()
+                self._port = None
 
     def _begin(self, port: Transport, kind: str) -> Info:
         """Greet the board, say so in an event, and take the samples that came meanwhile."""
@@ -218,8 +235,10 @@ class Reader:
     def _run(self) -> None:
         try:
             self._read_on()
-        except Exception as error:  # a sink's, above all: told by `drain`
+        except Exception as error:  # a sink's, above all: told by `drain` and `read_latest`
             self._failure = error
+        finally:
+            self._shut()
 
     def _read_on(self) -> None:
         while not self._stop.is_set():
@@ -297,6 +316,10 @@ class Reader:
         if self.sink is not None:
             self.sink(item)
         with self._lock:
+            if len(self._items) >= _KEPT:
+                self._items.popleft()
+                self._dropped += 1
+                self._dropped_now += 1
             self._items.append(item)
 
 

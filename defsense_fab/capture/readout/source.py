@@ -26,7 +26,8 @@ class StampedSample:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened between samples: `start`, `gap`, `resumed`, `restart`, `text`."""
+    """Something that happened between samples: `start`, `gap`, `resumed`, `restart`, `text`; and
+    `dropped`, of items that waited too long to be drained, which only `drain` gives."""
 
     host_ns: int
     kind: str
@@ -36,13 +37,14 @@ class Event:
 @dataclass(frozen=True)
 class ReadoutStatistics:
     """Samples that arrived, that the counter misses, frames that were none, gaps, restarts of the
-    board."""
+    board; items that nobody drained in time."""
 
     samples: int = 0
     lost: int = 0
     bad: int = 0
     gaps: int = 0
     restarts: int = 0
+    dropped: int = 0
 
 
 #: Takes samples and events as soon as they arrive, in their order, in the source's own thread.
@@ -61,11 +63,12 @@ class Source(Protocol):
         """Begin; raises CaptureError where there is nothing to read."""
 
     def drain(self) -> list[StampedSample | Event]:
-        """All since the last call, in order; raises what ended the source when there is no
-        more."""
+        """All since the last call, in order, or an event `dropped` and the latest of them; raises
+        what ended the source when there is no more."""
 
     def read_latest(self, max_age: float) -> StampedSample:
-        """The newest sample; raises StaleError if it arrived more than `max_age` s ago."""
+        """The newest sample; raises StaleError if it arrived more than `max_age` s ago, and what
+        ended the source if something did."""
 
     @property
     def statistics(self) -> ReadoutStatistics: ...

@@ -240,6 +240,8 @@ class GuidedMeasurement:
                     self._interrupted = True
                 elif item.kind in ("resumed", "start"):
                     self._plugged, self._gone = True, None
+                elif item.kind == "dropped":
+                    self._interrupted = True
                 continue
             self._look(item)
 

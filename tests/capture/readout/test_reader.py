@@ -227,6 +227,100 @@ def test_a_sink_gets_everything_at_once_and_its_error_is_told():
     assert got == seen[: len(got)]
 
 
+def test_read_latest_tells_what_ended_the_reader():
+    """A full disk is not an unplugged board."""
+
+    def sink(item):
+        if isinstance(item, StampedSample):
+            raise StorageError("disk: the disk is full")
+
+    reader = Reader(board, "twin", Settings(rate=50))
+    reader.start()
+    reader.sink = sink
+    reader._thread.join(5)
+    with pytest.raises(StorageError, match="disk is full"):
+        reader.read_latest(10.0)
+    reader.close()
+
+
+def samples(reader, numbers):
+    for n in numbers:
+        reader._take(Sample(n, 20_000 * n, False, False, 1, (1,)), n * 20_000_000)
+
+
+def test_what_nobody_drains_is_dropped_counted_and_told(monkeypatch):
+    """Memory is bounded, and nothing is lost in silence; a sink gets everything all the same."""
+    monkeypatch.setattr("defsense_fab.capture.readout.reader._KEPT", 10)
+    reader, written = Reader(board, "twin"), []
+    reader.sink = written.append
+    samples(reader, range(25))
+    assert [i.sample.counter for i in written] == list(range(25))
+    first, *rest = reader.drain()
+    assert (first.kind, first.data) == ("dropped", {"items": 15})
+    assert [i.sample.counter for i in rest] == list(range(15, 25))
+    assert reader.statistics.dropped == 15
+    samples(reader, range(25, 30))
+    assert [i.sample.counter for i in reader.drain()] == list(range(25, 30))
+    assert reader.statistics.dropped == 15
+
+
+class Slow(Saying):
+    """A port that takes its time to write and, if it is to, to read."""
+
+    def __init__(self, reads=False):
+        super().__init__(b"")
+        self.entered, self.go_on, self.closed = threading.Event(), threading.Event(), False
+        self._reads, self.closed_under_it = reads, False
+
+    def _wait(self):
+        self.entered.set()
+        self.go_on.wait(5)
+        self.closed_under_it |= self.closed
+
+    def write(self, data):
+        self._wait()
+        return len(data)
+
+    def read(self, size):
+        if self._reads:
+            self._wait()
+        return b""
+
+    def close(self):
+        self.closed = True
+
+
+def test_a_port_is_not_closed_under_a_command():
+    port, reader = Slow(), Reader(board, "twin")
+    reader._port = port
+    sender = threading.Thread(target=reader.send, args=("led 1",))
+    sender.start()
+    assert port.entered.wait(5)
+    closer = threading.Thread(target=reader.close)
+    closer.start()
+    closer.join(0.2)
+    port.go_on.set()
+    sender.join(5)
+    closer.join(5)
+    assert not port.closed_under_it
+    assert port.closed
+    reader.send("led 2")  # to nobody: no error
+
+
+def test_a_port_whose_driver_hangs_is_closed_by_its_own_thread(monkeypatch):
+    monkeypatch.setattr("defsense_fab.capture.readout.reader._HANGS", 0.1, raising=False)
+    port, reader = Slow(reads=True), Reader(board, "twin")
+    reader._port = port
+    reader._thread.start()
+    assert port.entered.wait(5)
+    reader.close()
+    assert not port.closed
+    port.go_on.set()
+    reader._thread.join(5)
+    assert port.closed
+    assert not port.closed_under_it
+
+
 def test_a_clock_that_wraps():
     """micros() begins anew after 71 minutes; the device's time goes on."""
     reader = Reader(board, "twin")
