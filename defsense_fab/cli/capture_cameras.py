@@ -116,9 +116,9 @@ def _names(options: argparse.Namespace) -> list[str]:
         f"cam_{k}" if s.isdigit() or s.startswith("/dev/") else Path(s).stem
         for k, s in enumerate(options.sources)
     ]
-    twice = next((n for n in names if names.count(n) > 1), None)
-    if twice is not None:
-        raise DeviceError(f"two cameras are called {twice}; give each a --name")
+    from ..core.camera import check_names
+
+    check_names(names)
     return names
 
 

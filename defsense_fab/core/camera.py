@@ -7,12 +7,24 @@ at K (x, y, 1) in pixels, whose centres have whole numbers (Brown 1966; OpenCV's
 
 from __future__ import annotations
 
+import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .arrays import Float
 from .errors import CaptureError
+
+#: What a capture session calls its own files: no camera may.
+_TAKEN = ("frames", "log", "session", "cameras", "markers")
+_DEVICES = ("con", "prn", "aux", "nul", *(f"{d}{k}" for d in ("com", "lpt") for k in range(1, 10)))
+_FORBIDDEN = '/\\:*?"<>|%'  # of the file systems, and % of numbered images
+_LONGEST = 60
+_NAMING = (
+    "a camera's name is part of file names: give it 1 to 60 characters, none of them a control"
+    f" character or one of {' '.join(_FORBIDDEN)}, without a space or a full stop at either end"
+)
 
 _COEFFICIENTS = 8
 _STEPS, _CLOSE = 20, 1e-12
@@ -21,9 +33,9 @@ _RADII = 1000
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera of this `name` with images of `size` (width, height) pixels; `matrix` (3, 3) without
-    skew, pixels; `distortions` (4, 5 or 8,); `rotation` (3, 3) and `translation` (3,) mm from the
-    world to the camera."""
+    """A camera of this `name` (see `check_name`) with images of `size` (width, height) pixels;
+    `matrix` (3, 3) without skew, pixels; `distortions` (4, 5 or 8,); `rotation` (3, 3) and
+    `translation` (3,) mm from the world to the camera."""
 
     name: str
     size: tuple[int, int]
@@ -33,6 +45,7 @@ class Camera:
     translation: Float
 
     def __post_init__(self) -> None:
+        check_name(self.name)
         shapes = (self.matrix.shape, self.rotation.shape, self.translation.shape)
         if shapes != ((3, 3), (3, 3), (3,)):
             raise CaptureError(f"camera {self.name}: matrix and rotation are 3 x 3, translation 3")
@@ -82,6 +95,45 @@ class Camera:
     def to_plane(self, pixels: Float) -> Float:
         """Pixels (..., 2) to undistorted points at depth one (..., 2)."""
         return undistort((pixels - self.matrix[:2, 2]) / self.focal, self.distortions)
+
+
+def check_name(name: str) -> None:
+    """Raises CaptureError for what cannot be the name of a camera, by which its files are called:
+    on no system they could be written, or would be a capture session's own."""
+    odd = any(unicodedata.category(c).startswith("C") or c in _FORBIDDEN for c in name)
+    if odd or not 1 <= len(name) <= _LONGEST or name != name.strip().strip("."):
+        raise CaptureError(f"camera {name!r}: {_NAMING}")
+    if _folded(name) in _TAKEN or _folded(name).split(".")[0].rstrip() in _DEVICES:
+        raise CaptureError(
+            f"camera {name!r}: this name belongs to a file of a capture session"
+            f" ({', '.join(_TAKEN)}) or to a device of the operating system; choose another name"
+        )
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Raises CaptureError for names of cameras that cannot be, and for two of which one's files
+    would be the other's, on any system: `<name>.csv` and `<name>-frames.csv`."""
+    files: dict[str, str] = {}
+    for name in names:
+        check_name(name)
+        for file in (_folded(name), _folded(name) + "-frames"):
+            if file in files:
+                raise CaptureError(_clash(files[file], name))
+            files[file] = name
+
+
+def _clash(one: str, other: str) -> str:
+    if one == other:
+        return f"two cameras are called {one!r}; give each a --name of its own"
+    return (
+        f"cameras {one!r} and {other!r} would write the same files; give them names that differ by"
+        " more than capital letters or an ending -frames"
+    )
+
+
+def _folded(name: str) -> str:
+    """Equal for names that some file system takes for one."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
 def distort(plane: Float, coefficients: Float) -> tuple[Float, Float]:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.core.camera import Camera, distort, undistort
+from defsense_fab.core.camera import Camera, check_names, distort, undistort
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.tracks import Tracks
 
@@ -91,6 +91,36 @@ def test_bad_cameras_are_refused(change, said):
     with pytest.raises(CaptureError, match=said) as error:
         replace(camera(), **change)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        *((n, "part of file names: give it 1 to 60") for n in (
+            "", "../left", "/tmp/left", "a\\b", "C:left", "..", ".left", "left ", "left.", "a\nb",
+            "cam%d", "left?", "\x7f", "\ud800", "x" * 61)),
+        *((n, "choose another name") for n in ("frames", "Log", "session", "NUL", "com1.left")),
+    ],
+)  # fmt: skip
+def test_names_that_cannot_be_names_of_files_are_refused(name, said):
+    with pytest.raises(CaptureError, match=said) as error:
+        replace(camera(), name=name)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("left", "left"), ("left", "Left"), ("straße", "STRASSE"), ("k\u00e4se", "ka\u0308se"),
+        ("a", "a-frames"), ("A-frames", "b", "a"),
+    ],
+)  # fmt: skip
+def test_cameras_that_would_write_the_same_files_are_refused(names):
+    for name in names:
+        check_names([name])
+    with pytest.raises(CaptureError, match=r"two cameras are called|would write the same files"):
+        check_names(names)
+    check_names(["left", "left 2", "left.2", "left-frame"])
 
 
 def test_tracks_check_themselves():

@@ -6,7 +6,6 @@ camera), translation (here mm); and `[metadata]`, with what is known of the cali
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -15,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomlkit
 from scipy.spatial.transform import Rotation
 
-from ...core.camera import Camera
+from ...core.camera import Camera, check_names
 from ...core.errors import CaptureError
 from ...core.files import storage_errors, write_text
 
@@ -48,9 +48,10 @@ def read_rig(path: Path) -> Rig:
         raise CaptureError(f"{path}: describes no camera: it has no table [cam_0]")
     ordered = sorted(tables.items(), key=lambda kv: int(kv[0][4:]))
     cameras = tuple(_camera(path, key, table) for key, table in ordered)
-    names = [c.name for c in cameras]
-    if len(set(names)) < len(names):
-        raise CaptureError(f"{path}: two cameras have one name: {', '.join(names)}")
+    try:
+        check_names([c.name for c in cameras])
+    except CaptureError as error:
+        raise CaptureError(f"{path}: {error}") from None
     metadata = data.get("metadata", {})
     placed = len(cameras) == 1 or not all(np.allclose(c.center, 0) for c in cameras)
     return Rig(cameras, placed, metadata if isinstance(metadata, dict) else {})
@@ -104,40 +105,24 @@ def _shortest(distortions: Any) -> Any:
 
 
 def write_rig(path: Path, cameras: Sequence[Camera], metadata: Mapping[str, Any]) -> None:
-    """Write cameras, whole or not at all. `metadata` has plain values."""
-    lines = []
+    """Write cameras, whole or not at all. `metadata` has plain values. Raises CaptureError for
+    names that cannot be read again."""
+    check_names([c.name for c in cameras])
+    document = tomlkit.document()
     for k, c in enumerate(cameras):
-        rotation = Rotation.from_matrix(c.rotation).as_rotvec()
-        lines += [
-            f"[cam_{k}]",
-            f"name = {_text(c.name)}",
-            f"size = [{c.size[0]}, {c.size[1]}]",
-            f"matrix = {_list(c.matrix)}",
-            f"distortions = {_list(c.distortions)}",
-            f"rotation = {_list(rotation)}",
-            f"translation = {_list(c.translation)}",
-            "",
-        ]
-    lines.append("[metadata]")
-    lines += [f"{key} = {toml_value(value)}" for key, value in metadata.items()]
+        document[f"cam_{k}"] = {
+            "name": c.name,
+            "size": list(c.size),
+            "matrix": c.matrix.tolist(),
+            "distortions": c.distortions.tolist(),
+            "rotation": Rotation.from_matrix(c.rotation).as_rotvec().tolist(),
+            "translation": c.translation.tolist(),
+        }
+    document["metadata"] = dict(metadata)
     with storage_errors(path):
-        write_text(path, "\n".join(lines) + "\n")
-
-
-def _list(values: Any) -> str:
-    return repr(np.asarray(values, float).tolist())
-
-
-def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML escapes as JSON
+        write_text(path, tomlkit.dumps(document))
 
 
 def toml_value(value: Any) -> str:
-    """A plain value as TOML has it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return _text(value)
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    return repr(value)
+    """A plain value as TOML has it; for the file of a capture session, which is written by hand."""
+    return str(tomlkit.item(value).as_string())

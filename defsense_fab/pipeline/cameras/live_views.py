@@ -19,7 +19,14 @@ from ...capture.tags.charuco_board import CharucoBoard
 from ...capture.tags.tag_detection import Image, wrong_size
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
-from .recorded_views import Calibrated, calibrate_views, finish_arranging, rig_of, store
+from .recorded_views import (
+    Calibrated,
+    calibrate_views,
+    check_new_names,
+    finish_arranging,
+    rig_of,
+    store,
+)
 
 _TOGETHER = 0.04  # s between frames of several cameras that count as simultaneous
 _COVERED = 0.9  # of the picture's cells, with which a calibration may end by itself
@@ -63,6 +70,7 @@ def calibrate_live(
 ) -> list[Calibrated]:
     """One camera; ends when so many views cover the picture, or at a key (enter). Raises
     CaptureError where they are too few then, or the camera is gone."""
+    check_new_names(out, [name])
     finder = BoardFinder(board)
     kept: list[BoardView] = []
     shapes: list[Float] = []

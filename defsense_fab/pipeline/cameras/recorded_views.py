@@ -22,7 +22,7 @@ from ...capture.tags.board_detection import BoardFinder, BoardView
 from ...capture.tags.charuco_board import CharucoBoard
 from ...capture.tags.tag_detection import wrong_size
 from ...core.arrays import Float
-from ...core.camera import Camera
+from ...core.camera import Camera, check_names
 from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from .report import write_report
@@ -114,6 +114,7 @@ def calibrate_cameras(
 ) -> list[Calibrated]:  # fmt: skip
     """Intrinsics of the cameras that took these videos, into the file `out`, where they take the
     place of cameras of the same name. Raises CaptureError."""
+    check_new_names(out, names)
     done = []
     for name, seen in zip(names, look(paths, board, rate, progress), strict=True):
         there = np.flatnonzero([v is not None for v in seen.views])
@@ -126,6 +127,13 @@ def calibrate_cameras(
     progress("solve", 1.0, "done")
     store(out, done, board)
     return done
+
+
+def check_new_names(out: Path, names: Sequence[str]) -> None:
+    """Raises CaptureError, before any work, for names that the file `out` cannot get: those that
+    it has already are calibrated anew."""
+    there = [c.name for c in read_rig(out).cameras] if out.exists() else []
+    check_names([*(n for n in there if n not in names), *names])
 
 
 def store(out: Path, done: Sequence[Calibrated], board: CharucoBoard) -> None:

@@ -1,6 +1,7 @@
 """Cameras in files of aniposelib's convention."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,8 +49,7 @@ def test_a_file_of_aniposelib_is_read(tmp_path):
 
 def test_what_is_written_is_read(tmp_path):
     path, cameras = tmp_path / "cameras.toml", rig(3)
-    object.__setattr__(cameras[1], "name", 'a "quoted" \\ name, \t\n\x07\x7f ü')
-    metadata = {"error": 0.2, "note": 'x "y"\n', "views": [3, 4], "good": True}
+    metadata = {"error": 0.2, "note": 'a "b" \\ \t\n\x07\x7f ü', "views": [3, 4], "good": True}
     write_rig(path, cameras, metadata)
     back = read_rig(path)
     assert back.metadata == metadata
@@ -61,6 +61,26 @@ def test_what_is_written_is_read(tmp_path):
         assert np.allclose(a.translation, b.translation, atol=0)
     keys = {"name", "size", "matrix", "distortions", "rotation", "translation"}
     assert set(tomllib.loads(path.read_text())["cam_2"]) == keys
+
+
+@pytest.mark.parametrize("name", ["GoPro 1", "käse", "cam.left", "clip (1)", "it's", "[a]=#"])
+def test_names_and_keys_made_of_them_are_read_again(tmp_path, name):
+    path = tmp_path / "cameras.toml"
+    sigma = {f"sigma_{name}": [1.0, 2e-7]}
+    write_rig(path, [replace(rig(1)[0], name=name)], sigma)
+    back = read_rig(path)
+    assert [c.name for c in back.cameras] == [name]
+    assert back.metadata == sigma
+
+
+def test_a_good_file_is_not_replaced_by_one_that_cannot_be_read(tmp_path):
+    path, cameras = tmp_path / "cameras.toml", rig(2)
+    write_rig(path, cameras, {})
+    before = path.read_bytes()
+    with pytest.raises(CaptureError, match="same files"):
+        write_rig(path, [cameras[0], replace(cameras[1], name="Left")], {})
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["cameras.toml"]
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 5, 8, 12])
@@ -84,7 +104,9 @@ def test_cameras_that_all_stand_at_one_place_are_not_placed(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('name = "B"', 'name = "A"', "one name"),
+        ('name = "B"', 'name = "A"', "two cameras are called 'A'"),
+        ('name = "B"', 'name = "a"', "'A' and 'a' would write the same files"),
+        ('name = "B"', 'name = "../B"', r"cam_1.*'\.\./B': a camera's name is part of file names"),
         ("size = [ 1280, 720,]", "", "size"),
         ("size = [ 1280, 720,]", "size = [1280]", "size.*shape 2, is 1"),
         ("size = [ 1280, 720,]", "size = [1280, 0]", "cam_"),

@@ -97,6 +97,21 @@ def test_calibrated_and_arranged_like_the_true_ones(camera, tmp_path):
     assert not again.placed
 
 
+def test_names_of_cameras_are_checked_before_the_work(camera, tmp_path, monkeypatch):
+    camera("calibrate", "left.mkv", more=["--name", "GoPro 1"])
+    camera("calibrate", "right.mkv", more=["--name", "käse.2"])
+    out = tmp_path / "cameras.toml"
+    rig = read_rig(out)
+    assert [c.name for c in rig.cameras] == ["GoPro 1", "käse.2"]
+    assert all(recorded_views.sigma_of(rig, c.name).any() for c in rig.cameras)
+    monkeypatch.setattr(recorded_views, "look", None)
+    assert "same files" in camera("calibrate", "left.mkv", more=["--name", "gopro 1"])
+    for name in ("../left", str(tmp_path / "left"), "frames", "log", "session"):
+        assert repr(name) in camera("calibrate", "left.mkv", more=["--name", name])
+    with pytest.raises(CaptureError, match="same files"):
+        calibrate_live("left", "gopro 1", BOARD, out, 25, Screen(), None)
+
+
 def test_a_check_finds_what_moved(camera, tmp_path):
     out = tmp_path / "cameras.toml"
     write_rig(out, [LEFT, RIGHT], {})
@@ -141,7 +156,7 @@ def test_bad_input(camera, boards, tmp_path):
     (boards / "zero.mkv").write_bytes(b"")
     assert "cannot be opened" in camera("calibrate", "zero.mkv")
     assert "not both" in camera("calibrate", "0", "left.mkv")
-    assert "called left" in camera(
+    assert "called 'left'" in camera(
         "calibrate", "left.mkv", "right.mkv", more=["--name", "left"] * 2
     )
     assert "--rate" in camera("calibrate", "left.mkv", more=["--rate", "nan"])
