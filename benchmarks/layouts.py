@@ -22,12 +22,13 @@ from scipy.optimize import minimize
 
 from benchmarks import joint
 from defsense_fab.core.device_file import load_device
+from defsense_fab.core.path_sampling import sample_path
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.cord_kinematics import cord_at
-from defsense_fab.optimize.problem.cord_parameters import CordParameters, sample_path
+from defsense_fab.optimize.problem.cord_parameters import CordParameters
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.problem.problem import Problem
 from defsense_fab.optimize.refinement.descent import descend

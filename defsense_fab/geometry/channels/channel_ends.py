@@ -12,6 +12,7 @@ import numpy as np
 from ...core.arrays import Float, xyz
 from ...core.curve import Plane
 from ...core.mesh import Surface
+from ...core.path_sampling import arc_lengths
 from ..bodies.connector_bay import inside
 from ..kernels.cutting_tools import Frustum, Tool, cylinder
 from .wire_channels import NO_TURN, Hollow, Lead, Pit, Router, Wires
@@ -215,9 +216,7 @@ def beside(
 ) -> list[Hollow]:
     """What is hollow of an end's own cord besides its pocket, `depth` mm deep: the channel (of a
     diameter, mm) along `line` from there on, and the other end."""
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    beyond = line[1:][steps.cumsum() > depth]
-    return [(beyond, channel / 2), *twin.hollows(pockets)]
+    return [(line[arc_lengths(line) > depth], channel / 2), *twin.hollows(pockets)]
 
 
 def end_tools(end: End, channel: float, wall: float, pockets: Pockets | None) -> list[Tool]:

@@ -10,10 +10,11 @@ import igl
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curve import Hermite, bend_radius, hermite_basis
+from ...core.curve import bend_radius
 from ...core.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
+from ...core.path_sampling import arc_lengths, per_span_for_sag, resample, sample_path
 from ..kernels import ray_casting, triangle_kernel
 from ..kernels.cutting_tools import Tool, cylinder
 from .channel_ends import End, Ends, Pockets, end_tools
@@ -48,6 +49,14 @@ class Channel:
         """From mouth to mouth, mm."""
         return float(np.linalg.norm(np.diff(self.inside, axis=0), axis=1).sum())
 
+    @property
+    def sensing(self) -> Float:
+        """The stretch of the cord's path (p, 3) mm outside of its pockets, p as in `sample_path`:
+        what lies in a pocket, and straight runs to the skin, are not strained."""
+        path = sample_path(self.sensor)
+        hidden = [max(0.0, e.pocket - i) for e, i in zip(self.ends, self.inlets, strict=True)]
+        return resample(path, hidden[0], float(arc_lengths(path)[-1]) - hidden[1], len(path))
+
     def hollows(self, diameter: float, pockets: Pockets | None) -> list[Hollow]:
         """Points (n, 3) mm along what is hollow, and its radius there, mm."""
         out = [(self.inside, diameter / 2)]
@@ -73,9 +82,7 @@ class Channel:
     def cord(self, diameter: float) -> Any:
         """A solid of the cord itself, along the path and its straight runs out of the body; finer
         than the channel that it is checked in."""
-        path = self.sensor.plane.to_world(
-            self.sensor.curve.sample(2 * _per_span(self.sensor.curve))
-        )
+        path = sample_path(self.sensor, 2 * per_span_for_sag(self.sensor.curve, _SAG))
         line = np.concatenate([self.line[:1], path, self.line[-1:]])
         return triangle_kernel.tube(line, self.sensor.plane.normal, diameter, sides=24)
 
@@ -125,7 +132,7 @@ class _Trace:
 
 
 def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
-    path = sensor.plane.to_world(sensor.curve.sample(_per_span(sensor.curve)))
+    path = sample_path(sensor, per_span_for_sag(sensor.curve, _SAG))
     _check_path(sensor, path, body, diameter)
     tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
     first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
@@ -135,18 +142,9 @@ def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
     ]
     (start, before), (end, after) = found
     line = np.concatenate([path[:1] - before * first, path, path[-1:] + after * last])
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    low, high = before - start, along[-1] - (after - end)
-    at = np.linspace(low, high, max(3, int((high - low) / _STEP) + 1))
-    inside = np.stack([np.interp(at, along, line[:, i]) for i in range(3)], axis=1)
+    low, high = before - start, float(arc_lengths(line)[-1]) - (after - end)
+    inside = resample(line, low, high, max(3, int((high - low) / _STEP) + 1))
     return _Trace(line, inside, (start, end), (before, after))
-
-
-def _per_span(curve: Hermite) -> int:
-    """Samples of a span whose chords lie within `_SAG` of the curve."""
-    second = hermite_basis(len(curve.points), 4)[2]
-    bend = np.linalg.norm(second @ np.concatenate([curve.points, curve.tangents]), axis=1).max()
-    return int(np.clip(np.ceil(np.sqrt(bend / (8 * _SAG))), 8, 400))
 
 
 def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> None:

@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from ...core.arrays import Bool, Float
 from ...core.curve import Plane
 from ...core.mesh import Surface
+from ...core.path_sampling import arc_lengths
 from ..bodies.connector_bay import in_solid, inside, without_bay
 from ..kernels import ray_casting, triangle_kernel
 from ..kernels.cutting_tools import Prism
@@ -310,8 +311,7 @@ class Router:
     def _emerges(self, lead: Lead, away: Sequence[tuple[Any, float]]) -> bool:
         """Whether a lead to the skin keeps its walls, fading out where it comes out."""
         points = lead.inside
-        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        left = np.append(steps[::-1].cumsum()[::-1], 0.0)
+        left = arc_lengths(points[::-1])[::-1]
         needed = np.minimum(self._least, SLOPE * left) - _TOLERANCE
         if (self._depth(points) < needed).any():
             return False

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from ...core.arrays import Bool, Float
 from ...core.curve import Plane
 from ...core.mesh import Surface
+from ...core.path_sampling import arc_lengths, resample
 from ..kernels import triangle_kernel
 from .division import Division
 
@@ -129,9 +130,8 @@ def _centred(low: float, high: float, step: float) -> Float:
 def _along(polygon: Float, step: float) -> Float:
     """Points (n, 2) around a closed outline, `step` mm apart."""
     closed = np.concatenate([polygon, polygon[:1]])
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
-    at = np.linspace(0, along[-1], max(4, int(along[-1] / step)), endpoint=False)
-    return np.stack([np.interp(at, along, closed[:, i]) for i in range(2)], axis=1)
+    around = float(arc_lengths(closed)[-1])
+    return resample(closed, 0.0, around, max(4, int(around / step)) + 1)[:-1]
 
 
 def inside(points: Float, polygons: Sequence[Float]) -> Bool:

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.device import Sensor
 from ...core.mesh import Surface
+from ...core.path_sampling import arc_lengths
 from ...geometry.channels.channel_ends import INLET_SLOPE
 from ...geometry.kernels import ray_casting
 from ..problem.cord_kinematics import PlacedCord, cord_at
@@ -86,8 +87,7 @@ class _Inlets:
         exits = path[[0, -1]] + np.where(finite, lengths, 0.0)[:, None] * out
         below = exits - 0.01 * out  # on the surface itself rounding decides what is inside
         normals = np.where(finite[:, None], -depth(below)[1], 0.0)
-        step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        along = np.concatenate([[0], np.cumsum(step)])
+        along = arc_lengths(points)
         i = np.arange(len(points))
         near = np.minimum(i, i[::-1]) < 12 + RUN
         both = np.stack([along, along[-1] - along])

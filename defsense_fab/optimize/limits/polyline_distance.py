@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.path_sampling import arc_lengths
 
 
 def nearest(points: Float, line: Float) -> tuple[Float, Int, Float]:
@@ -18,10 +19,9 @@ def nearest(points: Float, line: Float) -> tuple[Float, Int, Float]:
 def nearest_strand(path: Float, apart: float) -> tuple[Float, Int, Float]:
     """Like `nearest` for a path (p, 3) and itself, where segments less than `apart` mm further
     along do not count; the distance is inf where none is left."""
-    step = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    along = np.concatenate([[0], np.cumsum(step)])
-    middle = (along[1:] + along[:-1]) / 2
-    return _nearest(path, path, along, middle, apart + step.max())  # type: ignore[no-any-return]
+    along = arc_lengths(path)
+    middle, longest = (along[1:] + along[:-1]) / 2, np.diff(along).max()
+    return _nearest(path, path, along, middle, apart + longest)  # type: ignore[no-any-return]
 
 
 def gaps(paths: Float, line: Float) -> Float:

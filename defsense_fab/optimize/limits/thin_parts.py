@@ -11,8 +11,9 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.curve import coincident
 from ...core.device import Sensor
+from ...core.path_sampling import sample_path
 from ..problem.cord_kinematics import cord_at
-from ..problem.cord_parameters import CordParameters, sample_path
+from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Problem
 from .interior_points import evenly
 

@@ -18,12 +18,14 @@ from ...core.arrays import Float, xyz
 from ...core.curve import bend_radius
 from ...core.device import Sensor
 from ...core.mesh import Surface
+from ...core.path_sampling import arc_lengths, per_span_for_spacing, sample_path
 from ...geometry.channels.channel_ends import INLET_SLOPE
 from ...geometry.kernels import ray_casting
 from ..problem.problem import Limits
 from .constraints import LONGEST_INLET
 
 _TOLERANCE = 1e-3
+_SPACING = 0.25  # mm, between samples
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,8 @@ class LayoutCheck:
 
 
 def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> LayoutCheck:
-    """Check every cord and every pair on samples at most 0.25 mm apart."""
-    paths = [_dense(s) for s in sensors]
+    """Check every cord and every pair on samples about 0.25 mm apart."""
+    paths = [sample_path(s, per_span_for_spacing(s.curve, _SPACING)) for s in sensors]
     cords = tuple(_cord(s, p, surface, limits) for s, p in zip(sensors, paths, strict=True))
     dense = [_with_runs(p, c.inlets) for p, c in zip(paths, cords, strict=True)]
     problems = [p for c in cords for p in c.problems]
@@ -65,12 +67,6 @@ def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> Layou
                     " needed"
                 )
     return LayoutCheck(cords, closest, tuple(problems))
-
-
-def _dense(sensor: Sensor) -> Float:
-    coarse = sensor.curve.sample(16)
-    longest = np.linalg.norm(np.diff(coarse, axis=0), axis=1).max() * 16
-    return sensor.plane.to_world(sensor.curve.sample(int(np.clip(longest / 0.25, 32, 2000))))
 
 
 def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> CordCheck:
@@ -94,7 +90,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
             )
     whole = points if problems else _with_runs(points, inlets)
     depth = _depth(whole, surface)
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(whole, axis=0), axis=1))])
+    along = arc_lengths(whole)
     if not problems:
         to_exit = np.minimum(along, along[-1] - along)
         slack = depth - np.minimum(limits.depth, INLET_SLOPE * to_exit)
@@ -155,7 +151,7 @@ def _with_runs(path: Float, inlets: tuple[float, float]) -> Float:
         if not 0.01 < inlet <= LONGEST_INLET:
             return path[:0]
         out = (end - before) / np.linalg.norm(end - before)
-        return end + np.linspace(0, inlet, int(np.ceil(inlet / 0.25)) + 1)[1:, None] * out
+        return end + np.linspace(0, inlet, int(np.ceil(inlet / _SPACING)) + 1)[1:, None] * out
 
     start, end = run(path[0], path[1], inlets[0]), run(path[-1], path[-2], inlets[1])
     return np.concatenate([start[::-1], path, end])

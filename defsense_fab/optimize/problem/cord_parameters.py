@@ -7,22 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.arrays import Float, Int
+from ...core.arrays import Int
 from ...core.curve import Hermite, Plane, hermite_basis
 from ...core.device import Sensor
+from ...core.path_sampling import per_span_for_signal
 
 FRAME = 5  #: Parameters of a free plane: two moves, three turns.
-#: A path is sampled with at least this many points for signals and in `layout.json`.
-SAMPLES = 120
-
-
-def per_span(sensor: Sensor) -> int:
-    return int(np.ceil(SAMPLES / (len(sensor.curve.points) - 1)))
-
-
-def sample_path(sensor: Sensor) -> Float:
-    """The path's points (p, 3) in the rest frame, p > 100."""
-    return sensor.plane.to_world(sensor.curve.sample(per_span(sensor)))
 
 
 class CordParameters:
@@ -58,7 +48,7 @@ class CordParameters:
             self.moves, self.center = lead.moves, lead.center
             self.pivot, self.reach = lead.pivot, lead.reach
         #: From stacked rows to the samples (p, 2 k), and from the free ones alone (p, r).
-        self.basis = hermite_basis(k, per_span(sensor))[0]
+        self.basis = hermite_basis(k, per_span_for_signal(curve))[0]
         self.basis_of_rows = np.ascontiguousarray(self.basis[:, self.rows])
         #: To first and second derivatives (q, 2 k) where the curvature is looked at.
         _, self.first, self.second = hermite_basis(k, 8)

@@ -12,9 +12,9 @@ import numpy as np
 from ...core.curve import distinct
 from ...core.device import Sensor
 from ...core.errors import LayoutError
+from ...core.path_sampling import sample_path
 from ..limits.thin_parts import ThinParts
 from ..limits.verification import verify
-from ..problem.cord_parameters import sample_path
 from ..problem.problem import Problem
 from ..search.starting_layouts import Layout, choices, no_room, seeds
 from .descent import descend, jitter

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.curve import curvature
+from ...core.path_sampling import arc_lengths
 from ..limits.constraints import LONGEST_INLET, MARGIN, depth_before_exit, run_lengths, separation
 from ..limits.full_path import RUN
 from ..limits.polyline_distance import self_gaps
@@ -39,8 +40,8 @@ def feasible(batch: Batch, depth: DepthField, grid: DepthGrid, limits: Limits) -
     if not len(kept):
         return kept
     ends = ends[leaves]
-    whole, step = _with_runs(paths[leaves], out[leaves], run_lengths(ends))
-    along = np.concatenate([np.zeros((len(step), 1)), np.cumsum(step, axis=1)], axis=1)
+    whole = _with_runs(paths[leaves], out[leaves], run_lengths(ends))
+    along = arc_lengths(whole)
     rest = ends - run_lengths(ends)
     to_exit = np.minimum(along + rest[:, :1], along[:, -1:] - along + rest[:, 1:])
     need = depth_before_exit(to_exit, limits)
@@ -52,16 +53,15 @@ def feasible(batch: Batch, depth: DepthField, grid: DepthGrid, limits: Limits) -
     found[close] = depth(whole[close])[0]
     good &= (found >= need).all(axis=1)
     good[good] = self_gaps(whole[good], separation(limits)) >= (
-        limits.clearance + step[good].max(axis=1) / 4
+        limits.clearance + np.diff(along[good]).max(axis=1) / 4
     )
     return np.asarray(kept[good])
 
 
-def _with_runs(paths: Float, out: Float, runs: Float) -> tuple[Float, Float]:
+def _with_runs(paths: Float, out: Float, runs: Float) -> Float:
     """Paths (c, p, 3) with samples of their straight runs of `runs` (c, 2) mm along `out`
-    (c, 2, 3), and the distances (c, p + 7) between neighbours."""
+    (c, 2, 3)."""
     s = (np.arange(RUN) + 1)[:, None] / RUN
     start = paths[:, :1] + (runs[:, 0, None, None] * s) * out[:, None, 0]
     end = paths[:, -1:] + (runs[:, 1, None, None] * s) * out[:, None, 1]
-    whole = np.concatenate([start[:, ::-1], paths, end], axis=1)
-    return whole, np.linalg.norm(np.diff(whole, axis=1), axis=2)
+    return np.concatenate([start[:, ::-1], paths, end], axis=1)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.device import Sensor
-from ..problem.cord_parameters import sample_path
+from ...core.path_sampling import sample_path
 from ..problem.problem import Problem
 
 #: Signals that change less than this tell nothing, (R - R0)/R0.

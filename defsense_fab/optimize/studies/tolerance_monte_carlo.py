@@ -14,9 +14,9 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device import Sensor
+from ...core.path_sampling import sample_path
 from ...decoding.decoders import Trained, fit_decoder
 from ...sensing.signal import signals
-from ..problem.cord_parameters import sample_path
 from ..problem.problem import Problem, reduce_outputs
 
 #: A cord wanders in its groove between so many points along its path.

@@ -9,11 +9,11 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device import Sensor
+from ...core.path_sampling import sample_path
 from ...core.prediction import Prediction
 from ...decoding.decoders import Trained, fit_decoder
 from ...decoding.folds import cross_validated
 from ...decoding.ridge import measure
-from ...optimize.problem.cord_parameters import sample_path
 from ...optimize.problem.problem import Problem
 from .design_task import DesignTask
 

@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...core.arrays import Float
 from ...core.device import Device, Sensor
 from ...core.errors import FabricationError
@@ -24,7 +22,6 @@ from ...geometry.parts.parts import make_parts
 from ...geometry.parts.print_bed import PlacedPart, arrange, laid
 from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
-from ...optimize.problem.cord_parameters import sample_path
 from ..artifacts.body import load_body_record, load_solid, load_surface
 from ..artifacts.layout import LayoutRecord, load_layout, load_prediction
 from ..artifacts.manifest import (
@@ -129,16 +126,7 @@ def fabricate(
 
 def as_made(task: DesignTask, channels: Sequence[Channel]) -> Prediction:
     """What the device is predicted to sense without the ends of cords that lie in pockets."""
-    return predict(task, [_sensing(c) for c in channels]).prediction
-
-
-def _sensing(channel: Channel) -> Float:
-    """The stretch of a cord's path (p, 3) mm outside of its pockets."""
-    path = sample_path(channel.sensor)
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    hidden = [max(0.0, e.pocket - i) for e, i in zip(channel.ends, channel.inlets, strict=True)]
-    at = np.linspace(hidden[0], along[-1] - hidden[1], len(path))
-    return np.stack([np.interp(at, along, path[:, i]) for i in range(3)], axis=1)
+    return predict(task, [c.sensing for c in channels]).prediction
 
 
 def write(

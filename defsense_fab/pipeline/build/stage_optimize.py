@@ -11,9 +11,9 @@ import numpy as np
 
 from ...core.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
+from ...core.path_sampling import sample_path
 from ...decoding.features import KINDS
 from ...optimize.limits.verification import LayoutCheck, verify
-from ...optimize.problem.cord_parameters import sample_path
 from ...optimize.problem.problem import Problem
 from ...optimize.refinement.refine import Optimised, optimise, part
 from ...optimize.studies.risks import risks

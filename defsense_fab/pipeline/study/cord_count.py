@@ -11,8 +11,8 @@ import numpy as np
 from ...core.device import Device
 from ...core.errors import LayoutError
 from ...core.files import digest, storage_errors
+from ...core.path_sampling import sample_path
 from ...core.progress import Progress, silent
-from ...optimize.problem.cord_parameters import sample_path
 from ...optimize.studies.cord_count import by_count, knee
 from ..build.build import build
 from ..build.design_task import SEED, load_task

@@ -226,8 +226,8 @@ def _chosen(
 def _cords(device: Device, body: Surface) -> tuple[Float, list[Any]]:
     """Where cords or their wires come out of the skin (n, 3) mm, and the planes in which the body
     is split for them: as built, or else as drawn."""
+    from ...core.path_sampling import sample_path
     from ...geometry.kernels.ray_casting import hits
-    from ...optimize.problem.cord_parameters import sample_path
 
     folder, sensors = build_folder(device), list(device.sensors)
     if (folder / LAYOUT).is_file():

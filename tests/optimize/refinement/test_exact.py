@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from defsense_fab.core.path_sampling import sample_path
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.optimize.limits.verification import verify
-from defsense_fab.optimize.problem.cord_parameters import sample_path
 from defsense_fab.optimize.refinement.refine import optimise
 from defsense_fab.sensing.response import response_of
 from tests.conftest import structured_bar

@@ -10,13 +10,14 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
+from defsense_fab.core.path_sampling import sample_path
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.limits.polyline_distance import nearest, nearest_strand
 from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.cord_kinematics import cord_at
-from defsense_fab.optimize.problem.cord_parameters import CordParameters, sample_path
+from defsense_fab.optimize.problem.cord_parameters import CordParameters
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.refinement.refine import layout_error, optimise
 from defsense_fab.optimize.search.candidate_families import vary

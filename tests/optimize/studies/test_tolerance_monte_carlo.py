@@ -7,7 +7,7 @@ import pytest
 from sklearn.linear_model import Ridge
 
 from defsense_fab.core.curve import catmull_rom
-from defsense_fab.optimize.problem.cord_parameters import sample_path
+from defsense_fab.core.path_sampling import sample_path
 from defsense_fab.optimize.refinement.refine import layout_error
 from defsense_fab.optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band
 from defsense_fab.sensing.signal import signals
