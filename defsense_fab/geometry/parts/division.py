@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,9 +16,8 @@ from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
 from .channel_openings import ChannelOpening, borders, channel_openings
+from .cut_orders import cut_orders
 
-#: All orders of the cuts are tried for up to this many planes.
-_ALL_ORDERS = 4
 _THREAD = 0.05  # mm, diameter of the line that stands for a cord
 _BLOCKED = 0.1  # mm^2, by which parts may cover each other and still come apart
 _PIN = 6.0  # mm, kept for a pin beside a cord where a cut is limited
@@ -125,14 +123,12 @@ def plan(
     own = coincident([c.sensor.plane for c in channels])
     planes = [channels[same[0]].sensor.plane for same in own]
     threads = [_thread(c.lines, c) for c in channels]
-    count = len(planes)
-    orders = list(itertools.permutations(range(count))) if count <= _ALL_ORDERS else [range(count)]
     margin = 2 * radius + 2 * wall + _PIN
     rough = body.simplify(_ROUGH)  # good enough to compare plans on
     tried: list[tuple[float, float, float | None, Sequence[int]]] = []
     for m in (margin,) if limit else (None, margin):
         known: dict[tuple[int, int], _Opened] = {}
-        for order in orders:
+        for order in cut_orders(len(planes)):
             made = _cut(rough, planes, threads, own, order, m, play, known)
             cost = made.burden + (_LIMITED if m and not limit else 0.0)
             if tried and cost > min(t[0] for t in tried):

@@ -12,6 +12,7 @@ from ...core.arrays import Float, Int
 from ...core.curve import coincident
 from ...core.device import Sensor
 from ...core.path_sampling import sample_path
+from ...geometry.parts.cut_orders import cut_orders
 from ..problem.cord_kinematics import cord_at
 from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Problem
@@ -19,8 +20,6 @@ from .interior_points import evenly
 
 #: Points that stand for the body's volume, and for its surface, where the thinnest wedges end.
 _VOLUME, _SURFACE = 3000, 1500
-#: All orders of the cuts are tried for up to this many planes, as in `geometry/parts/division.py`.
-_ALL_ORDERS = 4
 _MARGIN = 1.2  # what the points may miss
 _FEW = 64  # cells, beyond which those without points are worth leaving out
 
@@ -87,11 +86,9 @@ class ThinParts:
         heights = heights[:, : len(cells)]
         volume = np.bincount(cells[:_VOLUME], minlength=int(cells.max()) + 1) / _VOLUME
         above = [_cell_set(cells[h > 0]) for h in heights]
-        count = len(planes)
-        orders = itertools.permutations(range(count)) if count <= _ALL_ORDERS else [range(count)]
         parts: list[Leaf] = []
         best: tuple[int, float] | None = None
-        for order in orders:
+        for order in cut_orders(len(planes)):
             runs = [_cell_set(a) for a in along]
             leaves = list(_cut(_cell_set(cells), runs, list(order), (), own, above))
             rank = (len(leaves), -min(float(volume[_members(x.cells)].sum()) for x in leaves))
