@@ -29,13 +29,14 @@ class BaySpec:
 @dataclass(frozen=True)
 class BodySpec:
     """Where the body comes from; `scale` turns a mesh's unit into mm; the connector `bay` that is
-    cut into it."""
+    cut into it; `time_limit` of a script, s."""
 
     kind: BodyKind
     path: Path
     parameters: Mapping[str, float | int | str | bool] = field(default_factory=dict)
     scale: float = 1.0
     bay: BaySpec | None = None
+    time_limit: float = 600.0
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,12 @@ class MaterialSpec:
 
 @dataclass(frozen=True)
 class MeshSpec:
-    """Edge length of the tets in mm, or the relative `accuracy` of signals that chooses it."""
+    """Edge length of the tets in mm, or the relative `accuracy` of signals that chooses it;
+    `time_limit` of the mesher, s."""
 
     edge_length: float | None = None
     accuracy: float | None = None
+    time_limit: float = 3600.0
 
 
 @dataclass(frozen=True)

@@ -124,9 +124,12 @@ def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
         if isinstance(value, int | float) and not isinstance(value, bool) and not is_number(value):
             t.fail("parameters", f"{name} must be a finite number, not {value!r}")
     scale = t.number("scale", 1.0, low=0) if kind == "mesh" else 1.0
+    limit = BodySpec.time_limit
+    if kind == "script":
+        limit = t.number("time_limit", limit, low=0)
     bay = _bay(t.table("bay")) if t.has("bay") else None
     t.done()
-    return BodySpec(kind, path, parameters, scale, bay)
+    return BodySpec(kind, path, parameters, scale, bay, limit)
 
 
 def _bay(t: Table) -> BaySpec:
@@ -147,8 +150,9 @@ def _mesh(t: Table) -> MeshSpec:
         t.fail("edge_length", "give either edge_length = 6.0 (mm) or accuracy = 0.01 (of signals)")
     if accuracy is not None and not 1e-4 <= accuracy <= 0.2:
         t.fail("accuracy", f"must lie between 0.0001 and 0.2, not {accuracy:g}")
+    limit = t.number("time_limit", MeshSpec.time_limit, low=0)
     t.done()
-    return MeshSpec(edge, accuracy)
+    return MeshSpec(edge, accuracy, limit)
 
 
 #: The constants (MPa) that a model may be given by, in place of young_modulus.

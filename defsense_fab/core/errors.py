@@ -41,3 +41,7 @@ class CaptureError(DefsenseError):
 
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
+
+
+class CapacityError(DefsenseError):
+    """The machine's memory does not suffice for what was asked."""

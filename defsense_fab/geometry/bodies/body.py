@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import sys
-import traceback
-from collections.abc import Mapping
-from dataclasses import dataclass
+import json
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +12,10 @@ from ...core.errors import BodyError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
+from .child_process import Failure, finished
 from .connector_bay import recess
+from .script_process import RESULT, SOLIDS, TASK
+from .source_files import SourceFile
 
 #: Largest distance of a facet from the true surface of a CAD body, mm.
 TESSELLATION = 0.05
@@ -27,13 +26,14 @@ SIZES = (1.0, 1e4)
 @dataclass(frozen=True)
 class Body:
     """`surface` bounds the body; `solid` is its OpenCascade TopoDS_Solid where it is CAD; `bay` is
-    the recess for a connector that both have."""
+    the recess for a connector that both have; `sources` are the files that it was made from."""
 
     surface: Surface
     volume: float
     solid: Any = None
     repairs: tuple[str, ...] = ()
     bay: Prism | None = None
+    sources: tuple[SourceFile, ...] = ()
 
 
 def load_body(spec: BodySpec) -> Body:
@@ -53,25 +53,22 @@ def load_body(spec: BodySpec) -> Body:
 
         solid = occ.without(body.solid, [bay])
         surface, volume = occ.tessellate(solid, TESSELLATION), occ.volume(solid)
-    return Body(surface, volume, solid, body.repairs, bay)
+    return replace(body, surface=surface, volume=volume, solid=solid, bay=bay)
 
 
 def _load(spec: BodySpec) -> Body:
+    sources: tuple[SourceFile, ...] = (SourceFile.now(spec.path),)
     if spec.kind == "mesh":
         from .mesh_repair import read_mesh
 
         surface, repairs = read_mesh(spec.path, spec.scale, SIZES)
-        return Body(surface, surface.volume, None, repairs)
+        return Body(surface, surface.volume, None, repairs, sources=sources)
     from ..kernels import occ
 
     if spec.kind == "step":
         solids = occ.read_step(spec.path)
     else:
-        result = _run_script(spec.path, spec.parameters)
-        try:
-            solids = occ.solids_of(result)
-        except BodyError as error:
-            raise BodyError(f"{spec.path}: {error}") from None
+        solids, sources = _run_script(spec)
     if len(solids) != 1:
         raise BodyError(
             f"{spec.path}: gives {len(solids)} solids, one is needed; fuse them or remove the rest"
@@ -85,37 +82,47 @@ def _load(spec: BodySpec) -> Body:
     volume = occ.volume(solids[0])
     if volume <= 0:
         raise BodyError(f"{spec.path}: the solid's volume is {volume:.3g} mm^3; turn its faces")
-    return Body(surface, volume, solids[0])
+    return Body(surface, volume, solids[0], sources=sources)
 
 
-def _run_script(path: Path, parameters: Mapping[str, Any]) -> Any:
-    """Call `body(**parameters)` of the script; what it prints goes to standard error."""
-    space: dict[str, Any] = {"__name__": "__body__", "__file__": str(path)}
-    here = os.getcwd()
-    sys.path.insert(0, str(path.parent))
-    try:
-        with contextlib.redirect_stdout(sys.stderr):
-            exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), space)
-            if not callable(space.get("body")):
-                raise BodyError(
-                    f"{path}: defines no function body(...); add one that returns a solid"
-                )
-            result = space["body"](**parameters)
-    except (BodyError, KeyboardInterrupt):
-        raise
-    except BaseException as error:  # scripts may raise anything, or call exit()
-        frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
-        line = frames[-1].lineno if frames else getattr(error, "lineno", None)
-        where = f"{path}:{line}" if line else str(path)
-        text = " ".join(str(error).split()) or "no message"
-        raise BodyError(
-            f"{where}: the script raised {type(error).__name__}: {text}; mend the script or its"
-            " parameters"
-        ) from None
-    finally:
-        os.chdir(here)
-        with contextlib.suppress(ValueError):  # the script may have removed it
-            sys.path.remove(str(path.parent))
-    if result is None:
-        raise BodyError(f"{path}: body() returned None; return the solid")
-    return result
+def _run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
+    """The TopoDS_Solids of `body(**parameters)` of the script, and the files that it read; what it
+    prints goes to standard error."""
+    path = spec.path
+    failure = Failure(
+        BodyError,
+        f"{path}: the script",
+        "find the call that ends it",
+        "simplify the script, or raise [body] time_limit in device.toml",
+    )
+
+    def give(folder: Path) -> None:
+        task = {"script": str(path), "parameters": dict(spec.parameters)}
+        (folder / TASK).write_text(json.dumps(task, default=_plain), encoding="utf-8")
+
+    module = f"{__package__}.script_process"
+    with finished(module, give, RESULT, spec.time_limit, failure, relay=True) as folder:
+        made = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+        if "refused" in made:
+            raise BodyError(f"{path}: {made['refused']}")
+        if "type" in made:
+            where = f"{made['file']}:{made['line']}" if made["line"] else made["file"]
+            raise BodyError(
+                f"{where}: the script raised {made['type']}: {made['message'] or 'no message'};"
+                " mend the script or its parameters"
+            )
+        from ..kernels import brep
+
+        solids = brep.read_brep(folder / SOLIDS)
+    sources = tuple(SourceFile(Path(name), content) for name, content in made["sources"])
+    # A file that has gone since was the script's own, for the time being.
+    return solids, tuple(s for s in sources if s.content is None or s.path.exists())
+
+
+def _plain(value: Any) -> Any:
+    """A number of NumPy for JSON. Raises BodyError for a parameter that JSON does not have."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise BodyError(
+        f"device.toml: body.parameters: cannot hold {value!r}; use numbers, texts, lists or tables"
+    )

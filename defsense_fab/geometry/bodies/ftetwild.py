@@ -1,21 +1,26 @@
-"""fTetWild in a process of its own: `python -m` this module, with IN.npz and OUT.npz.
-
-In the caller's process it would take Ctrl-C away, and a crash on a bad surface would end the build
-without a word.
-"""
+"""fTetWild in a process of its own: `python -m` this module, with a folder that holds `IN`."""
 
 from __future__ import annotations
 
+import os
 import sys
+from typing import Any
 
 import numpy as np
 
+from .child_process import end_with_parent
 
-def main(source: str, target: str) -> None:
+IN, OUT = "surface.npz", "mesh.npz"
+
+
+def main(folder: str) -> None:
     """Read vertices, faces, edge_length (mm) and epsilon; write nodes and tets, or the error."""
+    end_with_parent()
+    os.chdir(folder)  # fTetWild leaves a file of its own there
     import pytetwild
 
-    with np.load(source) as given:
+    found: dict[str, Any]
+    with np.load(IN) as given:
         try:
             nodes, tets = pytetwild.tetrahedralize(
                 given["vertices"],
@@ -24,11 +29,14 @@ def main(source: str, target: str) -> None:
                 epsilon=float(given["epsilon"]),
                 num_threads=1,
             )
+            found = {"nodes": nodes, "tets": tets}
         except RuntimeError as error:
-            np.savez(target, error=str(error))
-            return
-    np.savez(target, nodes=nodes, tets=tets)
+            found = {"error": str(error)}
+        except MemoryError:
+            found = {"error": "out of memory"}
+    np.savez("unfinished.npz", **found)
+    os.replace("unfinished.npz", OUT)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2])
+    main(sys.argv[1])

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.device import MeshSpec
 from ...core.errors import MeshingError
 from ...core.mesh import Surface, TetMesh
+from . import ftetwild
+from .child_process import Failure, finished
 
 
 @dataclass(frozen=True)
@@ -29,11 +28,15 @@ class MeshQuality:
 
 
 def tetrahedralise(
-    surface: Surface, edge_length: float, on_step: Callable[[str], None] | None = None
+    surface: Surface,
+    edge_length: float,
+    on_step: Callable[[str], None] | None = None,
+    time_limit: float = MeshSpec.time_limit,
 ) -> TetMesh:
     """Tets of about `edge_length` mm inside `surface`. Not repeatable: store the result.
 
-    Raises MeshingError where the edge length does not fit the body or the mesher fails.
+    Raises MeshingError where the edge length does not fit the body, or the mesher fails or takes
+    more than `time_limit` s.
     """
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
     if edge_length < 1e-4 * size or 8.5 * surface.volume / edge_length**3 > 2e6:
@@ -49,42 +52,39 @@ def tetrahedralise(
     if on_step:
         on_step("tetrahedralising")
     epsilon = min(1e-3, 0.02 * edge_length / size)
-    nodes, tets = _mesh(surface, edge_length, epsilon)
+    nodes, tets = _mesh(surface, edge_length, epsilon, time_limit)
     return _tidy(np.asarray(nodes, float), np.asarray(tets, np.int64))
 
 
-def _mesh(surface: Surface, edge_length: float, epsilon: float) -> tuple[Float, Int]:
-    with tempfile.TemporaryDirectory() as scratch:  # where fTetWild leaves a file of its own, too
-        source, target = Path(scratch) / "surface.npz", Path(scratch) / "mesh.npz"
+def _mesh(
+    surface: Surface, edge_length: float, epsilon: float, time_limit: float
+) -> tuple[Float, Int]:
+    failure = Failure(
+        MeshingError,
+        "the mesher",
+        "repair the body's surface",
+        "use a larger [mesh] edge_length, or raise [mesh] time_limit in device.toml",
+    )
+
+    def give(folder: Path) -> None:
         np.savez(
-            source,
+            folder / ftetwild.IN,
             vertices=surface.vertices,
             faces=np.asarray(surface.faces, np.int32),
             edge_length=edge_length,
             epsilon=epsilon,
         )
-        ended = subprocess.run(
-            [
-                sys.executable,
-                "-m",
-                f"{__package__}.ftetwild",
-                str(source),
-                str(target),
-            ],
-            cwd=scratch,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        if not target.exists():
-            why = f"signal {-ended.returncode}" if ended.returncode < 0 else ended.stderr[-200:]
-            raise MeshingError(f"the mesher ended early ({why}); repair the body's surface")
-        with np.load(target) as made:
-            if "error" in made:
-                raise MeshingError(f"the mesher failed: {made['error']}; repair the body's surface")
-            return made["nodes"], made["tets"]
+
+    with (
+        finished(ftetwild.__name__, give, ftetwild.OUT, time_limit, failure) as folder,
+        np.load(folder / ftetwild.OUT) as made,
+    ):
+        if "error" in made:
+            raise MeshingError(
+                f"the mesher failed: {made['error']}; repair the body's surface, or use another"
+                " [mesh] edge_length"
+            )
+        return made["nodes"], made["tets"]
 
 
 def _tidy(nodes: Float, tets: Int) -> TetMesh:

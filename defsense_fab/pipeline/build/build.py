@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from ...core.device import Device
-from ...core.errors import DefsenseError, StorageError
+from ...core.errors import CapacityError, DefsenseError, StorageError
 from ...core.files import storage_errors, write_json
+from ...core.lock import locked
 from ...core.progress import Progress, silent
+from . import body_sources
 from .stages import STAGES, Stage, keys, read_json
 
 STATE = "state.json"
@@ -37,8 +39,9 @@ def build(device: Device, until: str = "report", progress: Progress = silent) ->
 
     Raises a DefsenseError where a stage fails; `build/` is then untouched.
     """
+    busy = f"{device.source}: another build of this device is running; wait for it"
     final, working, old = (device.source / n for n in ("build", ".build-next", ".build-old"))
-    with storage_errors(device.source), _Lock(device.source / ".build-lock"):
+    with storage_errors(device.source), locked(device.source / ".build-lock", busy):
         for path in (final, working, old):
             if path.is_symlink():
                 raise StorageError(
@@ -50,61 +53,37 @@ def build(device: Device, until: str = "report", progress: Progress = silent) ->
                 shutil.rmtree(old)
             else:
                 os.replace(old, final)
-        wanted = keys(device)
         stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
-        if _done(final, stages, wanted):
+        wanted = keys(device, final)
+        if all(_has(device, final, s, wanted) for s in stages):
             return BuildResult(final, (), tuple(s.name for s in stages))
         working.mkdir(exist_ok=True)
-        state = _state(working)
         made, reused = [], []
         for stage in STAGES:
-            key = wanted[stage.name]
-            if _has(working, stage, state, key):
+            if _has(device, working, stage, keys(device, working)):
                 reused.append(stage.name)
                 continue
             _clear(working, stage)
-            state.pop(stage.name, None)
-            if _has(final, stage, _state(final), key):
+            if stage is not STAGES[0]:  # from now on for the body in the working folder
+                wanted = keys(device, working)
+            if _has(device, final, stage, wanted):
                 for name in stage.outputs:
                     _copy(final / name, working / name)
                 reused.append(stage.name)
             elif stage in stages:
                 progress(stage.name, 0.0, stage.title)
-                stage.run(device, working, partial(progress, stage.name))
+                _run(stage, device, working, progress)
                 progress(stage.name, 1.0, "done")
                 made.append(stage.name)
             else:
                 continue
-            state[stage.name] = {"key": key, "files": _sizes(working, stage)}
-            write_json(working / STATE, state)
+            done = {"key": keys(device, working)[stage.name], "files": _sizes(working, stage)}
+            write_json(working / STATE, {**_state(working), stage.name: done})
         if final.exists():
             os.replace(final, old)
         os.replace(working, final)
         shutil.rmtree(old, ignore_errors=True)
     return BuildResult(final, tuple(made), tuple(reused))
-
-
-class _Lock:
-    """Two builds of one device at once would mix their files."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> None:
-        import fcntl
-
-        self._file = self._path.open("w")
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            self._file.close()
-            raise StorageError(
-                f"{self._path.parent}: another build of this device is running; wait for it"
-            ) from None
-
-    def __exit__(self, *_: object) -> None:
-        self._path.unlink(missing_ok=True)
-        self._file.close()
 
 
 def _state(folder: Path) -> dict[str, Any]:
@@ -115,20 +94,28 @@ def _state(folder: Path) -> dict[str, Any]:
     return state if isinstance(state, dict) else {}
 
 
-def _has(folder: Path, stage: Stage, state: dict[str, Any], key: str) -> bool:
-    """Whether the stage's files are those that it left: none gone, none cut short."""
-    return state.get(stage.name) == {"key": key, "files": _sizes(folder, stage)}
+def _has(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> bool:
+    """Whether the stage's files are those that it left, none gone, none cut short, and made from
+    what there is now."""
+    left = {"key": wanted[stage.name], "files": _sizes(folder, stage)}
+    if _state(folder).get(stage.name) != left:
+        return False
+    return stage is not STAGES[0] or body_sources.unchanged(device, folder)
+
+
+def _run(stage: Stage, device: Device, folder: Path, progress: Progress) -> None:
+    try:
+        stage.run(device, folder, partial(progress, stage.name))
+    except MemoryError:
+        raise CapacityError(
+            f"{device.source}: the memory does not suffice to {stage.title}; {stage.lighter}"
+        ) from None
 
 
 def _sizes(folder: Path, stage: Stage) -> dict[str, int]:
     paths = [folder / name for name in stage.outputs]
     files = [f for p in paths for f in (sorted(p.rglob("*")) if p.is_dir() else [p])]
     return {str(f.relative_to(folder)): f.stat().st_size for f in files if f.is_file()}
-
-
-def _done(folder: Path, stages: tuple[Stage, ...], wanted: dict[str, str]) -> bool:
-    state = _state(folder)
-    return all(_has(folder, s, state, wanted[s.name]) for s in stages)
 
 
 def _clear(folder: Path, stage: Stage) -> None:

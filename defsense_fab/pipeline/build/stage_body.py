@@ -6,14 +6,20 @@ from pathlib import Path
 
 from ...core.device import Device
 from ...geometry.bodies.body import load_body
+from ...geometry.bodies.source_files import SourceFile
 from ..artifacts.body import BodyRecord, save_body
+from . import body_sources
 from .stages import Report
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
+    lying = body_sources.cad_files(device)
     body = load_body(device.body)
+    # Those that the script wrote anew itself are no sources.
+    sources = [s for s in lying if s == SourceFile.now(s.path)] + list(body.sources)
     out = folder / "body"
     out.mkdir()
+    body_sources.record(device, folder, sources)
     if body.solid is not None:
         from ...geometry.kernels import occ
 

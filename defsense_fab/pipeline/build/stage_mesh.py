@@ -24,7 +24,9 @@ def run(device: Device, folder: Path, report: Report) -> None:
     def make(edge_length: float) -> TetMesh:
         made = mesh_store.recall(surface, edge_length)
         if made is None:
-            made = tetrahedralise(surface, edge_length, lambda m: report(0.3, m))
+            made = tetrahedralise(
+                surface, edge_length, lambda m: report(0.3, m), device.mesh.time_limit
+            )
             mesh_store.remember(surface, edge_length, made)
         return conform(made, list(device.regions.values()))
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
 from ...core.device import Device
 from ...core.files import digest
+from . import body_sources
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
 CODE_VERSION = 15
@@ -20,37 +22,27 @@ Report = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Stage:
-    """`run(device, folder, report)` writes `outputs` (names in the folder); `inputs` are hashed."""
+    """`run(device, folder, report)` writes `outputs` (names in the folder); `inputs` are hashed,
+    and so are the versions of `libraries` (distributions) that shape the result; `lighter` is what
+    to do where the memory does not suffice."""
 
     name: str
     title: str
     outputs: tuple[str, ...]
     inputs: Callable[[Device], Any]
     run: Callable[[Device, Path, Report], None]
-
-
-#: Files beside a script that it may read or import; notes and results beside it do not count.
-_SOURCES = {".py", ".step", ".stp", ".brep", ".stl", ".obj", ".3mf", ".csv", ".dxf", ".svg"}
+    libraries: tuple[str, ...]
+    lighter: str
 
 
 def _body_inputs(d: Device) -> Any:
-    files = [d.body.path]
-    if d.body.kind == "script":
-        files += sorted(
-            p
-            for p in d.source.rglob("*")
-            if p.is_file()
-            and p.suffix.lower() in _SOURCES
-            and not any(
-                n in ("build", "__pycache__") or n[0] == "." for n in p.relative_to(d.source).parts
-            )
-        )
+    """What the script or file was called; `body_sources` has the contents."""
     return (
         d.body.kind,
+        os.path.relpath(d.body.path, d.source),
         sorted(d.body.parameters.items()),
         d.body.scale,
         plain(d.body.bay),
-        [(p.name, digest(p)) for p in files],
     )
 
 
@@ -92,14 +84,26 @@ def _runner(name: str) -> Callable[[Device, Path, Report], None]:
     return run
 
 
+_COARSER = "use a larger [mesh] edge_length in device.toml"
+
 STAGES = (
-    Stage("body", "load the body", ("body",), _body_inputs, _runner("body")),
+    Stage(
+        "body",
+        "load the body",
+        ("body",),
+        _body_inputs,
+        _runner("body"),
+        ("build123d", "cadquery", "cadquery-ocp", "manifold3d", "trimesh", "lib3mf"),
+        "simplify the body",
+    ),
     Stage(
         "mesh",
         "make tetrahedra",
         ("mesh.vtu", "mesh.json"),
         _mesh_inputs,
         _runner("mesh"),
+        ("pytetwild",),
+        _COARSER,
     ),
     Stage(
         "simulate",
@@ -107,6 +111,8 @@ STAGES = (
         ("fields",),
         lambda d: plain((d.material, d.poses, d.states)),
         _runner("simulate"),
+        ("numpy", "scipy", "numba", "pypardiso", "mkl"),
+        _COARSER,
     ),
     Stage(
         "optimize",
@@ -116,6 +122,8 @@ STAGES = (
             (d.cord, _cord_room(d), d.outputs, d.sensors, d.propose, d.planes, d.decoder)
         ),
         _runner("optimize"),
+        ("daqp", "libigl"),  # NumPy, SciPy and numba, too, by the key of the stage before
+        _COARSER,
     ),
     Stage(
         "fabricate",
@@ -123,6 +131,8 @@ STAGES = (
         ("parts",),
         lambda d: plain((d.name, d.fabrication)),
         _runner("fabricate"),
+        (),  # CAD and mesh kernels are those of the body
+        "simplify the body, or use fewer cords",
     ),
     Stage(
         "report",
@@ -130,18 +140,33 @@ STAGES = (
         ("report.html", "guide.html", "guide.pdf"),
         lambda d: d.name,
         _runner("report"),
+        ("pyvista", "vtk", "matplotlib", "jinja2", "reportlab"),
+        "close other programs",
     ),
 )
 
 
-def keys(device: Device) -> dict[str, str]:
-    """The hash of all that each stage's result depends on, upstream stages included."""
+def keys(device: Device, folder: Path) -> dict[str, str]:
+    """The hash of all that each stage's result depends on, upstream stages included, for the body
+    in `folder`: of the files that it was made from it has the contents that they had then."""
     out: dict[str, str] = {}
-    key = digest(CODE_VERSION)
+    key = digest(CODE_VERSION, body_sources.recorded(folder))
     for stage in STAGES:
-        key = digest(key, stage.name, stage.inputs(device))
+        key = digest(key, stage.name, stage.inputs(device), _versions(stage.libraries))
         out[stage.name] = key
     return out
+
+
+def _versions(libraries: tuple[str, ...]) -> list[tuple[str, str | None]]:
+    """Versions as installed, None where a library is not: known without importing it."""
+    return [(name, _version(name)) for name in libraries]
+
+
+def _version(library: str) -> str | None:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def read_json(path: Path) -> Any:

@@ -46,7 +46,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     task = load_task(device, result.folder)
     folder = device.source / "study"
     key = digest(
-        keys(device)["simulate"],
+        keys(device, result.folder)["simulate"],
         plain((device.cord, device.fabrication, device.outputs, device.decoder, device.planes)),
     )
     with storage_errors(folder):

@@ -1,0 +1,38 @@
+"""One holder of a file at a time, among processes and among threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from .errors import StorageError
+from .files import storage_errors
+
+try:
+    import fcntl
+except ImportError:  # Windows, which is not supported: nothing is locked there
+    fcntl = None  # type: ignore[assignment]
+
+
+@contextmanager
+def locked(path: Path, message: str) -> Iterator[None]:
+    """Hold the lock of the file `path`, which is made where there is none and keeps its content.
+
+    The file stays: were it removed, a second holder could lock the removed one, and a third a new
+    one. The system ends the lock with the process. Raises StorageError, with `message` where
+    another holds it.
+    """
+    with storage_errors(path):
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        if fcntl is not None:
+            with storage_errors(path):
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    raise StorageError(message) from None
+        yield
+    finally:
+        os.close(file)

@@ -1,0 +1,118 @@
+"""A module run in a process of its own, which Ctrl-C, a time limit and the caller's end all stop.
+
+In the caller's process a script would leave its modules behind, and native code takes Ctrl-C away
+or ends the program without a word.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from ...core.errors import DefsenseError
+
+
+@dataclass(frozen=True)
+class Failure:
+    """How it is told that a child failed: an `error` whose text begins with `who`, and what to do
+    where it ended early (`crashed`) or took too long (`slow`)."""
+
+    error: type[DefsenseError]
+    who: str
+    crashed: str
+    slow: str
+
+
+@contextlib.contextmanager
+def finished(
+    module: str,
+    give: Callable[[Path], None],
+    result: str,
+    limit: float,
+    failure: Failure,
+    relay: bool = False,
+) -> Iterator[Path]:
+    """Run `python -m module FOLDER` and yield FOLDER, a temporary one that then holds `result`.
+
+    `give` writes what the module needs into the folder beforehand. With `relay` what the module
+    prints goes to standard error. Raises the failure's error where no `result` is left, or where
+    the module takes more than `limit` s.
+    """
+    with tempfile.TemporaryDirectory(prefix="defsense-") as name:
+        folder = Path(name)
+        give(folder)
+        code, said = _run(module, folder, limit, failure, relay)
+        if not (folder / result).exists():
+            why = f"signal {-code}" if code < 0 else f"exit code {code}"
+            if -code == signal.SIGKILL:
+                why += ", perhaps for want of memory"
+            why += f": {said}" if said else ""
+            raise failure.error(f"{failure.who} ended early ({why}); {failure.crashed}")
+        yield folder
+
+
+def _run(module: str, folder: Path, limit: float, failure: Failure, relay: bool) -> tuple[int, str]:
+    """The exit code, and the last line that was printed."""
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-u", "-m", module, str(folder)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(p or os.getcwd() for p in sys.path)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        start_new_session=True,  # a group of its own, which can be ended with all that it started
+    )
+    assert process.stdin is not None
+    assert process.stdout is not None
+    last: deque[str] = deque(maxlen=1)
+    reader = threading.Thread(target=_read, args=(process.stdout, last, relay), daemon=True)
+    reader.start()
+    try:
+        code = process.wait(limit)
+    except subprocess.TimeoutExpired:
+        raise failure.error(
+            f"{failure.who} did not end within {limit:g} s and was stopped; {failure.slow}"
+        ) from None
+    finally:
+        if process.returncode is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        process.stdin.close()
+        reader.join(1.0)  # a process that the module started may hold the other end
+        if not reader.is_alive():
+            process.stdout.close()
+    return code, last[0] if last else ""
+
+
+def _read(stream: IO[str], last: deque[str], relay: bool) -> None:
+    for line in stream:
+        if line.strip():
+            last.append(" ".join(line.split())[-200:])
+        if relay:
+            sys.stderr.write(line)
+
+
+def end_with_parent() -> None:
+    """Called by the module first: its process and all that it starts end when the caller has gone,
+    however it went. Standard input, through which that is known, is empty from then on."""
+    lifeline = os.dup(0)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+
+    def watch() -> None:
+        os.read(lifeline, 1)  # returns when the caller's end of the pipe is closed
+        os.killpg(0, signal.SIGKILL)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,36 @@
+"""Exact solids in a file, as OpenCascade has them: what one process hands to another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from OCP.BinTools import BinTools
+from OCP.BRep import BRep_Builder
+from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
+
+
+def write_brep(solids: Sequence[Any], path: Path) -> None:
+    """TopoDS_Solids to a binary BREP file. Raises OSError where it cannot be written."""
+    builder, compound = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(compound)
+    for solid in solids:
+        builder.Add(compound, solid)
+    if not BinTools.Write_s(compound, str(path)):
+        raise OSError(f"{path}: OpenCascade could not write it")
+
+
+def read_brep(path: Path) -> list[Any]:
+    """The TopoDS_Solids that `write_brep` wrote, in their order."""
+    shape = TopoDS_Shape()
+    if not BinTools.Read_s(shape, str(path)):
+        raise OSError(f"{path}: OpenCascade could not read it")
+    solids = []
+    walk = TopExp_Explorer(shape, TopAbs_SOLID)
+    while walk.More():
+        solids.append(TopoDS.Solid_s(walk.Current()))
+        walk.Next()
+    return solids

@@ -1,0 +1,188 @@
+"""Scripts and the mesher in processes of their own: modules, limits, Ctrl-C, crashes."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from defsense_fab.core.device import BodySpec
+from defsense_fab.core.errors import BodyError, MeshingError
+from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+
+BOX = "import build123d as bd\nimport helper\ndef body(): return bd.Box(helper.SIZE, 10, 10)\n"
+#: Writes its process's number, starts another process, and sleeps.
+SLEEPER = (
+    "import os, pathlib, subprocess, time\n"
+    "def body(file):\n"
+    "    other = subprocess.Popen(['sleep', '300'])\n"
+    "    pathlib.Path(file + '.part').write_text(f'{os.getpid()} {other.pid}')\n"
+    "    os.replace(file + '.part', file)\n"
+    "    time.sleep(300)\n"
+)
+
+
+def gone(pids, seconds=10):
+    """Whether all processes have ended, or are at least only waited for."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if not any(running(pid) for pid in pids):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def running(pid):
+    said = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True)
+    return bool(said.stdout.strip()) and not said.stdout.startswith("Z")
+
+
+def appears(file, seconds=60):
+    end = time.monotonic() + seconds
+    while not file.exists():
+        assert time.monotonic() < end, f"{file} did not appear"
+        time.sleep(0.05)
+    return [int(word) for word in file.read_text().split()]
+
+
+@pytest.fixture
+def interrupts():
+    """Ctrl-C is a KeyboardInterrupt: background jobs of a shell begin with the signal ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_two_devices_have_helpers_of_one_name(tmp_path):
+    for name, size in (("a", 20), ("b", 40)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "body.py").write_text(BOX)
+        (tmp_path / name / "helper.py").write_text(f"SIZE = {size}\n")
+    bodies = [load_body(BodySpec("script", tmp_path / n / "body.py")) for n in ("a", "b")]
+    assert [b.volume for b in bodies] == pytest.approx([2000, 4000])
+    assert "helper" not in sys.modules
+
+
+def test_what_a_script_does_to_its_process_stays_there(tmp_path, capsys):
+    (tmp_path / "body.py").write_text(
+        "import os, sys\nimport build123d as bd\n"
+        "os.environ['MARK'] = '1'; os.chdir('/'); sys.path.clear(); print('said')\n"
+        "def body(): return bd.Box(10, 10, 10)\n"
+    )
+    before = (os.getcwd(), list(sys.path))
+    assert load_body(BodySpec("script", tmp_path / "body.py")).volume == pytest.approx(1000)
+    assert (os.getcwd(), list(sys.path)) == before
+    assert "MARK" not in os.environ
+    assert capsys.readouterr() == ("", "said\n")
+
+
+def test_a_script_that_never_ends_is_stopped_with_all_that_it_started(tmp_path):
+    (tmp_path / "body.py").write_text(SLEEPER)
+    file = tmp_path / "pids"
+    spec = BodySpec("script", tmp_path / "body.py", {"file": str(file)}, time_limit=3)
+    with pytest.raises(BodyError, match=r"body\.py: the script did not end within 3 s .*\[body\]"):
+        load_body(spec)
+    assert gone(appears(file, 1))
+
+
+def test_ctrl_c_stops_a_script_and_all_that_it_started(tmp_path, interrupts):
+    (tmp_path / "body.py").write_text(SLEEPER)
+    file = tmp_path / "pids"
+
+    def interrupt():
+        appears(file)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        load_body(BodySpec("script", tmp_path / "body.py", {"file": str(file)}))
+    assert gone(appears(file))
+
+
+def test_a_caller_that_is_killed_takes_its_script_along(tmp_path):
+    (tmp_path / "body.py").write_text(SLEEPER)
+    file = tmp_path / "pids"
+    code = (
+        "from pathlib import Path\nfrom defsense_fab.core.device import BodySpec\n"
+        "from defsense_fab.geometry.bodies.body import load_body\n"
+        f"load_body(BodySpec('script', Path({str(tmp_path / 'body.py')!r}),"
+        f" {{'file': {str(file)!r}}}))"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL) as caller:
+        pids = appears(file)
+        caller.kill()
+    assert gone(pids)
+
+
+@pytest.mark.parametrize(
+    ("end", "message"),
+    [
+        ("os.kill(os.getpid(), 11)", r"body\.py: the script ended early \(signal 11"),
+        ("os._exit(3)", r"body\.py: the script ended early \(exit code 3: before\)"),
+        ("os.kill(os.getpid(), 9)", r"signal 9, perhaps for want of memory"),
+    ],
+)
+def test_a_script_that_ends_its_process_is_one_line(tmp_path, end, message):
+    (tmp_path / "body.py").write_text(f"import os\ndef body():\n    print('before')\n    {end}\n")
+    with pytest.raises(BodyError, match=message) as caught:
+        load_body(BodySpec("script", tmp_path / "body.py"))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_script_finds_nothing_on_standard_input(tmp_path):
+    (tmp_path / "body.py").write_text("def body(): return input()\n")
+    with pytest.raises(BodyError, match=r"body\.py:1: .* EOFError"):
+        load_body(BodySpec("script", tmp_path / "body.py"))
+
+
+def test_parameters_are_plain(tmp_path):
+    import datetime
+
+    import numpy as np
+
+    (tmp_path / "body.py").write_text(
+        "import build123d as bd\ndef body(a, b): return bd.Box(a, b['c'][0], 10)\n"
+    )
+    spec = BodySpec("script", tmp_path / "body.py", {"a": np.int64(20), "b": {"c": [5.0]}})
+    assert load_body(spec).volume == pytest.approx(1000)
+    spec = BodySpec("script", tmp_path / "body.py", {"a": datetime.date(2020, 1, 1), "b": 1})
+    with pytest.raises(BodyError, match=r"body\.parameters: cannot hold .*date"):
+        load_body(spec)
+
+
+def test_the_mesher_is_stopped_at_its_limit(bar):
+    with pytest.raises(MeshingError, match=r"did not end within 0\.5 s .* \[mesh\] time_limit"):
+        tetrahedralise(bar, 1.5, time_limit=0.5)
+
+
+def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    found = []
+
+    def interrupt():
+        deadline = time.monotonic() + 30
+        while not found and time.monotonic() < deadline:
+            said = subprocess.run(
+                ["ps", "-ww", "-eo", "pid=,args="], capture_output=True, text=True
+            )
+            found.extend(
+                int(line.split()[0])
+                for line in said.stdout.splitlines()
+                if str(tmp_path) in line and "ftetwild" in line
+            )
+        time.sleep(1)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        tetrahedralise(bar, 1.5)
+    assert time.monotonic() - begin < 30
+    assert found
+    assert gone(found)
+    assert list(Path(tmp_path).iterdir()) == []
