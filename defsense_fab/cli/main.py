@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import logging
+import os
 import signal
 import sys
 import threading
@@ -15,14 +16,12 @@ from ..core.errors import DefsenseError
 from . import build, calibrate, capture, modes, study
 from .output import progress_bars
 
-_OUT_OF_MEMORY = {
-    "build": "the memory is full; use a larger [mesh] edge_length in device.toml, or close other"
-    " programs",
-    "study": "the memory is full; give fewer cords with --sensors, or use a larger [mesh]"
-    " edge_length in device.toml",
-    "capture": "the memory is full; process shorter recordings or fewer cameras at once, or close"
-    " other programs",
-    "calibrate": "the memory is full; fit fewer sessions at once, or close other programs",
+#: What to do where the memory does not suffice.
+_LIGHTER = {
+    "build": "use a larger [mesh] edge_length in device.toml",
+    "study": "give fewer cords with --sensors, or use a larger [mesh] edge_length in device.toml",
+    "capture": "close other programs, or take fewer, smaller or shorter pictures and videos",
+    "calibrate": "close other programs, or give fewer sessions at a time",
 }
 _INTERRUPTED = {
     "build": "interrupted; the last build is untouched, and the same command goes on from the last"
@@ -30,6 +29,9 @@ _INTERRUPTED = {
     "capture": "interrupted; what was recorded is there, and files that were being written are not",
     "calibrate": "interrupted; what was recorded is there, and the same command goes on",
 }
+
+
+_log = logging.getLogger(__name__)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,19 +46,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return int(options.run(options))
         except DefsenseError as error:
             return _refuse(str(error))
-        except MemoryError:
-            return _refuse(_OUT_OF_MEMORY.get(options.command, _OUT_OF_MEMORY["build"]))
-        except OSError as error:
-            if interrupted:
-                return _refuse(_INTERRUPTED.get(options.command, _INTERRUPTED["build"]))
-            where = f"{error.filename}: " if error.filename else ""
-            return _refuse(f"{where}{error.strerror or error}; check the path and permissions")
         except KeyboardInterrupt:
             return _refuse(_INTERRUPTED.get(options.command, _INTERRUPTED["build"]))
-        except Exception:
-            if not interrupted:
+        except Exception as error:
+            if interrupted:
+                return _refuse(_INTERRUPTED.get(options.command, _INTERRUPTED["build"]))
+            if not isinstance(error, MemoryError | OSError):
                 raise
-            return _refuse(_INTERRUPTED.get(options.command, _INTERRUPTED["build"]))
+            _log.debug("where it happened", exc_info=True)
+            return _refuse(_refused_by_the_system(error, options))
+
+
+def _refused_by_the_system(error: MemoryError | OSError, options: argparse.Namespace) -> str:
+    """What was being done, or which file it was about."""
+    doing = " ".join(["defsense", options.command, *filter(None, [getattr(options, "step", "")])])
+    if "doing" in options:
+        doing += f", {options.doing}"
+    if isinstance(error, MemoryError):
+        hint = _LIGHTER.get(options.command, _LIGHTER["build"])
+        return f"{doing}: the memory does not suffice; {hint}"
+    where = doing if error.filename is None else os.fsdecode(error.filename)
+    return f"{where}: {error.strerror or error}; check the path, its permissions and the disk"
 
 
 @contextlib.contextmanager

@@ -69,6 +69,18 @@ def silent_stdout() -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress_bars(options: argparse.Namespace) -> Iterator[Progress]:
+    """Shows progress; `options.doing` keeps what was told last, for errors."""
+    with _shown(options) as show:
+
+        def tell(stage: str, fraction: float, message: str) -> None:
+            options.doing = f"{stage}: {message}"
+            show(stage, fraction, message)
+
+        yield tell
+
+
+@contextlib.contextmanager
+def _shown(options: argparse.Namespace) -> Iterator[Progress]:
     """A bar for each stage on standard error; plain lines where that is no terminal."""
     if options.json and not options.verbose:
         yield silent

@@ -199,6 +199,17 @@ def test_a_part_that_is_gone_is_made_again_and_notes_are_no_change(copy, capsys)
 
 
 @pytest.mark.slow
+def test_a_recorded_session_leaves_every_stage_up_to_date(copy, capsys):
+    run = copy / "session" / "run-1"
+    run.mkdir(parents=True)
+    (copy / "session" / "session.toml").write_text("schema = 1\n")
+    (run / "frames.csv").write_text("frame,time\n0,0\n")
+    (copy / "tracks.csv").write_text("frame,time,id\n")
+    assert main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == []
+
+
+@pytest.mark.slow
 def test_ctrl_c_still_works_after_meshing(bar):
     import signal
 
