@@ -9,7 +9,7 @@ from benchmarks.grid import grid_of_tets
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import Sensor
 from defsense_fab.core.mesh import Surface
-from defsense_fab.pipeline.build import mesh_store
+from defsense_fab.pipeline.artifacts import mesh_store
 from tests import stored_meshes
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from defsense_fab.core.files import digest
 from defsense_fab.core.mesh import Surface, TetMesh
 from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
-from defsense_fab.pipeline.build import mesh_store
+from defsense_fab.pipeline.artifacts import mesh_store
 from tests.places import ROOT
 
 FOLDER = ROOT / "tests" / "meshes"

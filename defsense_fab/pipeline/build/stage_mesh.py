@@ -12,9 +12,10 @@ from ...core.errors import DeviceError
 from ...core.mesh import TetMesh
 from ...geometry.bodies.region_conforming import conform
 from ...geometry.bodies.tetrahedra import quality, tetrahedralise
+from ..artifacts import mesh_store
 from ..artifacts.body import load_surface
 from ..artifacts.mesh import Accuracy, DensityTrial, MeshRecord, save_mesh
-from . import mesh_density, mesh_store
+from . import mesh_density
 from .stages import Report
 
 

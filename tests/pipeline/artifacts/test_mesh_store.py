@@ -3,7 +3,7 @@
 import numpy as np
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.pipeline.build import mesh_store
+from defsense_fab.pipeline.artifacts import mesh_store
 
 
 def test_a_mesh_comes_back_for_the_same_body_only(bar, bar_mesh, tmp_path, monkeypatch):

@@ -18,8 +18,9 @@ from platformdirs import user_cache_path
 from ...core.errors import StorageError
 from ...core.files import digest, replacing
 from ...core.mesh import Surface, TetMesh
-from .stages import CODE_VERSION
 
+#: Raised when meshes of the same body are to be made anew.
+VERSION = 1
 #: Oldest meshes go when there are more.
 KEPT = 100
 
@@ -33,7 +34,7 @@ def folder() -> Path:
 def _path(surface: Surface, edge_length: float) -> Path:
     rounded = np.round(surface.vertices, 6) + 0.0  # no negative zeros
     key = digest(
-        CODE_VERSION, version("pytetwild"), edge_length, rounded.tobytes(), surface.faces.tobytes()
+        VERSION, version("pytetwild"), edge_length, rounded.tobytes(), surface.faces.tobytes()
     )
     return folder() / f"{key}.npz"
 
