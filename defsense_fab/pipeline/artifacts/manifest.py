@@ -87,14 +87,15 @@ class CordEnd:
 
 @dataclass(frozen=True)
 class CutCord:
-    """A cord to cut: lengths mm, of the channel and between the ferrules; resistance at rest, its
-    range in use and the reference resistor, ohm."""
+    """A cord to cut: lengths mm, of the channel, between the ferrules, and of the stretch that
+    senses; resistance at rest, its range in use and the reference resistor, ohm."""
 
     sensor: str
     cut_length: float
     slack: float
     channel_length: float
     between_ferrules: float
+    sensing_length: float
     ends: tuple[CordEnd, CordEnd]
     channel_diameter: float
     resistance: float

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...core.arrays import Float
 from ...core.device import Device
+from ...core.path_sampling import arc_lengths
 from ...geometry.channels.channel_ends import End
 from ...geometry.parts.records import Made
 from ...sensing.voltage_divider import reference
@@ -18,31 +19,36 @@ OUTSIDE = 200.0
 
 
 def cut_list(device: Device, made: Made, signals: Float) -> tuple[CutCord, ...]:
-    """One row a cord; `signals` (n, c) are (R - R0)/R0 in the states that it is to sense.
+    """One row a cord; `signals` (n, c) are (R - R0)/R0 of the channels' `sensing` stretches
+    in the states that they are to sense.
 
     A cord ends in the middle of the ferrule that joins it to a wire: in a pocket of the body, or
     outside, behind a free end of `[fabrication] lead` mm. Its resistance counts between the
-    ferrules.
+    ferrules. What of that lies outside of the sensing stretch, in the straight runs to the skin and
+    in free ends, is a constant resistance in series.
     """
     ferrule, lead = device.cord.ferrule_length, device.fabrication.lead
     out = []
     for k, channel in enumerate(made.channels):
-        sensing = channel.length + sum(-e.pocket if e.pocket else lead for e in channel.ends)
-        cut = sensing + ferrule + SLACK
-        rest = sensing * device.cord.ohm_per_mm
-        low, high = float(signals[:, k].min()), float(signals[:, k].max())
+        between = channel.length + sum(-e.pocket if e.pocket else lead for e in channel.ends)
+        cut = between + ferrule + SLACK
+        rest = between * device.cord.ohm_per_mm
+        sensing = float(arc_lengths(channel.sensing)[-1])
+        changes = sensing * device.cord.ohm_per_mm * signals[:, k]
+        low, high = rest + float(changes.min()), rest + float(changes.max())
         out.append(
             CutCord(
                 sensor=channel.name,
                 cut_length=cut,
                 slack=SLACK,
                 channel_length=channel.length,
-                between_ferrules=sensing,
+                between_ferrules=between,
+                sensing_length=sensing,
                 ends=(_end(channel.ends[0], lead), _end(channel.ends[1], lead)),
                 channel_diameter=device.channel_diameter,
                 resistance=rest,
-                range=(rest * (1 + low), rest * (1 + high)),
-                reference_resistor=reference(rest * (1 + low), rest * (1 + high)),
+                range=(low, high),
+                reference_resistor=reference(low, high),
             )
         )
     return tuple(out)

@@ -23,7 +23,7 @@ from ...geometry.parts.print_bed import PlacedPart, arrange, laid
 from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
 from ..artifacts.body import load_body_record, load_solid, load_surface
-from ..artifacts.layout import LayoutRecord, load_layout, load_prediction
+from ..artifacts.layout import LayoutRecord, load_layout
 from ..artifacts.manifest import (
     CheckRecord,
     JoinedPin,
@@ -38,7 +38,7 @@ from ..artifacts.manifest import (
 )
 from .cut_list import bill, cut_list
 from .design_task import DesignTask, limits, load_task
-from .predict import predict
+from .predict import Scored, predict
 from .stages import Report
 
 #: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
@@ -75,10 +75,10 @@ def run(device: Device, folder: Path, report: Report) -> None:
     device, note = _relief(device, task, surface, sensors, bay)
     made = fabricate(device, surface, sensors, report, solid, bay)
     report(0.75, "predicting with joints")
-    prediction = as_made(task, made.channels)
+    built = as_made(task, made.channels)
     report(0.8, "writing parts")
     made = replace(made, warnings=(*made.warnings, *note))
-    write(device, made, folder, layout, load_prediction(folder).signals, prediction)
+    write(device, made, folder, layout, built.signals, built.prediction)
 
 
 def _relief(
@@ -98,7 +98,7 @@ def _relief(
         changed = replace(device, fabrication=replace(f, strain_relief=relief))
         r = rules(changed, bay)
         channels = channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets)
-        found.append((changed, as_made(task, channels).rmse))
+        found.append((changed, as_made(task, channels).prediction.rmse))
     (straight, without), (bent, with_bends) = found
     if with_bends <= _WORSE * without:
         return bent, []
@@ -124,9 +124,9 @@ def fabricate(
     return make_parts(surface, sensors, rules(device, bay), report, solid)
 
 
-def as_made(task: DesignTask, channels: Sequence[Channel]) -> Prediction:
+def as_made(task: DesignTask, channels: Sequence[Channel]) -> Scored:
     """What the device is predicted to sense without the ends of cords that lie in pockets."""
-    return predict(task, [c.sensing for c in channels]).prediction
+    return predict(task, [c.sensing for c in channels])
 
 
 def write(
@@ -137,8 +137,8 @@ def write(
     signals: Float,
     prediction: Prediction,
 ) -> None:
-    """Leave the parts in `folder`/parts; `signals` (n, c) are those of the layout in all states,
-    `prediction` is that for the cords as they are built in."""
+    """Leave the parts in `folder`/parts; `signals` (n, c) in all states and `prediction` are those
+    of the cords as they are built in."""
     flat = {p.name: laid(p.surface, p.down) for p in made.parts}
     pins = _pins(made)
     names = [n for name, (_, count, _) in pins.items() for n in _copies(name, count)]

@@ -22,9 +22,13 @@ from defsense_fab.core.files import storage_errors
 from defsense_fab.core.markers import read_markers
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.pipeline.artifacts.layout import load_layout
+from defsense_fab.pipeline.artifacts.manifest import load_manifest
 from defsense_fab.pipeline.build import stage_fabricate, stage_report
+from defsense_fab.pipeline.build.design_task import load_task
 from defsense_fab.pipeline.build.stage_optimize import _uncalibrated
 from defsense_fab.pipeline.build.stage_report import _stl
+from defsense_fab.sensing.voltage_divider import reference
 from tests.places import BAR
 
 
@@ -102,6 +106,35 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
     page = (device / "build" / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 2 + 2 * 5  # three poses, two mixtures
     assert "://" not in page  # no base64 picture can hold a colon
+
+
+@pytest.mark.slow
+def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
+    """Against a sum over the cord from ferrule to ferrule, point by point, in every state."""
+    built = load_device(device)
+    problem = load_task(built, device / "build").everything
+    layout, manifest = load_layout(device / "build"), load_manifest(device / "build")
+    for row, drawn in zip(manifest.cords, layout.sensors, strict=True):
+        pockets = [e.pocket for e in row.ends]
+        assert max(pockets) > 0
+        sensor = drawn.sensor()
+        path = sensor.plane.to_world(sensor.curve.sample(3000))
+        moved = np.concatenate([path[None], problem.deform(path)])
+        steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        strain = np.linalg.norm(np.diff(moved, axis=1), axis=2) / steps - 1
+        start, end = drawn.inlets
+        depth = start + np.cumsum(steps) - steps / 2  # from the first mouth
+        mouth = start + steps.sum() + end
+        cord = (depth > pockets[0]) & (depth < mouth - pockets[1])
+        lead = sum(e.lead for e in row.ends)
+        straight = sum(max(0, i - p) for i, p in zip((start, end), pockets, strict=True))
+        stretched = steps[cord] * (1 + problem.response(strain[:, cord]))
+        ohm = built.cord.ohm_per_mm * (stretched.sum(axis=1) + straight + lead)
+        assert row.resistance == pytest.approx(ohm[0], rel=2e-3)
+        low, high = np.array([ohm.min(), ohm.max()]) - ohm[0]
+        assert row.range[0] - row.resistance == pytest.approx(low, rel=5e-3, abs=0.1)
+        assert row.range[1] - row.resistance == pytest.approx(high, rel=5e-3, abs=0.1)
+        assert row.reference_resistor == reference(*row.range)
 
 
 @pytest.mark.slow
