@@ -7,10 +7,10 @@ by a feature is that of the error with the map held.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from ..core.arrays import Float
+from ..core.compiled import compiled
 from .features import Features
 
 
@@ -31,7 +31,7 @@ def square_slopes(
     return _square_slopes(signals, features.linear, features.second, outputs, variance)  # type: ignore[no-any-return]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _explained(sets, linear, second, outputs, variance):  # type: ignore[no-untyped-def]
     """Squares of the outputs that the best map explains, for each set of signals (k, n, c)."""
     count, n, c = sets.shape
@@ -44,7 +44,7 @@ def _explained(sets, linear, second, outputs, variance):  # type: ignore[no-unty
     return out
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _square_slopes(signals, linear, second, outputs, variance):  # type: ignore[no-untyped-def]
     n, c = signals.shape
     f, r = len(linear), outputs.shape[1]
@@ -87,7 +87,7 @@ def _square_slopes(signals, linear, second, outputs, variance):  # type: ignore[
     return square, out
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _fit(  # type: ignore[no-untyped-def]
     signals, linear, second, outputs, variance, phi, slopes, factor, told
 ):

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from ..core.arrays import Float
+from ..core.compiled import compiled
 from ..core.response import ResponseSpec
 
 
@@ -97,7 +97,7 @@ def _with_tails(whole: Response, low: float, high: float) -> Response:
     return Response(breaks, origins, pieces)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def respond(strain, breaks, origins, pieces):  # type: ignore[no-untyped-def]
     """w and dw/deps at one strain, for compiled loops."""
     i = 0

@@ -13,10 +13,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...core.arrays import Bool, Float
+from ...core.compiled import compiled
 
 #: px: pixels nearer to a corner than this, or this part of the edge, see the other edge too.
 _END, _END_PART = 2.0, 0.1
@@ -76,7 +76,7 @@ def refine(
     return out, covariance, good
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignore[no-untyped-def]
     h, w = image.shape
     xs, ys, grey = np.empty(_MOST), np.empty(_MOST), np.empty(_MOST)
@@ -145,7 +145,7 @@ def _refine(image, plane, corners, cells, out, covariance, good):  # type: ignor
         good[tag] = not unsure
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _line(  # type: ignore[no-untyped-def]
     image, plane, seen, ideal, k, cx, cy, cells, near, rows, xs, ys, grey, line, spread, middle
 ):
@@ -311,7 +311,7 @@ def _line(  # type: ignore[no-untyped-def]
     return 0 < spread[0] < _MOVED**2 and spread[0] * spread[2] > spread[1] ** 2
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@compiled(fastmath=True)
 def _equations(  # type: ignore[no-untyped-def]
     xs, ys, grey, count, nx, ny, offset, angle, blur, low, step, light, limit, rows, B
 ):
@@ -348,7 +348,7 @@ def _equations(  # type: ignore[no-untyped-def]
     return int(used)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _solve(A, g, L, x):  # type: ignore[no-untyped-def]
     """x of A x = g, A (n, n) symmetric, by Cholesky's factors, for which L has room; whether A is
     positive definite. For matrices this small a library's call takes longer than its work."""

@@ -11,8 +11,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
+from ...core.compiled import compiled
 from ...core.errors import CaptureError
 from ...core.tracks import Tracks
 
@@ -50,7 +50,7 @@ def smooth(tracks: Tracks, window: float) -> Tracks:
     return replace(tracks, points=points, sigma=np.where(trusted, tracks.sigma * less, np.nan))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _smooth(time, points, variance, seen, half, out, less):  # type: ignore[no-untyped-def]
     """Write the fits to `out` and the ratios of their sigma to the points' own to `less`, where
     there are any; how many."""

@@ -8,14 +8,14 @@ Distortion Energies"), which needs no eigenvalues of a 9 x 9 matrix.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from ...core.compiled import compiled
 from .material import law
 from .matrix3 import cofactor, eigen, signed_svd
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _invariants(F, C, B):  # type: ignore[no-untyped-def]
     """I1, I2, J; fills C = cof F and B = I1 F - F F^T F, half of dI2/dF."""
     J = cofactor(F, C)
@@ -34,7 +34,7 @@ def _invariants(F, C, B):  # type: ignore[no-untyped-def]
     return i1, i2, J
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def energy_density(kind, p, F, C, d):  # type: ignore[no-untyped-def]
     """W(F), MPa; `C` (3, 3) and `d` (10,) are scratch."""
     J = cofactor(F, C)
@@ -47,7 +47,7 @@ def energy_density(kind, p, F, C, d):  # type: ignore[no-untyped-def]
     return d[0]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def stress(kind, p, F, P, C, B, d):  # type: ignore[no-untyped-def]
     """Fill P (3, 3) = dW/dF, MPa."""
     i1, i2, J = _invariants(F, C, B)
@@ -57,7 +57,7 @@ def stress(kind, p, F, P, C, B, d):  # type: ignore[no-untyped-def]
             P[i, j] = 2 * d[1] * F[i, j] + 2 * d[2] * B[i, j] + d[3] * C[i, j]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def tangent(kind, p, F, lag, share, H, C, B, d):  # type: ignore[no-untyped-def]
     """Fill H (9, 9) = d2W/dF2, MPa, rows 3 i + j.
 
@@ -105,7 +105,7 @@ def tangent(kind, p, F, lag, share, H, C, B, d):  # type: ignore[no-untyped-def]
         _project(F, H, d, i1, share)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _project(F, H, d, i1, share):  # type: ignore[no-untyped-def]
     """Add to H the share of what lifts its negative eigenvalues to zero."""
     U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.compiled import compiled
 from ...core.device import MaterialSpec
 
 SPLIT, STABLE = 0, 1
@@ -97,7 +97,7 @@ def stable_neo_hookean(mu: float, kappa: float) -> Material:
     return Material("stable-neo-hookean", STABLE, parameters, mu, kappa)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def law(kind, p, i1, i2, J, d):  # type: ignore[no-untyped-def]
     """Fill d (10,): W, W_1, W_2, W_J, W_11, W_12, W_1J, W_22, W_2J, W_JJ; W inf: undefined."""
     d[:] = 0.0

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from ...core.compiled import compiled
 
-@numba.njit(cache=True, nogil=True, inline="always")
+
+@compiled(inline="always")
 def cofactor(F, C):  # type: ignore[no-untyped-def]
     """Fill C with the cofactor of F (the derivative of det F by F); returns det F."""
     C[0, 0] = F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1]
@@ -21,7 +22,7 @@ def cofactor(F, C):  # type: ignore[no-untyped-def]
     return F[0, 0] * C[0, 0] + F[0, 1] * C[0, 1] + F[0, 2] * C[0, 2]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def eigen(A, w, V):  # type: ignore[no-untyped-def]
     """Eigenvalues w (3,) and vectors (columns of V, a rotation) of the symmetric A, overwritten.
 
@@ -57,7 +58,7 @@ def eigen(A, w, V):  # type: ignore[no-untyped-def]
         w[i] = A[i, i]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def signed_svd(F, U, s, V):  # type: ignore[no-untyped-def]
     """F = U diag(s) V^T with rotations U and V; the smallest s carries the sign of det F."""
     A = F.T @ F

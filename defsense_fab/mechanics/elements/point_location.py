@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.compiled import compiled
 from .tet10 import EDGES, QuadraticMesh, shape
 from .threads import cores, over_chunks
 
@@ -91,7 +91,7 @@ class PointLocator:
         return out
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _displacement(nodes, weights, fields, start, stop, out):  # type: ignore[no-untyped-def]
     for s in range(len(fields)):
         for p in range(start, stop):
@@ -100,7 +100,7 @@ def _displacement(nodes, weights, fields, start, stop, out):  # type: ignore[no-
                     out[s, p, a] += weights[p, n] * fields[s, nodes[p, n], a]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _gradient(cells, by_bary, at, bary, fields, start, stop, out):  # type: ignore[no-untyped-def]
     g = np.empty((10, 3))
     for p in range(start, stop):
@@ -119,7 +119,7 @@ def _gradient(cells, by_bary, at, bary, fields, start, stop, out):  # type: igno
                         out[s, p, a, j] += u * g[n, j]
 
 
-@numba.njit(cache=True)
+@compiled()
 def _fill(a, b, count):  # type: ignore[no-untyped-def]
     start = np.zeros(count[0] * count[1] * count[2] + 1, np.int64)
     for turn in range(2):
@@ -140,13 +140,13 @@ def _fill(a, b, count):  # type: ignore[no-untyped-def]
     return start, items
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _find(points, grid, first, last, cells, bary):  # type: ignore[no-untyped-def]
     for p in range(first, last):
         cells[p] = find_point(points[p], grid, cells[p - 1] if p > first else 0, bary[p])
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _weights(point, e, origin, gradient, bary):  # type: ignore[no-untyped-def]
     """Fill the barycentric coordinates (4,) in tet e; returns the smallest."""
     for b in range(4):
@@ -167,7 +167,7 @@ def neighbours(tets: Int) -> Int:
     return out.reshape(-1, 4)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def walk(points, grid, across, cells, bary):  # type: ignore[no-untyped-def]
     """Like `find_point` for points (p, 3) of a path: from face to face to the tet (p,) of the next
     one. Fills `cells` (p,) and the weights `bary` (p, 4)."""
@@ -192,7 +192,7 @@ def walk(points, grid, across, cells, bary):  # type: ignore[no-untyped-def]
         cells[p] = at
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def find_point(point, grid, hint, bary):  # type: ignore[no-untyped-def]
     """The tet that holds a point (3,), looked for at `hint` first; fills its weights (4,)."""
     low, size, count, start, items, origin, gradient = grid

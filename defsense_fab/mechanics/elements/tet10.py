@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.compiled import compiled
 from ...core.mesh import TetMesh
 from .energy_density import energy_density, stress, tangent
 from .material import Material
@@ -170,7 +170,7 @@ def stiffness(
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _gradients(x, cells, gradient, start, stop, out):  # type: ignore[no-untyped-def]
     local = np.empty((10, 3))
     for e in range(start, stop):
@@ -186,7 +186,7 @@ def _gradients(x, cells, gradient, start, stop, out):  # type: ignore[no-untyped
                     out[e, q, a, j] = s
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _volume(G, F, start, stop, out):  # type: ignore[no-untyped-def]
     C = np.empty((3, 3))
     for e in range(start, stop):
@@ -197,7 +197,7 @@ def _volume(G, F, start, stop, out):  # type: ignore[no-untyped-def]
                     out[e, q] += C[i, j] * (F[e, q, i, j] - G[e, q, i, j])
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _energy(F, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
     C, d = np.empty((3, 3)), np.empty(10)
     for e in range(start, stop):
@@ -205,7 +205,7 @@ def _energy(F, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-de
             out[e] += weight[e] * energy_density(kind, p, F[e, q], C, d)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _forces(F, gradient, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
     P, C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
     for e in range(start, stop):
@@ -220,7 +220,7 @@ def _forces(F, gradient, weight, kind, p, start, stop, out):  # type: ignore[no-
                     out[e, n, i] += weight[e] * s
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _gather(cells, local, out):  # type: ignore[no-untyped-def]
     for e in range(len(cells)):
         for n in range(10):
@@ -228,14 +228,14 @@ def _gather(cells, local, out):  # type: ignore[no-untyped-def]
                 out[cells[e, n], a] += local[e, n, a]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _stiffness(F, gradient, weight, kind, p, share, start, stop, out):  # type: ignore[no-untyped-def]
     H, T, none = np.empty((9, 9)), np.empty((9, 30)), np.zeros(4)
     for e in range(start, stop):
         element_tangent(F[e], gradient[e], weight[e], kind, p, none, share, out[e], H, T)
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@compiled(fastmath={"contract", "reassoc"})
 def element_tangent(F, gradient, weight, kind, p, lag, share, K, H, T):  # type: ignore[no-untyped-def]
     """Fill K (30, 30) of one tet with F (4, 3, 3); H (9, 9) and T (9, 30) are scratch.
 
@@ -281,7 +281,7 @@ def linearised_forces(
     return scatter_nodes(mesh, local)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _linearised(G, D, gradient, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
     P, C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
     H = np.empty((9, 9))

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numba
 import numpy as np
 import scipy.sparse as sp
 
 from ...core.arrays import Float, Int
+from ...core.compiled import compiled
 from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh, element_tangent
 from ..elements.threads import over_chunks
@@ -279,7 +279,7 @@ def _deforming(mesh: QuadraticMesh, conditions: BoundaryConditions) -> Float:
     return np.asarray((of[:, 0] < 0) | (of != of[:, :1]).any(axis=1))
 
 
-@numba.njit(cache=True)
+@compiled()
 def _expand_pattern(indptr, indices, start, size):  # type: ignore[no-untyped-def]
     """Group pattern (upper, diagonal first in a row) to the pattern of unknowns."""
     total = start[-1]
@@ -308,7 +308,7 @@ def _expand_pattern(indptr, indices, start, size):  # type: ignore[no-untyped-de
     return out, columns
 
 
-@numba.njit(cache=True)
+@compiled()
 def _pair_offsets(groups, indptr, indices, size):  # type: ignore[no-untyped-def]
     """(m, 10, 10): where the second node's group starts in the first's rows, after its own."""
     before = np.zeros(len(indices), np.int32)
@@ -337,7 +337,7 @@ def _pair_offsets(groups, indptr, indices, size):  # type: ignore[no-untyped-def
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _assemble(  # type: ignore[no-untyped-def]
     F, gradient, weight, kind, p, lag, share,
     cells, special, basis, local, group, start, size, offset, indptr, first, last, data,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.compiled import compiled
 from ..problem.cord_kinematics import PlacedCord
 
 RUN = 4  # samples of a straight run to the surface
@@ -35,7 +35,7 @@ class FullPath:
         self.placed.add_moves(rows, on, along, out)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _with_runs(path, runs):  # type: ignore[no-untyped-def]
     a, b = RUN * (runs[0] > 0), RUN * (runs[1] > 0)
     count = len(path)
@@ -51,7 +51,7 @@ def _with_runs(path, runs):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
     """What moves the samples (q,) along the directions (q, 3), told by the path's own samples:
     which of the q (m,), the path's sample (m,), its direction (m, 3)."""

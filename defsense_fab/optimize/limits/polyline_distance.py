@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.compiled import compiled
 from ...core.path_sampling import arc_lengths
 
 
@@ -30,7 +30,7 @@ def gaps(paths: Float, line: Float) -> Float:
     return np.asarray(distance.min(axis=1))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def self_gaps(paths, apart):  # type: ignore[no-untyped-def]
     """Least distance (c,) of each path (c, p, 3) from itself as in `nearest_strand`, between its
     points; inf where none are far enough along."""
@@ -57,7 +57,7 @@ def self_gaps(paths, apart):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _nearest(points, line, along, middle, apart):  # type: ignore[no-untyped-def]
     count = len(line) - 1
     distance = np.full(len(points), np.inf)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.compiled import compiled
 from ...core.curve import Hermite, Plane
 from ...core.device import Sensor
 from .cord_parameters import FRAME, CordParameters
@@ -101,7 +101,7 @@ def cord_at(cord: CordParameters, x: Float) -> PlacedCord:
     return PlacedCord(cord, stack, points, local, pivot, axes, turns)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _place(  # type: ignore[no-untyped-def]
     x, rows, basis, center, moves, reach, stack, pivot, axes, turns, local, points
 ):
@@ -134,7 +134,7 @@ def _place(  # type: ignore[no-untyped-def]
             points[p, d] = pivot[d] + u * axes[d, 0] + v * axes[d, 1]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _turn(axes, k, c, s, rest):  # type: ignore[no-untyped-def]
     """Turn axes (3, 3) about their own axis k by the angle of cosine c and sine s, in place; with
     the derivatives of both and rest = 0, the derivative."""
@@ -144,7 +144,7 @@ def _turn(axes, k, c, s, rest):  # type: ignore[no-untyped-def]
         axes[d, i], axes[d, j], axes[d, k] = c * a + s * b, c * b - s * a, rest * axes[d, k]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _pull(basis, local, axes, turns, moves, by_points, out):  # type: ignore[no-untyped-def]
     """Add the derivatives by the points (p, 3, s), carried on to the parameters, to out."""
     states, rows = by_points.shape[2], basis.shape[1]
@@ -179,7 +179,7 @@ def _pull(basis, local, axes, turns, moves, by_points, out):  # type: ignore[no-
                         out[2 * rows + 2 + t, s] += turns[t, d, a] * moment[d, a, s]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _add_moves(  # type: ignore[no-untyped-def]
     basis, local, axes, turns, moves, rows, samples, directions, out
 ):

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.compiled import compiled
 from ...mechanics.elements.point_location import PointLocator, walk
 from ...mechanics.elements.tet10 import EDGES
 from ...mechanics.elements.threads import cores, over_chunks
@@ -115,7 +115,7 @@ class Carried:
         return out
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _move(cell, bary, cells, nodal, out):  # type: ignore[no-untyped-def]
     """Deformed positions (p, 3 s) of points in the tets `cell` (p,). All ten terms at once: half
     the time of adding row by row."""
@@ -135,7 +135,7 @@ def _move(cell, bary, cells, nodal, out):  # type: ignore[no-untyped-def]
             )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@compiled(inline="always")
 def _apart(points, p):  # type: ignore[no-untyped-def]
     """How far point p lies from the one before."""
     x, y = points[p, 0] - points[p - 1, 0], points[p, 1] - points[p - 1, 1]
@@ -143,7 +143,7 @@ def _apart(points, p):  # type: ignore[no-untyped-def]
     return np.sqrt(x * x + y * y + z * z) + _NOTHING
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _measure(points, moved, first, last, steps, lengths):  # type: ignore[no-untyped-def]
     """Of the line of points first to last: deformed lengths (p, s) of the segments that end at each
     point, and their sums (s + 1,), the rest length last."""
@@ -160,7 +160,7 @@ def _measure(points, moved, first, last, steps, lengths):  # type: ignore[no-unt
             lengths[s] += steps[p, s]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _answer(points, first, last, steps, answer, lengths, bent):  # type: ignore[no-untyped-def]
     """After `_measure`, for a response that is not a line: the sums of what each segment's length
     would be if it were stretched by w in place of eps, L (1 + w), and into `bent` (2, p, s), unless
@@ -180,7 +180,7 @@ def _answer(points, first, last, steps, answer, lengths, bent):  # type: ignore[
                 bent[1, p, s] = 1 + w - stretch * slope
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _signals(  # type: ignore[no-untyped-def]
     paths, grid, across, cells, nodal, gauge_factor, answer, out
 ):
@@ -198,7 +198,7 @@ def _signals(  # type: ignore[no-untyped-def]
             out[c, s] = gauge_factor * (lengths[s] / lengths[states] - 1)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _carry(  # type: ignore[no-untyped-def]
     points, ends, grid, across, cells, nodal, answer, cell, bary, moved, steps, lengths, bent
 ):
@@ -210,7 +210,7 @@ def _carry(  # type: ignore[no-untyped-def]
             _answer(points, ends[c], ends[c + 1], steps, answer, lengths[c], bent)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _pulls(ends, moved, steps, weights, bent, out):  # type: ignore[no-untyped-def]
     """Unit vectors (p + 1, 3 s) of the segments that end at each point times their line's weights
     (m, s) and their own derivatives `bent[0]`, if any; zero where a line begins and at the very
@@ -229,7 +229,7 @@ def _pulls(ends, moved, steps, weights, bent, out):  # type: ignore[no-untyped-d
                         out[p, a + s] *= bent[0, p, s]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _slopes(  # type: ignore[no-untyped-def]
     points, ends, cells, by_bary, nodal, gauge_factor, cell, bary, moved, steps, lengths, bent, out
 ):
@@ -282,7 +282,7 @@ def _slopes(  # type: ignore[no-untyped-def]
                         out[p - 1, a, s] -= step * lengths[c, states] * bent[1, p, s]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _pull(  # type: ignore[no-untyped-def]
     points, ends, cells, by_bary, nodal, by_signals, cell, bary, moved, steps, lengths, bent, out
 ):

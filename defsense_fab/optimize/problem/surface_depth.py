@@ -4,10 +4,10 @@ points of candidates."""
 from __future__ import annotations
 
 import igl
-import numba
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.compiled import compiled
 from ...core.mesh import Surface
 
 #: Nodes of the grid, and its finest spacing, mm.
@@ -75,7 +75,7 @@ class DepthGrid:
         )
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _at(depth, low, step, x, y, z):  # type: ignore[no-untyped-def]
     a, b, c = (x - low[0]) / step, (y - low[1]) / step, (z - low[2]) / step
     n0, n1, n2 = depth.shape
@@ -91,7 +91,7 @@ def _at(depth, low, step, x, y, z):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _interpolate(depth, low, step, points):  # type: ignore[no-untyped-def]
     out = np.empty(len(points))
     for p in range(len(points)):
@@ -99,7 +99,7 @@ def _interpolate(depth, low, step, points):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _exits(depth, low, step, points, directions, longest):  # type: ignore[no-untyped-def]
     out = np.full(len(points), np.inf)
     stride = step / 2

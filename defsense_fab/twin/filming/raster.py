@@ -7,11 +7,12 @@ crosses, and a running sum along the row carries it on. No sampling: the areas a
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from ...core.compiled import compiled
 
-@numba.njit(cache=True, nogil=True)
+
+@compiled()
 def _add_edge(sums, x0, y0, x1, y1, weight):  # type: ignore[no-untyped-def]
     """Add an edge in px from the buffer's corner to sums (h, w + 1, 3): it may leave the buffer."""
     sign = 1.0
@@ -49,7 +50,7 @@ def _add_edge(sums, x0, y0, x1, y1, weight):  # type: ignore[no-untyped-def]
             sums[row, j, c] += weight[c] * (d - done)
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def paint(edges, weights, plane, scale, box, rays, depth, slack, inner, seen, left):  # type: ignore[no-untyped-def]
     """Paint one flat thing behind what is there already.
 
@@ -87,7 +88,7 @@ def paint(edges, weights, plane, scale, box, rays, depth, slack, inner, seen, le
     return total
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def fill_depth(corners, faces, points, skin, shade, box, depth, ground):  # type: ignore[no-untyped-def]
     """Draw the triangles `faces` (m, 3) that face the camera where pixel centres are in them.
 
@@ -139,7 +140,7 @@ def fill_depth(corners, faces, points, skin, shade, box, depth, ground):  # type
                     ground[i, j] = grey
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def develop(light, pad, gain, read, shot, noise, start, sign, out):  # type: ignore[no-untyped-def]
     """Grey levels `out` (h, w) uint8 from `light`, with `pad` px around the image, and the `gain`
     (h, w) of each pixel, with a `noise` (n,) of unit variance from `start` on: variance
