@@ -18,7 +18,7 @@ from ...calibration.memory import Memory
 from ...calibration.plan import FACES, JigStep, plan
 from ...calibration.readings import Geometry, Piece, Readings
 from ...calibration.settling import Creep, Criterion, creep, settled
-from ...capture.readout.recording import Recording, read_recording
+from ...capture.readout.recording import Recording, has_frames, read_recording
 from ...core.arrays import Float
 from ...core.errors import CalibrationError
 from ...core.files import load_json, storage_errors, write_json
@@ -116,7 +116,7 @@ def agree(session: CalibrationSession, wanted: Mapping[str, Any]) -> None:
 
 def discard_empty(session: CalibrationSession) -> None:
     """Remove a session that never saw a frame: it could not begin, and must not bind the next."""
-    if session.frames.exists() and len(read_recording(session.frames).counter):
+    if session.frames.exists() and has_frames(session.frames):
         return
     session.frames.unlink(missing_ok=True)
     (session.folder / FILE).unlink(missing_ok=True)

@@ -10,9 +10,10 @@ to, line by line; a line that was cut by the end of the program is left out when
 from __future__ import annotations
 
 import json
-import os
+import math
 import time
 import tomllib
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ import numpy as np
 
 from ...capture.cameras.rig_file import Rig, read_rig, toml_value
 from ...capture.tags.tag_detection import TagView
+from ...core.append_log import AppendLog, LogLines
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 from ...core.files import storage_errors, write_text
@@ -118,34 +120,15 @@ def load(folder: Path) -> CaptureSession:
     )  # fmt: skip
 
 
-class Stream:
-    """A CSV file that is only appended to, a line at a write."""
+class Stream(AppendLog):
+    """A CSV file that is only appended to."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        self._path = path
-        with storage_errors(path):
-            self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o644)
-        self.line(",".join(columns))
-
-    def line(self, text: str) -> None:
-        """Raises StorageError, as when the disk is full."""
-        with storage_errors(self._path):
-            data = (text + "\n").encode()
-            while data:
-                data = data[os.write(self._file, data) :]
-
-    def close(self) -> None:
-        with storage_errors(self._path):
-            os.close(self._file)
+        super().__init__(path, ",".join(columns))
 
 
-class Log(Stream):
+class Log(AppendLog):
     """What happened, as JSON lines with the monotonic clock."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        with storage_errors(path):
-            self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o644)
 
     def event(self, kind: str, **data: Any) -> None:
         """One event, now."""
@@ -197,50 +180,30 @@ def _view(rows: Float) -> TagView:
 
 def _rows(path: Path, columns: Sequence[str]) -> tuple[Float, int]:
     """Numbers (n, columns) of a stream and how many lines were cut or damaged."""
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
-    lines = text.split("\n")
-    cut = int(bool(lines.pop()))
-    if not lines:
-        return np.zeros((0, len(columns))), cut
-    if lines[0] != ",".join(columns):
-        raise CaptureError(f"{path}:1: the columns must be {','.join(columns)}")
-    out = np.empty((len(lines) - 1, len(columns)))
-    good = np.ones(len(out), bool)
-    for k, line in enumerate(lines[1:]):
-        if _unreadable(line):
-            good[k] = False
+    out = array("d")
+    lines = LogLines(path)
+    for number, line in lines:
+        if number == 1:
+            if line != ",".join(columns):
+                raise CaptureError(f"{path}:1: the columns must be {','.join(columns)}")
             continue
         try:
-            cells = np.array(line.split(","), float)
-            if cells.shape != (len(columns),) or not np.isfinite(cells[:2]).all():
+            row = [float(cell) for cell in line.split(",")]
+            if len(row) != len(columns) or not all(map(math.isfinite, row[:2])):
                 raise ValueError
-            out[k] = cells
         except ValueError:
             raise CaptureError(
-                f"{path}:{k + 2}: not {len(columns)} numbers: {line[:50]!r}"
+                f"{path}:{number}: not {len(columns)} numbers: {line[:50]!r}"
             ) from None
-    return out[good], cut + int((~good).sum())
-
-
-def _unreadable(line: str) -> bool:
-    """What a disk's damaged block leaves of lines."""
-    return "\0" in line or "\ufffd" in line
+        out.extend(row)
+    return np.frombuffer(out, float).reshape(-1, len(columns)), lines.left_out
 
 
 def read_log(run: Path) -> list[dict[str, Any]]:
     """Events of a run; lines that were cut or damaged are left out."""
     path = run / LOG
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
     out = []
-    for number, line in enumerate(text.split("\n")[:-1], 1):
-        if _unreadable(line):
-            continue
+    for number, line in LogLines(path):
         try:
             event = json.loads(line)
             if not isinstance(event, dict):

@@ -1,5 +1,6 @@
 """Recordings: written as frames come, whole up to the last line whatever happens to the writer."""
 
+import errno
 import os
 import random
 import signal
@@ -10,10 +11,10 @@ import time
 import numpy as np
 import pytest
 
-from defsense_fab.capture.readout.recording import Recorder, read_recording
+from defsense_fab.capture.readout.recording import Recorder, has_frames, read_recording
 from defsense_fab.capture.readout.replay import Replay
 from defsense_fab.capture.readout.source import Event, StampedSample
-from defsense_fab.core.errors import CaptureError
+from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.sensing.serial_frames import NOT_READ, Sample
 from tests.places import ROOT
 
@@ -57,6 +58,64 @@ def test_a_line_that_was_cut_is_left_out_for_good(tmp_path, cut):
     again = read_recording(path)
     assert again.counter.tolist() == [0, 1, 2, 3, 5, 6, 7]
     assert again.cut == 1
+
+
+def test_a_write_that_failed_part_way_costs_its_line_alone(tmp_path, monkeypatch):
+    """A disk that was full for a while: what comes next is not glued to what is left of a line."""
+    path, write, room = tmp_path / "r.csv", os.write, 10**6
+
+    def limited(file, data):
+        nonlocal room
+        if not room:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        count = write(file, data[:room])
+        room -= count
+        return count
+
+    monkeypatch.setattr(os, "write", limited)
+    with Recorder(path, 3) as r:
+        r.add(stamped(0))
+        room = 9
+        with pytest.raises(StorageError, match="the disk is full"):
+            r.add(stamped(1))
+        room = 1  # not even the mark finds room
+        with pytest.raises(StorageError, match="the disk is full"):
+            r.add(stamped(2))
+        room = 10**6
+        r.add(stamped(3))
+    found = read_recording(path)
+    assert found.counter.tolist() == [0, 3]
+    assert found.cut == 1
+
+
+def test_a_file_system_without_locks_is_recorded_to(tmp_path, monkeypatch):
+    def no_locks(file, operation):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", no_locks)
+    with Recorder(tmp_path / "r.csv", 3) as r:
+        r.add(stamped(0))
+    assert read_recording(tmp_path / "r.csv").counter.tolist() == [0]
+
+
+def test_a_recording_that_was_cut_in_its_head_is_begun_again(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("# defsense recording 1\nhost_ns,dev")
+    with Recorder(path, 3) as r:
+        r.add(stamped(0))
+    assert read_recording(path).counter.tolist() == [0]
+
+
+def test_what_has_frames(tmp_path):
+    path = tmp_path / "r.csv"
+    with Recorder(path, 3) as r:
+        r.add(Event(5, "start", {"full_scale": 1024}))
+        assert not has_frames(path)
+        r.add(stamped(0))
+        assert has_frames(path)
+    path.write_text("1,2,3\n")
+    with pytest.raises(CaptureError, match="is no recording"):
+        has_frames(path)
 
 
 _WRITER = """
@@ -107,7 +166,9 @@ _HEAD = "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1\
         ("# defsense recording 1\na,b\n", "columns must begin"),
         (_HEAD + "1,2\n", ":3: 2 cells"),
         (_HEAD + "# x\n", ":3: not an event"),
-        (_HEAD + "1,2,3,4,5,6,x\n", "not a number"),
+        (_HEAD + "1,2,3,4,5,6,x\n", ":3: not a number"),
+        (_HEAD + f"{1 << 63},2,3,4,5,6,7\n", ":3: not a number"),
+        (_HEAD + "1,2,3,4,5,0,7\n", ":3: a frame of no conversions"),
     ],
 )
 def test_files_that_are_no_recordings(tmp_path, text, says):

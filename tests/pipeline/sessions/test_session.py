@@ -296,13 +296,32 @@ def test_bad_sessions_are_one_clear_line(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_one_line(tmp_path):
+def test_a_full_disk_is_one_line():
+    with pytest.raises(StorageError, match="the disk is full"):
+        sessions.Stream(Path("/dev/full"), ("a",))
+
+
+def test_nothing_is_written_to_what_took_a_closed_streams_place(tmp_path):
+    """The system gives a closed file's descriptor to the next one that is opened."""
     stream = sessions.Stream(tmp_path / "x.csv", ("a",))
     stream.close()
-    stream._file = os.open("/dev/full", os.O_WRONLY)
-    with pytest.raises(StorageError, match="the disk is full"):
-        stream.line("1")
+    with (tmp_path / "other").open("wb", buffering=0) as other:
+        with pytest.raises(StorageError, match="is closed"):
+            stream.line("1")
+        other.write(b"mine")
     stream.close()
+    assert (tmp_path / "other").read_bytes() == b"mine"
+
+
+def test_rows_that_were_cut_are_left_out(tmp_path):
+    """Also those that a writer marked, having gone on."""
+    for name, columns in (("c", sessions.TAG_COLUMNS), ("c-frames", sessions.FRAME_COLUMNS)):
+        (tmp_path / f"{name}.csv").write_text(",".join(columns) + "\n")
+    with (tmp_path / "c-frames.csv").open("a") as file:
+        file.write("0,10,nan\n1,2~\n2,30,nan\n3,4")
+    found = sessions.read_camera(tmp_path, "c")
+    assert found.time.tolist() == [10, 30]
+    assert found.cut == 2
 
 
 def test_only_what_is_empty_is_discarded(tmp_path):
