@@ -15,6 +15,7 @@ from ..tags.tag_detection import Image
 from .video import quiet
 
 _KEPT = 4  # frames, if nobody takes them
+_HANGS = 3.0  # s after which a thread that does not come back is left to itself
 _GONE = 2.0  # s without a frame after which a camera has vanished
 
 
@@ -82,16 +83,23 @@ class Webcam:
         return None
 
     def close(self) -> None:
+        """End the thread, which lets go of the camera. One that hangs in its driver is left to
+        itself: it does so when it comes back."""
         self._over.set()
-        if self._thread.is_alive():
-            self._thread.join(3)
-        if self._capture is not None:
+        if self._thread.ident is not None:
+            self._thread.join(_HANGS)
+        elif self._capture is not None:
             self._capture.release()
-            self._capture = None
 
     def _run(self) -> None:
-        capture = self._capture
-        while capture is not None and not self._over.is_set():
+        assert self._capture is not None
+        try:
+            self._grab(self._capture)
+        finally:
+            self._capture.release()
+
+    def _grab(self, capture: cv2.VideoCapture) -> None:
+        while not self._over.is_set():
             if not capture.grab():
                 self._over.wait(0.02)
                 continue

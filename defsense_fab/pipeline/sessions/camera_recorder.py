@@ -6,6 +6,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from .session import FRAME_COLUMNS, TAG_COLUMNS, Log, Stream, tag_lines
 
 FILM_RATE = 30.0  # at which videos count frames; their times are in the frames' file
 _ROOM = 500e6  # bytes that a video leaves free: other streams say so when the disk is full, it not
+_HANGS = 5.0  # s after which a thread that does not come back is left to itself
 _AGAIN = 1.0  # s between attempts to open a camera that vanished
 _OFTEN = 100  # frames between looks at the room that is left
 _AROUND = 3  # px around it that are taken for its brightness
@@ -58,6 +60,7 @@ class CameraRecorder:
         self.gone = False
         self.latest: CameraFrame | None = None
         self.failure: Exception | None = None
+        self._unsaved: Exception | None = None  # what ended the closing
         self._last_ns = 0
         self._period = 0.0
 
@@ -77,21 +80,30 @@ class CameraRecorder:
         return 1 / self._period if self._period else 0.0
 
     def close(self) -> None:
+        """End the thread, which closes what it reads and writes. One that hangs in the camera's
+        driver is left to itself: it does so when it comes back. Raises StorageError where what it
+        wrote does not reach the disk."""
         self._over.set()
+        if self._thread.ident is None:
+            self._release()
+            return
+        self._thread.join(_HANGS)
         if self._thread.is_alive():
-            self._thread.join(5)
-        if self._thread.is_alive():
-            # It hangs in the camera's driver: what it may still write to stays open.
             self._log.event("camera hangs", camera=self.camera.name)
             return
         if self.repeated:
             self._log.event("repeated", camera=self.camera.name, pictures=self.repeated)
-        if self._source is not None:
-            self._source.close()
-        if self._film is not None:
-            self._film.release()
-        self._tags.close()
-        self._frames.close()
+        if self._unsaved is not None:
+            raise self._unsaved
+
+    def _release(self) -> None:
+        with ExitStack() as stack:  # each of them, whatever becomes of the others
+            stack.callback(self._frames.close)
+            stack.callback(self._tags.close)
+            if self._film is not None:
+                stack.callback(self._film.release)
+            if self._source is not None:
+                stack.callback(self._source.close)
 
     def _open(self) -> Images:
         source = self._opener()
@@ -123,6 +135,11 @@ class CameraRecorder:
                     self._take(*frame)
         except Exception as error:  # the disk, above all: told by whoever looks
             self.failure = error
+        finally:
+            try:
+                self._release()
+            except Exception as error:
+                self._unsaved = error
 
     def _reopen(self) -> None:
         try:

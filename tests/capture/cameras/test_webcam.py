@@ -1,0 +1,88 @@
+"""Cameras that are plugged in, by a capture that stands in for the driver's."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.cameras import webcam as webcams
+from defsense_fab.capture.cameras.webcam import Webcam
+from defsense_fab.core.errors import CaptureError
+
+
+class Capture:
+    """What `cv2.VideoCapture` does; `grab` hangs once it is told to."""
+
+    def __init__(self, opened: bool = True, image: bool = True) -> None:
+        self.opened, self.image = opened, image
+        self.hangs, self.inside, self.go_on = False, threading.Event(), threading.Event()
+        self.released, self.released_under_grab = 0, False
+
+    def isOpened(self) -> bool:  # noqa: N802
+        return self.opened
+
+    def set(self, option: int, value: float) -> bool:
+        return True
+
+    def read(self):
+        return self.image, np.zeros((48, 64, 3), np.uint8)
+
+    def grab(self) -> bool:
+        if self.hangs:
+            self.inside.set()
+            self.go_on.wait(5)
+            self.released_under_grab |= self.released > 0
+        return True
+
+    def retrieve(self):
+        threading.Event().wait(0.005)
+        return self.read()
+
+    def release(self) -> None:
+        self.released += 1
+
+
+def camera(monkeypatch, capture):
+    monkeypatch.setattr(webcams.cv2, "VideoCapture", lambda index: capture)
+    return Webcam("0")
+
+
+def test_frames_come_until_it_is_closed(monkeypatch):
+    capture = Capture()
+    source = camera(monkeypatch, capture)
+    source.start()
+    assert source.size == (64, 48)
+    image, _ = source.read(5)
+    assert image.shape == (48, 64, 3)
+    source.close()
+    source.close()
+    assert capture.released == 1
+
+
+def test_a_camera_is_not_released_under_its_thread(monkeypatch):
+    monkeypatch.setattr(webcams, "_HANGS", 0.1, raising=False)
+    capture = Capture()
+    source = camera(monkeypatch, capture)
+    join = source._thread.join
+    monkeypatch.setattr(source._thread, "join", lambda timeout=None: join(0.1))
+    source.start()
+    capture.hangs = True
+    assert capture.inside.wait(5)
+    source.close()
+    assert not capture.released
+    capture.go_on.set()
+    join(5)
+    assert capture.released == 1
+    assert not capture.released_under_grab
+
+
+@pytest.mark.parametrize(
+    ("capture", "says"), [(Capture(opened=False), "cannot be opened"),
+                          (Capture(image=False), "gives no picture")],
+)  # fmt: skip
+def test_a_camera_that_does_not_start_is_let_go(monkeypatch, capture, says):
+    source = camera(monkeypatch, capture)
+    with pytest.raises(CaptureError, match=says):
+        source.start()
+    source.close()
+    assert capture.released
