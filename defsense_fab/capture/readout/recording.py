@@ -21,6 +21,7 @@ from ...core.append_log import AppendLog, LogLines
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 from ...sensing.serial_frames import NOT_READ
+from ...sensing.voltage_divider import Dividers
 from .source import Event, StampedSample
 
 _FIRST = "# defsense recording 1"
@@ -76,9 +77,11 @@ def _names(channels: int) -> list[str]:
 @dataclass(frozen=True)
 class Recording:
     """t frames: the host's clock (t,) ns, the device's (t,) us, counters, LED and lateness (t,),
-    averages (t,), sums (t, c); events with the number of frames before each; lines that were
+    averages (t,), sums (t, c); counts at the dividers' supply voltage, `full_scale` (t,), as the
+    board told them last, NaN before; events with the number of frames before each; lines that were
     cut or damaged."""
 
+    path: Path
     host_ns: Int
     device_us: Int
     counter: Int
@@ -86,15 +89,31 @@ class Recording:
     late: Int
     averages: Int
     sums: Int
+    full_scale: Float
     events: tuple[tuple[int, dict[str, Any]], ...]
     cut: int
 
     @property
     def counts(self) -> Float:
         """Mean counts (t, c), NaN where not read."""
-        return np.asarray(
-            np.where(self.sums == NOT_READ, np.nan, self.sums / self.averages[:, None])
-        )
+        return self._counts(slice(None))
+
+    def resistances(self, reference: Float, part: slice = slice(None)) -> Float:
+        """Ohm (t, c) of the frames or a `part` of them, by reference resistors (c,) ohm. Raises
+        CaptureError where no event before them tells the board's full scale."""
+        scale = self.full_scale[part]
+        if np.isnan(scale).any():
+            first = part.indices(len(self.counter))[0] + int(np.argmax(np.isnan(scale)))
+            raise CaptureError(
+                f"{self.path}: no event before frame {first + 1} tells the board's full_scale: the"
+                " line of its 'start' was lost; add it below the columns, with this board's number,"
+                """ as '# {"event": "start", "full_scale": 1024}', or record again"""
+            )
+        return Dividers(reference, scale[:, None]).resistance(self._counts(part))
+
+    def _counts(self, part: slice) -> Float:
+        sums, averages = self.sums[part], self.averages[part, None]
+        return np.asarray(np.where(sums == NOT_READ, np.nan, sums / averages))
 
 
 def read_recording(path: Path) -> Recording:
@@ -104,13 +123,17 @@ def read_recording(path: Path) -> Recording:
     names: list[str] = []
     cells = array("q")
     events: list[tuple[int, dict[str, Any]]] = []
+    scales = [(0, float("nan"))]
     for number, line in _after_head(path, lines):
         if not names:
             names = line.split(",")
             if number != 2 or tuple(names[: len(_COLUMNS)]) != _COLUMNS:
                 raise CaptureError(f"{path}:2: the columns must begin with {','.join(_COLUMNS)}")
         elif line.startswith("#"):
-            events.append((len(cells) // len(names), _event(path, number, line)))
+            at, event = len(cells) // len(names), _event(path, number, line)
+            events.append((at, event))
+            if "full_scale" in event:
+                scales.append((at, _full_scale(event, f"{path}:{number}")))
         elif line:
             row = line.split(",")
             if len(row) != len(names):
@@ -125,7 +148,12 @@ def read_recording(path: Path) -> Recording:
     table = np.frombuffer(cells, np.int64).reshape(-1, len(names))
     first = len(_COLUMNS)
     columns = {name: table[:, i] for i, name in enumerate(_COLUMNS)}
-    return Recording(**columns, sums=table[:, first:], events=tuple(events), cut=lines.left_out)
+    begins, values = zip(*scales, strict=True)
+    full_scale = np.repeat(values, np.diff([*begins, len(table)]))
+    return Recording(
+        path, **columns, sums=table[:, first:], full_scale=full_scale, events=tuple(events),
+        cut=lines.left_out,
+    )  # fmt: skip
 
 
 def has_frames(path: Path) -> bool:
@@ -149,3 +177,13 @@ def _event(path: Path, number: int, line: str) -> dict[str, Any]:
     except ValueError:
         raise CaptureError(f"{path}:{number}: not an event: {line[:60]!r}") from None
     return event
+
+
+def _full_scale(event: dict[str, Any], where: str) -> float:
+    scale = event["full_scale"]
+    if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0 < scale < 1e9:
+        raise CaptureError(
+            f"{where}: full_scale must be a number above zero, not {scale!r}; write this board's"
+            " number there, or record again"
+        )
+    return float(scale)

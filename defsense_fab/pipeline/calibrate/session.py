@@ -22,7 +22,6 @@ from ...capture.readout.recording import Recording, has_frames, read_recording
 from ...core.arrays import Float
 from ...core.errors import CalibrationError
 from ...core.files import load_json, storage_errors, write_json
-from ...sensing.voltage_divider import Dividers
 
 FILE, FRAMES = "session.json", "frames.csv"
 #: Cords of a specimen in the order of the board's channels, and their side of the neutral plane
@@ -164,14 +163,13 @@ class Hold:
 
 def holds(session: CalibrationSession, recording: Recording) -> dict[int, Hold]:
     """The finished steps by index, each as it was measured last. Raises CalibrationError for events
-    that the session cannot have."""
+    that the session cannot have, CaptureError where none tells the board's full scale."""
     out: dict[int, Hold] = {}
     begun: dict[int, int] = {}
-    time, scale = _time(recording), 0.0
+    time, reference = _time(recording), np.array(session.reference)
     for at, event in recording.events:
         kind, step = event.get("event"), event.get("step", -1)
         try:
-            scale = float(event.get("full_scale", scale))
             if kind in ("hold", "point", "redo") and not 0 <= step < len(session.steps):
                 raise ValueError
         except (TypeError, ValueError):
@@ -182,10 +180,9 @@ def holds(session: CalibrationSession, recording: Recording) -> dict[int, Hold]:
             begun[step] = at
         elif kind == "redo":
             out.pop(step, None)
-        elif kind == "point" and step in begun and at - begun[step] > 1 and scale > 0:
+        elif kind == "point" and step in begun and at - begun[step] > 1:
             part = slice(begun[step], at)
-            dividers = Dividers(np.array(session.reference), scale)
-            ohm = dividers.resistance(recording.counts[part])
+            ohm = recording.resistances(reference, part)
             start = float(time[begun[step]])
             still = bool(event.get("settled", True))
             out[step] = Hold(step, start, time[part] - start, ohm, still)

@@ -18,7 +18,7 @@ from ...capture.readout.recording import Recording
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
 from ...core.tracks import Tracks
-from ...sensing.voltage_divider import Dividers, conversion_time
+from ...sensing.voltage_divider import conversion_time
 from .session import BOARD, CaptureSession, RecordedCamera
 
 _DRIFTS = 5e-4  # relative: no board's clock is off by more
@@ -76,14 +76,14 @@ def _jumps(board: Recording) -> list[int]:
 
 
 def resistances(session: CaptureSession, board: Recording) -> Float:
-    """(n, c) ohm of a recording's samples. Raises CaptureError for other channels."""
+    """(n, c) ohm of a recording's samples. Raises CaptureError for other channels, and where no
+    event tells the board's full scale."""
     if board.sums.shape[1] != len(session.channels):
         raise CaptureError(
             f"{BOARD} has {board.sums.shape[1]} channels, the session {len(session.channels)}: it"
             " does not belong here"
         )
-    scale = next((float(e["full_scale"]) for _, e in board.events if "full_scale" in e), 1024.0)
-    return Dividers(np.array(session.reference), scale).resistance(board.counts)
+    return board.resistances(np.array(session.reference))
 
 
 def _part(

@@ -210,3 +210,14 @@ def test_replay(tmp_path):
     assert source.read_latest(5).sample.counter == 99
     with pytest.raises(CaptureError, match="at its end"):
         source.drain()
+
+
+def test_what_cannot_be_played_says_why(tmp_path):
+    path = tmp_path / "r.csv"
+    with Recorder(path, 3) as r:
+        r.add(Event(0, "gap", {}))
+        with pytest.raises(CaptureError, match="has no samples to play"):
+            Replay(path).start()
+        r.add(stamped(0))
+    with pytest.raises(CaptureError, match="the line of its 'start' was lost"):
+        Replay(path).start()

@@ -11,7 +11,7 @@ from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.readings import joined
 from defsense_fab.calibration.settling import Criterion, creep, settled
 from defsense_fab.cli.main import main
-from defsense_fab.core.errors import CalibrationError
+from defsense_fab.core.errors import CalibrationError, CaptureError
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.pipeline.calibrate import session as sessions
 from defsense_fab.pipeline.calibrate.session import measure
@@ -144,7 +144,6 @@ def test_edited_sessions(tmp_path, key, value):
     [
         '{"event": "hold", "step": 99}',
         '{"event": "hold", "step": "x"}',
-        '{"event": "start", "full_scale": "a"}',
     ],
 )
 def test_edited_frames(tmp_path, event):
@@ -152,6 +151,24 @@ def test_edited_frames(tmp_path, event):
     head = "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1,s2,s3\n"
     session.frames.write_text(f"{head}# {event}\n")
     with pytest.raises(CalibrationError, match="does not belong"):
+        measure(session.folder)
+
+
+def test_a_session_whose_start_was_lost_says_so(tmp_path):
+    """Its readings are not left out in silence."""
+    session = record_twin(
+        tmp_path / "s", CordTraits(Response.line(2.0)), seed=1, radii=(75.0, 112.0, 200.0), rounds=1
+    )
+    lines = session.frames.read_text().splitlines()
+    begins = next(n for n, line in enumerate(lines) if '"start"' in line)
+    session.frames.write_text("\n".join(lines[:begins] + lines[begins + 1 :]) + "\n")
+    with pytest.raises(CaptureError, match=r"frames\.csv: no event before frame 1 tells .*add it"):
+        measure(session.folder)
+    with pytest.raises(CaptureError, match=r"frames\.csv: no event"):
+        sessions.unfinished(session)
+    lines[begins] = '# {"event": "start", "full_scale": "a"}'
+    session.frames.write_text("\n".join(lines) + "\n")
+    with pytest.raises(CaptureError, match=r"frames\.csv:3: full_scale .* not 'a'"):
         measure(session.folder)
 
 

@@ -25,7 +25,7 @@ from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.tracks import Tracks
 from defsense_fab.pipeline.sessions import session as sessions
 from defsense_fab.pipeline.sessions.processing import process_session
-from defsense_fab.pipeline.sessions.signals import signals_in_step
+from defsense_fab.pipeline.sessions.signals import resistances, signals_in_step
 from tests.pipeline.sessions import capture_rig as rig
 from tests.places import ROOT
 
@@ -199,6 +199,41 @@ def test_a_board_that_begins_anew_is_put_in_step_in_parts(tmp_path):
     both = good & np.isfinite(as_one[:, 0])
     assert off < 0.005
     assert np.abs(as_one[both, 0] - truth[both, 0]).max() / speed > 0.02
+
+
+def test_each_part_of_a_run_has_its_boards_full_scale(tmp_path):
+    """A board that was unplugged may be followed by another."""
+    session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
+    rig.board_alone(session, 4)
+    path = session.folder / "run-1" / sessions.BOARD
+    lines = path.read_text().splitlines()
+    whole = read_recording(path)
+    half = 3 + len(whole.counter) // 2
+    later = [line.split(",") for line in lines[half:]]
+    doubled = [",".join([*c[:6], *(str(2 * int(s)) for s in c[6:])]) for c in later]
+    resumed = '# {"event": "resumed", "full_scale": 2048}'
+    path.write_text("\n".join([*lines[:half], resumed, *doubled]) + "\n")
+    ohm = resistances(session, read_recording(path))
+    np.testing.assert_allclose(ohm, resistances(session, whole))
+
+
+@pytest.mark.parametrize(
+    ("start", "says"),
+    [
+        (None, r"frames\.csv: no event before frame 1 tells the board's full_scale.*add it"),
+        ('# {"event": "gap"}', r"frames\.csv: no event before frame 1"),
+        *((f'# {{"event": "start", "full_scale": {bad}}}', r"frames\.csv:3: full_scale must be")
+          for bad in ('"a"', "null", "0", "-3", "NaN", "true", "[1024]")),
+    ],
+)  # fmt: skip
+def test_a_board_that_does_not_tell_its_full_scale(tmp_path, start, says):
+    session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
+    rig.board_alone(session, 1)
+    path = session.folder / "run-1" / sessions.BOARD
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:2], *([start] if start else []), *lines[3:]]) + "\n")
+    with pytest.raises(CaptureError, match=says):
+        resistances(session, read_recording(path))
 
 
 def test_stopped_and_resumed(tmp_path):
