@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from tests.places import ROOT
 
 #: Times that the writer is killed.
 KILLS = int(os.environ.get("DEFSENSE_KILLS", "4"))
+_COLUMNS = "host_ns,device_us,counter,led,late,averages"
 
 
 def stamped(n, channels=3):
@@ -106,6 +108,21 @@ def test_a_recording_that_was_cut_in_its_head_is_begun_again(tmp_path):
     assert read_recording(path).counter.tolist() == [0]
 
 
+def test_reading_takes_little_more_than_the_numbers(tmp_path):
+    """An hour's recording is no matter of its text's size in memory."""
+    path, count = tmp_path / "r.csv", 5000
+    rows = [f"{10**15 + n},{n},{n},0,0,16,{n},{n + 1}\n" for n in range(count)]
+    path.write_text(f"# defsense recording 1\n{_COLUMNS},s1,s2\n{''.join(rows)}")
+    tracemalloc.start()
+    try:
+        found = read_recording(path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found.sums[-1].tolist() == [count - 1, count]
+    assert peak < 2 * 8 * (8 + 1) * count + 200_000  # as the array grows; and the full scale
+
+
 def test_what_has_frames(tmp_path):
     path = tmp_path / "r.csv"
     with Recorder(path, 3) as r:
@@ -155,7 +172,7 @@ def test_killed_at_any_moment(tmp_path):
     assert found.sums[-1].tolist() == list(stamped(counters[-1]).sample.sums)
 
 
-_HEAD = "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1\n"
+_HEAD = f"# defsense recording 1\n{_COLUMNS},s1\n"
 
 
 @pytest.mark.parametrize(
