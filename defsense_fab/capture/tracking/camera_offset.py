@@ -13,7 +13,7 @@ import numpy as np
 
 from ...core.arrays import Int
 from ...core.camera import Camera
-from .observations import Observations, at
+from .observations import Observed, at, middles
 from .triangulation import triangulate
 
 _MOST = 300  # tags looked at: those that move most
@@ -35,7 +35,7 @@ class Offset:
 
 
 def find_offset(
-    cameras: Sequence[Camera], first: Observations, second: Observations, reach: float
+    cameras: Sequence[Camera], first: Observed, second: Observed, reach: float
 ) -> Offset | None:
     """Of two cameras whose clocks differ by at most `reach` s; None where too little moves, or the
     best is at the end of the reach."""
@@ -44,13 +44,16 @@ def find_offset(
     if rows is None or not 0 < period < reach:
         return None
 
+    some, place = np.unique(rows[0], return_inverse=True)
+    part = first.part(some)
+    ours = part.corners[place, rows[1]], part.covariance[place, rows[1]]
+
     def miss(offset: float, every: int = 1) -> float:
-        moved = Observations(second.time + offset, second.ids, second.corners, second.covariance)
         frames, tags = rows[0][::every], rows[1][::every]
-        corners, covariance = at(moved, first.time[frames])
+        corners, covariance = at(second, first.time[frames], offset)
         n = np.arange(len(frames))
-        both = np.stack([first.corners[frames, tags], corners[n, tags]], axis=1)
-        spread = np.stack([first.covariance[frames, tags], covariance[n, tags]], axis=1)
+        both = np.stack([ours[0][::every], corners[n, tags]], axis=1)
+        spread = np.stack([ours[1][::every], covariance[n, tags]], axis=1)
         there = np.isfinite(both).all(axis=(1, 2, 3))
         if there.sum() * every < _LEAST / 2:
             return float("inf")
@@ -89,15 +92,15 @@ def find_offset(
     return Offset(float(best), sigma, float(np.sqrt(before)), float(np.sqrt(least)))
 
 
-def _moving(first: Observations, second: Observations) -> tuple[Int, Int] | None:
+def _moving(first: Observed, second: Observed) -> tuple[Int, Int] | None:
     """Frames of the first camera, and tags, that move most there and that the second sees too."""
-    middle = first.corners.mean(axis=2)
+    middle = middles(first)
     speed = np.full(middle.shape[:2], np.nan)
     if len(first.time) < 3:
         return None
     span = (first.time[2:] - first.time[:-2])[:, None]
     speed[1:-1] = np.linalg.norm(middle[2:] - middle[:-2], axis=2) / span
-    speed[:, ~np.isfinite(second.corners[..., 0, 0]).any(axis=0)] = np.nan
+    speed[:, ~np.isfinite(middles(second)[..., 0]).any(axis=0)] = np.nan
     good = np.isfinite(speed)
     if good.sum() < _LEAST:
         return None

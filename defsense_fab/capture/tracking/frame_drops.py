@@ -15,7 +15,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
-from .observations import Observations
+from .observations import Observed, middles
 
 _FINE = 8  # offsets tried in a period
 _TAGS = 8  # looked at in each frame at most: those that the second camera sees most often
@@ -41,7 +41,7 @@ class FrameDrops:
 
 
 def find_frame_drops(
-    cameras: Sequence[Camera], first: Observations, second: Observations, reach: float
+    cameras: Sequence[Camera], first: Observed, second: Observed, reach: float
 ) -> FrameDrops | None:
     """Of two cameras whose clocks differ by at most `reach` s; None where the offset does not
     change and all frames fit it, or too little moves to tell."""
@@ -50,22 +50,30 @@ def find_frame_drops(
     period = float(np.median(np.diff(second.time)))
     if not 0 < period < reach:
         return None
-    tags = _often(first, second)
+    a, b = middles(first), middles(second)
+    tags = _often(a, b)
     if not len(tags):
         return None
-    a, b = (s.corners[:, tags].mean(axis=2) for s in (first, second))
+    a, b = a[:, tags], b[:, tags]
     F = _fundamental(cameras[0], cameras[1])
     grid = np.arange(-reach, reach + 1e-9, period / _FINE)
-    square = np.stack([_square(F, a, _shown(b, second.time, first.time - o)) for o in grid])
+    # Of an hour these are 100 MB: what follows is written over them.
+    cost = np.empty((len(grid), len(a)))
+    for k, offset in enumerate(grid):
+        cost[k] = _square(F, a, _shown(b, second.time, first.time - offset))
+    unknown = ~np.isfinite(cost)
+    cost[unknown] = np.inf
     # The camera's own noise, and the calibration's, are what the best offset leaves.
-    best = np.nanmin(np.where(np.isfinite(square), square, np.inf), axis=0)
+    best = cost.min(axis=0)
     best = best[np.isfinite(best)]
     if len(best) < 10:
         return None
     noise = max(_NOISE**2, 4 * float(np.median(best)))
     if noise > _NOISIEST**2:
         return None  # a camera was moved: then any offset is as good, or as bad
-    cost = np.minimum(np.where(np.isfinite(square), square / noise, 1.0), _CAP)
+    cost /= noise
+    cost[unknown] = 1.0
+    np.minimum(cost, _CAP, out=cost)
     path = _cheapest(cost)
     spent = cost[path, np.arange(len(path))]
     alone = cost.sum(axis=1)
@@ -103,9 +111,10 @@ def find_frame_drops(
     return FrameDrops(time, offsets[told], first.time[starts[told]][1:])
 
 
-def _often(first: Observations, second: Observations) -> Int:
-    """Tags that both see, those first that the second sees most often."""
-    count = np.minimum(*(np.isfinite(s.corners[..., 0, 0]).sum(axis=0) for s in (first, second)))
+def _often(first: Float, second: Float) -> Int:
+    """Tags that both see, by their places (t, m, 2), those first that the second sees most
+    often."""
+    count = np.minimum(*(np.isfinite(s[..., 0]).sum(axis=0) for s in (first, second)))
     order = np.argsort(-count, kind="stable")[:_TAGS]
     return np.asarray(order[count[order] >= 5])
 
@@ -144,7 +153,7 @@ def _cheapest(cost: Float) -> Int:
     """Of costs (o, t): the offset of each frame (t,)."""
     count, frames = cost.shape
     least = cost[:, 0].copy()
-    came = np.zeros((frames, count), np.int32)
+    came = np.zeros((frames, count), np.int16)
     stay = np.arange(count)
     for k in range(1, frames):
         from_ = int(least.argmin())

@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
-from ...core.arrays import Float, Int
+from ...core.arrays import Bool, Float, Int
 from ..tags.tag_detection import TagView
+from .tag_store import FrameTags, blocks, stored
 
 _SAME = 5e-4  # s: frames this near in time are taken as simultaneous
 _FAR = 2.5  # periods, between frames that are interpolated
+
+
+class Observed(Protocol):
+    """t frames of one camera, m tags: `time` (t,) s, increasing; numbers `ids` (m,)."""
+
+    @property
+    def time(self) -> Float: ...
+
+    @property
+    def ids(self) -> Int: ...
+
+    def part(self, frames: Int) -> Observations:
+        """What the frames (k,) show."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -25,70 +41,147 @@ class Observations:
     corners: Float
     covariance: Float
 
+    def part(self, frames: Int) -> Observations:
+        """Some of the frames (k,)."""
+        return Observations(
+            self.time[frames], self.ids, self.corners[frames], self.covariance[frames]
+        )
+
+
+@dataclass(frozen=True)
+class StoredObservations:
+    """As `Observations`, of `tags` in t frames that are read as they are needed; `chosen` (n,) of
+    the store's tags are those that count."""
+
+    time: Float
+    ids: Int
+    tags: FrameTags
+    chosen: Bool
+
+    def part(self, frames: Int) -> Observations:
+        """What some of the frames (k,) show."""
+        which, position = self.tags.find(frames)
+        good = self.chosen[which]
+        rows, position = self.tags.store.read(which)[good], position[good]
+        k, m = len(frames), len(self.ids)
+        corners, covariance = np.full((k, m, 4, 2), np.nan), np.full((k, m, 4, 2, 2), np.nan)
+        column = _columns(self.ids, rows["id"])
+        corners[position, column] = rows["corners"]
+        covariance[position, column] = rows["covariance"]
+        return Observations(self.time[frames], self.ids, corners, covariance)
+
+    def only(self, frames: Bool) -> StoredObservations:
+        """Some of the frames, by a mask (t,)."""
+        return replace(self, time=self.time[frames], tags=self.tags.only(frames))
+
+    def without(self, frames: Bool) -> StoredObservations:
+        """The same frames, some of which (t,) show nothing."""
+        return replace(self, tags=self.tags.without(frames))
+
+
+def observe(time: Float, tags: FrameTags, ids: Int) -> StoredObservations:
+    """Tags of frames at times (t,) s by number, others than `ids` (m,) left out. Of a number that
+    is twice in an image, the one nearer to where the tag was last is taken; neither where it was
+    not seen before."""
+    chosen = np.zeros(len(tags.store), bool)
+    last = np.full((len(ids), 2), np.nan)
+    for frames in blocks(len(time), int(tags.count.max(initial=1))):
+        which, position = tags.find(frames)
+        rows = tags.store.read(which)
+        column = _columns(ids, rows["id"])
+        middle = rows["corners"].mean(axis=1)
+        there = column >= 0
+        place = position * len(ids) + column
+        order = np.argsort(np.where(there, place, -1), kind="stable")
+        again = order[1:][(np.diff(place[order]) == 0) & there[order[1:]]]
+        doubtful = np.unique(column[again])
+        single = there & ~np.isin(column, doubtful)
+        chosen[which[single]] = True
+        last[column[single]] = middle[single]  # of several the last one stays
+        for k in doubtful:
+            mine = np.flatnonzero(column == k)
+            for found in np.split(mine, np.flatnonzero(np.diff(position[mine])) + 1):
+                if len(found) > 1 and np.isnan(last[k]).any():
+                    continue
+                away = np.linalg.norm(middle[found] - last[k], axis=1)
+                nearest = found[int(away.argmin()) if len(found) > 1 else 0]
+                chosen[which[nearest]] = True
+                last[k] = middle[nearest]
+    return StoredObservations(time, ids, tags, chosen)
+
 
 def collect(time: Float, views: Sequence[TagView], ids: Int) -> Observations:
-    """Views by tag. Of a number that is twice in an image, the one nearer to where the tag was last
-    is taken; neither where it was not seen before."""
-    place = {int(i): k for k, i in enumerate(ids)}
-    corners = np.full((len(views), len(ids), 4, 2), np.nan)
-    covariance = np.full((len(views), len(ids), 4, 2, 2), np.nan)
-    last = np.full((len(ids), 2), np.nan)
-    for t, view in enumerate(views):
-        numbers = [int(i) for i in view.ids]
-        for number in set(numbers) & place.keys():
-            k = place[number]
-            found = [n for n, i in enumerate(numbers) if i == number]
-            if len(found) > 1:
-                if np.isnan(last[k]).any():
-                    continue
-                away = np.linalg.norm(view.corners[found].mean(axis=1) - last[k], axis=1)
-                found = [found[int(away.argmin())]]
-            corners[t, k], covariance[t, k] = view.corners[found[0]], view.covariance[found[0]]
-            last[k] = corners[t, k].mean(axis=0)
-    return Observations(time, ids, corners, covariance)
+    """A few views by tag, all of them in memory; as `observe`."""
+    return observe(time, stored(views), ids).part(np.arange(len(views)))
 
 
-def at(seen: Observations, time: Float) -> tuple[Float, Float]:
-    """Corners (n, m, 4, 2) and covariances (n, m, 4, 2, 2) at other times (n,), s: along a cubic
-    through four frames, or a line where they lack the tag; NaN where the frames beside do."""
+def _columns(ids: Int, numbers: Int) -> Int:
+    """Where the numbers (n,) are among the ids (m,), -1 for those that are not."""
+    if not len(ids):
+        return np.full(len(numbers), -1)
+    order = np.argsort(ids)
+    at = order[np.clip(np.searchsorted(ids, numbers, sorter=order), 0, len(ids) - 1)]
+    return np.asarray(np.where(ids[at] == numbers, at, -1))
+
+
+def middles(seen: Observed) -> Float:
+    """Middles of the tags (t, m, 2) px, NaN where not seen."""
+    out = np.empty((len(seen.time), len(seen.ids), 2))
+    for frames in blocks(len(seen.time), len(seen.ids)):
+        out[frames] = seen.part(frames).corners.mean(axis=2)
+    return out
+
+
+def at(seen: Observed, time: Float, late: float = 0.0) -> tuple[Float, Float]:
+    """Corners (n, m, 4, 2) and covariances (n, m, 4, 2, 2) at other times (n,), s, of a camera to
+    whose times `late` s are added: along a cubic through four frames, or a line where they lack the
+    tag; NaN where the frames beside do."""
     n, m = len(time), len(seen.ids)
     corners, covariance = np.full((n, m, 4, 2), np.nan), np.full((n, m, 4, 2, 2), np.nan)
-    if not len(seen.time) or not n:
+    clock = seen.time + late
+    count = len(clock)
+    if not count or not n:
         return corners, covariance
-    nearest = np.clip(np.searchsorted(seen.time, time), 1, max(len(seen.time) - 1, 1))
+    nearest = np.clip(np.searchsorted(clock, time), 1, max(count - 1, 1))
     before = nearest - 1
-    if len(seen.time) > 1:
-        closer = np.abs(seen.time[nearest] - time) < np.abs(seen.time[before] - time)
+    if count > 1:
+        closer = np.abs(clock[nearest] - time) < np.abs(clock[before] - time)
         nearest = np.where(closer, nearest, before)
     else:
         nearest = before
-    same = np.abs(seen.time[nearest] - time) <= _SAME
-    corners[same], covariance[same] = seen.corners[nearest[same]], seen.covariance[nearest[same]]
-    if len(seen.time) < 2:
+    same = np.abs(clock[nearest] - time) <= _SAME
+    inside = ~same & (time > clock[0]) & (time < clock[-1]) & (count > 1)
+    a = np.clip(np.searchsorted(clock, time[inside]) - 1, 0, max(count - 2, 0))
+    beside = np.clip(a[:, None] + np.arange(-1, 3), 0, count - 1)
+    read = np.unique(np.concatenate([nearest[same], beside.ravel()]))
+    part = replace(seen.part(read), time=clock[read])
+
+    k = np.searchsorted(read, nearest[same])
+    corners[same], covariance[same] = part.corners[k], part.covariance[k]
+    if not inside.any():
         return corners, covariance
-    inside = ~same & (time > seen.time[0]) & (time < seen.time[-1])
-    a = np.clip(np.searchsorted(seen.time, time[inside]) - 1, 0, len(seen.time) - 2)
-    step = seen.time[a + 1] - seen.time[a]
-    far = _FAR * float(np.median(np.diff(seen.time)))
-    w = (time[inside] - seen.time[a]) / step
+    far = _FAR * float(np.median(np.diff(clock)))
+    step = clock[a + 1] - clock[a]
+    w = (time[inside] - clock[a]) / step
     w = np.where(step <= far, w, np.nan)[:, None, None, None]
-    corners[inside] = (1 - w) * seen.corners[a] + w * seen.corners[a + 1]
+    k, after = np.searchsorted(read, a), np.searchsorted(read, a + 1)
+    corners[inside] = (1 - w) * part.corners[k] + w * part.corners[after]
     w = w[..., None]
-    covariance[inside] = (1 - w) ** 2 * seen.covariance[a] + w**2 * seen.covariance[a + 1]
-    _curve(seen, time, np.flatnonzero(inside), a, far, corners)
+    covariance[inside] = (1 - w) ** 2 * part.covariance[k] + w**2 * part.covariance[after]
+    four = (a >= 1) & (a + 2 < count)
+    _curve(part, time, np.flatnonzero(inside)[four], k[four], far, corners)
     return corners, covariance
 
 
 def _curve(seen: Observations, time: Float, rows: Int, a: Int, far: float, corners: Float) -> None:
     """Put cubic polynomials through four frames in place of lines, where there are four: a hand's
     acceleration bends the way between two frames by some hundredths of a millimetre."""
-    inner = np.flatnonzero((a >= 1) & (a + 2 < len(seen.time)))
-    if not len(inner):
+    if not len(rows):
         return
-    four = a[inner, None] + np.arange(-1, 3)
+    four = a[:, None] + np.arange(-1, 3)
     at_ = seen.time[four]
-    inner, four, at_ = (x[(np.diff(at_, axis=1) <= far).all(axis=1)] for x in (inner, four, at_))
-    rows = rows[inner]
+    near = (np.diff(at_, axis=1) <= far).all(axis=1)
+    rows, four, at_ = rows[near], four[near], at_[near]
     out = np.zeros((len(rows), *corners.shape[1:]))
     for k in range(4):
         others = [n for n in range(4) if n != k]

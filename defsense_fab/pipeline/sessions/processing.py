@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,10 @@ from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronisation import by_motion
 from ...capture.files.formats import read_any, write_any
 from ...capture.readout.recording import read_recording
-from ...capture.tags.tag_detection import NOTHING, TagView
 from ...capture.tracking.alignment import Aligned, align
 from ...capture.tracking.rest_pose import rest_pose
-from ...core.arrays import Bool, Float, Int
+from ...capture.tracking.tag_store import FrameTags
+from ...core.arrays import Bool, Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ...core.files import storage_errors, write_json, write_text
@@ -28,9 +28,10 @@ from ..tracking.video_detection import VideoDetections, detect_all
 from ..tracking.video_tracks import VideoTracks, assemble
 from .camera_recorder import FILM_RATE
 from .processed_session import ProcessedSession
+from .recorded_tags import read_camera_tags
 from .report import write_report
 from .rest_resistance import rest_resistances
-from .session import BOARD, REST, CaptureSession, ending, load, read_camera, read_log
+from .session import BOARD, REST, CaptureSession, ending, load, read_log
 from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
 
 TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
@@ -89,7 +90,9 @@ def process_session(
 def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress) -> _ProcessedRun:
     """One run by itself: its clocks are its own."""
     events = read_log(run)
-    cameras = [read_camera(run, c.name) for c in session.rig.cameras]
+    # Before the tags, as the text takes more memory than what is read from it.
+    board = read_recording(run / BOARD) if (run / BOARD).exists() else None
+    cameras = [read_camera_tags(run, c.name, session.markers.ids) for c in session.rig.cameras]
     empty = [c.name for c, s in zip(session.rig.cameras, cameras, strict=True) if not len(s.time)]
     if empty or not cameras:
         raise CaptureError(f"no picture was recorded by {', '.join(empty) or 'any camera'}")
@@ -99,15 +102,14 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     start = min(int(c.time[0]) for c in cameras if len(c.time))
     watched, lacking = [], {}
     for camera, seen in zip(session.rig.cameras, cameras, strict=True):
-        time, views = (seen.time - start) / 1e9, seen.views
+        time, tags = (seen.time - start) / 1e9, seen.tags
         if video:
-            views, lacks = _again(session, run, camera, len(time), progress)
+            tags, lacks = _again(session, run, camera, len(time), progress)
             if lacks:
                 lacking[camera.name] = lacks
-        watched.append(VideoDetections(time, views, timing(time), 0))
+        watched.append(VideoDetections(time, tags, timing(time), 0))
     names = [f"{run.name}/{c.name}" for c in session.rig.cameras]
-    known = [_only(w, session.markers.ids) for w in watched]
-    processed = assemble(known, session.rig, session.markers.size, names, None, progress)
+    processed = assemble(watched, session.rig, session.markers.size, names, None, progress)
     processed.quality["warnings"] += [
         f"{run.name}/{name}.mkv lacks {n} of the recorded frames: no tags are known in those"
         for name, n in lacking.items()
@@ -117,8 +119,7 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     ohm = np.full((len(tracks.time), len(session.channels)), np.nan)
     told: dict[str, Any] = {"method": "none"}
     lost: list[str] = []
-    if (run / BOARD).exists():
-        board = read_recording(run / BOARD)
+    if board is not None:
         ohm, told = signals_in_step(session, board, cameras, start, shift, tracks)
         if board.cut:
             lost.append(f"lines of {run.name}/{BOARD}: {board.cut}")
@@ -127,7 +128,7 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     lost += [f"lines of {n}'s files: {c.cut}" for n, c in zip(names, cameras, strict=True) if c.cut]
     if lost:
         processed.quality["warnings"].append(f"cut or damaged, and left out: {', '.join(lost)}")
-    processed.quality["warnings"] += _ends_early(names, known)
+    processed.quality["warnings"] += _ends_early(names, watched)
     return _ProcessedRun(
         processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}
     )
@@ -160,8 +161,7 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
         ]
     quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.seen.mean()),
                                "by_one": 0.0, "impossible": 0}  # fmt: skip
-    covariance = np.full((*tracks.points.shape, 3), np.nan)
-    processed = VideoTracks(tracks, covariance, 2 * tracks.seen.astype(np.int64), quality)
+    processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int64), quality)
     at = at_times(sync.to_device(tracks.time), device, ohm)
     arrival = fit_clocks(device, board.host_ns / 1e9)
     rest = _resting(session, read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
@@ -173,7 +173,7 @@ def _ends_early(names: Sequence[str], watched: Sequence[VideoDetections]) -> lis
     """Of cameras that see no tag for long at the end: was it moved, or is its file cut off?"""
     out = []
     for name, w in zip(names, watched, strict=True):
-        seen = np.flatnonzero([len(v.ids) > 0 for v in w.views])
+        seen = np.flatnonzero(w.tags.count)
         left = w.time[-1] - w.time[seen[-1]] if len(seen) else 0.0
         if left > _ALONE:
             out.append(
@@ -183,32 +183,25 @@ def _ends_early(names: Sequence[str], watched: Sequence[VideoDetections]) -> lis
     return out
 
 
-def _only(watched: VideoDetections, ids: Int) -> VideoDetections:
-    """Without tags that are none of the device's."""
-    views = tuple(v.only(np.isin(v.ids, ids)) for v in watched.views)
-    return replace(watched, views=views)
-
-
 def _again(
     session: CaptureSession, run: Path, camera: Camera, count: int, progress: Progress
-) -> tuple[tuple[TagView, ...], int]:
-    """Tags of `count` frames from the run's video, and how many of those it lacks: a video that was
-    cut off, or that a full disk has left gaps in, says by its times which it has."""
+) -> tuple[FrameTags, int]:
+    """The device's tags in `count` frames from the run's video, and how many of those it lacks: a
+    video that was cut off, or that a full disk has left gaps in, says by its times which it has."""
     path = run / f"{camera.name}.mkv"
     if not path.exists():
         raise CaptureError(f"{path}: there is no video; the session was recorded without --video")
-    time, found = detect_all(Video(path), camera, session.markers.dictionary, progress)
+    time, found = detect_all(Video(path), camera, session.markers, progress)
     number = np.round(time * FILM_RATE).astype(int)
     there = (number >= 0) & (number < count)
     if there.sum() < 0.5 * count or not there.all() or len(np.unique(number)) < len(number):
         raise CaptureError(
-            f"{path}: has {len(found)} frames, {count} were recorded; it is damaged, or does not"
+            f"{path}: has {len(time)} frames, {count} were recorded; it is damaged, or does not"
             " belong here"
         )
-    views = [NOTHING] * count
-    for n, view in zip(number, found, strict=True):
-        views[n] = view
-    return tuple(views), count - len(found)
+    first, last = np.zeros((2, count), np.int64)
+    first[number], last[number] = found.first, found.last
+    return FrameTags(found.store, first, last), count - len(time)
 
 
 def _resting(

@@ -19,7 +19,8 @@ from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
 from ...core.tracks import Tracks
 from ...sensing.voltage_divider import conversion_time
-from .session import BOARD, CaptureSession, RecordedCamera
+from .recorded_tags import CameraRecording
+from .session import BOARD, CaptureSession
 
 _DRIFTS = 5e-4  # relative: no board's clock is off by more
 _LATE = 0.01  # s: what delays do to a short part's drift
@@ -29,7 +30,7 @@ _BESIDE = 1.0  # s of frames beside a part's samples that are compared with it
 
 
 def signals_in_step(
-    session: CaptureSession, board: Recording, cameras: Sequence[RecordedCamera], start: int,
+    session: CaptureSession, board: Recording, cameras: Sequence[CameraRecording], start: int,
     shift: Sequence[float], tracks: Tracks,
 ) -> tuple[Float, dict[str, Any]]:  # fmt: skip
     """Resistances (t, c) ohm at the tracks' times, by whichever way the clocks can be compared, and
@@ -87,7 +88,7 @@ def resistances(session: CaptureSession, board: Recording) -> Float:
 
 
 def _part(
-    board: Recording, part: slice, ohm: Float, cameras: Sequence[RecordedCamera], start: int,
+    board: Recording, part: slice, ohm: Float, cameras: Sequence[CameraRecording], start: int,
     shift: Sequence[float], tracks: Tracks,
 ) -> tuple[Float, dict[str, Any]]:  # fmt: skip
     """The board's times (t,) s at the tracks' by samples between two starts, and how that is
@@ -119,7 +120,7 @@ def _part(
 
 
 def _by_lamps(
-    board: Recording, part: slice, cameras: Sequence[RecordedCamera], start: int,
+    board: Recording, part: slice, cameras: Sequence[CameraRecording], start: int,
     shift: Sequence[float], arrival: Clocks,
 ) -> tuple[Sync | None, list[str]]:  # fmt: skip
     """By the camera whose pictures of the LED tell most, and why others do not."""

@@ -10,8 +10,9 @@ import numpy as np
 from ...capture.cameras.rig_file import Rig
 from ...capture.tracking.camera_offset import find_offset
 from ...capture.tracking.frame_drops import FrameDrops, find_frame_drops
-from ...capture.tracking.observations import Observations, at
-from ...core.arrays import Bool, Float
+from ...capture.tracking.observations import Observed, StoredObservations, at
+from ...capture.tracking.tag_store import blocks
+from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 
 _REACH, _IN_STEP = 0.25, 1e-3  # s, between clocks: looked for, and not worth a correction
@@ -27,7 +28,7 @@ class CameraSync:
     (v,) s; where that changed on the way, `steps` by camera; and how many frames of each showed the
     picture before once more, `frozen` (v,), or fit no offset, `unfit` (v,)."""
 
-    seen: list[Observations]
+    seen: list[StoredObservations]
     shift: list[float]
     steps: dict[int, FrameDrops]
     frozen: list[int]
@@ -69,7 +70,7 @@ class CameraSync:
 
 
 def sync_cameras(
-    rig: Rig, seen: Sequence[Observations], *, told: bool, without: int | None = None
+    rig: Rig, seen: Sequence[StoredObservations], *, told: bool, without: int | None = None
 ) -> CameraSync:
     """Cameras in step with the first one; offsets that were `told` stay. The views of one that is
     left out, `without`, are gone; where that is the first, its clock is taken for the second's."""
@@ -80,9 +81,8 @@ def sync_cameras(
             told=told,
         )  # fmt: skip
         gone = seen[without]
-        nothing = np.full_like(gone.corners, np.nan), np.full_like(gone.covariance, np.nan)
         out = list(part.seen)
-        out.insert(without, Observations(gone.time, gone.ids, *nothing))
+        out.insert(without, gone.without(np.ones(len(gone.time), bool)))
         shift, frozen, unfit = list(part.shift), list(part.frozen), list(part.unfit)
         shift.insert(without, 0.0)
         frozen.insert(without, 0)
@@ -101,13 +101,13 @@ def sync_cameras(
         if changed is not None and not len(changed.at):
             fits = np.isfinite(changed.time)
             unfit[c] = int((~fits).sum())
-            s = _only(s, fits)
+            s = s.only(fits)
             near = None
         elif changed is not None:
             steps[c] = changed
             shift.append(begun + float(np.median(changed.offsets)))
             good = np.isfinite(changed.time)
-            out.append(Observations(changed.time[good], s.ids, s.corners[good], s.covariance[good]))
+            out.append(replace(s, time=changed.time).only(good))
             continue
         found = near
         if not told and (near is None or begun):
@@ -124,7 +124,7 @@ def sync_cameras(
     return CameraSync(out, shift, steps, frozen, unfit)
 
 
-def _begun(pair: list[Camera], first: Observations, second: Observations) -> float:
+def _begun(pair: list[Camera], first: Observed, second: Observed) -> float:
     """s, by about how much the second video began later, if that is more than clocks differ by."""
     far = find_offset(pair, first, second, _APART)
     if far is None or abs(far.value) <= _REACH - 0.05 or far.after > _CLOSE:
@@ -132,50 +132,49 @@ def _begun(pair: list[Camera], first: Observations, second: Observations) -> flo
     return far.value if far.after < _BETTER * far.before else 0.0
 
 
-def together(seen: Sequence[Observations], time: Float) -> tuple[Float, Float]:
-    """Corners (n, m, v, 4, 2) and covariances (n, m, v, 4, 2, 2) of all cameras at times
-    (n,)."""
-    parts = [at(s, time) for s in seen]
-    parts[0] = seen[0].corners, seen[0].covariance
+def together(seen: Sequence[Observed], frames: Int) -> tuple[Float, Float]:
+    """Corners (k, m, v, 4, 2) and covariances (k, m, v, 4, 2, 2) of all cameras at the times of
+    frames (k,) of the first one."""
+    ours = seen[0].part(frames)
+    parts = [(ours.corners, ours.covariance), *(at(s, ours.time) for s in seen[1:])]
     return np.stack([p[0] for p in parts], axis=2), np.stack([p[1] for p in parts], axis=2)
 
 
-def _only(s: Observations, rows: Bool) -> Observations:
-    return Observations(s.time[rows], s.ids, s.corners[rows], s.covariance[rows])
+def views_of(seen: Sequence[Observed], rows: Int) -> tuple[Float, Float]:
+    """As `together`, of single tags: (n, v, 4, 2) and (n, v, 4, 2, 2) for `rows` (n, 2) of frames
+    of the first camera and tags."""
+    frames, place = np.unique(rows[:, 0], return_inverse=True)
+    corners, covariance = together(seen, frames)
+    return corners[place, rows[:, 1]], covariance[place, rows[:, 1]]
 
 
-def _thawed(seen: Sequence[Observations]) -> tuple[list[Observations], list[int]]:
+def _thawed(seen: Sequence[StoredObservations]) -> tuple[list[StoredObservations], list[int]]:
     """Without frames that repeat the picture before although things move: the camera's next picture
     shows it, or another camera does."""
     out, counts = [], []
     for c, s in enumerate(seen):
         wrong = np.zeros(len(s.time), bool)
         for a, b in _repeats(s):
-            after = s.corners[b] if b < len(s.time) else np.full_like(s.corners[a], np.nan)
-            if _moved(s.corners[a], after) or any(
+            here = s.part(np.arange(a, min(b + 1, len(s.time)))[[0, -1]]).corners
+            after = here[1] if b < len(s.time) else np.full_like(here[0], np.nan)
+            if _moved(here[0], after) or any(
                 _moves(o, s.time[a], s.time[b - 1]) for k, o in enumerate(seen) if k != c
             ):
                 wrong[a + 1 : b] = True
         counts.append(int(wrong.sum()))
-        corners, covariance = s.corners, s.covariance
-        if wrong.any():
-            corners, covariance = corners.copy(), covariance.copy()
-            corners[wrong], covariance[wrong] = np.nan, np.nan
-        if c:  # the others are interpolated; the first has the frames that are asked for
-            out.append(_only(s, ~wrong))
-        else:
-            out.append(Observations(s.time, s.ids, corners, covariance))
+        # The others are interpolated; the first has the frames that are asked for.
+        out.append(s.only(~wrong) if c else s.without(wrong))
     return out, counts
 
 
-def _repeats(s: Observations) -> list[tuple[int, int]]:
+def _repeats(s: Observed) -> list[tuple[int, int]]:
     """Runs of frames (from, to) in which all tags are at the very same place."""
-    if len(s.time) < 2:
-        return []
-    flat = s.corners.reshape(len(s.time), -1)
-    there = np.isfinite(flat)
-    same = ((flat[1:] == flat[:-1]) | ~(there[1:] | there[:-1])).all(axis=1)
-    same &= there[1:].any(axis=1)
+    same = np.zeros(max(len(s.time) - 1, 0), bool)
+    for frames in blocks(len(same), len(s.ids)):
+        flat = s.part(np.append(frames, frames[-1] + 1)).corners.reshape(len(frames) + 1, -1)
+        there = np.isfinite(flat)
+        alike = ((flat[1:] == flat[:-1]) | ~(there[1:] | there[:-1])).all(axis=1)
+        same[frames] = alike & there[1:].any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
     return [(int(a), int(b) + 1) for a, b in edges.reshape(-1, 2)]
 
@@ -184,9 +183,11 @@ def _moved(a: Float, b: Float) -> Bool:
     return np.asarray((np.abs(a - b) > _MOVES).any())
 
 
-def _moves(s: Observations, start: float, end: float) -> bool:
+def _moves(s: Observed, start: float, end: float) -> bool:
     """Whether tags move before a camera within a time, s."""
-    rows = s.corners[(s.time >= start) & (s.time <= end)]
+    rows = np.flatnonzero((s.time >= start) & (s.time <= end))
     if len(rows) < 2:
         return False
-    return bool(_moved(rows[1:], rows[0]))
+    first = s.part(rows[:1]).corners
+    parts = (rows[1:][k] for k in blocks(len(rows) - 1, len(s.ids)))
+    return any(bool(_moved(s.part(part).corners, first)) for part in parts)

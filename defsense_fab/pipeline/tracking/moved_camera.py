@@ -6,9 +6,12 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ...capture.tracking.observations import Observed
 from ...capture.tracking.reconstruction import reconstruct
-from ...core.arrays import Float
+from ...capture.tracking.tag_store import blocks
+from ...core.arrays import Float, Int
 from ...core.camera import Camera
+from .camera_sync import together, views_of
 
 _SOME = 300  # tags that are looked at
 _FEW = 20  # that tell nothing
@@ -18,15 +21,15 @@ _WORSE = 3.0  # times as far, that is
 
 
 def moved_camera(
-    cameras: Sequence[Camera], views: Iterable[tuple[Float, Float]], size: float
+    cameras: Sequence[Camera], views: Iterable[tuple[Float, Float] | None], size: float
 ) -> int | None:
     """The one without which the others fit together, where they do so without no other; None where
-    all fit, or it cannot be told which. `views`: corners (n, m, v, 4, 2) px without distortion and
-    their covariance (n, m, v, 4, 2, 2), once as the cameras' clocks were brought in step, where all
-    may fit, and once as they were: views of a camera that was moved can look late."""
+    all fit, or it cannot be told which. `views`: corners (n, v, 4, 2) px without distortion and
+    their covariance (n, v, 4, 2, 2) of `some_tags`, once as the cameras' clocks were brought in
+    step, where all may fit, and once as they were: views of a camera that was moved can look
+    late."""
     taken = []
-    for corners, covariance in views:
-        some = _some(corners, covariance)
+    for some in views:
         if some is None or _miss(cameras, *some, size) <= _WELL:
             return None
         taken.append(some)
@@ -34,14 +37,22 @@ def moved_camera(
     return next((k for k in found if k is not None), None)
 
 
-def _some(corners: Float, covariance: Float) -> tuple[Float, Float] | None:
-    """Tags (n, v, ...) that three cameras see; None where those are few."""
-    there = np.isfinite(corners).all(axis=(3, 4))
-    rows = np.argwhere(there.sum(axis=2) >= 3)
+def some_tags(seen: Sequence[Observed], count: Int) -> tuple[Float, Float] | None:
+    """Corners and covariances of some tags that three of v cameras see, by the `count` (t, m) of
+    those that do in the first one's frames; None where they are few."""
+    rows = np.argwhere(count >= 3)
     if len(rows) < _FEW:
         return None
-    rows = rows[:: max(len(rows) // _SOME, 1)]
-    return corners[rows[:, 0], rows[:, 1]], covariance[rows[:, 0], rows[:, 1]]
+    return views_of(seen, rows[:: max(len(rows) // _SOME, 1)])
+
+
+def cameras_that_see(seen: Sequence[Observed]) -> Int:
+    """How many cameras see a tag in each frame of the first one (t, m)."""
+    count = np.zeros((len(seen[0].time), len(seen[0].ids)), int)
+    for frames in blocks(*count.shape):
+        corners, _ = together(seen, frames)
+        count[frames] = np.isfinite(corners).all(axis=(3, 4)).sum(axis=2)
+    return count
 
 
 def _odd_one(cameras: Sequence[Camera], seen: Float, spread: Float, size: float) -> int | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,9 +13,11 @@ from ...capture.cameras.camera_threads import in_threads
 from ...capture.cameras.video import Timing, Video, timing
 from ...capture.tags.tag_detection import Detector, TagView, detector, to_grey, wrong_size
 from ...capture.tags.tag_dictionary import FAMILIES, Dictionary, dictionary
+from ...capture.tracking.tag_store import FrameTags, stored
 from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
+from ...core.markers import Markers
 from ...core.progress import Progress, silent
 
 _LOOKED, _SOME = 4, 3  # frames of a video in which other families are tried; tags that tell
@@ -27,7 +29,7 @@ class VideoDetections:
     """A video that was looked through: the times (t,) s of its frames, and the tags in each."""
 
     time: Float
-    views: tuple[TagView, ...]
+    tags: FrameTags
     timing: Timing
     expected: int
 
@@ -50,18 +52,22 @@ def detect_video(
 
     def look(k: int, stop: threading.Event) -> VideoDetections:
         found = Detector(cameras[k], tags)
-        times, views = [], []
-        for _, time, image in videos[k].frames():
-            if stop.is_set():
-                break
-            times.append(time)
-            views.append(found.find(image))
-            done[k] += 1
-            if k == 0:
-                progress("tags", min(sum(done) / total, 1.0), f"{done[0]} frames")
+        times: list[float] = []
+
+        def views() -> Iterator[TagView]:
+            for _, time, image in videos[k].frames():
+                if stop.is_set():
+                    break
+                times.append(time)
+                yield found.find(image)
+                done[k] += 1
+                if k == 0:
+                    progress("tags", min(sum(done) / total, 1.0), f"{done[0]} frames")
+
+        shown = stored(views())
         videos[k].close()
         stamps = _even(np.array(times))
-        return VideoDetections(stamps, tuple(views), timing(stamps), videos[k].expected)
+        return VideoDetections(stamps, shown, timing(stamps), videos[k].expected)
 
     watched = in_threads(look, range(len(videos)), len(videos))
     progress("tags", 1.0, "done")
@@ -73,7 +79,7 @@ def detect_video(
                 f"{path}: its time stamps go back {w.timing.back} times; record it again, or give"
                 " --rate if its frames are evenly spaced"
             )
-    if not any(len(v.ids) for w in watched for v in w.views):
+    if not any(w.tags.count.any() for w in watched):
         raise CaptureError(_nothing(paths, tags, rate))
     return watched
 
@@ -94,19 +100,25 @@ def _even(time: Float) -> Float:
 
 
 def detect_all(
-    video: Video, camera: Camera, family: str, progress: Progress = silent
-) -> tuple[Float, list[TagView]]:
-    """The times (t,) s of every frame of one video, as its file has them, and the tags in each."""
+    video: Video, camera: Camera, markers: Markers, progress: Progress = silent
+) -> tuple[Float, FrameTags]:
+    """The times (t,) s of every frame of one video, as its file has them, and the device's tags in
+    each."""
     if video.size != camera.size:
         raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
-    found = Detector(camera, dictionary(family))
-    times, views = [], []
-    for k, time, image in video.frames():
-        times.append(time)
-        views.append(found.find(image))
-        progress("tags", min(k / max(video.expected, 1), 1.0), f"{k + 1} frames")
+    found = Detector(camera, dictionary(markers.dictionary))
+    times: list[float] = []
+
+    def views() -> Iterator[TagView]:
+        for k, time, image in video.frames():
+            times.append(time)
+            view = found.find(image)
+            yield view.only(np.isin(view.ids, markers.ids))
+            progress("tags", min(k / max(video.expected, 1), 1.0), f"{k + 1} frames")
+
+    shown = stored(views())
     video.close()
-    return np.array(times), views
+    return np.array(times), shown
 
 
 def _nothing(paths: Sequence[Path], tags: Dictionary, rate: float | None) -> str:

@@ -12,15 +12,16 @@ import numpy as np
 
 from ...capture.cameras.rig_file import Rig, read_rig
 from ...capture.tags.tag_dictionary import dictionary
-from ...capture.tracking.observations import Observations, collect
+from ...capture.tracking.observations import Observed, StoredObservations, observe
 from ...capture.tracking.outlier_filter import possible
-from ...capture.tracking.reconstruction import Reconstruction, reconstruct
+from ...capture.tracking.reconstruction import Reconstruction, reconstruct, reconstruct_parts
+from ...capture.tracking.tag_store import blocks
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
-from .camera_sync import sync_cameras, together
-from .moved_camera import moved_camera
+from .camera_sync import sync_cameras, together, views_of
+from .moved_camera import cameras_that_see, moved_camera, some_tags
 from .video_detection import VideoDetections, detect_video
 
 #: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
@@ -40,11 +41,10 @@ _CLOSE = 1.5  # px that a permutation of cameras must fit by to be believed
 
 @dataclass(frozen=True)
 class VideoTracks:
-    """Tracks in the first camera's frame, covariance (t, m, 3, 3) mm^2 of each place, the number of
-    cameras that it is from (t, m), and what there is to say of their quality."""
+    """Tracks in the first camera's frame, the number of cameras that each place is from (t, m), and
+    what there is to say of their quality."""
 
     tracks: Tracks
-    covariance: Float
     cameras: Int
     quality: dict[str, Any]
 
@@ -95,39 +95,43 @@ def assemble(
     """Tracks from what the cameras saw, at the times of the first one; where no offsets are given
     they are found. Raises CaptureError where the cameras do not agree."""
     told = check_offsets(offsets, len(watched))
-    ids = np.unique(np.concatenate([v.ids for w in watched for v in w.views]))
-    seen: list[Observations] = []
+    numbers = [w.tags.survey() for w in watched]
+    ids = np.unique(np.concatenate([n for n, _ in numbers]))
+    seen: list[StoredObservations] = []
     for w, s in zip(watched, told, strict=True):
         first = np.append(True, np.diff(w.time) > 0)  # a frame that came twice counts once
-        kept = [v for v, f in zip(w.views, first, strict=True) if f]
-        seen.append(collect(w.time[first] + s, kept, ids))
+        seen.append(observe(w.time[first] + s, w.tags.only(first), ids))
     time = seen[0].time
     progress("tracks", 0.1, "comparing clocks")
     clocks = sync_cameras(rig, seen, told=offsets is not None)
     progress("tracks", 0.2, "triangulating")
-    corners, covariance = together(clocks.seen, time)
+    found = _located(rig, clocks.seen, size)
     moved = None
     if len(rig.cameras) > 2:
-        fitted = (corners, covariance)
-        views = (fitted if s is not seen else together(seen, time) for s in (clocks.seen, seen))
+        count = found.seen
+        views = (
+            some_tags(s, count if s is clocks.seen else cameras_that_see(s))
+            for s in (clocks.seen, seen)
+        )
         moved = moved_camera(rig.cameras, views, size)
     if moved is not None:
         clocks = sync_cameras(rig, seen, told=offsets is not None, without=moved)
-        corners, covariance = together(clocks.seen, time)
-    found = reconstruct(rig.cameras, corners, covariance, size)
-    _check(found, rig, corners, covariance, size, names)
+        found = _located(rig, clocks.seen, size)
+    _check(found, rig, clocks.seen, size, names)
     progress("tracks", 0.7, "looking for what cannot be")
     odd = _odd(found)
     apart = _apart(found, odd)
     odd |= apart[:, None] & (found.cameras >= 2)
-    points = np.where(odd[..., None], np.nan, found.points)
-    keep = possible(time, points, found.covariance)
-    wrong = int((np.isfinite(points[..., 0]) & ~keep).sum())
+    found.points[odd] = np.nan
+    keep = possible(time, found.points, found.covariance)
+    wrong = int((np.isfinite(found.points[..., 0]) & ~keep).sum())
     first_camera = rig.cameras[0]
-    points = np.where(keep[..., None], first_camera.to_camera(found.points), np.nan)
-    turned = first_camera.rotation @ found.covariance @ first_camera.rotation.T
-    turned = np.where(keep[..., None, None], turned, np.nan)
-    sigma = np.sqrt(np.diagonal(turned, axis1=-2, axis2=-1))
+    points = first_camera.to_camera(found.points)
+    sigma = np.empty_like(points)
+    for frames in blocks(len(time), len(ids)):
+        turned = first_camera.rotation @ found.covariance[frames] @ first_camera.rotation.T
+        sigma[frames] = np.sqrt(np.diagonal(turned, axis1=-2, axis2=-1))
+    points[~keep], sigma[~keep] = np.nan, np.nan
     there = keep.any(axis=0)
     if not there.any():
         raise CaptureError(f"{', '.join(names)}: no tag could be located in any frame")
@@ -135,7 +139,8 @@ def assemble(
     tracks = Tracks(time, ids[there], points[:, there], sigma[:, there], number)
     cameras = np.where(keep, found.cameras, 0)[:, there]
     progress("tracks", 1.0, "done")
-    quality = _quality(watched, found, keep, wrong, tracks, cameras, size, names)
+    twice = [again for _, again in numbers]
+    quality = _quality(watched, twice, found, keep, wrong, tracks, cameras, size, names)
     quality["offsets"] = [a + b for a, b in zip(told, clocks.shift, strict=True)]
     quality["disagreeing"] = int(odd.sum())
     quality["warnings"] += clocks.warnings(names, offsets is not None)
@@ -167,7 +172,14 @@ def assemble(
             f"the cameras' views miss each other by {quality['residual']:.2f} px: they are not in"
             " step, or one was moved since it was arranged; places may be wrong by millimetres"
         )
-    return VideoTracks(tracks, turned[:, there], cameras, quality)
+    return VideoTracks(tracks, cameras, quality)
+
+
+def _located(rig: Rig, seen: Sequence[Observed], size: float) -> Reconstruction:
+    """What all cameras see together in the frames of the first one, some seconds at a time."""
+    n, m = len(seen[0].time), len(seen[0].ids)
+    parts = ((frames, *together(seen, frames)) for frames in blocks(n, m))
+    return reconstruct_parts(rig.cameras, parts, n, m, size)
 
 
 def check_offsets(offsets: Sequence[float] | None, count: int) -> list[float]:
@@ -205,8 +217,7 @@ def _apart(found: Reconstruction, odd: Bool) -> Bool:
 def _check(
     found: Reconstruction,
     rig: Rig,
-    corners: Float,
-    covariance: Float,
+    seen: Sequence[Observed],
     size: float,
     names: Sequence[str],
 ) -> None:
@@ -220,7 +231,9 @@ def _check(
     used = float(found.cameras[several].sum() / found.seen[several].sum())
     if believable and used >= _USED and float(np.nanmedian(found.miss)) <= _DISAGREE:
         return
-    other = _permuted(rig, corners[several], covariance[several], size, found)
+    rows = np.argwhere(several)
+    some = rows[:: max(len(rows) // (200 if len(rig.cameras) < 5 else 30), 1)]
+    other = _permuted(rig, *views_of(seen, some), size, found)
     if other is not None:
         pairs = ", ".join(
             f"{name} is of {rig.cameras[k].name}" for name, k in zip(names, other, strict=True)
@@ -255,22 +268,22 @@ def _check(
 def _permuted(
     rig: Rig, corners: Float, covariance: Float, size: float, told: Reconstruction
 ) -> tuple[int, ...] | None:
-    """Cameras in the order that fits the videos better than that which was `told`, if any."""
+    """Cameras in the order that fits some tags (n, v, 4, 2) better than that which was `told`, if
+    any."""
     agree = told.cameras[told.seen >= 2]
     fit = float(np.median(told.miss[told.cameras >= 2])) if (agree >= 2).any() else np.inf
     best: tuple[float, tuple[int, ...]] | None = None
-    some = slice(None, None, max(len(corners) // (200 if len(rig.cameras) < 5 else 30), 1))
     for order in list(itertools.permutations(range(len(rig.cameras))))[1:]:
         cameras = [rig.cameras[k] for k in order]
         # Corners are without distortion but in pixels of the camera that was told.
         moved = np.stack(
             [
-                (corners[some, c] - was.matrix[:2, 2]) / was.focal * is_.focal + is_.matrix[:2, 2]
+                (corners[:, c] - was.matrix[:2, 2]) / was.focal * is_.focal + is_.matrix[:2, 2]
                 for c, (was, is_) in enumerate(zip(rig.cameras, cameras, strict=True))
             ],
             axis=1,
         )
-        found = reconstruct(cameras, moved[:, None], covariance[some][:, None], size)
+        found = reconstruct(cameras, moved[:, None], covariance[:, None], size)
         many = found.seen >= 2
         if (found.cameras[many] < 2).mean() > 0.2:
             continue
@@ -283,6 +296,7 @@ def _permuted(
 
 def _quality(
     watched: Sequence[VideoDetections],
+    twice: Sequence[Int],
     found: Reconstruction,
     keep: Any,
     wrong: int,
@@ -301,7 +315,7 @@ def _quality(
             {
                 "name": name, "frames": len(w.time), "expected": w.expected,
                 "missing": t.missing, "repeated": t.repeated, "period": t.period,
-                "tags_per_frame": float(np.mean([len(v.ids) for v in w.views])),
+                "tags_per_frame": float(w.tags.count.mean()),
             }
         )  # fmt: skip
         if w.expected > len(w.time) + 1:
@@ -320,14 +334,14 @@ def _quality(
         warnings.append("most places are from one camera alone: their depth is uncertain")
     if one.any() and not several.any() and len(watched) > 1:
         warnings.append("all places are from one camera alone: their depth is uncertain")
-    for name, w in zip(names, watched, strict=True):
-        if not any(len(v.ids) for v in w.views):
+    for name, w, again in zip(names, watched, twice, strict=True):
+        if not w.tags.count.any():
             warnings.append(f"{name}: shows no tag in any frame; is it the right video?")
-        twice = sorted({int(i) for v in w.views for i in v.ids[_again(v.ids)]})
-        if twice:
+        if len(again):
+            numbers = ", ".join(map(str, again.tolist()))
             warnings.append(
-                f"{name}: shows tags {', '.join(map(str, twice))} twice at once; print each number"
-                " once, or cover what is a reflection"
+                f"{name}: shows tags {numbers} twice at once; print each number once, or cover what"
+                " is a reflection"
             )
     never = sorted(set(tracks.ids.tolist()) - set(tracks.ids[several.any(axis=0)].tolist()))
     if never and len(watched) > 1:
@@ -348,14 +362,6 @@ def _quality(
             "videos": videos,
             "warnings": warnings,
         }
-
-
-def _again(ids: Int) -> Bool:
-    """Which numbers (n,) came before."""
-    first = np.unique(ids, return_index=True)[1]
-    again = np.ones(len(ids), bool)
-    again[first] = False
-    return again
 
 
 def _median(values: Float) -> float | None:

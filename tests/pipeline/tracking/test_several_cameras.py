@@ -8,7 +8,8 @@ import pytest
 
 from defsense_fab.capture.cameras.rig_file import Rig
 from defsense_fab.capture.cameras.video import timing
-from defsense_fab.capture.tags.tag_detection import NOTHING, TagView
+from defsense_fab.capture.tags.tag_detection import TagView
+from defsense_fab.capture.tracking.tag_store import stored
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.pipeline.tracking.video_detection import VideoDetections
@@ -41,9 +42,16 @@ def filmed(seen_by, taken_as, rng, late=0.0, frames=FRAMES):
             corners = shown
         px = flat(camera, shown) + rng.normal(scale=NOISE, size=(*shown.shape[:3], 2))
         px = (px - camera.matrix[:2, 2]) / camera.focal * named.focal + named.matrix[:2, 2]
-        views = tuple(TagView(np.arange(8), p, spread((8,), NOISE), p) for p in px)
-        out.append(VideoDetections(time, views, timing(time), frames))
+        views = [TagView(np.arange(8), p, spread((8,), NOISE), p) for p in px]
+        out.append(VideoDetections(time, stored(views), timing(time), frames))
     return out, corners
+
+
+def views_of(watched):
+    """The tags of each frame."""
+    tags = watched.tags
+    rows = [tags.store.read(np.arange(a, b)) for a, b in zip(tags.first, tags.last, strict=True)]
+    return [TagView(r["id"], r["corners"], r["covariance"], r["corners"]) for r in rows]
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
@@ -81,8 +89,8 @@ def test_one_of_three_that_was_moved_is_left_out(moved, by):
 def test_one_of_three_that_stops_leaves_two():
     true = cameras()
     watched, corners = filmed(true, true, np.random.default_rng(3))
-    gone = watched[2].views[: FRAMES // 2] + (NOTHING,) * (FRAMES // 2)
-    watched[2] = VideoDetections(watched[2].time, gone, watched[2].timing, FRAMES)
+    late = np.arange(FRAMES) >= FRAMES // 2
+    watched[2] = replace(watched[2], tags=watched[2].tags.without(late))
     found = assemble(watched, Rig(true), SIZE, ["a", "b", "c"])
     assert (found.cameras[: FRAMES // 2] == 3).all()
     assert (found.cameras[FRAMES // 2 :] == 2).all()
@@ -111,7 +119,10 @@ def test_what_two_see_after_one_was_bumped_is_left_out(by):
     watched, corners = filmed(true, true, rng)
     after, _ = filmed([true[0], bumped], true, np.random.default_rng(5))
     half = FRAMES // 2
-    watched[1] = replace(watched[1], views=watched[1].views[:half] + after[1].views[half:])
+    shown = [
+        views_of(w[1])[part] for w, part in ((watched, slice(half)), (after, slice(half, None)))
+    ]
+    watched[1] = replace(watched[1], tags=stored([*shown[0], *shown[1]]))
     found = assemble(watched, Rig(true), SIZE, ["a", "b"])
     middle = true[0].to_camera(corners.mean(axis=2))
     assert (found.cameras[:half] == 2).mean() > 0.9
