@@ -8,7 +8,6 @@ damaged block left of lines.
 
 from __future__ import annotations
 
-import errno
 import os
 import threading
 from collections.abc import Iterator
@@ -16,11 +15,10 @@ from pathlib import Path
 
 from .errors import CaptureError, StorageError
 from .files import storage_errors
+from .lock import claim
 
 _CUT = b"~"
 _FLAGS = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0)
-#: What file systems say that have no locks (some of networks).
-_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 
 
 class AppendLog:
@@ -71,20 +69,11 @@ class AppendLog:
         self.close()
 
     def _claim(self) -> None:
-        try:
-            import fcntl
-        except ImportError:  # Windows
-            return
         with storage_errors(self._path):
-            try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
+            if not claim(self._file):
                 raise CaptureError(
                     f"{self._path}: another program is recording to it; stop that first"
-                ) from None
-            except OSError as error:
-                if error.errno not in _NO_LOCKS:
-                    raise
+                )
 
     def _begin(self, head: bytes, kind: str) -> None:
         with storage_errors(self._path):
