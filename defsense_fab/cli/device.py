@@ -12,6 +12,7 @@ from ..core.errors import DeviceError
 
 
 def device_arguments(sub: argparse.ArgumentParser) -> None:
+    """The folder, `--set`, `--json` and `--verbose`."""
     sub.add_argument("folder", type=Path, metavar="DIR", help="the folder of device.toml")
     sub.add_argument(
         "--set",
@@ -25,6 +26,7 @@ def device_arguments(sub: argparse.ArgumentParser) -> None:
 
 
 def overrides(pairs: Sequence[str]) -> dict[str, Any]:
+    """Parameters of the script by name. Raises DeviceError for what is no NAME=VALUE."""
     out: dict[str, Any] = {}
     for pair in pairs:
         name, equals, text = pair.partition("=")

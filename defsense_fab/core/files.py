@@ -35,7 +35,7 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         with storage_errors(path):
             yield temporary
-            os.replace(temporary, path)
+            temporary.replace(path)
     finally:
         with suppress(OSError):  # there is none where its folder could not be written
             temporary.unlink()

@@ -32,10 +32,8 @@ class BoardTerminal(LiveScreen):
         if shown.cells is not None:
             most = max(int(shown.cells.max()), 1)
             for row in shown.cells:
-                parts.append(
-                    Text("  " + "".join(2 * _SHADES[min(4, -(-4 * int(x) // most))] for x in row),
-                         "cyan")
-                )  # fmt: skip
+                shades = "".join(2 * _SHADES[min(4, -(-4 * int(x) // most))] for x in row)
+                parts += [Text(f"  {shades}", "cyan")]
         parts += [Text(f"> {h}", "yellow") for h in shown.hints[:3]]
         parts.append(Text("Enter finish   q stop", "bold"))
         self._draw(Group(*parts))  # type: ignore[arg-type]

@@ -65,7 +65,7 @@ def _run(module: str, folder: Path, limit: float, failure: Failure, relay: bool)
     """The exit code, and the last line that was printed."""
     process = subprocess.Popen(
         [sys.executable, "-P", "-u", "-m", module, str(folder)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(p or os.getcwd() for p in sys.path)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(p or str(Path.cwd()) for p in sys.path)},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ def main(folder: str) -> None:
         except MemoryError:
             found = {"error": "out of memory"}
     np.savez("unfinished.npz", **found)
-    os.replace("unfinished.npz", OUT)
+    Path("unfinished.npz").replace(OUT)
 
 
 if __name__ == "__main__":

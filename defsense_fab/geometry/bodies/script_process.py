@@ -53,7 +53,7 @@ def _call(path: Path, parameters: dict[str, Any]) -> Any:
     module.__file__ = str(path)
     sys.modules["__body__"] = module
     sys.path.insert(0, str(path.parent.absolute()))
-    exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), vars(module))
+    exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), vars(module))  # noqa: S102 - the user's own script
     body = getattr(module, "body", None)
     return body(**parameters) if callable(body) else _MISSING
 

@@ -101,6 +101,7 @@ class Grid:
 
 
 def step(radius: float) -> float:
+    """Length of the arc between two headings, mm."""
     return radius * 2 * np.pi / HEADINGS
 
 

@@ -113,4 +113,5 @@ def upright(normal: Float) -> Float:
 
 
 def cylinder(start: Float, end: Float, diameter: float) -> Frustum:
+    """Between two points (3,) mm."""
     return Frustum(start, end, (diameter / 2, diameter / 2))

@@ -65,6 +65,7 @@ def read_step(path: Path) -> list[Any]:
 
 
 def write_step(solid: Any, path: Path, label: str) -> None:
+    """A STEP file of one solid by name, in mm."""
     shape = bd.Solid(solid)
     shape.label = label
     bd.export_step(shape, str(path))
@@ -81,6 +82,7 @@ def write_assembly(solids: Mapping[str, Any], path: Path, label: str) -> None:
 
 
 def volume(solid: Any) -> float:
+    """Of a TopoDS_Solid, mm^3."""
     return float(bd.Solid(solid).volume)
 
 
@@ -243,6 +245,7 @@ def _solids(result: Any) -> list[Any]:
 
 
 def centroid(solid: Any) -> Float:
+    """Of a TopoDS_Solid, (3,) mm."""
     c = bd.Solid(solid).center(bd.CenterOf.MASS)
     return np.array([c.X, c.Y, c.Z])
 

@@ -119,10 +119,12 @@ def tube(points: Float, normal: Float, diameter: float, sides: int = SIDES) -> A
 
 
 def union(solids: Sequence[Any]) -> Any:
+    """All solids in one manifold."""
     return m3.Manifold.batch_boolean(list(solids), m3.OpType.Add)
 
 
 def to_surface(solid: Any) -> Surface:
+    """The facets of a manifold, mm."""
     mesh = solid.to_mesh64()
     vertices = np.array(mesh.vert_properties, float)[:, :3]
     return Surface(vertices, np.array(mesh.tri_verts, np.int64))

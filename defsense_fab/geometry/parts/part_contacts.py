@@ -47,7 +47,7 @@ class Contact:
 
     @property
     def area(self) -> float:
-        """mm^2"""
+        """Of the face, mm^2."""
         return float(self.section.area())
 
     @cached_property

@@ -64,13 +64,13 @@ def mix(
         _rigid(name, np.flatnonzero(owner == name), handles[name], nodes)
         for name in sorted(handles)
     )
-    planes = []
+    planes: list[Slide] = []
     for name, normals in sorted(slides.items()):
         own = np.flatnonzero(regions[name].contains(nodes))
         if len(own) < 3:
             raise DeviceError(_too_few(name, len(own)))
-        for normal in {n.tobytes(): n for n in normals}.values():
-            planes.append(_slide(name, own, normal, nodes))
+        distinct = {n.tobytes(): n for n in normals}.values()
+        planes.extend(_slide(name, own, normal, nodes) for normal in distinct)
     conditions = BoundaryConditions(
         held,
         rigid,

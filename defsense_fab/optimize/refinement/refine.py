@@ -96,8 +96,7 @@ def optimise(
         begun = _begin(problem, drawn, rng, show, extra, planes, starts, candidates, best)
         initial = initial or (begun[0] if begun else ())
         show = partial(part, report, 0.25, 1.0)
-        for error in _improve(problem, begun, finalists, best, show):
-            reached.append(error)
+        reached.extend(_improve(problem, begun, finalists, best, show))
         report(1.0, f"best {best.rank[1]:.3g} mm")
     except Cancelled:
         if not best.layout:

@@ -87,6 +87,7 @@ def _families(problem: Problem, count: int, rng: np.random.Generator) -> Pool:
 
 
 def no_room(problem: Problem, count: int) -> LayoutError:
+    """The error for a body in which so many cords do not fit, with what limits them."""
     limits, lengths = problem.limits, ""
     if limits.shortest > 0 or limits.longest < np.inf:
         lengths = (

@@ -52,7 +52,7 @@ def build(device: Device, until: str = "report", progress: Progress = silent) ->
             if final.exists():
                 shutil.rmtree(old)
             else:
-                os.replace(old, final)
+                old.replace(final)
         stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
         wanted = keys(device, final)
         if all(_has(device, final, s, wanted) for s in stages):
@@ -80,8 +80,8 @@ def build(device: Device, until: str = "report", progress: Progress = silent) ->
             done = {"key": keys(device, working)[stage.name], "files": _sizes(working, stage)}
             write_json(working / STATE, {**_state(working), stage.name: done})
         if final.exists():
-            os.replace(final, old)
-        os.replace(working, final)
+            final.replace(old)
+        working.replace(final)
         shutil.rmtree(old, ignore_errors=True)
     return BuildResult(final, tuple(made), tuple(reused))
 

@@ -27,6 +27,7 @@ _OFF_BODY = 1.0
 
 
 def limits(device: Device) -> Limits:
+    """What the cords of a device must keep, mm."""
     channel, wall = device.channel_diameter, device.fabrication.wall
     shortest, longest = (n - 2 * device.fabrication.lead for n in device.cord.lengths)
     return Limits(

@@ -29,6 +29,7 @@ class Loading:
 
 
 def loadings(device: Device) -> list[Loading]:
+    """Every solve that the device asks for: ramps of its poses, mixtures, held-out mixtures."""
     s = device.states
     return [
         *(Loading({p.name: 1.0}, s.ramp, False) for p in device.poses),

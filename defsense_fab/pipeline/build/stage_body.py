@@ -13,6 +13,7 @@ from .stages import Report
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
+    """Load the body, and save its surface, its solid and what it was made from."""
     lying = body_sources.cad_files(device)
     body = load_body(device.body)
     # Those that the script wrote anew itself are no sources.

@@ -68,6 +68,7 @@ def rules(device: Device, bay: Prism | None = None) -> Rules:
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
+    """Make the parts, and save them with their manifest."""
     surface, solid, bay = load_surface(folder), load_solid(folder), load_body_record(folder).bay
     layout = load_layout(folder)
     sensors = [s.sensor() for s in layout.sensors]

@@ -20,6 +20,7 @@ from .stages import Report
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
+    """Make the tetrahedra, at the density that was asked for."""
     surface = load_surface(folder)
 
     def make(edge_length: float) -> TetMesh:

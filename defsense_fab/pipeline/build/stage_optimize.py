@@ -35,6 +35,7 @@ from .stages import Report
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
+    """Find the layout, and save it with its prediction."""
     task = load_task(device, folder)
     surface = task.everything.surface
     rng = np.random.default_rng(SEED)

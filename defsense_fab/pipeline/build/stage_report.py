@@ -25,6 +25,7 @@ from .stages import Report
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
+    """Write the report and the assembly guide."""
     layout = load_layout(folder)
     manifest = load_manifest(folder)
     surface = load_surface(folder)

@@ -23,6 +23,7 @@ SLIVER = 2.0
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
+    """Solve every state, and save its field."""
     mesh = QuadraticMesh.from_linear(load_mesh(folder))
     material = Material.from_spec(device.material)
     (folder / FOLDER).mkdir()

@@ -170,4 +170,5 @@ def _version(library: str) -> str | None:
 
 
 def read_json(path: Path) -> Any:
+    """What is in a file of the build."""
     return json.loads(path.read_text(encoding="utf-8"))

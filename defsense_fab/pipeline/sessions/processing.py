@@ -123,7 +123,7 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
         ohm, told = signals_in_step(session, board, cameras, start, shift, tracks)
         if board.cut:
             lost.append(f"lines of {run.name}/{BOARD}: {board.cut}")
-    rest = _resting(session, events, tracks.time, start)
+    rest = _resting(events, tracks.time, start)
     cut = sum(c.cut for c in cameras)
     lost += [f"lines of {n}'s files: {c.cut}" for n, c in zip(names, cameras, strict=True) if c.cut]
     if lost:
@@ -164,13 +164,13 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
     processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int64), quality)
     at = at_times(sync.to_device(tracks.time), device, ohm)
     arrival = fit_clocks(device, board.host_ns / 1e9)
-    rest = _resting(session, read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
+    rest = _resting(read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
     about = {"run": run.name, "ended": ending(run), "cut": board.cut, "tracks_of": str(path)}
     return _ProcessedRun(processed, at, rest, about_sync, about)
 
 
 def _ends_early(names: Sequence[str], watched: Sequence[VideoDetections]) -> list[str]:
-    """Of cameras that see no tag for long at the end: was it moved, or is its file cut off?"""
+    """Warnings of cameras that see no tag for long at the end: moved, or their files cut off."""
     out = []
     for name, w in zip(names, watched, strict=True):
         seen = np.flatnonzero(w.tags.count)
@@ -204,9 +204,7 @@ def _again(
     return FrameTags(found.store, first, last), count - len(time)
 
 
-def _resting(
-    session: CaptureSession, events: Sequence[dict[str, Any]], time: Float, start: int
-) -> Bool:
+def _resting(events: Sequence[dict[str, Any]], time: Float, start: int) -> Bool:
     """Frames (t,) of finished rests, but for their beginnings."""
     out = np.zeros(len(time), bool)
     begun: dict[int, float] = {}
@@ -286,11 +284,11 @@ def _aligned(
         for i, d, far in zip(m.ids, rest.away, rest.moved, strict=True)
         if far
     ]
-    for p in placed:
-        warnings.append(
-            f"tag {p['tag']} is {p['away']:.1f} mm from where the design has it: its place as"
-            " measured is used"
-        )
+    warnings += [
+        f"tag {p['tag']} is {p['away']:.1f} mm from where the design has it: its place as measured"
+        " is used"
+        for p in placed
+    ]
     if anchor == "anchor" or (anchor == "auto" and m.anchor.any()):
         try:
             found = align(tracks.points, pose, weights, m.anchor, sigma=tracks.sigma, ids=m.ids)

@@ -116,7 +116,7 @@ def _course(figure: Any, session: CaptureSession, result: ProcessedSession) -> N
         below.legend(fontsize=8, ncols=4)
 
 
-def _quality(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
+def _quality(figure: Any, _: CaptureSession, result: ProcessedSession) -> None:
     left, right = figure.subplots(1, 2)
     t = result.aligned
     sigma = np.linalg.norm(t.sigma, axis=2)[t.seen]

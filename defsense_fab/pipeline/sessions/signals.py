@@ -159,6 +159,7 @@ def _conversion(board: Recording) -> float:
 
 
 def told_of(sync: Sync, notes: Sequence[str]) -> dict[str, Any]:
+    """A comparison of clocks, for `quality.json`."""
     return {
         "method": sync.method, "offset": sync.offset, "drift": sync.drift,
         "error_ms": 1e3 * sync.error, "evidence": sync.evidence, "notes": list(notes),
