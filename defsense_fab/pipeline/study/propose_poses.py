@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import Array, InlineTable, Table
 
 from ...core.arrays import Float
 from ...core.device import Device
@@ -69,58 +72,81 @@ def propose_poses(
 
 
 def append(device_file: Path, proposal: Proposal, known: tuple[str, ...]) -> None:
-    """Add the text to `device.toml`. Raises DeviceError where a name is taken, or where the file
-    is written in a way that cannot be continued; it is then as it was."""
+    """Add the region and the poses to `device.toml`, whose text stays as it is: at its end, or in
+    its own inline table and array where it has those. Raises DeviceError where a name is taken, or
+    where the file is written in a way that cannot be continued; it is then as it was."""
     taken = {p.name for p in proposal.poses} & set(known)
     if taken:
         raise DeviceError(f"device.toml: poses: there is a pose {min(taken)!r} already; rename it")
     with storage_errors(device_file):
         before = device_file.read_text(encoding="utf-8")
-        text = before.rstrip("\n") + "\n\n" + proposal.text
         try:
-            tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
+            text = _continued(before, proposal.text)
+        except (TOMLKitError, tomllib.TOMLDecodeError) as error:
             raise DeviceError(
-                f"device.toml: the poses cannot be added at its end ({error}); paste what"
+                f"device.toml: the poses cannot be added to it ({error}); paste what"
                 " `defsense modes` prints without --write"
             ) from None
         write_text(device_file, text)
 
 
+def _continued(before: str, text: str) -> str:
+    """A device's text with that of poses. Raises TOMLKitError, TOMLDecodeError."""
+    device, added = tomlkit.parse(before), tomlkit.parse(text)
+    # Tables in a line of their own are closed: what is added to them must stand inside.
+    if isinstance(regions := device.get("regions"), InlineTable):
+        for name, region in added.pop("regions", {}).items():
+            regions[name] = _inline(region)
+    if isinstance(poses := device.get("poses"), Array):
+        for pose in added.pop("poses", []):
+            poses.append(_inline(pose))
+    out = tomlkit.dumps(device).rstrip("\n") + "\n\n" + tomlkit.dumps(added).lstrip("\n")
+    tomllib.loads(out)
+    return out
+
+
+def _inline(table: Table) -> InlineTable:
+    out = tomlkit.inline_table()
+    out.update(table.unwrap())
+    return out
+
+
 def as_toml(poses: list[ProposedPose], fixed: str, region: str = END) -> str:
     """The region that is moved, and the poses."""
+    document = tomlkit.document()
     if not poses:
         return ""
-    first = poses[0]
-    lines = [
-        f"[regions.{region}]",
-        f"half_space = {{ origin = {_list(first.origin)}, normal = {_list(first.axis)} }}",
-    ]
+    end = tomlkit.inline_table()
+    end.update({"origin": _numbers(poses[0].origin), "normal": _numbers(poses[0].axis)})
+    document["regions"] = {region: {"half_space": end}}
+    document["regions"][region].add(tomlkit.nl())
+    document["poses"] = tomlkit.aot()
     for p in poses:
-        lines += [
-            "",
-            f"# mode of {p.mode.frequency:.3g} Hz",
-            "[[poses]]",
-            f'name = "{p.name}"',
-            f'fixed = ["{fixed}"]',
-            "[[poses.handles]]",
-            f'region = "{region}"',
-        ]
+        handle = tomlkit.table()
+        handle["region"] = region
         angle = float(np.linalg.norm(p.rotation))
         if angle:
-            axis = _list(p.rotation / angle)
-            lines.append(f"rotate = {{ axis = {axis}, degrees = {np.rad2deg(angle):.4g} }}")
+            rotate = tomlkit.inline_table()
+            degrees = _plain(float(f"{np.rad2deg(angle):.4g}"))
+            rotate.update({"axis": _numbers(p.rotation / angle), "degrees": degrees})
+            handle["rotate"] = rotate
         free = np.isnan(p.translation).all()
-        lines.append(f"translate = {_quoted('free') if free else _list(p.translation)}")
-    return "\n".join(lines) + "\n"
+        handle["translate"] = "free" if free else _numbers(p.translation)
+        pose = tomlkit.table()
+        pose.comment(f"mode of {p.mode.frequency:.3g} Hz")
+        pose.update({"name": p.name, "fixed": [fixed], "handles": tomlkit.aot()})
+        pose["handles"].append(handle)
+        document["poses"].append(pose)
+    return tomlkit.dumps(document)
 
 
-def _quoted(word: str) -> str:
-    return f'"{word}"'
+def _numbers(vector: Float) -> list[float]:
+    return [_plain(float(f"{v:.7g}")) for v in np.round(vector, 4)]
 
 
-def _list(vector: Float) -> str:
-    return "[" + ", ".join(f"{v:.7g}" for v in np.round(vector, 4) + 0.0) + "]"
+def _plain(value: float) -> float:
+    """Whole numbers without a decimal point."""
+    return int(value) if value.is_integer() else value
 
 
 def _draw(mesh: QuadraticMesh, poses: list[ProposedPose], path: Path) -> None:
