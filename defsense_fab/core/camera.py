@@ -48,24 +48,32 @@ class Camera:
         check_name(self.name)
         shapes = (self.matrix.shape, self.rotation.shape, self.translation.shape)
         if shapes != ((3, 3), (3, 3), (3,)):
-            raise CaptureError(f"camera {self.name}: matrix and rotation are 3 x 3, translation 3")
+            raise CaptureError(
+                f"camera {self.name}: the matrix and the rotation must be 3 x 3,"
+                " the translation must have 3 numbers"
+            )
         if self.distortions.shape not in ((4,), (5,), (8,)):
             raise CaptureError(
-                f"camera {self.name}: {self.distortions.size} coefficients of distortion; 4, 5 or 8"
-                " are understood (no fisheye, thin prism or tilt)"
+                f"camera {self.name}: it has {self.distortions.size} distortion coefficients;"
+                " there must be 4, 5 or 8 (fisheye, thin prism and tilted lenses are not supported)"
             )
         arrays = (self.matrix, self.distortions, self.rotation, self.translation)
         if not all(np.isfinite(a).all() for a in arrays) or min(self.size) < 1:
-            raise CaptureError(f"camera {self.name}: holds something that is no number")
+            raise CaptureError(
+                f"camera {self.name}: its size, matrix, distortion and pose must be finite"
+                " numbers, the size at least 1 pixel"
+            )
         if min(self.matrix[0, 0], self.matrix[1, 1]) <= 0 or self.matrix[0, 1] != 0:
-            raise CaptureError(f"camera {self.name}: focal lengths must be positive, skew 0")
+            raise CaptureError(
+                f"camera {self.name}: its focal lengths must be positive and its skew 0"
+            )
         if self.matrix[1, 0] != 0 or (self.matrix[2] != [0, 0, 1]).any():
             raise CaptureError(
                 f"camera {self.name}: its matrix must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
             )
         off = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
         if off > 1e-6 or np.linalg.det(self.rotation) < 0:
-            raise CaptureError(f"camera {self.name}: its rotation is none")
+            raise CaptureError(f"camera {self.name}: its rotation is not a rotation matrix")
 
     @property
     def center(self) -> Float:

@@ -69,9 +69,9 @@ def estimate_extrinsics(
     error = float(np.sqrt((everything**2).sum(axis=1).mean()))
     if not np.isfinite(error) or error > 5:
         raise CaptureError(
-            f"the cameras cannot be arranged: the boards are missed by {error:.1f} px; were the"
-            " views taken at the same time, are the calibrations those of these cameras, and is"
-            " board.json that of this board?"
+            "the poses of the cameras cannot be found: the reprojection error of the corners is"
+            f" {error:.1f} px; check that the views were taken at the same time, that the"
+            " calibrations belong to these cameras, and that board.json describes this board"
         )
     return Extrinsics(out, error, errors, shared)
 
@@ -96,7 +96,7 @@ def _chain(
         if count < LEAST_VIEWS:
             raise CaptureError(
                 f"cameras {cameras[a].name} and {cameras[b].name} saw the board together"
-                f" {count} times, {LEAST_VIEWS} are needed; hold it where both see it"
+                f" {count} times, but {LEAST_VIEWS} views are needed; hold it where both see it"
             )
         steps = []
         for s in poses:
@@ -111,7 +111,11 @@ def _chain(
 
 
 def _least(problem: _Problem, x: Float) -> Float:
-    """Parameters of least loss: Levenberg & Marquardt's method on reweighted squares."""
+    """Parameters of least loss: Levenberg & Marquardt's method on reweighted squares.
+
+    `scipy.optimize.least_squares` with the same derivatives and loss comes to the same poses (to
+    1e-5 mm), but takes 4 to 8 times as long: it decomposes the Jacobian itself, not its square.
+    """
     damping = 1e-3
     r = problem.residuals(x)
     loss = _loss(r)

@@ -45,8 +45,8 @@ def calibrate(
     not tell."""
     if len(views) < LEAST_VIEWS:
         raise CaptureError(
-            f"camera {name}: the board was found in {len(views)} views, {LEAST_VIEWS} are needed;"
-            " hold it still, flat and in light, in other places and tilts"
+            f"camera {name}: the board was found in {len(views)} views, but {LEAST_VIEWS} are"
+            " needed; hold it still and well lit, at more positions and tilts"
         )
     used = np.ones(len(views), bool)
     fit = _solve(size, board, views, used)
@@ -59,8 +59,9 @@ def calibrate(
         fit = _solve(size, board, views, used)
     if not np.isfinite(fit.error) or fit.error > 3:
         raise CaptureError(
-            f"camera {name}: the views do not fit one camera ({fit.error:.1f} px); is board.json"
-            " that of this board, is the board flat, and were zoom and focus left alone?"
+            f"camera {name}: the views do not fit one camera (reprojection error"
+            f" {fit.error:.1f} px); check that board.json describes this board, that the"
+            " board is flat, and that zoom and focus were not changed"
         )
     # Boards that are parallel to each other say nothing, wherever they are in the image; what they
     # are solved for is then wrong by far more than its sigma.
@@ -73,9 +74,9 @@ def calibrate(
         or fit.sigma[0] > 0.02 * fit.matrix[0, 0]
     ):
         raise CaptureError(
-            f"camera {name}: the board always faces the camera, which leaves the focal length open"
-            f" ({fit.matrix[0, 0]:.0f} +- {fit.sigma[0]:.0f} px); tilt it by 30 to 45 degrees,"
-            " each way"
+            f"camera {name}: the board always faces the camera, so that the focal length is"
+            f" uncertain ({fit.matrix[0, 0]:.0f} +- {fit.sigma[0]:.0f} px); tilt it by 30 to"
+            " 45 degrees, each way"
         )
     camera = Camera(name, size, fit.matrix, fit.distortions, np.eye(3), np.zeros(3))
     return Intrinsics(camera, fit.error, fit.errors, used, fit.sigma, fit.tilt)
@@ -107,7 +108,8 @@ def _solve(
             )
         except cv2.error as problem:
             raise CaptureError(
-                f"the views cannot be solved for a camera ({problem.err}); take others, tilted more"
+                f"no calibration can be computed from the views ({problem.err}); take"
+                " others with more tilt"
             ) from None
         score = count * np.log(found[0] ** 2 / 2) + np.log(count) * (free + 6 * len(chosen))
         if score < least - 1e-9:

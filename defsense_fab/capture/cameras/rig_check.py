@@ -45,7 +45,7 @@ def check_rig(
     """By the views of each instant by camera. Raises CaptureError where there are none."""
     if not instants:
         raise CaptureError(
-            "the board is nowhere seen by the cameras together; hold it where all of them see it"
+            "the cameras never saw the board together; hold it where all of them see it"
         )
     own: list[list[Float]] = [[] for _ in cameras]
     apart, lengths = [], []

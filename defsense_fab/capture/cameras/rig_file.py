@@ -39,13 +39,14 @@ def read_rig(path: Path) -> Rig:
         data = tomllib.loads(text)
     except OSError as error:
         raise CaptureError(
-            f"{path}: cannot be read: {error.strerror}; 'defsense capture camera' writes it"
+            f"{path}: cannot be read: {error.strerror}; 'defsense capture camera calibrate'"
+            " writes this file"
         ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CaptureError(f"{path}: is no TOML: {error}") from None
+        raise CaptureError(f"{path}: is not valid TOML: {error}") from None
     tables = {k: v for k, v in data.items() if re.fullmatch(r"cam_\d+", k)}
     if not tables:
-        raise CaptureError(f"{path}: describes no camera: it has no table [cam_0]")
+        raise CaptureError(f"{path}: describes no camera, because it has no table [cam_0]")
     ordered = sorted(tables.items(), key=lambda kv: int(kv[0][4:]))
     cameras = tuple(_camera(path, key, table) for key, table in ordered)
     try:
@@ -67,8 +68,8 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
             raise CaptureError(f"{path}: [{key}] {name}: must be numbers") from None
         if shape and values.shape != shape:
             raise CaptureError(
-                f"{path}: [{key}] {name}: must be of shape {' x '.join(map(str, shape))}, is"
-                f" {' x '.join(map(str, values.shape)) or 'one number'}"
+                f"{path}: [{key}] {name}: must have the shape {' x '.join(map(str, shape))},"
+                f" but has {' x '.join(map(str, values.shape)) or 'one number'}"
             )
         return values
 
@@ -76,7 +77,7 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
         raise CaptureError(f"{path}: {key} must be a table")
     if table.get("fisheye"):
         raise CaptureError(
-            f"{path}: [{key}] is a fisheye calibration, which is not understood; calibrate again"
+            f"{path}: [{key}] is a fisheye calibration, which is not supported; calibrate again"
             " with 'defsense capture camera calibrate'"
         )
     size = numbers("size", (2,))
@@ -85,9 +86,13 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
     matrix = numbers("matrix", (3, 3))
     plain = np.isfinite(rotation).all() and np.isfinite(size).all()
     if not plain or (size != np.round(size)).any():
-        raise CaptureError(f"{path}: [{key}] size and rotation must be plain numbers")
+        raise CaptureError(
+            f"{path}: [{key}] size must be whole numbers and rotation finite numbers"
+        )
     if not ((size >= 1) & (size <= 100_000)).all():
-        raise CaptureError(f"{path}: [{key}] size: width and height in pixels")
+        raise CaptureError(
+            f"{path}: [{key}] size: must be the width and height in pixels, 1 to 100000 each"
+        )
     try:
         return Camera(
             str(table.get("name", key)), (int(size[0]), int(size[1])), matrix,

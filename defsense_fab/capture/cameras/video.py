@@ -54,13 +54,13 @@ class Video:
             images = (p for p in path.iterdir() if p.suffix.lower() in _IMAGES)
             self._files = sorted(images, key=_by_number)
             if not self._files:
-                raise CaptureError(f"{path}: has no images ({', '.join(_IMAGES)})")
+                raise CaptureError(f"{path}: the folder has no images ({', '.join(_IMAGES)})")
         elif not path.exists() and not pattern:
             raise CaptureError(f"{path}: there is no such file")
         if (self._files or pattern) and rate is None:
             raise CaptureError(
-                f"{path}: images have no times: give --rate, the frames per second at which they"
-                " were taken"
+                f"{path}: images have no time stamps; give the frames per second at which they were"
+                " taken with --rate"
             )
         if self._files:
             self.expected = len(self._files)
@@ -74,7 +74,9 @@ class Video:
         )
         count = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
         if not self._capture.isOpened() or min(width, height) < 1:
-            raise CaptureError(f"{path}: cannot be opened as a video; is it damaged?")
+            raise CaptureError(
+                f"{path}: cannot be opened as a video; check that it is one and is not damaged"
+            )
         self.size = width, height
         #: Frames that the file says it has; 0 where it does not say.
         self.expected = int(count) if np.isfinite(count) and 0 < count < 1e9 else 0
@@ -110,7 +112,9 @@ def _by_number(path: Path) -> tuple[list[str | int], str]:
 def _image(path: Path) -> Image:
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
-        raise CaptureError(f"{path}: cannot be read as an image; is it damaged?")
+        raise CaptureError(
+            f"{path}: cannot be read as an image; check that it is one and is not damaged"
+        )
     return np.asarray(image, np.uint8)
 
 

@@ -129,5 +129,5 @@ def coverage(
         if np.ptp(d[:, 2]) < 0.2:
             hints.append("hold the board nearer, then farther away")
     if len(views) < wanted:
-        hints.append(f"{wanted - len(views)} more views")
+        hints.append(f"take {wanted - len(views)} more views")
     return Coverage(cells, tuple(hints))

@@ -102,7 +102,7 @@ def calibrate_live(
             screen.show(
                 BoardShown(
                     (name,), (frame[0],), (corners,), covered.cells, len(kept), wanted,
-                    covered.hints or ("enough: press Enter",), taken,
+                    covered.hints or ("there are enough views: press Enter",), taken,
                 )
             )  # fmt: skip
             enough = len(kept) >= wanted and covered.fraction >= _COVERED

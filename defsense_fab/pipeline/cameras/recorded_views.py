@@ -67,7 +67,9 @@ def look(
             progress("board", min(done[0] / total, 1.0), f"{done[0]} frames")
         video.close()
         if not times:
-            raise CaptureError(f"{video.path}: no frame of it can be read; is it damaged?")
+            raise CaptureError(
+                f"{video.path}: none of its frames can be read; check that the file is not damaged"
+            )
         return Seen(video.size, np.array(times), tuple(views), video.path.is_dir())
 
     out = in_threads(one, videos, 4)
@@ -75,8 +77,9 @@ def look(
     for path, seen in zip(paths, out, strict=True):
         if not any(seen.views):
             raise CaptureError(
-                f"{path}: the board was found in none of {len(seen.views)} frames; is board.json"
-                f" that of this board ({board.columns} x {board.rows}, {board.dictionary})?"
+                f"{path}: the board was found in none of {len(seen.views)} frames; check"
+                f" that board.json describes this board ({board.columns} x {board.rows},"
+                f" {board.dictionary})"
             )
     return out
 
@@ -230,8 +233,9 @@ def _doubts(error: float, length: float) -> list[str]:
     if not (error > _BAD or length > _BAD):
         return []
     return [
-        f"the corners are missed by {error:.2f} px and {length:.2f} mm: were the videos started at"
-        " the same time, was the board held still, and is it flat? Do not use it for measuring"
+        f"the corners are off by {error:.2f} px and {length:.2f} mm; do not measure with these"
+        " poses: check that the videos were started at the same time, that the board was held"
+        " still, and that it is flat"
     ]
 
 
@@ -257,8 +261,8 @@ def rig_of(calibration: Path, paths: Sequence[Path]) -> Rig:
     if len(rig.cameras) != len(paths):
         names = ", ".join(c.name for c in rig.cameras)
         raise CaptureError(
-            f"{calibration}: has {len(rig.cameras)} cameras ({names}), there are {len(paths)}"
-            " videos; give one for each, in this order"
+            f"{calibration}: has {len(rig.cameras)} cameras ({names}), but {len(paths)}"
+            " sources were given; give one for each camera, in this order"
         )
     return rig
 

@@ -178,7 +178,7 @@ def test_a_camera_that_moved_and_cameras_that_were_swapped_do_not_hold():
     one = check_rig(cameras[:1], BOARD, together(cameras[:1], 5, rng))
     assert one.holds
     assert np.isnan(one.together)
-    with pytest.raises(CaptureError, match="nowhere seen"):
+    with pytest.raises(CaptureError, match="never saw the board together"):
         check_rig(cameras, BOARD, [])
 
 
@@ -193,7 +193,7 @@ def test_views_are_chosen_to_differ_and_hints_say_what_is_missing():
     assert choose(np.zeros((0, 5)), np.zeros(0), 5).size == 0
     assert motion([views[0], views[0], None, views[1]]).tolist() == [0, 0, np.inf, np.inf]
     few = coverage(views[:1], BOARD, (1280, 720), 20)
-    assert "19 more views" in few.hints
+    assert "take 19 more views" in few.hints
     assert any("tilt" in h for h in few.hints)
     assert coverage(views, BOARD, (1280, 720), 20).fraction > few.fraction
     # Tilted one way and the other the same board has descriptors apart.

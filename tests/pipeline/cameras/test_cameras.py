@@ -163,7 +163,9 @@ def test_bad_input(camera, boards, tmp_path):
     assert "--views" in camera("calibrate", "0", more=["--views", "0"])
     assert "no folder" in camera("calibrate", "left.mkv", out=tmp_path / "none" / "c.toml")
     assert "2 to 6" in camera("arrange", "left.mkv")
-    assert "'defsense capture camera' writes it" in camera("arrange", "left.mkv", "right.mkv")
+    assert "'defsense capture camera calibrate' writes this file" in camera(
+        "arrange", "left.mkv", "right.mkv"
+    )
     write_rig(tmp_path / "cameras.toml", [LEFT, replace(RIGHT, size=(640, 480))], {})
     assert "640 x 480" in camera("arrange", "left.mkv", "right.mkv")
     assert "640 x 480" in camera("check", "left.mkv", "right.mkv")
