@@ -52,6 +52,7 @@ def test_by_the_lamp(rate, conversion):
     brightness[500:540] = 60.0  # a hand
     # As samples are stamped half-way, true times are those of their flags' device times.
     sync = by_led(stamp, brightness, None, device, led, 0.2, conversion=conversion)
+    assert sync.method == "lamp"
     assert worst(sync, device) < 0.002
     assert worst(sync, device) < sync.error < 0.004
     assert sync.drift == pytest.approx(DRIFT, abs=4e-5)
@@ -73,6 +74,7 @@ def test_by_motion(rate):
     motion = motion + 0.02 * rng.standard_normal(motion.shape)
     signals = signals + 0.05 * signals**2 + 0.03 * rng.standard_normal(signals.shape)
     sync = by_motion(stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0))
+    assert sync.method == "motion"
     assert worst(sync, device + START) < 0.005
     assert worst(sync, device + START) < 2 * sync.error
 

@@ -262,18 +262,25 @@ def test_nearest_points_by_brute_force():
 
 
 @pytest.mark.parametrize("decoder", DECODERS)
-def test_selection_equals_brute_force(problem, decoder):
-    rng = np.random.default_rng(5)
-    problem = replace(problem, markers=rng.normal(size=(8, 5, 3)), noise=0.1, decoder=decoder)
-    problem = replace(problem, marker_weights=np.full(5, 0.2))
+def test_selection_against_brute_force(problem, decoder):
+    """No exchange of one cord betters what was selected: it is mostly the best pair of all, but
+    where only an exchange of both at once would help (4 of these 20 problems at most) it is not."""
+    problem = replace(problem, noise=0.1, marker_weights=np.full(5, 0.2), decoder=decoder)
     paths = np.stack([np.array([[i * 100.0, 0, 0], [i * 100.0 + 1, 0, 0]]) for i in range(12)])
-    pool = Pool((), paths, rng.normal(size=(8, 12)))
-    chosen = select([pool, pool], problem.expected_error, 3.0, rounds=10)
     pairs = list(itertools.combinations(range(12), 2))
-    errors = problem.expected_error(np.stack([pool.signals[:, list(p)] for p in pairs]))
-    got = float(problem.expected_error(pool.signals[:, chosen]))
-    assert got <= np.sort(errors)[2]  # swaps end in a local minimum, here among the best
-    assert errors[pairs.index(tuple(sorted(chosen)))] == pytest.approx(got)
+    best = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        random = replace(problem, markers=rng.normal(size=(8, 5, 3)))
+        pool = Pool((), paths, rng.normal(size=(8, 12)))
+        chosen = select([pool, pool], random.expected_error, 3.0, rounds=10)
+        errors = random.expected_error(np.stack([pool.signals[:, list(p)] for p in pairs]))
+        got = errors[pairs.index(tuple(sorted(chosen)))]
+        assert got == pytest.approx(float(random.expected_error(pool.signals[:, chosen])))
+        near = [e for e, p in zip(errors, pairs, strict=True) if set(p) & set(chosen.tolist())]
+        assert got <= min(near) + 1e-9
+        best += got <= errors.min() + 1e-9
+    assert best >= 16
 
 
 @pytest.mark.parametrize(

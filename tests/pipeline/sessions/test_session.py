@@ -36,7 +36,7 @@ KILLS = int(os.environ.get("DEFSENSE_KILLS", "2"))
 def recorded(tmp_path_factory):
     """A session whose second camera went away for a while."""
     folder = tmp_path_factory.mktemp("capture") / "session"
-    session = rig.begin(folder, [("rest", 1.5), ("out", 5.0), ("rest", 1.0)])
+    session = rig.begin(folder, [("rest", 1.5), ("out", 12.0), ("rest", 1.0)])
     screen = rig.Silent()
     began = time.monotonic()
     assert rig.record(session, screen, gone=4.0)
@@ -70,7 +70,9 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
     assert q["aligned_by"] == "anchor"
     assert q["aligned_frames"] > 0.95
     assert q["residual"]["median"] < 0.05
-    assert q["runs"][0]["sync"]["method"] in ("motion", "arrival", "lamp")
+    # There is no lamp; two tags that move for twelve seconds tell the clocks.
+    assert q["runs"][0]["sync"]["method"] == "motion"
+    assert q["runs"][0]["sync"]["error_ms"] < 50
     t = read_any(session.folder / "aligned.csv")
     several = t.sigma[..., 2] < 0.3
     # The last two move at rest, too, which tilts the rest pose in the design's frame: what counts
