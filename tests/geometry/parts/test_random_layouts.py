@@ -6,7 +6,7 @@
 import os
 import re
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ COUNT = int(os.environ.get("DEFSENSE_RANDOM_LAYOUTS", "4"))
 BODIES = ("bar", "blob", "bar with a bay")
 
 
-@lru_cache(maxsize=None)
+@cache
 def body(name):
     """A device, its surface and the bay in it."""
     found = load_device(DEVICES / name.split()[0])
@@ -41,7 +41,7 @@ def body(name):
     return found, made.surface, made.bay
 
 
-@lru_cache(maxsize=None)
+@cache
 def parts(name, seed):
     """What is made of a random layout, or in words why it is refused."""
     device, surface, bay = body(name)
