@@ -248,7 +248,9 @@ def _record(options: argparse.Namespace) -> int:
     beside = options.specimen if options.specimen.is_dir() else options.specimen.parent
     folder = options.out or beside / "session"
     wanted = _wanted(options, about)
-    begun = (folder / sessions.FILE).exists()
+    from ..pipeline.artifacts.session_manifest import manifest_path
+
+    begun = manifest_path(folder) is not None
     if begun:
         session = sessions.load(folder)
         if not sessions.unfinished(session):

@@ -112,13 +112,14 @@ def _run(
     from ..capture.cameras.webcam import Webcam
     from ..capture.clocks.led_schedule import LED_PERIOD
     from ..capture.readout.reader import Settings
+    from ..pipeline.artifacts.session_manifest import manifest_path
     from ..pipeline.sessions import session as sessions
     from ..pipeline.sessions.guided_recording import GuidedRecording
     from ..pipeline.twin.live_twin import known_cameras, levels_of
     from ..pipeline.twin.sample_sources import open_source
     from ..terminal.guided_recording import CaptureLines, CaptureTerminal
 
-    begun = (folder / sessions.FILE).exists()
+    begun = manifest_path(folder) is not None
     if begun:
         session = sessions.load(folder)
         if session.device != device.name:

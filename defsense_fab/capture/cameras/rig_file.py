@@ -126,8 +126,3 @@ def write_rig(path: Path, cameras: Sequence[Camera], metadata: Mapping[str, Any]
     document["metadata"] = dict(metadata)
     with storage_errors(path):
         write_text(path, tomlkit.dumps(document))
-
-
-def toml_value(value: Any) -> str:
-    """A plain value as TOML has it; for the file of a capture session, which is written by hand."""
-    return str(tomlkit.item(value).as_string())

@@ -6,6 +6,7 @@ A record is a frozen dataclass with a class attribute `SCHEMA`; arrays stand as 
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar, get_origin
 
@@ -42,14 +43,17 @@ def save(path: Path, record: Record) -> None:
 
 
 def load(path: Path, kind: type[R], remedy: str, error: type[DefsenseError] = StorageError) -> R:
-    """What `save` wrote. Raises `error` with the `remedy` ("build the device again") for a file
-    that is missing, damaged, or of another schema."""
+    """What `save` wrote, or the same as TOML. Raises `error` with the `remedy` ("build the device
+    again") for a file that is missing, damaged, or of another schema."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        data = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text)
     except OSError as problem:
         raise error(f"{path}: cannot be read: {problem.strerror}; {remedy}") from None
     except ValueError as problem:
-        raise error(f"{path}: is not valid JSON ({problem}); {remedy}") from None
+        raise error(
+            f"{path}: is not valid {path.suffix[1:].upper()} ({problem}); {remedy}"
+        ) from None
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != kind.SCHEMA:
         raise error(f"{path}: has schema {schema}, and this version reads {kind.SCHEMA}; {remedy}")

@@ -10,12 +10,12 @@ from pathlib import Path
 from ...core.device import Device
 from ...core.files import write_json
 from ...geometry.bodies.source_files import SourceFile
+from ..artifacts.session_manifest import FILE, OLD_FILE
 
 _FILE = "body/sources.json"
 #: CAD kernels open these unseen: all that lie with a script are taken for read.
 _CAD = {".step", ".stp", ".brep", ".stl", ".obj", ".3mf", ".dxf", ".svg"}
 _BUILDS = ("build", ".build-next", ".build-old")
-_SESSION = "session.toml"
 
 
 def cad_files(device: Device) -> list[SourceFile]:
@@ -24,7 +24,7 @@ def cad_files(device: Device) -> list[SourceFile]:
     found: list[SourceFile] = []
     if device.body.kind == "script":
         for folder, inner, names in os.walk(device.source):
-            if _SESSION in names:
+            if not {FILE, OLD_FILE}.isdisjoint(names):  # a session
                 inner.clear()
                 continue
             inner[:] = sorted(n for n in inner if n not in _BUILDS and not n.startswith("."))

@@ -20,6 +20,7 @@ from ...calibration.settling import Creep
 from ...core.errors import CalibrationError
 from ...core.files import digest, storage_errors, write_json, write_text
 from ...core.progress import Progress, silent
+from ..artifacts.session_manifest import FILE
 from . import session as sessions
 
 
@@ -63,7 +64,7 @@ def fit_response(
             measured = sessions.measure(source)
             parts.append(measured.readings)
             creeps += measured.creeps
-            hashed += [source / sessions.FILE, source / sessions.FRAMES]
+            hashed += [source / FILE, source / sessions.FRAMES]
             if measured.unsettled:
                 warnings.append(
                     f"{source.name}: {measured.unsettled} readings were taken before they settled"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +21,11 @@ from ...calibration.settling import Creep, Criterion, creep, settled
 from ...capture.readout.recording import Recording, has_frames, read_recording
 from ...core.arrays import Float
 from ...core.errors import CalibrationError
-from ...core.files import load_json, storage_errors, write_json
+from ...core.files import load_json, storage_errors
+from ..artifacts import typed_json
+from ..artifacts.session_manifest import FILE, CalibrationManifest, SpecimenRecord, load_calibration
 
-FILE, FRAMES = "session.json", "frames.csv"
+FRAMES = "frames.csv"
 #: Cords of a specimen in the order of the board's channels, and their side of the neutral plane
 #: with face a on the jig.
 CHANNELS = {"bottom": -1, "neutral": 0, "top": 1}
@@ -72,21 +74,18 @@ def create(
     steps = plan(radii, rounds, faces, np.random.default_rng(seed))
     with storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        write_json(
-            folder / FILE,
-            {
-                "schema": 1,
-                "specimen": {"name": name, "length": length, **asdict(geometry)},
-                "channels": list(CHANNELS),
-                "steps": [[s.turn, s.radius, s.face] for s in steps],
-                "seed": seed,
-                "reference": list(reference),
-                "criterion": asdict(criterion),
-                "rate": rate,
-                "average": average,
-                "begun": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-            },
+        manifest = CalibrationManifest(
+            specimen=SpecimenRecord(name, length, geometry.thickness, geometry.offset),
+            channels=tuple(CHANNELS),
+            steps=tuple((s.turn, s.radius, s.face) for s in steps),
+            seed=seed,
+            reference=tuple(reference),
+            criterion=criterion,
+            rate=rate,
+            average=average,
+            begun=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         )
+        typed_json.save(folder / FILE, manifest)
     return load(folder)
 
 
@@ -98,7 +97,7 @@ def agree(session: CalibrationSession, wanted: Mapping[str, Any]) -> None:
         "radii": sorted({s.radius for s in steps if s.radius is not None}),
         "rounds": 1 + max(s.turn for s in steps),
         "faces": sorted({s.face for s in steps}),
-        "seed": load_json(session.folder / FILE, CalibrationError, "").get("seed"),
+        "seed": load_calibration(session.folder).seed,
         "reference": list(session.reference),
         "criterion": session.criterion,
         "rate": session.rate,
@@ -123,29 +122,21 @@ def discard_empty(session: CalibrationSession) -> None:
 
 def load(folder: Path) -> CalibrationSession:
     """The session in a folder. Raises CalibrationError where there is none, or it is broken."""
-    path = folder / FILE
-    data = load_json(path, CalibrationError, "'defsense calibrate record' makes sessions")
-    try:
-        specimen = dict(data["specimen"])
-        name, length = str(specimen.pop("name")), float(specimen.pop("length"))
-        steps = tuple(
-            JigStep(int(t), None if r is None else float(r), f) for t, r, f in data["steps"]
+    path, found = folder / FILE, load_calibration(folder)
+    if found.channels != tuple(CHANNELS):
+        raise CalibrationError(f"{path}: its channels must be {', '.join(CHANNELS)}")
+    if any(f not in FACES or not (r is None or 0 < r < 1e5) for _, r, f in found.steps):
+        raise CalibrationError(
+            f"{path}: a step is a round, a radius in mm or null, and a face of {', '.join(FACES)}"
         )
-        if data["schema"] != 1 or data["channels"] != list(CHANNELS):
-            raise CalibrationError(f"{path}: was written by another version")
-        if any(s.face not in FACES or not (s.radius is None or 0 < s.radius < 1e5) for s in steps):
-            raise ValueError("steps")
-        reference = tuple(float(r) for r in data["reference"])
-        if len(reference) != len(CHANNELS) or not all(0 < r < 1e9 for r in reference):
-            raise ValueError("reference")
-        criterion = Criterion(**{n: float(v) for n, v in data["criterion"].items()})
-        average = None if data["average"] is None else int(data["average"])
-        return CalibrationSession(
-            folder, name, Geometry(**specimen), length, steps, reference, criterion,
-            int(data["rate"]), average,
-        )  # fmt: skip
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CalibrationError(f"{path}: not a session: {error!r}") from None
+    if len(found.reference) != len(CHANNELS) or not all(0 < r < 1e9 for r in found.reference):
+        raise CalibrationError(f"{path}: reference: {len(CHANNELS)} resistances in ohm are needed")
+    specimen = found.specimen
+    return CalibrationSession(
+        folder, specimen.name, Geometry(specimen.thickness, specimen.offset), specimen.length,
+        tuple(JigStep(*s) for s in found.steps), found.reference, found.criterion, found.rate,
+        found.average,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """A capture session: a folder with what the cameras and the board saw, a file for each of them.
 
-`session.toml` says what was to be recorded, `cameras.toml` and `markers.json` are copies of what it
+`session.json` says what was to be recorded, `cameras.toml` and `markers.json` are copies of what it
 was recorded with. Each run of the command has a folder `run-1`, `run-2`, ... with `frames.csv` (the
 board), `<camera>.csv` (tags: corners and their variances), `<camera>-frames.csv` (when each picture
 was taken, how bright the lamp was) and `log.jsonl` (what happened). All of them are only appended
@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import math
 import time
-import tomllib
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,17 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from ...capture.cameras.rig_file import Rig, read_rig, toml_value
+from ...capture.cameras.rig_file import Rig, read_rig
 from ...capture.tags.tag_detection import TagView
 from ...core.append_log import AppendLog, LogLines
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 from ...core.files import storage_errors, write_text
 from ...core.markers import Markers, read_markers, write_markers_file
+from ..artifacts import typed_json
+from ..artifacts.session_manifest import FILE, CaptureManifest, load_capture, manifest_path
 
-FILE, CAMERAS, MARKERS, BOARD, LOG = (
-    "session.toml", "cameras.toml", "markers.json", "frames.csv", "log.jsonl"
-)  # fmt: skip
+CAMERAS, MARKERS, BOARD, LOG = "cameras.toml", "markers.json", "frames.csv", "log.jsonl"
 REST, FREE = "rest", "free"
 _CORNERS = [f"{a}{k}" for k in range(4) for a in "xy"]
 _SPREAD = [f"{a}{k}" for k in range(4) for a in ("xx", "xy", "yy")]
@@ -49,7 +48,7 @@ class PoseStep:
 
 @dataclass(frozen=True)
 class CaptureSession:
-    """What `session.toml` says, with the cameras and tags beside it; `reference` (c,) ohm."""
+    """What `session.json` says, with the cameras and tags beside it; `reference` (c,) ohm."""
 
     folder: Path
     device: str
@@ -73,7 +72,7 @@ def create(
 ) -> CaptureSession:  # fmt: skip
     """Begin a session, without cameras where there is no calibration. Raises CaptureError where the
     folder holds one, StorageError."""
-    if (folder / FILE).exists():
+    if manifest_path(folder):
         raise CaptureError(f"{folder}: holds a session already; choose another folder with --out")
     if calibration is not None:
         read_rig(calibration)
@@ -82,41 +81,29 @@ def create(
         if calibration is not None:
             write_text(folder / CAMERAS, calibration.read_text(encoding="utf-8"))
         write_markers_file(markers, folder / MARKERS)
-        lines = [
-            "schema = 1",
-            f"device = {toml_value(device)}",
-            f"begun = {toml_value(time.strftime('%Y-%m-%dT%H:%M:%S%z'))}",
-            f"channels = {toml_value(list(channels))}",
-            f"reference = {toml_value([float(r) for r in reference])}",
-            f"steps = {toml_value([[s.name, float(s.seconds)] for s in steps])}",
-        ]
-        write_text(folder / FILE, "\n".join(lines) + "\n")
+        manifest = CaptureManifest(
+            device,
+            time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+            tuple(channels),
+            tuple(float(r) for r in reference),
+            tuple((s.name, float(s.seconds)) for s in steps),
+        )
+        typed_json.save(folder / FILE, manifest)
     return load(folder)
 
 
 def load(folder: Path) -> CaptureSession:
     """Raises CaptureError for a folder that holds none, or a broken one."""
-    path = folder / FILE
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-        if data["schema"] != 1:
-            raise CaptureError(f"{path}: was written by another version")
-        steps = tuple(PoseStep(str(n), float(s)) for n, s in data["steps"])
-        channels = tuple(str(c) for c in data["channels"])
-        reference = tuple(float(r) for r in data["reference"])
-        if len(channels) != len(reference):
-            raise ValueError("as many references as channels")
-        device, begun = str(data["device"]), str(data["begun"])
-    except OSError as error:
+    found = load_capture(folder)
+    if len(found.channels) != len(found.reference):
         raise CaptureError(
-            f"{path}: cannot be read: {error.strerror}; 'defsense capture record' makes sessions"
-        ) from None
-    except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
-        raise CaptureError(f"{path}: not a session: {error}") from None
+            f"{folder / FILE}: has {len(found.channels)} channels and {len(found.reference)}"
+            " reference resistors; give one for each"
+        )
     rig = read_rig(folder / CAMERAS) if (folder / CAMERAS).exists() else Rig(())
     return CaptureSession(
-        folder, device, steps, channels, reference, rig,
-        read_markers(folder / MARKERS), begun,
+        folder, found.device, tuple(PoseStep(*s) for s in found.steps), found.channels,
+        found.reference, rig, read_markers(folder / MARKERS), found.begun,
     )  # fmt: skip
 
 

@@ -176,7 +176,7 @@ def test_a_session_whose_start_was_lost_says_so(tmp_path):
     ("name", "text", "says"),
     [
         ("session.json", "{", "not valid JSON"),
-        ("session.json", "{}", "not a session"),
+        ("session.json", "{}", "has schema None"),
         ("session.json", None, "cannot be read"),
         ("frames.csv", None, "nothing was recorded"),
         ("frames.csv", "# defsense recording 1\nhost_ns,device_us,counter,led,late,averages,s1\n",

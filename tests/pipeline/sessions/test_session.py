@@ -23,6 +23,7 @@ from defsense_fab.capture.tags.tag_detection import TagView
 from defsense_fab.capture.tracking.alignment import align
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.tracks import Tracks
+from defsense_fab.pipeline.artifacts.session_manifest import FILE
 from defsense_fab.pipeline.sessions import session as sessions
 from defsense_fab.pipeline.sessions.processing import process_session
 from defsense_fab.pipeline.sessions.signals import resistances, signals_in_step
@@ -327,8 +328,8 @@ def test_bad_sessions_are_one_clear_line(tmp_path):
     (run / "cam_0.csv").write_text(",".join(sessions.TAG_COLUMNS) + "\n")
     with pytest.raises(CaptureError, match=r"cam_0-frames\.csv:2"):
         sessions.read_camera(run, "cam_0")
-    (session.folder / sessions.FILE).write_text("schema = 1\n")
-    with pytest.raises(CaptureError, match="not a session"):
+    (session.folder / FILE).write_text("{}")
+    with pytest.raises(CaptureError, match="has schema None"):
         sessions.load(session.folder)
 
 
@@ -372,7 +373,7 @@ def test_only_what_is_empty_is_discarded(tmp_path):
     (session.folder / "run-1" / sessions.BOARD).write_text("# nothing\n")
     sessions.discard_empty(session)
     assert not (session.folder / "run-1").exists()
-    assert not (session.folder / sessions.FILE).exists()
+    assert not (session.folder / FILE).exists()
     assert (other / "thesis.csv").exists()
 
 
@@ -394,3 +395,18 @@ def test_a_run_without_pictures_of_one_camera_is_left_out(recorded, tmp_path):
 def test_the_rig_of_these_tests_is_what_it_says():
     there = align(rig.places(0.3)[None], rig.CENTERS, mask=np.arange(6) < 4)
     assert there.residual[0] < 1e-9
+
+
+def test_a_session_that_was_described_in_toml_is_read(tmp_path):
+    """As sessions were written before they had the same format as those on the specimen."""
+    session = rig.begin(tmp_path / "s", [("rest", 1.0), ("out", 1.5)])
+    lines = ["schema = 1", f'device = "{session.device}"', 'begun = "2026-01-02T03:04:05+0000"',
+             f"channels = {json.dumps(session.channels)}", f"reference = {list(session.reference)}",
+             'steps = [["rest", 1.0], ["out", 1.5]]']  # fmt: skip
+    (session.folder / "session.toml").write_text("\n".join(lines))
+    (session.folder / FILE).unlink()
+    found = sessions.load(session.folder)
+    assert (found.steps, found.channels) == (session.steps, session.channels)
+    assert found.reference == session.reference
+    with pytest.raises(CaptureError, match="holds a session already"):
+        rig.begin(tmp_path / "s", [("rest", 1.0)])
