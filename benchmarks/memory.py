@@ -183,7 +183,7 @@ def peak() -> float:
     not asked for: it counts what the parent held when it was started."""
     status = Path("/proc/self/status").read_text()
     line = next(line for line in status.splitlines() if line.startswith("VmHWM"))
-    return int(line.split()[1]) / 1e3
+    return int(line.split()[1]) * 1024 / 1e6
 
 
 def measure(folder: Path) -> Measured:

@@ -9,7 +9,7 @@ from the line that fits them best.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ...core.errors import CaptureError
 NARROW = 0.05
 #: Nor do those that leave a rotation with a larger standard deviation about its weakest axis, rad.
 DOUBT = 0.1
-_CHUNK = 256  # frames whose covariances are found at once: what a cache holds
+_CHUNK = 256  # frames aligned at once: what a cache holds
 
 
 @dataclass(frozen=True)
@@ -74,14 +74,43 @@ def align(
     names = np.arange(m) if ids is None else ids
     _check_shapes(points, rest, weights, mask, sigma, names)
     seen = np.asarray(np.isfinite(points).all(axis=2))
-    points = np.where(seen[..., None], points, np.nan)
     known = np.asarray(np.isfinite(rest).all(axis=1))
     chosen = known & np.broadcast_to(True if mask is None else mask, (t, m))
     used, w = _normalised(seen & chosen, weights, names)
     ever = known & _weighty(weights, m) & (True if mask is None else np.atleast_2d(mask).any(0))
     _check_rest(rest, ever, names)
-
+    # One value stands for all where nothing is known: a view of it takes no memory.
+    covariance = np.broadcast_to(np.nan, (t, m, 3, 3))
+    if sigma is not None:
+        covariance = np.empty((t, m, 3, 3))
+    out = Aligned(
+        np.empty((t, m, 3)), np.empty((t, 3, 3)), np.empty((t, 3)), np.empty(t), covariance,
+        np.empty(t), used.sum(axis=1), np.empty(t, bool),
+    )  # fmt: skip
     shift = rest[ever].mean(axis=0)  # near zero, squares keep their digits
+    for k in range(0, t, _CHUNK):
+        part = slice(k, k + _CHUNK)
+        there = np.isfinite(points[part]).all(axis=2, keepdims=True)
+        frames = np.where(there, points[part], np.nan)
+        spread = None if sigma is None else sigma[part]
+        _align(frames, rest, shift, used[part], w[part], spread, doubt, _rows(out, part))
+    return out
+
+
+def _rows(of: Aligned, part: slice) -> Aligned:
+    """Some of the frames, as views of the same memory."""
+    return Aligned(**{f.name: getattr(of, f.name)[part] for f in fields(Aligned)})
+
+
+def _align(
+    points: Float, rest: Float, shift: Float, used: Bool, w: Float, sigma: Float | None,
+    doubt: float, into: Aligned,
+) -> None:  # fmt: skip
+    """Align some frames (t, m, 3) by the `used` (t, m) markers with weights w (t, m) of sum 1, and
+    write what is found `into` all but its `used`; `shift` (3,) mm is about the middle of the rest
+    pose."""
+    t, m = used.shape
+    known = np.asarray(np.isfinite(rest).all(axis=1))
     x, y = np.where(known[:, None], rest - shift, 0.0), np.where(used[..., None], points, 0.0)
     middle, center = w @ x, (w[:, None] @ y)[:, 0]
     squares = (w @ np.einsum("mi,mj->mij", x, x).reshape(m, 9)).reshape(t, 3, 3)
@@ -90,27 +119,23 @@ def align(
     y *= w[..., None]
     R, hold = _rotation(y.swapaxes(1, 2) @ x)
     middle += shift
-    count = used.sum(axis=1)
-    ok = (count >= 3) & (np.minimum(width, hold) > NARROW**2 * along)
+    ok = (into.used >= 3) & (np.minimum(width, hold) > NARROW**2 * along)
 
     R[~ok], center[~ok] = np.nan, np.nan
     out = (points - center[:, None]) @ R.swapaxes(1, 2) + middle[:, None]
     off = out - rest
     away = np.where(used, np.einsum("tmi,tmi->tm", off, off), 0.0).sum(axis=1)
-    covariance, turn = np.full((t, m, 3, 3), np.nan), np.full(t, np.nan)
+    into.turn[:] = np.nan
     if sigma is not None:
-        for k in range(0, t, _CHUNK):
-            part = slice(k, k + _CHUNK)
-            placed = out[part] - middle[part, None]
-            covariance[part], turn[part] = _uncertainty(
-                turned(sigma[part], R[part]), placed, w[part], ok[part]
-            )
-        ok &= ~(turn > doubt)
-        for array in (R, out, center, covariance, turn):
+        into.covariance[:], into.turn[:] = _uncertainty(
+            turned(sigma, R), out - middle[:, None], w, ok
+        )
+        ok &= ~(into.turn > doubt)
+        for array in (R, out, center, into.covariance, into.turn):
             array[~ok] = np.nan
-    residual = np.where(ok, np.sqrt(away / np.maximum(count, 1)), np.nan)
-    translation = middle - np.einsum("tij,tj->ti", R, center)
-    return Aligned(out, R, translation, residual, covariance, turn, count, ok)
+    into.points[:], into.rotation[:], into.ok[:] = out, R, ok
+    into.residual[:] = np.where(ok, np.sqrt(away / np.maximum(into.used, 1)), np.nan)
+    into.translation[:] = middle - np.einsum("tij,tj->ti", R, center)
 
 
 def turned(sigma: Float, rotation: Float) -> Float:

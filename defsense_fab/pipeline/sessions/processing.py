@@ -224,27 +224,25 @@ def _join(
     anchor: str,
 ) -> ProcessedSession:
     ids = session.markers.ids
-    time, points, sigma, rest, ohm = [], [], [], [], []
-    begin = 0.0
+    ohm, resting = [r.ohm for r in runs], np.concatenate([r.rest for r in runs])
+    count, time, begin = len(resting), [], 0.0
+    # Not joined from parts, each of which would be in memory twice.
+    P, S = np.full((count, len(ids), 3), np.nan), np.full((count, len(ids), 3), np.nan)
+    end = 0
     for run in runs:
         t = run.processed.tracks
+        rows, end = slice(end, end + len(t.time)), end + len(t.time)
         column = {int(i): k for k, i in enumerate(t.ids)}
-        p, s = (np.full((len(t.time), len(ids), 3), np.nan) for _ in range(2))
         for k, i in enumerate(ids):
             if int(i) in column:
-                p[:, k], s[:, k] = t.points[:, column[int(i)]], t.sigma[:, column[int(i)]]
+                P[rows, k], S[rows, k] = t.points[:, column[int(i)]], t.sigma[:, column[int(i)]]
         time.append(t.time + begin - t.time[0])
         begin = float(time[-1][-1]) + _PAUSE
-        points.append(p)
-        sigma.append(s)
-        rest.append(run.rest)
-        ohm.append(run.ohm)
-    T, P, S = np.concatenate(time), np.concatenate(points), np.concatenate(sigma)
-    resting, R = np.concatenate(rest), np.concatenate(ohm)
-    tracks = Tracks(T, ids, P, S, np.arange(len(T)))
+    T, R = np.concatenate(time), np.concatenate(ohm)
+    tracks = Tracks(T, ids, P, S, np.arange(count))
     aligned, by, placed, warnings = _aligned(session, tracks, resting, anchor)
     names = [str(r.told["run"]) for r in runs]
-    R0, told = rest_resistances(names, session.channels, ohm, rest)
+    R0, told = rest_resistances(names, session.channels, ohm, [r.rest for r in runs])
     warnings += told
     if not resting.any():
         warnings.append("no rest was finished: R0 and the rest pose are those of the whole session")

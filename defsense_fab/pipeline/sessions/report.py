@@ -9,9 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from ...core.arrays import Float
 from ..report.html import as_image, write_page
 from .processed_session import ProcessedSession
 from .session import CaptureSession
+
+_DRAWN = 10_000  # frames of a curve: more are not told apart on a page, and take much memory
 
 _SYNC = {
     "lamp": "the board's LED in the pictures",
@@ -104,12 +107,13 @@ def _seen(figure: Any, session: CaptureSession, result: ProcessedSession) -> Non
 def _course(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
     above, below = figure.subplots(2, 1, sharex=True)
     t = result.aligned
+    some = _some(t.time)
     with np.errstate(all="ignore"):
-        moved = np.linalg.norm(t.points - session.markers.centers, axis=2)
-    above.plot(t.time, moved, lw=0.8)
+        moved = np.linalg.norm(t.points[some] - session.markers.centers, axis=2)
+    above.plot(t.time[some], moved, lw=0.8)
     above.set_ylabel("marker moved, mm")
     for k, name in enumerate(session.channels):
-        below.plot(t.time, 100 * result.signals[:, k], lw=0.8, label=name)
+        below.plot(t.time[some], 100 * result.signals[some, k], lw=0.8, label=name)
     below.set_ylabel("(R - R0)/R0, %")
     below.set_xlabel("s")
     if session.channels:
@@ -127,14 +131,20 @@ def _quality(figure: Any, _: CaptureSession, result: ProcessedSession) -> None:
         left.set_xticks(ticks, [f"{10.0**x:g}" for x in ticks])
     left.set_xlabel("standard deviation of a place, mm")
     left.set_ylabel("places")
-    right.plot(t.time, result.residual, lw=0.7, color="#d60")
+    some = _some(t.time)
+    right.plot(t.time[some], result.residual[some], lw=0.7, color="#d60")
     right.set_xlabel("s")
     right.set_ylabel("residual of the alignment, mm")
 
 
+def _some(time: Float) -> slice:
+    """All frames, or of many some, evenly spaced."""
+    return slice(None, None, -(-len(time) // _DRAWN) or 1)
+
+
 def _places(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
     views = figure.subplots(1, 3)
-    points = result.aligned.points
+    points = result.aligned.points[_some(result.aligned.time)]
     for axes, (a, b) in zip(views, ((0, 1), (0, 2), (1, 2)), strict=True):
         for m in range(points.shape[1]):
             axes.plot(points[:, m, a], points[:, m, b], lw=0.6)

@@ -11,6 +11,7 @@ from benchmarks import memory
 from defsense_fab.pipeline.sessions.processing import process_session
 
 SECONDS = 20.0
+MB_A_MINUTE = 8.0  # 60 of them, and what any length takes, are 1 GB at most
 
 
 def recorded(folder, *runs):
@@ -54,3 +55,17 @@ def test_a_run_without_rest_takes_its_neighbours_with_a_warning(tmp_path):
     assert told["run-1"] != told["run-2"]
     assert at_rest(result, 2) == pytest.approx(1260 / 1230 - 1, abs=2e-3)
     assert [w for w in result.quality["warnings"] if "R0 is that of run-2" in w and "run-3" in w]
+
+
+@pytest.mark.slow
+def test_memory_grows_little_by_the_minute(tmp_path):
+    """An hour of six cameras has to fit into 1 GB (`benchmarks/memory.py`), of which imports take
+    190 MB and the work on any length 200 MB."""
+    needed = []
+    for minutes in (1, 3):
+        session = memory.create(tmp_path / f"{minutes}", 6, 20)
+        memory.record(session, 60 * minutes, np.random.default_rng(1))
+        found = memory.measure(session.folder)
+        needed.append(found.peak - found.imports)
+    assert needed[0] < 250
+    assert needed[1] - needed[0] < 2 * MB_A_MINUTE
