@@ -53,7 +53,7 @@ class LedDetector:
         """Raises CaptureError for stays too short to be seen."""
         if stay is not None and not stay >= _SHORT:
             raise CaptureError(
-                f"lamp: an LED that switches every {stay:.1f} frames cannot be followed; at least"
+                f"LED: an LED that switches every {stay:.1f} frames cannot be followed; at least"
                 f" {_SHORT}: choose a longer period"
             )
         self._stay = stay
@@ -70,11 +70,11 @@ class LedDetector:
         size = image.shape[1], image.shape[0]
         if self._size is None:
             if min(size) < 4 * _BLOCK:
-                raise CaptureError(f"lamp: an image of {size[0]} x {size[1]} px is too small")
+                raise CaptureError(f"LED: an image of {size[0]} x {size[1]} px is too small")
             self._size = size
         if size != self._size:
             raise CaptureError(
-                f"lamp: frame {self._count} is {size[0]} x {size[1]} px, those before are"
+                f"LED: frame {self._count} is {size[0]} x {size[1]} px, those before are"
                 f" {self._size[0]} x {self._size[1]} px; give one camera's images of one size"
             )
         blocks = _means(image)

@@ -1,7 +1,7 @@
 """How the board's clock and a camera's go together: by the board's LED, or by what moves.
 
 camera = offset + (1 + drift) * device, s. What a camera adds between an exposure and its stamp is
-in the offset, and so is, of a rolling shutter, the place of the lamp in the image.
+in the offset, and so is, of a rolling shutter, the place of the LED in the image.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Sync:
     """camera = offset + (1 + drift) device, s. Standard deviations: `offset_sigma` s at the
     device's time `middle` s, `drift_sigma`; `error` s: what the camera's time of a sample may be
     wrong by within the recording, twice a standard deviation at its ends, with what is unsure about
-    the board's toggles or the cords' lag. `method`: lamp or motion; `evidence`: the toggles seen,
+    the board's toggles or the cords' lag. `method`: led or motion; `evidence`: the toggles seen,
     or the seconds compared."""
 
     offset: float
@@ -114,7 +114,7 @@ def by_led(
     sigma = float(np.hypot(found.shift_sigma, same))
     return Sync(
         offset, found.drift, sigma, found.drift_sigma, found.device_middle,
-        2 * spread + unsteady, "lamp", float(found.toggles),
+        2 * spread + unsteady, "led", float(found.toggles),
     )  # fmt: skip
 
 

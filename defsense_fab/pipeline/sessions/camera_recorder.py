@@ -52,7 +52,7 @@ class CameraRecorder:
         self._frames = Stream(run / f"{camera.name}-frames.csv", FRAME_COLUMNS)
         self._film: cv2.VideoWriter | None = None
         self._path = run / f"{camera.name}.mkv" if video else None
-        self._lamp = LedDetector()
+        self._led = LedDetector()
         self._spot: tuple[int, int] | None = None
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -156,7 +156,7 @@ class CameraRecorder:
             return
         grey = to_grey(image)
         view = self._detector.find(grey)
-        lamp = self._brightness(grey)
+        led = self._brightness(grey)
         number = self.frames
         if self._last_ns:
             step = (host_ns - self._last_ns) / 1e9
@@ -167,7 +167,7 @@ class CameraRecorder:
         rows = tag_lines(number, host_ns, view)
         if rows:
             self._tags.line(rows)
-        self._frames.line(f"{number},{host_ns},{lamp:.2f}")
+        self._frames.line(f"{number},{host_ns},{led:.2f}")
         if self._film is not None:
             self._film.write(grey)
             if self.frames % _OFTEN == 0:
@@ -184,14 +184,14 @@ class CameraRecorder:
             )
 
     def _brightness(self, grey: Image) -> float:
-        """Of the board's lamp, once it is known where that is."""
+        """Of the board's LED, once it is known where that is."""
         if self._spot is None:
-            self._lamp.add(grey)
-            if self._lamp.found:
-                found = self._lamp.trace()
+            self._led.add(grey)
+            if self._led.found:
+                found = self._led.trace()
                 if found is not None:
                     self._spot = (round(float(found.place[0])), round(float(found.place[1])))
-                    self._log.event("lamp", camera=self.camera.name, place=list(self._spot))
+                    self._log.event("led", camera=self.camera.name, place=list(self._spot))
             return float("nan")
         x, y = self._spot
         around = grey[max(y - _AROUND, 0) : y + _AROUND + 1, max(x - _AROUND, 0) : x + _AROUND + 1]

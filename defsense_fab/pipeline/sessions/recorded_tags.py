@@ -23,11 +23,11 @@ _BLOCK = 1 << 22  # bytes read at once
 @dataclass(frozen=True)
 class CameraRecording:
     """What one camera recorded in a run: of f pictures when they were taken, `time` (f,) ns, and
-    how bright the lamp was, `lamp` (f,), NaN where not known; the tags in each; lines that were
+    how bright the LED was, `led` (f,), NaN where not known; the tags in each; lines that were
     cut."""
 
     time: Int
-    lamp: Float
+    led: Float
     tags: FrameTags
     cut: int
 

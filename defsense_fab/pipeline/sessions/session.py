@@ -3,7 +3,7 @@
 `session.json` says what was to be recorded, `cameras.toml` and `markers.json` are copies of what it
 was recorded with. Each run of the command has a folder `run-1`, `run-2`, ... with `frames.csv` (the
 board), `<camera>.csv` (tags: corners and their variances), `<camera>-frames.csv` (when each picture
-was taken, how bright the lamp was) and `log.jsonl` (what happened). All of them are only appended
+was taken, how bright the LED was) and `log.jsonl` (what happened). All of them are only appended
 to, line by line; a line that was cut by the end of the program is left out when it is read.
 """
 
@@ -35,7 +35,7 @@ REST, FREE = "rest", "free"
 _CORNERS = [f"{a}{k}" for k in range(4) for a in "xy"]
 _SPREAD = [f"{a}{k}" for k in range(4) for a in ("xx", "xy", "yy")]
 TAG_COLUMNS = ("frame", "host_ns", "id", *_CORNERS, *_SPREAD)
-FRAME_COLUMNS = ("frame", "host_ns", "lamp")
+FRAME_COLUMNS = ("frame", "host_ns", "lamp")  # the LED, in files that are out there
 
 
 @dataclass(frozen=True)
@@ -136,11 +136,11 @@ def tag_lines(frame: int, host_ns: int, view: TagView) -> str:
 @dataclass(frozen=True)
 class RecordedCamera:
     """What one camera recorded in a run: of f pictures when they were taken, `time` (f,) ns, and
-    how bright the lamp was, `lamp` (f,), NaN where not known; the tags in each, `views`; lines that
+    how bright the LED was, `led` (f,), NaN where not known; the tags in each, `views`; lines that
     were cut."""
 
     time: Int
-    lamp: Float
+    led: Float
     views: tuple[TagView, ...]
     cut: int
 

@@ -95,7 +95,7 @@ def _part(
     known."""
     device, host = board.device_us[part] / 1e6, (board.host_ns[part] - start) / 1e9
     arrival = fit_clocks(device, host)
-    sync, why = _by_lamps(board, part, cameras, start, shift, arrival)
+    sync, why = _by_leds(board, part, cameras, start, shift, arrival)
     if sync is None:
         near = _near(tracks.time, host)
         try:
@@ -119,7 +119,7 @@ def _part(
     return at, about
 
 
-def _by_lamps(
+def _by_leds(
     board: Recording, part: slice, cameras: Sequence[CameraRecording], start: int,
     shift: Sequence[float], arrival: Clocks,
 ) -> tuple[Sync | None, list[str]]:  # fmt: skip
@@ -130,11 +130,11 @@ def _by_lamps(
     for k, camera in enumerate(cameras):
         time = (camera.time - start) / 1e9 + shift[k]
         near = _near(time, host)
-        if np.isfinite(camera.lamp[near]).sum() < 30:
+        if np.isfinite(camera.led[near]).sum() < 30:
             continue
         try:
             found = by_led(
-                time[near], camera.lamp[near], None, device, board.led[part].astype(bool), arrival,
+                time[near], camera.led[near], None, device, board.led[part].astype(bool), arrival,
                 conversion=_conversion(board),
             )  # fmt: skip
         except CaptureError as error:

@@ -45,14 +45,14 @@ def worst(sync, device):
 
 
 @pytest.mark.parametrize(("rate", "conversion"), [(20, 0.0), (50, 0.006), (100, 0.0)])
-def test_by_the_lamp(rate, conversion):
+def test_by_the_led(rate, conversion):
     rng = np.random.default_rng(rate)
     device, led, toggles = board(60, rate, rng, conversion)
     stamp, brightness = film(60, toggles, rng)
     brightness[500:540] = 60.0  # a hand
     # As samples are stamped half-way, true times are those of their flags' device times.
     sync = by_led(stamp, brightness, None, device, led, 0.2, conversion=conversion)
-    assert sync.method == "lamp"
+    assert sync.method == "led"
     assert worst(sync, device) < 0.002
     assert worst(sync, device) < sync.error < 0.004
     assert sync.drift == pytest.approx(DRIFT, abs=4e-5)
