@@ -1,4 +1,4 @@
-"""Sessions of several runs, and long ones: drift of the cords in between."""
+"""Sessions of several runs, and long ones: drift of the cords in between, tags read in blocks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks import memory
+from defsense_fab.core.errors import CaptureError
+from defsense_fab.pipeline.sessions import recorded_tags
 from defsense_fab.pipeline.sessions.processing import process_session
+from defsense_fab.pipeline.sessions.recorded_tags import read_camera_tags
+from defsense_fab.pipeline.sessions.session import read_camera
 
 SECONDS = 20.0
 MB_A_MINUTE = 8.0  # 60 of them, and what any length takes, are 1 GB at most
@@ -69,3 +73,34 @@ def test_memory_grows_little_by_the_minute(tmp_path):
         needed.append(found.peak - found.imports)
     assert needed[0] < 250
     assert needed[1] - needed[0] < 2 * MB_A_MINUTE
+
+
+def test_recorded_tags_are_those_of_their_frames(tmp_path, monkeypatch):
+    """In blocks of any size; also with a frame's number damaged, and with tags of no frame."""
+    session = memory.create(tmp_path / "s", 1, 12)
+    run = memory.record(session, 11.0, np.random.default_rng(1))
+    ids = session.markers.ids[:10]
+    whole = read_camera(run, "cam_0")
+    path = run / "cam_0.csv"
+    lines = path.read_text().split("\n")
+    lines[40] = "999" + lines[40]
+    path.write_text("\n".join([*lines[:-1], "12345,1"]))
+    for size in (1 << 22, 300):
+        monkeypatch.setattr(recorded_tags, "_BLOCK", size)
+        found = read_camera_tags(run, "cam_0", ids)
+        assert found.cut == 1
+        np.testing.assert_array_equal(found.time, whole.time)
+        expected = [int(np.isin(v.ids, ids).sum()) for v in whole.views]
+        lost = np.flatnonzero(found.tags.count != expected)
+        assert len(lost) == 1
+        assert found.tags.count[lost[0]] == expected[lost[0]] - 1
+        k = 200
+        rows = found.tags.store.read(found.tags.find(np.array([k]))[0])
+        view = whole.views[k].only(np.isin(whole.views[k].ids, ids))
+        np.testing.assert_array_equal(rows["id"], view.ids)
+        np.testing.assert_array_equal(rows["corners"], view.corners)
+        np.testing.assert_allclose(rows["covariance"], view.covariance, rtol=1e-6)
+    lines[60] = lines[60].replace(",", ";", 1)
+    path.write_text("\n".join(lines))
+    with pytest.raises(CaptureError, match=r"cam_0\.csv:61: not 23 numbers"):
+        read_camera_tags(run, "cam_0", ids)
