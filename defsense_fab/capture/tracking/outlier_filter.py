@@ -18,19 +18,19 @@ _BACK = 12  # places that a chain may leap over
 _FORGET = 0.5  # s after which a marker may be anywhere
 
 
-def possible(time: Float, points: Float, covariance: Float) -> Bool:
+def possible(time: Float, points: Float, sigma: Float) -> Bool:
     """Which places (t, m) are kept: `time` (t,) s, `points` (t, m, 3) mm, NaN where there are none,
-    `covariance` (t, m, 3, 3) mm^2."""
+    `sigma` (t, m, 3) mm their standard deviations along the axes."""
     keep = np.isfinite(points[..., 0])
     for m in range(points.shape[1]):
         rows = np.flatnonzero(keep[:, m])
         if len(rows) < 2:
             continue
-        sigma = np.sqrt(np.trace(covariance[rows, m], axis1=1, axis2=2))
-        chain = _chain(time[rows], points[rows, m], sigma)
+        spread = np.linalg.norm(sigma[rows, m], axis=1)
+        chain = _chain(time[rows], points[rows, m], spread)
         keep[rows, m] = chain
         rows = rows[chain]
-        spikes = _spikes(time[rows], points[rows, m], sigma[chain])
+        spikes = _spikes(time[rows], points[rows, m], spread[chain])
         keep[rows[spikes], m] = False
     return keep
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,23 +63,6 @@ def reconstruct(
         points.reshape(n, m, 3), cov.reshape(n, m, 3, 3), count.reshape(n, m), miss.reshape(n, m),
         sides.reshape(n, m), there.sum(axis=1).reshape(n, m),
     )  # fmt: skip
-
-
-def reconstruct_parts(
-    cameras: Sequence[Camera], parts: Iterable[tuple[Int, Float, Float]], n: int, m: int,
-    size: float,
-) -> Reconstruction:  # fmt: skip
-    """Of n instants and m tags what `reconstruct` finds, part by part: which instants (k,), their
-    corners and covariances. What is in no part is not located."""
-    out = Reconstruction(
-        np.full((n, m, 3), np.nan), np.full((n, m, 3, 3), np.nan), np.zeros((n, m), int),
-        np.full((n, m), np.nan), np.full((n, m), np.nan), np.zeros((n, m), int),
-    )  # fmt: skip
-    for rows, corners, covariance in parts:
-        found = reconstruct(cameras, corners, covariance, size)
-        for field in fields(Reconstruction):
-            getattr(out, field.name)[rows] = getattr(found, field.name)
-    return out
 
 
 def _chunks(rows: Int) -> list[Int]:

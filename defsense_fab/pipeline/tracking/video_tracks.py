@@ -14,13 +14,13 @@ from ...capture.cameras.rig_file import Rig, read_rig
 from ...capture.tags.tag_dictionary import dictionary
 from ...capture.tracking.observations import Observed, StoredObservations, observe
 from ...capture.tracking.outlier_filter import possible
-from ...capture.tracking.reconstruction import Reconstruction, reconstruct, reconstruct_parts
-from ...capture.tracking.tag_store import blocks
+from ...capture.tracking.reconstruction import reconstruct
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
-from .camera_sync import sync_cameras, together, views_of
+from .camera_sync import sync_cameras, views_of
+from .located_tags import LocatedTags, locate_tags
 from .moved_camera import cameras_that_see, moved_camera, some_tags
 from .video_detection import VideoDetections, detect_video
 
@@ -105,7 +105,7 @@ def assemble(
     progress("tracks", 0.1, "comparing clocks")
     clocks = sync_cameras(rig, seen, told=offsets is not None)
     progress("tracks", 0.2, "triangulating")
-    found = _located(rig, clocks.seen, size)
+    found = locate_tags(rig.cameras, clocks.seen, size)
     moved = None
     if len(rig.cameras) > 2:
         count = found.seen
@@ -116,28 +116,25 @@ def assemble(
         moved = moved_camera(rig.cameras, views, size)
     if moved is not None:
         clocks = sync_cameras(rig, seen, told=offsets is not None, without=moved)
-        found = _located(rig, clocks.seen, size)
+        found = locate_tags(rig.cameras, clocks.seen, size)
     _check(found, rig, clocks.seen, size, names)
     progress("tracks", 0.7, "looking for what cannot be")
     odd = _odd(found)
     apart = _apart(found, odd)
     odd |= apart[:, None] & (found.cameras >= 2)
-    found.points[odd] = np.nan
-    keep = possible(time, found.points, found.covariance)
-    wrong = int((np.isfinite(found.points[..., 0]) & ~keep).sum())
-    first_camera = rig.cameras[0]
-    points = first_camera.to_camera(found.points)
-    sigma = np.empty_like(points)
-    for frames in blocks(len(time), len(ids)):
-        turned = first_camera.rotation @ found.covariance[frames] @ first_camera.rotation.T
-        sigma[frames] = np.sqrt(np.diagonal(turned, axis1=-2, axis2=-1))
+    points, sigma = found.points, found.sigma
+    points[odd] = np.nan
+    keep = possible(time, points, sigma)
+    wrong = int((np.isfinite(points[..., 0]) & ~keep).sum())
     points[~keep], sigma[~keep] = np.nan, np.nan
     there = keep.any(axis=0)
     if not there.any():
         raise CaptureError(f"{', '.join(names)}: no tag could be located in any frame")
     number = np.flatnonzero(np.append(True, np.diff(watched[0].time) > 0))
-    tracks = Tracks(time, ids[there], points[:, there], sigma[:, there], number)
-    cameras = np.where(keep, found.cameras, 0)[:, there]
+    cameras = np.where(keep, found.cameras, 0)
+    if not there.all():
+        points, sigma, cameras = points[:, there], sigma[:, there], cameras[:, there]
+    tracks = Tracks(time, ids[there], points, sigma, number)
     progress("tracks", 1.0, "done")
     twice = [again for _, again in numbers]
     quality = _quality(watched, twice, found, keep, wrong, tracks, cameras, size, names)
@@ -175,13 +172,6 @@ def assemble(
     return VideoTracks(tracks, cameras, quality)
 
 
-def _located(rig: Rig, seen: Sequence[Observed], size: float) -> Reconstruction:
-    """What all cameras see together in the frames of the first one, some seconds at a time."""
-    n, m = len(seen[0].time), len(seen[0].ids)
-    parts = ((frames, *together(seen, frames)) for frames in blocks(n, m))
-    return reconstruct_parts(rig.cameras, parts, n, m, size)
-
-
 def check_offsets(offsets: Sequence[float] | None, count: int) -> list[float]:
     """Offsets (count,) s by the first camera's clock, zero where none are given. Raises
     CaptureError."""
@@ -197,7 +187,7 @@ def check_offsets(offsets: Sequence[float] | None, count: int) -> list[float]:
     return [s - offsets[0] for s in offsets]
 
 
-def _odd(found: Reconstruction) -> Bool:
+def _odd(found: LocatedTags) -> Bool:
     """Places (t, m) of which the views miss each other much more than those of the others do."""
     several = (found.cameras >= 2) & np.isfinite(found.miss)
     if several.sum() < _MANY:
@@ -206,7 +196,7 @@ def _odd(found: Reconstruction) -> Bool:
     return np.asarray(several & (found.miss > limit))
 
 
-def _apart(found: Reconstruction, odd: Bool) -> Bool:
+def _apart(found: LocatedTags, odd: Bool) -> Bool:
     """Frames (t,) in which the cameras' views of most tags disagree: those that seem to agree do so
     by chance."""
     several = found.seen >= 2
@@ -215,7 +205,7 @@ def _apart(found: Reconstruction, odd: Bool) -> Bool:
 
 
 def _check(
-    found: Reconstruction,
+    found: LocatedTags,
     rig: Rig,
     seen: Sequence[Observed],
     size: float,
@@ -266,7 +256,7 @@ def _check(
 
 
 def _permuted(
-    rig: Rig, corners: Float, covariance: Float, size: float, told: Reconstruction
+    rig: Rig, corners: Float, covariance: Float, size: float, told: LocatedTags
 ) -> tuple[int, ...] | None:
     """Cameras in the order that fits some tags (n, v, 4, 2) better than that which was `told`, if
     any."""
@@ -297,7 +287,7 @@ def _permuted(
 def _quality(
     watched: Sequence[VideoDetections],
     twice: Sequence[Int],
-    found: Reconstruction,
+    found: LocatedTags,
     keep: Any,
     wrong: int,
     tracks: Tracks,

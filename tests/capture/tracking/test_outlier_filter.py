@@ -17,7 +17,7 @@ def moving(m=2, apart=60.0, reach=40.0):
 
 
 def gate(points, sigma=0.05, time=TIME):
-    return possible(time, points, np.tile(np.eye(3) * sigma**2, (*points.shape[:2], 1, 1)))
+    return possible(time, points, np.full(points.shape, sigma))
 
 
 def test_smooth_motion_with_gaps_is_kept():
