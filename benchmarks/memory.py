@@ -187,10 +187,11 @@ def peak() -> float:
 
 
 def measure(folder: Path) -> Measured:
-    """Of processing a session, in a process of its own."""
+    """Of processing a session, in a process of its own (Linux, which tells of its memory)."""
     done = subprocess.run(
-        [sys.executable, "-c", _CHILD, str(folder)], check=True, stdout=subprocess.PIPE, text=True
-    )
+        [sys.executable, "-c", _CHILD, str(folder.resolve())], check=True, text=True,
+        stdout=subprocess.PIPE, cwd=Path(__file__).parents[1],
+    )  # fmt: skip
     return Measured(*json.loads(done.stdout))
 
 

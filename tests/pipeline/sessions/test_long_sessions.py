@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,6 +63,7 @@ def test_a_run_without_rest_takes_its_neighbours_with_a_warning(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="asks Linux for the memory")
 def test_memory_grows_little_by_the_minute(tmp_path):
     """An hour of six cameras has to fit into 1 GB (`benchmarks/memory.py`), of which imports take
     190 MB and the work on any length 200 MB."""
