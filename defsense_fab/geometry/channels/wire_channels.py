@@ -38,7 +38,7 @@ _BEND = 2.0  # diameters of a wire's channel, the radius of its bends
 
 
 #: Why a wire has no lead, if it cannot even leave its pocket.
-NO_TURN = "there is no room for the wire to turn aside"
+NO_TURN = "there is not enough space for the bend of the wire"
 
 
 @dataclass(frozen=True)
@@ -170,13 +170,17 @@ class Router:
         grid = Grid(low, cell, room, goal)
         way = search(begun, grid)
         if way is None:
-            return "no way through its plane to the connector bay has room"
+            return "no route in its plane to the connector bay keeps the walls"
         x, y = way.arcs[-1, 2].tolist()
         drop = drops.get(grid.cell_of(x, y) or (-1, -1))
         # Above a hole the groove goes on to the hole's far wall (nearly: kernels fail on tangents).
         run = 0.0 if drop is None else 0.45 * self.wires.diameter
         lead = Lead(plane, way, plane.to_world(way.arcs[-1, 2]), run, to_bay=True, drop=drop)
-        return lead if self._clear(plane, way, away) else "the way to the connector bay is narrow"
+        return (
+            lead
+            if self._clear(plane, way, away)
+            else "the route to the connector bay does not keep the walls"
+        )
 
     def to_skin(self, plane: Plane, pit: Pit, others: Sequence[Hollow]) -> Lead | str:
         """The shortest lead from the pit by a bend to the skin beside its mouth, or why there is

@@ -165,8 +165,8 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
     out = [check.note for check in made.checks if check.note]
     if len(made.seats) < rules.seats:
         out.append(
-            f"there is room for {len(made.seats)} of {rules.seats} marker seats of"
-            f" {rules.tag:g} mm: the rest of the skin is curved, near an edge or thin above a cord"
+            f"{len(made.seats)} of {rules.seats} marker seats of {rules.tag:g} mm fit: the rest of"
+            " the skin is curved, close to an edge, or thin above a cord"
         )
     ends = [(c, e, n) for c in made.channels for e, n in zip(c.ends, ("start", "end"), strict=True)]
     if _bay(rules):
@@ -189,15 +189,19 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
             out.append(f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
         solid = triangle_kernel.to_manifold(part.surface, part.name)
         if footing(solid, part.down) < FOOTHOLD:
-            out.append(f"{part.name} has no flat to stand on: print it with a brim and supports")
+            out.append(
+                f"{part.name} has no flat face to stand on: print it with a brim and supports"
+            )
         if len(made.parts) > 1 and i not in marked:
-            out.append(f"{part.name} has no room for its number; write it on")
+            out.append(
+                f"{part.name} has no face large enough for its number: write the number on it"
+            )
     for k, cut in enumerate(made.cuts):
-        held = [p for p in made.pins if made.contacts[p.contact].cut == k]
-        if len(held) < 2:
+        fitted = [p for p in made.pins if made.contacts[p.contact].cut == k]
+        if len(fitted) < 2:
             a, b = (" + ".join(made.parts[i].name for i in side) for side in cut.sides)
             out.append(
-                f"{a} and {b} have room for {len(held)} pins only: hold them by their outline as"
+                f"{len(fitted)} of 2 pins fit between {a} and {b}: align the outlines by hand while"
                 " the glue sets"
             )
     return out

@@ -28,7 +28,7 @@ def check_constraints(mesh: QuadraticMesh, conditions: BoundaryConditions, label
         where = ", ".join(f"{v:.4g}" for v in mesh.nodes[pieces == smallest].mean(0))
         raise DeviceError(
             f"device.toml: body: it is made of {pieces.max() + 1} pieces that do not touch, one"
-            f" about ({where}) mm; join them or leave the loose ones out"
+            f" about ({where}) mm; join them or remove all but one"
         )
     _check_drags(mesh, conditions, label)
     loose = _loose_motion(mesh, conditions)
@@ -67,8 +67,8 @@ def _check_drags(mesh: QuadraticMesh, conditions: BoundaryConditions, label: str
         if inside < -0.05:
             where = ", ".join(f"{v:g}" for v in point)
             raise DeviceError(
-                f"device.toml: poses: {label!r}: drags: ({where}) lies outside the body; take hold"
-                " of a point in it"
+                f"device.toml: poses: {label!r}: drags: ({where}) lies outside the body;"
+                " choose a point inside"
             )
 
 

@@ -102,7 +102,7 @@ def _add(a: Handle, b: Handle, label: str) -> Handle:
 
 def _too_few(name: str, count: int) -> str:
     return (
-        f"device.toml: regions.{name}: holds {count} nodes of the mesh; move or"
+        f"device.toml: regions.{name}: contains {count} nodes of the mesh; move or"
         " enlarge it, or use a smaller [mesh] edge_length"
     )
 
@@ -156,8 +156,8 @@ def _pressure(name: str, value: float, shape: Shape, mesh: QuadraticMesh) -> Pre
     faces = faces[shape.contains(mesh.nodes[faces[:, :3]]).all(axis=1)]
     if len(faces) == 0:
         raise DeviceError(
-            f"device.toml: regions.{name}: holds no face of the body's surface to press on; move or"
-            " enlarge it, or use a smaller [mesh] edge_length"
+            f"device.toml: regions.{name}: contains no face of the body's surface to press on; move"
+            " or enlarge it, or use a smaller [mesh] edge_length"
         )
     return Pressure(faces, value)
 

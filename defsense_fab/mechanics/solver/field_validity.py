@@ -44,7 +44,7 @@ class FieldValidity:
             where = ", ".join(f"{v:.3g}" for v in self.inside.mean(0))
             said.append(f"the body passes through itself about ({where}) mm")
         if len(self.inverted):
-            said.append(f"{len(self.inverted)} tets are turned inside out somewhere")
+            said.append(f"{len(self.inverted)} tetrahedra are inverted")
         return "; ".join(said) or None
 
 

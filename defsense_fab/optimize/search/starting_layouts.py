@@ -91,12 +91,12 @@ def no_room(problem: Problem, count: int) -> LayoutError:
     limits, lengths = problem.limits, ""
     if limits.shortest > 0 or limits.longest < np.inf:
         lengths = (
-            f" and channels of {limits.shortest:g} to {limits.longest:g} mm, which [cord] length"
-            " leaves"
+            f", with channels of {limits.shortest:g} to {limits.longest:g} mm as [cord] length"
+            " allows"
         )
     return LayoutError(
-        f"[design] sensors = {count}: no room was found for {count} cords with their clearances"
-        f"{lengths}; ask for fewer, or draw them as [[sensors]]"
+        f"[design] sensors = {count}: no layout of {count} cords was found that keeps their walls"
+        f" and clearances{lengths}; ask for fewer, or draw them as [[sensors]]"
     )
 
 

@@ -22,13 +22,15 @@ def risks(problem: Problem, sensors: Sequence[Sensor]) -> list[str]:
         if change < max(problem.noise, _SILENT):
             out.append(
                 f"cord {sensor.name!r}: its signal changes by {change:.2g} over all states, less"
-                f" than the noise of {problem.noise:g}: it tells nothing; free its path and plane"
+                f" than the noise of {problem.noise:g}: it carries no information; free its path"
+                " and plane"
             )
     count, states = len(problem.features(len(sensors)).linear), len(problem.markers)
     if count >= states - 1:
         out.append(
             f"the {problem.decoder} decoder of {len(sensors)} cords has {count} features for"
-            f" {states} states, rest included: it can fit them without having learnt what lies"
-            " between; add [states] mixtures, hold some out, or choose another [design] decoder"
+            f" {states} states, rest included: it can fit them exactly and still be wrong in"
+            " between; add mixtures and held_out states to [states], or choose another [design]"
+            " decoder"
         )
     return out

@@ -243,7 +243,7 @@ def test_sockets_do_not_step_through_a_thin_gap():
 def test_more_seats_than_there_is_room_for(bar):
     made = make_parts(bar, crossing()[:1], replace(RULES, seats=40, tag=18.0))
     assert 0 < len(made.seats) < 40
-    assert f"room for {len(made.seats)} of 40 marker seats" in " ".join(made.warnings)
+    assert f"{len(made.seats)} of 40 marker seats" in " ".join(made.warnings)
 
 
 def test_a_limited_cut_takes_off_only_a_lid(bar):

@@ -68,7 +68,7 @@ def test_partly_free_translations_are_kept(bar):
     ("regions", "message"),
     [
         ({"tip": REGIONS["half"], "base": REGIONS["base"]}, "overlap but move differently"),
-        ({"tip": REGIONS["far"], "base": REGIONS["base"]}, r"regions\.tip: holds 0 nodes"),
+        ({"tip": REGIONS["far"], "base": REGIONS["base"]}, r"regions\.tip: contains 0 nodes"),
         ({"tip": REGIONS["tip"], "base": REGIONS["edge"]}, r"regions\.base: its nodes lie on a l"),
     ],
 )

@@ -120,7 +120,7 @@ def made(seed):
         reason = str(error)
     broken = verify(drawn, problem.surface, problem.limits).problems
     if broken or reason:
-        assert broken[0] in reason if broken else "no room was found for" in reason
+        assert broken[0] in reason if broken else "cords was found that keeps" in reason
         return False
     allowed = max(planes or len(found.sensors), len(distinct([s.plane for s in drawn])))
     assert len(distinct([s.plane for s in found.sensors])) <= allowed
@@ -154,3 +154,8 @@ def made(seed):
 @pytest.mark.parametrize("seed", range(COUNT))
 def test_results_keep_the_limits_or_say_why_not(seed):
     made(seed)
+
+
+def test_most_devices_get_a_layout():
+    """Measured: 83 of 120, 18 to 25 of any thirty; what is drawn does not fit in the others."""
+    assert sum(made(seed) for seed in range(COUNT)) >= COUNT // 2

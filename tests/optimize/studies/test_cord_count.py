@@ -107,7 +107,7 @@ def test_more_cords_than_fit_are_refused(problem):
     from defsense_fab.core.errors import LayoutError
 
     tight = replace(problem, limits=replace(LIMITS, clearance=70.0))
-    with pytest.raises(LayoutError, match="no room was found for 4 cords"):
+    with pytest.raises(LayoutError, match="no layout of 4 cords was found"):
         optimise(tight, [], np.random.default_rng(0), quiet, extra=4, starts=2, candidates=2000)
 
 
