@@ -24,8 +24,9 @@ from ..channels.wire_channels import SLOPE, Hollow
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, frame
 from .alignment_pins import Pin, gap, rings
+from .check import Check
 from .division import Cut
-from .records import Check, Made, Part, Rules
+from .records import Made, Part, Rules
 
 #: Largest relative difference between the body and its parts plus what was removed.
 CONSERVATION = 1e-3

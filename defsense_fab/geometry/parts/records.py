@@ -10,6 +10,7 @@ from ...core.mesh import Surface
 from ..channels.channel_ends import Pockets
 from ..channels.cord_channels import Channel
 from .alignment_pins import Pin
+from .check import Check
 from .division import Cut
 from .part_contacts import Contact
 from .part_labels import Label
@@ -50,19 +51,6 @@ class Part:
     center: Float
     down: Float
     solid: Any = None
-
-
-@dataclass(frozen=True)
-class Check:
-    """`value` as measured, the `limit` that it keeps (below it for "at most"), where, and what a
-    maker should be told of it, if anything."""
-
-    name: str
-    value: float
-    limit: float
-    unit: str
-    at: str
-    note: str = ""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import ClassVar
 from ...core.arrays import Float
 from ...core.errors import DefsenseError, StorageError
 from ...core.prediction import Prediction
+from ...geometry.parts.check import Check
 from . import typed_json
 from .build_folder import BUILD_AGAIN
 
@@ -148,18 +149,6 @@ class TagSeat:
 
 
 @dataclass(frozen=True)
-class CheckRecord:
-    """A measurement of the finished parts, the limit that it keeps, where, and a note."""
-
-    name: str
-    value: float
-    limit: float
-    unit: str
-    at: str
-    note: str = ""
-
-
-@dataclass(frozen=True)
 class Manifest:
     """`parts/manifest.json`; `prediction` is that for the cords as they are built in; volumes
     mm^3."""
@@ -175,7 +164,7 @@ class Manifest:
     bill: tuple[BillItem, ...]
     assembly: tuple[JoinStep, ...]
     marker_seats: tuple[TagSeat, ...]
-    checks: tuple[CheckRecord, ...]
+    checks: tuple[Check, ...]
     prediction: Prediction | None
     removed_volume: float
     body_volume: float

@@ -25,7 +25,6 @@ from ...optimize.limits.verification import verify
 from ..artifacts.body import load_body_record, load_solid, load_surface
 from ..artifacts.layout import LayoutRecord, load_layout
 from ..artifacts.manifest import (
-    CheckRecord,
     JoinedPin,
     JoinStep,
     Manifest,
@@ -222,7 +221,7 @@ def _manifest(
             TagSeat(s.number, s.center, s.axes[:, 0], s.axes[:, 2], device.fabrication.marker_size)
             for s in made.seats
         ),
-        checks=tuple(CheckRecord(**vars(c)) for c in made.checks),
+        checks=made.checks,
         prediction=prediction,
         removed_volume=made.cut_out,
         body_volume=made.body_volume,
