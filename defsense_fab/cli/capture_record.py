@@ -170,12 +170,14 @@ def _begin(
     sessions: Any, known_cameras: Callable[..., None],
 ) -> Any:  # fmt: skip
     """A new session."""
-    from ..pipeline.build.stages import read_json
+    from ..core.errors import CaptureError
+    from ..pipeline.artifacts.build_folder import build_folder
+    from ..pipeline.artifacts.layout import LAYOUT, load_layout
 
-    layout = device.source / "build" / "layout.json"
-    if layout.exists():
-        sensors = sorted(read_json(layout)["sensors"], key=lambda s: s["channel"])
-        channels: Sequence[str] = [s["name"] for s in sensors]
+    built = build_folder(device)
+    if (built / LAYOUT).exists():
+        cords = load_layout(built, CaptureError).by_channel()
+        channels: Sequence[str] = [cord.name for cord in cords]
     else:
         channels = [s.name for s in device.sensors]
     if options.port == "none":

@@ -94,6 +94,16 @@ class AppendLog:
             data = data[count:]
 
 
+def was_cut(line: str) -> bool:
+    """Whether a line, without its end, is marked as cut."""
+    return line.endswith(_CUT.decode())
+
+
+def is_damaged(line: str) -> bool:
+    """Whether a line is what a disk's damaged block left."""
+    return "\0" in line or "\ufffd" in line
+
+
 class LogLines:
     """Iterates over the whole lines of a file, with their numbers from 1 on and without their ends;
     `cut` and `damaged` count those that were left out so far."""
@@ -108,12 +118,11 @@ class LogLines:
         try:
             with self._path.open("rb") as file:
                 for number, data in enumerate(file, 1):
-                    line = data.rstrip(b"\r\n")
-                    if not data.endswith(b"\n") or line.endswith(_CUT):
+                    text = data.rstrip(b"\r\n").decode("utf-8", errors="replace")
+                    if not data.endswith(b"\n") or was_cut(text):
                         self.cut += 1
                         continue
-                    text = line.decode("utf-8", errors="replace")
-                    if "\0" in text or "\ufffd" in text:
+                    if is_damaged(text):
                         self.damaged += 1
                         continue
                     yield number, text

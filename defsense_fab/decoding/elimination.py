@@ -1,5 +1,5 @@
 """Expected error of the best map, with the map eliminated: for very many sets of signals, and with
-its derivative for one. `decoder.py` says what is minimised.
+its derivative for one. `ridge.py` says what is minimised.
 
 Variable projection (Golub & Pereyra 1973): at the optimal map the derivative of the expected error
 by a feature is that of the error with the map held.

@@ -61,7 +61,7 @@ class Keys:
             return None
         key = _ESCAPED.match(self._waiting)
         while key is None:  # a key that is not whole yet
-            if not self._read(_REST_OF_KEY):
+            if self._waiting.endswith(_END) or not self._read(_REST_OF_KEY):
                 key = _ANY.match(self._waiting)
                 break
             key = _ESCAPED.match(self._waiting)

@@ -14,7 +14,7 @@ from rich.text import Text
 from ..core.arrays import Float
 
 RGB = tuple[int, int, int]
-GREEN, YELLOW, RED = (60, 220, 90), (240, 200, 60), (240, 80, 70)
+GREEN, YELLOW = (60, 220, 90), (240, 200, 60)
 
 
 def picture(

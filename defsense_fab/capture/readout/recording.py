@@ -162,9 +162,14 @@ def has_frames(path: Path) -> bool:
 
 
 def _after_head(path: Path, lines: LogLines) -> Iterator[tuple[int, str]]:
-    """A recording's lines from the second on. Raises CaptureError for another first one."""
+    """A recording's lines from the second on; none where the first one was cut off while it was
+    written. Raises CaptureError for another first one."""
     rest = iter(lines)
-    if next(rest, None) != (1, _FIRST):
+    first = next(rest, None)
+    begun = first is None and path.stat().st_size <= len(_FIRST)
+    if begun and _FIRST.encode().startswith(path.read_bytes()):
+        return iter(())
+    if first != (1, _FIRST):
         raise CaptureError(f"{path}: is no recording (its first line is not {_FIRST!r})")
     return rest
 

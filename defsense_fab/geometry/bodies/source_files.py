@@ -15,7 +15,8 @@ from typing import Any
 from ...core.files import digest
 
 _CREATES = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-_SYSTEM = ("/dev", "/etc", "/proc", "/run", "/sys", "/usr", "/Library", "/System")
+#: Not /run itself: drives of users are mounted in /run/media.
+_SYSTEM = ("/dev", "/etc", "/proc", "/run/user", "/sys", "/usr", "/Library", "/System")
 _USERS_OWN = (".cache", ".config", ".local", "Library")  # in the home folder: settings and caches
 
 

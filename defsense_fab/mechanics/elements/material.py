@@ -1,7 +1,7 @@
 """Isotropic hyperelastic materials, each written once: energy by the invariants of F.
 
 I1 = tr(F^T F), I2 = (I1^2 - tr((F^T F)^2)) / 2, J = det F. Stress and tangent follow from the first
-and second derivatives of W(I1, I2, J) in `density.py`.
+and second derivatives of W(I1, I2, J) in `energy_density.py`.
 
 - Split models, with I1* = J^(-2/3) I1 and I2* = J^(-4/3) I2 (Bonet & Wood, Nonlinear Continuum
   Mechanics, sec. 6.5; Yeoh 1993; Mooney 1940, Rivlin 1948):

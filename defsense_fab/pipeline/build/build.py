@@ -136,7 +136,8 @@ def _copy(source: Path, target: Path) -> None:
             os.link(source, target)
     except (OSError, shutil.Error):
         if source.is_dir():
-            shutil.copytree(source, target, dirs_exist_ok=True)
+            shutil.rmtree(target, ignore_errors=True)  # some links may be there
+            shutil.copytree(source, target)
         else:
             shutil.copy2(source, target)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...capture.tags.tag_detection import TagView
 from ...capture.tracking.tag_store import FrameTags, TagStore
+from ...core.append_log import is_damaged, was_cut
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 from .session import FRAME_COLUMNS, TAG_COLUMNS
@@ -79,13 +80,13 @@ def _blocks(path: Path, columns: Sequence[str]) -> Iterator[tuple[Float, int]]:
             if not head.endswith(b"\n"):
                 yield np.zeros((0, len(columns))), int(bool(head))
                 return
-            if head[:-1].decode(errors="replace") != ",".join(columns):
+            if head.rstrip(b"\r\n").decode(errors="replace") != ",".join(columns):
                 raise CaptureError(f"{path}:1: the columns must be {','.join(columns)}")
             number, left = 2, b""
             while data := file.read(_BLOCK):
                 whole, end, left = (left + data).rpartition(b"\n")
                 if end:
-                    lines = whole.decode(errors="replace").split("\n")
+                    lines = whole.decode(errors="replace").replace("\r\n", "\n").split("\n")
                     yield _numbers(path, number, lines, len(columns))
                     number += len(lines)
             yield np.zeros((0, len(columns))), int(bool(left))
@@ -95,7 +96,9 @@ def _blocks(path: Path, columns: Sequence[str]) -> Iterator[tuple[Float, int]]:
 
 def _numbers(path: Path, first: int, lines: list[str], width: int) -> tuple[Float, int]:
     """The cells of lines, of which the first has the number `first`, and how many were damaged."""
-    good = [(k, line) for k, line in enumerate(lines, first) if not _damaged(line)]
+    good = [
+        (k, line) for k, line in enumerate(lines, first) if not (was_cut(line) or is_damaged(line))
+    ]
     cut = len(lines) - len(good)
     if not good:
         return np.zeros((0, width)), cut
@@ -116,8 +119,3 @@ def _numbers(path: Path, first: int, lines: list[str], width: int) -> tuple[Floa
             raise CaptureError(f"{path}:{number}: not {width} numbers: {line[:50]!r}") from None
         out[row] = cells
     return out, cut
-
-
-def _damaged(line: str) -> bool:
-    """What a disk's damaged block leaves of lines."""
-    return "\0" in line or "\ufffd" in line

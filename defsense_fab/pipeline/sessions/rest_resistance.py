@@ -19,12 +19,17 @@ def rest_resistances(
     NaN where not known, of which `rest` (t,) were measured at rest.
 
     R0 is the median at rest. Of a cord without a number there it is that of the nearest run that
-    has one (of two, the earlier); where no run has any, the median of the whole session.
+    has one (of two, the earlier); where no run has any, its median over the whole session.
     """
     own = np.array([_medians(R[at]) for R, at in zip(ohm, rest, strict=True)])
-    if not np.isfinite(own).any():
-        return np.tile(_medians(np.concatenate(ohm)), (len(own), 1)), []
+    never = ~np.isfinite(own).any(axis=0)
     out, borrowed = own.copy(), dict[tuple[int, int], list[str]]()
+    out[:, never] = _medians(np.concatenate(ohm))[never]
+    warnings = [
+        f"no rest was measured of {channel} in any run; its R0 is the median of the session"
+        for channel, none in zip(channels, never, strict=True)
+        if none and not never.all()
+    ]
     for k, R in enumerate(ohm):
         for c, channel in enumerate(channels):
             others = np.flatnonzero(np.isfinite(own[:, c]))
@@ -33,7 +38,7 @@ def rest_resistances(
             lender = int(others[np.abs(others - k).argmin()])
             out[k, c] = own[lender, c]
             borrowed.setdefault((k, lender), []).append(channel)
-    return out, [
+    return out, warnings + [
         f"{names[k]}: no rest was measured of {', '.join(of)}; R0 is that of {names[lender]}, from"
         " which the cords may have drifted"
         for (k, lender), of in borrowed.items()

@@ -24,7 +24,7 @@ _BEFORE = np.array([0.0, 0.0, 1.0, 0.0])  # the plane of what is right before th
 
 @dataclass(frozen=True)
 class RenderPrimitive:
-    """`edges` (k, 2, 2) px from the canvas's corner, `weights` (k, 3) as in `outline.py`, the
+    """`edges` (k, 2, 2) px from the canvas's corner, `weights` (k, 3) as in `pattern_edges.py`, the
     `plane` (4,) n . X = d in the camera's frame, `scale` (2,) from pattern values to grey levels,
     its `box`, the `area` of its pattern, px, and which `patch` of the scene it is, or -1."""
 

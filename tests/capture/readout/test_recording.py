@@ -179,7 +179,6 @@ _HEAD = f"# defsense recording 1\n{_COLUMNS},s1\n"
     ("text", "says"),
     [
         ("a,b\n", "is no recording"),
-        ("", "is no recording"),
         ("# defsense recording 1\na,b\n", "columns must begin"),
         (_HEAD + "1,2\n", ":3: 2 cells"),
         (_HEAD + "# x\n", ":3: not an event"),
@@ -193,6 +192,14 @@ def test_files_that_are_no_recordings(tmp_path, text, says):
     path.write_text(text)
     with pytest.raises(CaptureError, match=says):
         read_recording(path)
+
+
+@pytest.mark.parametrize("text", ["", "# defsense", "# defsense recording 1"])
+def test_a_recording_that_was_cut_in_its_first_line_has_no_frames(tmp_path, text):
+    """So that a session whose first write failed can be resumed."""
+    (tmp_path / "r.csv").write_text(text)
+    assert len(read_recording(tmp_path / "r.csv").counter) == 0
+    assert not has_frames(tmp_path / "r.csv")
 
 
 def test_other_channels_are_refused(tmp_path):
