@@ -12,7 +12,11 @@ import defsense_fab
 from defsense_fab.core.compiled import sources
 
 PACKAGE = Path(defsense_fab.__file__).parent
-USERS = [p for p in PACKAGE.rglob("*.py") if re.search(r"^@compiled\(", p.read_text(), re.M)]
+USERS = [
+    p
+    for p in PACKAGE.rglob("*.py")
+    if re.search(r"^@compiled\(", p.read_text(encoding="utf-8"), re.M)
+]
 
 CALLER = """
 from defsense_fab.core.compiled import compiled
@@ -86,4 +90,6 @@ def test_nothing_is_compiled_past_the_key():
     assert len(USERS) > 10
     for path in PACKAGE.rglob("*.py"):
         if path != PACKAGE / "core" / "compiled.py":
-            assert not re.search(r"\bn?jit\(|\bvectorize\(|\bimport numba\b", path.read_text())
+            assert not re.search(
+                r"\bn?jit\(|\bvectorize\(|\bimport numba\b", path.read_text(encoding="utf-8")
+            )

@@ -130,7 +130,7 @@ def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
         straight = sum(max(0, i - p) for i, p in zip((start, end), pockets, strict=True))
         stretched = steps[cord] * (1 + problem.response(strain[:, cord]))
         ohm = built.cord.ohm_per_mm * (stretched.sum(axis=1) + straight + lead)
-        assert row.resistance == pytest.approx(ohm[0], rel=2e-3)
+        assert row.resistance == pytest.approx(ohm[0], rel=2e-3, abs=2.0)  # 0.14 mm of cord
         low, high = np.array([ohm.min(), ohm.max()]) - ohm[0]
         assert row.range[0] - row.resistance == pytest.approx(low, rel=5e-3, abs=0.1)
         assert row.range[1] - row.resistance == pytest.approx(high, rel=5e-3, abs=0.1)
