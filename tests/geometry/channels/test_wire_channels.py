@@ -62,7 +62,9 @@ def made(body):
 
 
 def leads(made):
-    return [(c, e.lead) for c in made.channels for e in c.ends if e.lead]
+    found = [(c, e.lead) for c in made.channels for e in c.ends if e.lead]
+    assert found
+    return found
 
 
 def test_every_wire_reaches_the_bay(made, body):
@@ -113,6 +115,7 @@ def test_wires_lie_in_air_and_can_be_laid_in(made, tmp_path):
     """Measured on what the STL files hold, closed and with the halves apart."""
     import trimesh
 
+    assert sum(len(made.channels[c].leads) for cut in made.cuts for c in cut.cords) >= 6
     parts = []
     for part in made.parts:
         write_stl(part.surface, tmp_path / "part.stl")
