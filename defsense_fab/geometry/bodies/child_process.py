@@ -7,7 +7,6 @@ or ends the program without a word.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import signal
 import subprocess
@@ -104,15 +103,10 @@ def _read(stream: IO[str], last: deque[str], relay: bool) -> None:
             sys.stderr.write(line)
 
 
-_DIES_WITH_PARENT = 1  # PR_SET_PDEATHSIG, prctl(2)
-
-
 def end_with_parent() -> None:
     """Called by the module first: its process and all that it starts end when the caller has gone,
     however it went. Standard input, through which that is known, is empty from then on. Native code
-    that keeps the interpreter's lock delays that, but on Linux, where the system sees to it."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_DIES_WITH_PARENT, signal.SIGKILL)
+    that keeps the interpreter's lock, as the mesher's does, delays the end until it comes back."""
     lifeline = os.dup(0)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
