@@ -26,9 +26,10 @@ from defsense_fab.capture.tags.charuco_board import CharucoBoard
 from defsense_fab.capture.tags.tag_detection import Detector, TagView
 from defsense_fab.capture.tags.tag_dictionary import Dictionary, dictionary
 from defsense_fab.capture.tracking.alignment import align
-from defsense_fab.capture.tracking.observations import collect
+from defsense_fab.capture.tracking.observations import observe
 from defsense_fab.capture.tracking.reconstruction import reconstruct
 from defsense_fab.capture.tracking.single_camera import square
+from defsense_fab.capture.tracking.tag_store import stored
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
 from defsense_fab.twin.filming.renderer import Optics, Renderer
@@ -114,7 +115,8 @@ def calibrated(true: list[Camera], optics: Optics, seed: int = 0) -> list[Camera
 
 
 def corners_of(views: list[TagView], count: int = TAGS) -> tuple[Float, Float]:
-    seen = [collect(np.zeros(1), [v], np.arange(count)) for v in views]
+    first = np.zeros(1, int)
+    seen = [observe(np.zeros(1), stored([v]), np.arange(count)).part(first) for v in views]
     return np.stack([s.corners for s in seen], 2), np.stack([s.covariance for s in seen], 2)
 
 

@@ -15,7 +15,6 @@ from ..core.progress import Progress
 from .output import say
 
 Bars = Callable[[Any], AbstractContextManager[Progress]]
-_LIVE = ("0", "/dev/video0")
 
 
 def add(steps: Any, bars: Bars) -> None:

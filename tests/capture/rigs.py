@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from defsense_fab.capture.tracking.observations import observe
 from defsense_fab.capture.tracking.single_camera import square
+from defsense_fab.capture.tracking.tag_store import stored
 from tests.twin.views import camera, turn
 
 EYES = {"left": (-120, -380, 60), "right": (120, -380, 60), "top": (0, -300, 260)}
@@ -32,3 +34,8 @@ def flat(view, corners):
 
 def spread(shape, sigma):
     return np.broadcast_to(np.eye(2) * sigma**2, (*shape, 4, 2, 2)).copy()
+
+
+def collect(time, views, ids):
+    """What a few frames show of the tags `ids`, all of it in memory."""
+    return observe(time, stored(views), ids).part(np.arange(len(views)))

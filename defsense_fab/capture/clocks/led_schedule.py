@@ -17,10 +17,10 @@ from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 
 #: A period for the firmware's `led N`, ms, where the offset is known beforehand to 0.35 s, as by
-#: times of arrival; and one where it is known to 0.9 s. With 60 s of either, toggles fall in steps
-#: of 1.4 ms and less on all places between two frames (15, 24, 25, 29.97, 30, 50, 60 a second) and
+#: times of arrival (953 where it is known to 0.9 s). With 60 s of it, toggles fall in steps of
+#: 1.4 ms and less on all places between two frames (15, 24, 25, 29.97, 30, 50, 60 a second) and
 #: between two samples (20, 40, 50, 100, 200 a second). 1000 does so nowhere.
-LED_PERIOD, LED_PERIOD_SLOW = 383, 953
+LED_PERIOD = 383
 _LATE = 1.5e-3  # s by which a toggle may be off its grid
 _GAP = 1.0  # s without samples that part a recording
 

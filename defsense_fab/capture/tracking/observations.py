@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ..tags.tag_detection import TagView
-from .tag_store import FrameTags, blocks, stored
+from .tag_store import FrameTags, blocks
 
 _SAME = 5e-4  # s: frames this near in time are taken as simultaneous
 _FAR = 2.5  # periods, between frames that are interpolated
@@ -108,11 +106,6 @@ def observe(time: Float, tags: FrameTags, ids: Int) -> StoredObservations:
                 chosen[which[nearest]] = True
                 last[k] = middle[nearest]
     return StoredObservations(time, ids, tags, chosen)
-
-
-def collect(time: Float, views: Sequence[TagView], ids: Int) -> Observations:
-    """A few views by tag, all of them in memory; as `observe`."""
-    return observe(time, stored(views), ids).part(np.arange(len(views)))
 
 
 def _columns(ids: Int, numbers: Int) -> Int:

@@ -10,20 +10,15 @@ to, line by line; a line that was cut by the end of the program is left out when
 from __future__ import annotations
 
 import json
-import math
 import time
-from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...capture.cameras.rig_file import Rig, read_rig
 from ...capture.tags.tag_detection import TagView
 from ...core.append_log import AppendLog, LogLines
-from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 from ...core.files import storage_errors, write_text
 from ...core.markers import Markers, read_markers, write_markers_file
@@ -131,59 +126,6 @@ def tag_lines(frame: int, host_ns: int, view: TagView) -> str:
         cells = [f"{x:.4f}" for x in corners.ravel()] + [f"{s:.3e}" for s in spread]
         rows.append(f"{frame},{host_ns},{number},{','.join(cells)}")
     return "\n".join(rows)
-
-
-@dataclass(frozen=True)
-class RecordedCamera:
-    """What one camera recorded in a run: of f pictures when they were taken, `time` (f,) ns, and
-    how bright the LED was, `led` (f,), NaN where not known; the tags in each, `views`; lines that
-    were cut."""
-
-    time: Int
-    led: Float
-    views: tuple[TagView, ...]
-    cut: int
-
-
-def read_camera(run: Path, name: str) -> RecordedCamera:
-    """Raises CaptureError with file and line for what cannot be read."""
-    frames, cut_frames = _rows(run / f"{name}-frames.csv", FRAME_COLUMNS)
-    tags, cut_tags = _rows(run / f"{name}.csv", TAG_COLUMNS)
-    number, stamps = frames[:, 0].astype(np.int64), frames[:, 1].astype(np.int64)
-    order = np.argsort(tags[:, 0], kind="stable")
-    tags = tags[order]
-    first = np.searchsorted(tags[:, 0], number, "left")
-    last = np.searchsorted(tags[:, 0], number, "right")
-    views = tuple(_view(tags[a:b]) for a, b in zip(first, last, strict=True))
-    return RecordedCamera(stamps, frames[:, 2], views, cut_frames + cut_tags)
-
-
-def _view(rows: Float) -> TagView:
-    n = len(rows)
-    corners = rows[:, 3:11].reshape(n, 4, 2)
-    covariance = rows[:, 11:].reshape(n, 4, 3)[..., [[0, 1], [1, 2]]]
-    return TagView(rows[:, 2].astype(np.int64), corners, covariance, corners)
-
-
-def _rows(path: Path, columns: Sequence[str]) -> tuple[Float, int]:
-    """Numbers (n, columns) of a stream and how many lines were cut or damaged."""
-    out = array("d")
-    lines = LogLines(path)
-    for number, line in lines:
-        if number == 1:
-            if line != ",".join(columns):
-                raise CaptureError(f"{path}:1: the columns must be {','.join(columns)}")
-            continue
-        try:
-            row = [float(cell) for cell in line.split(",")]
-            if len(row) != len(columns) or not all(map(math.isfinite, row[:2])):
-                raise ValueError
-        except ValueError:
-            raise CaptureError(
-                f"{path}:{number}: not {len(columns)} numbers: {line[:50]!r}"
-            ) from None
-        out.extend(row)
-    return np.frombuffer(out, float).reshape(-1, len(columns)), lines.left_out
 
 
 def read_log(run: Path) -> list[dict[str, Any]]:

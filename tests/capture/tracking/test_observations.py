@@ -5,8 +5,8 @@ import pytest
 
 from defsense_fab.capture.tags.tag_detection import TagView
 from defsense_fab.capture.tracking.camera_offset import find_offset
-from defsense_fab.capture.tracking.observations import Observations, at, collect
-from tests.capture.rigs import flat, rig, spread, tags
+from defsense_fab.capture.tracking.observations import Observations, at
+from tests.capture.rigs import collect, flat, rig, spread, tags
 
 
 def view(*found):

@@ -5,8 +5,9 @@ import pytest
 
 from defsense_fab.capture.tags.tag_detection import TagView
 from defsense_fab.capture.tracking import tag_store
-from defsense_fab.capture.tracking.observations import Observations, at, collect, observe
+from defsense_fab.capture.tracking.observations import Observations, at, observe
 from defsense_fab.capture.tracking.tag_store import blocks, stored
+from tests.capture.rigs import collect
 
 
 def views(frames, rng):

@@ -9,7 +9,8 @@ import pytest
 from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.core.errors import StorageError
 from defsense_fab.pipeline.sessions.camera_recorder import CameraRecorder
-from defsense_fab.pipeline.sessions.session import BOARD, LOG, Log, read_camera
+from defsense_fab.pipeline.sessions.recorded_tags import read_camera_tags
+from defsense_fab.pipeline.sessions.session import BOARD, LOG, Log
 from tests.pipeline.sessions import capture_rig as rig
 
 
@@ -60,7 +61,7 @@ def test_a_camera_that_hangs_is_closed_by_its_own_thread(tmp_path, monkeypatch):
     assert (tmp_path / BOARD).read_bytes() == b"mine"
     assert source.closed == 1
     assert not source.closed_under_read
-    assert read_camera(tmp_path, "cam_0").time.tolist() == [10**9, 2 * 10**9]
+    assert read_camera_tags(tmp_path, "cam_0", np.arange(9)).time.tolist() == [10**9, 2 * 10**9]
     kinds = [json.loads(line)["event"] for line in (tmp_path / LOG).read_text().splitlines()]
     assert kinds == ["camera hangs"]
     with pytest.raises(StorageError, match="is closed"):

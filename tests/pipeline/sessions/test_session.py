@@ -26,10 +26,12 @@ from defsense_fab.core.tracks import Tracks
 from defsense_fab.pipeline.artifacts.session_manifest import FILE
 from defsense_fab.pipeline.sessions import session as sessions
 from defsense_fab.pipeline.sessions.processing import process_session
+from defsense_fab.pipeline.sessions.recorded_tags import read_camera_tags
 from defsense_fab.pipeline.sessions.signals import resistances, signals_in_step
 from tests.pipeline.sessions import capture_rig as rig
 from tests.places import ROOT
 
+TAGS = np.arange(6)
 KILLS = int(os.environ.get("DEFSENSE_KILLS", "2"))
 
 
@@ -51,11 +53,11 @@ def test_what_was_recorded_is_there_and_consecutive(recorded):
     assert sessions.finished(session) == [0, 1, 2]
     assert sessions.ending(run) == "all steps were shown"
     for name in ("cam_0", "cam_1"):
-        seen = sessions.read_camera(run, name)
+        seen = read_camera_tags(run, name, TAGS)
         assert seen.cut == 0
         assert len(seen.time) > 20
         assert (np.diff(seen.time) > 0).all()
-        assert np.median([len(v.ids) for v in seen.views]) == 6
+        assert np.median(seen.tags.count) == 6
     kinds = [e["event"] for e in sessions.read_log(run)]
     assert kinds.count("step") == kinds.count("done") == 3
     assert "camera gone" in kinds
@@ -277,11 +279,11 @@ def test_killed_at_any_moment(tmp_path):
                 (run / f"{name}-frames.csv").read_text().splitlines()[1:-1], delimiter=",", ndmin=2
             )
             assert (frames[:, 0] == np.arange(len(frames))).all()
-            seen = sessions.read_camera(run, name)
+            seen = read_camera_tags(run, name, TAGS)
             assert seen.cut <= 2
             cut += seen.cut
             rows += len(seen.time)
-            assert np.median([len(v.ids) for v in seen.views[:-1]]) == 6
+            assert np.median(seen.tags.count[:-1]) == 6
     assert rows > 10 * KILLS
     result = process_session(folder)
     assert len(result.quality["runs"]) == KILLS
@@ -304,13 +306,15 @@ def test_tags_survive_their_file(tmp_path):
     frames.close()
     path = tmp_path / "c.csv"
     path.write_bytes(path.read_bytes().removesuffix(b"55,\n"))
-    found = sessions.read_camera(tmp_path, "c")
+    found = read_camera_tags(tmp_path, "c", np.arange(10))
     assert found.cut == 1
-    assert [len(v.ids) for v in found.views] == [3, 0, 3]
+    assert found.tags.count.tolist() == [3, 0, 3]
     assert found.time[2] == 10**15 + 2
-    np.testing.assert_array_equal(found.views[2].ids, [4, 0, 9])
-    np.testing.assert_allclose(found.views[0].corners, corners, atol=1e-9)
-    np.testing.assert_allclose(found.views[0].covariance, views.covariance, rtol=1e-3)
+    for frame in (0, 2):
+        rows = found.tags.store.read(found.tags.find(np.array([frame]))[0])
+        np.testing.assert_array_equal(rows["id"], [4, 0, 9])
+        np.testing.assert_allclose(rows["corners"], corners, atol=1e-9)
+        np.testing.assert_allclose(rows["covariance"], views.covariance, rtol=1e-3)
 
 
 def test_bad_sessions_are_one_clear_line(tmp_path):
@@ -327,7 +331,7 @@ def test_bad_sessions_are_one_clear_line(tmp_path):
     (run / "cam_0-frames.csv").write_text("frame,host_ns,lamp\n0,x,1\n")
     (run / "cam_0.csv").write_text(",".join(sessions.TAG_COLUMNS) + "\n")
     with pytest.raises(CaptureError, match=r"cam_0-frames\.csv:2"):
-        sessions.read_camera(run, "cam_0")
+        read_camera_tags(run, "cam_0", TAGS)
     (session.folder / FILE).write_text("{}")
     with pytest.raises(CaptureError, match="has schema None"):
         sessions.load(session.folder)
@@ -357,7 +361,7 @@ def test_rows_that_were_cut_are_left_out(tmp_path):
         (tmp_path / f"{name}.csv").write_text(",".join(columns) + "\n")
     with (tmp_path / "c-frames.csv").open("a") as file:
         file.write("0,10,nan\n1,2~\n2,30,nan\n3,4")
-    found = sessions.read_camera(tmp_path, "c")
+    found = read_camera_tags(tmp_path, "c", TAGS)
     assert found.time.tolist() == [10, 30]
     assert found.cut == 2
 
@@ -389,7 +393,7 @@ def test_a_run_without_pictures_of_one_camera_is_left_out(recorded, tmp_path):
     frames = broken / "cam_0-frames.csv"
     frames.write_text(frames.read_text() + "5\n")
     with pytest.raises(CaptureError, match="not 3 numbers"):
-        sessions.read_camera(broken, "cam_0")
+        read_camera_tags(broken, "cam_0", TAGS)
 
 
 def test_the_rig_of_these_tests_is_what_it_says():
