@@ -19,10 +19,10 @@ def add(steps: Any) -> None:
     """Add the commands to those of `calibrate`."""
     sub = steps.add_parser(
         "ports",
-        help="list serial ports, and show what a board on one of them reads",
+        help="list serial ports, and show what a read-out board on one of them reads",
         description="List the serial ports that are plugged in, with the resistances that the"
-        " boards on them read, as bars (boards restart when their port is opened; --list leaves"
-        " them closed). With --port, show those of one until Ctrl-C.",
+        " read-out boards on them read, as bars (read-out boards restart when their port is"
+        " opened; --list leaves them closed). With --port, show those of one until Ctrl-C.",
         epilog="examples:  defsense calibrate ports   defsense calibrate ports --port twin",
     )
     sub.add_argument("--port", metavar="PORT", help=_PORT + ", or a recording (.csv)")
@@ -142,7 +142,7 @@ def _ports(options: argparse.Namespace) -> int:
 
 
 def _survey(options: argparse.Namespace, found: Any) -> int:
-    """Every port, and one look at what the boards on them read."""
+    """Every port, and one look at what the read-out boards on them read."""
     looks = [{} if options.list else _look(options, p.device) for p in found]
     if options.json:
         rows = [vars(p) | look for p, look in zip(found, looks, strict=True)]
@@ -151,7 +151,7 @@ def _survey(options: argparse.Namespace, found: Any) -> int:
     if not found:
         sys.stdout.write(
             "no serial port is plugged in\n"
-            "Next:    plug the board in; or try defsense calibrate ports --port twin\n"
+            "Next:    plug the read-out board in; or try defsense calibrate ports --port twin\n"
         )
         return 0
     from rich.console import Console

@@ -25,9 +25,10 @@ def add(steps: Any) -> None:
     sub = steps.add_parser(
         "record",
         help="record a device's movement and signals, step by step",
-        description="Record a device before calibrated cameras, with its board: says which pose is"
-        " next, shows the pictures with the tags found, the signals, and how much of each pose was"
-        " seen. Everything is written as it comes, so that nothing is lost when the program dies;"
+        description="Record a device before calibrated cameras, with its read-out board: says"
+        " which pose is next, shows the pictures with the tags found, the signals, and how much of"
+        " each pose was seen. Everything is written as it comes, so that nothing is lost when the"
+        " program dies;"
         " the same command goes on with a session that was stopped.",
         epilog="examples:  defsense capture record my-device --cameras 0 2 --calibration"
         " cameras.toml --port /dev/ttyUSB0   defsense capture record my-device --cameras twin"
@@ -39,7 +40,8 @@ def add(steps: Any) -> None:
                      help="of the cameras (cameras.toml; a twin's are known)")  # fmt: skip
     sub.add_argument(
         "--port", required=True, metavar="PORT",
-        help="of the board: /dev/ttyUSB0, COM3, socket://host:port, twin, or none (markers alone)",
+        help="of the read-out board: /dev/ttyUSB0, COM3, socket://host:port, twin, or none"
+        " (markers alone)",
     )  # fmt: skip
     sub.add_argument(
         "--markers", type=Path, metavar="JSON",
@@ -84,13 +86,15 @@ def _record(options: argparse.Namespace) -> int:
 
 
 def _rehearsal(options: argparse.Namespace, device: Any, markers: Any, stack: ExitStack) -> Any:
-    """The twin. Raises DeviceError where only one of cameras and board is one."""
+    """The twin. Raises DeviceError where only one of cameras and read-out board is one."""
     from ..pipeline.twin.live_twin import start_live_twin
 
     word = options.cameras[0]
     others = len(options.cameras) > 1
     if word.partition(":")[0] != "twin" or others or options.port not in ("twin", "none"):
-        raise DeviceError("a twin has its own cameras and board: give --cameras twin --port twin")
+        raise DeviceError(
+            "a twin has its own cameras and read-out board: give --cameras twin --port twin"
+        )
     values = {"seed": 1, "cameras": 2}
     for pair in filter(None, word.partition(":")[2].split(",")):
         name, equals, number = pair.partition("=")

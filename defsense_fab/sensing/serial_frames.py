@@ -49,7 +49,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Info:
-    """What a board says of itself: its protocol and firmware version, `converter` (0 the
+    """What a read-out board says of itself: its protocol and firmware version, `converter` (0 the
     microcontroller's own, 1 ADS1115), channels in use and at most, averages, rate (Hz), period of
     its LED (ms, 0: still), and `full_scale`: counts at the dividers' supply voltage. Without any
     converter that answers there are no channels."""
@@ -95,8 +95,9 @@ def encode(message: Message) -> bytes:
 
 
 def decode(frame: bytes) -> Message | None:
-    """The message of a frame without its zero byte; None for what is none. Everything that a board
-    never sends is refused, for sixteen bits of check alone let one damaged frame in 65,536 pass."""
+    """The message of a frame without its zero byte; None for what is none. Everything that a
+    read-out board never sends is refused, for sixteen bits of check alone let one damaged frame in
+    65,536 pass."""
     try:
         data = cobs.decode(frame)
     except cobs.DecodeError:
@@ -153,9 +154,8 @@ class Stream:
     """Messages out of the bytes of a port, whatever else lies between them.
 
     A sample whose counter does not go on from the last one waits for the next sample to bear it
-    out: the board was restarted, or many were lost; two damaged frames that agree are not to be
-    expected.
-    """
+    out: the read-out board was restarted, or many were lost; two damaged frames that agree are not
+    to be expected."""
 
     def __init__(self) -> None:
         self._rest = b""

@@ -89,8 +89,8 @@ def measured_reference(counts: Float, known: float, full_scale: Float | float) -
 
 
 def conversion_time(converter: int, channels: int, averages: int) -> float:
-    """How long the conversions of a sample take, s, by what `Info` tells of the board: measured
-    with the firmware in simulation (16 MHz), for its `converter` 0 or 1."""
+    """How long the conversions of a sample take, s, by what `Info` tells of the read-out board:
+    measured with the firmware in simulation (16 MHz), for its `converter` 0 or 1."""
     if converter == 0:
         return _CONVERSION[0] * channels * averages
     chips = -(-channels // _INPUTS)

@@ -22,7 +22,7 @@ _FACES = {"a": ("BOTTOM", "top"), "b": ("TOP", "bottom")}
 _KEYS = {
     "place": "Enter measure   b back (measure the last one again)   s skip   q stop (resume later)",
     "settling": "r repeat (it slipped)   t take now   b lay again   s skip   q stop (resume later)",
-    "unplugged": "waiting for the board...   q stop (resume later)",
+    "unplugged": "waiting for the read-out board...   q stop (resume later)",
     "done": "",
 }
 _PICTURE = 64, 8  # characters
@@ -57,7 +57,7 @@ class MeasurementTerminal(LiveScreen):
         down, up = _FACES[step.face]
         words = Text()
         if view.phase == "unplugged":
-            words.append("The board is gone. ", "bold red")
+            words.append("The read-out board is gone. ", "bold red")
             words.append("Plug it in again; this step is then measured from its beginning.")
         else:
             words.append("Lay the specimen on ")

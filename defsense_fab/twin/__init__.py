@@ -1,1 +1,2 @@
-"""The device that is not there yet: cords, specimens and boards that behave like real ones."""
+"""The device that is not there yet: cords, specimens and read-out boards that behave like real
+ones."""

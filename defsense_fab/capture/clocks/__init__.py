@@ -1,1 +1,1 @@
-"""Clocks of board and cameras: fits, LED, motion, frame times."""
+"""Clocks of read-out board and cameras: fits, LED, motion, frame times."""

@@ -1,4 +1,4 @@
-"""The board's LED in a camera's images, found by how it blinks.
+"""The read-out board's LED in a camera's images, found by how it blinks.
 
 Images are kept as means of blocks, the last ones only. Where a block's brightness has two levels
 and nothing between, and stays on each as long as the LED does, the LED is; from then on the blocks

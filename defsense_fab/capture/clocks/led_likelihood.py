@@ -1,4 +1,4 @@
-"""Where on the board's clock the frames lie in which its LED is seen to blink.
+"""Where on the read-out board's clock the frames lie in which its LED is seen to blink.
 
 The likelihood of a frame's brightness at a time from the nearest toggle: dark before, lit after, in
 between what part of the exposure was lit; blurred by what times are unsure by, and mixed with a few

@@ -1,4 +1,4 @@
-"""When the board's LED switched, from the flags of its samples.
+"""When the read-out board's LED switched, from the flags of its samples.
 
 A sample says whether the LED was on when its conversions began, so that one toggle is known only
 to within a sample's period. The firmware toggles on a grid, though: every N ms, whole ones, of the
@@ -71,13 +71,13 @@ def check_clock(name: str, time: Float, gap: float | None = None) -> None:
 def find_schedule(time: Float, led: Bool, conversion: float = 0.0) -> LedSchedule:
     """Of samples (n,): their `time` s, half-way through conversions of `conversion` s, and the
     flags `led`. Raises CaptureError for clocks that jump, and where the LED never switched."""
-    check_clock("board", time, _GAP)
+    check_clock("read-out board", time, _GAP)
     began = time - conversion / 2
     at = np.flatnonzero(led[1:] != led[:-1]) + 1
     if not len(at):
         raise CaptureError(
-            f"synchronise: the board's LED was {'on' if led[0] else 'off'} all the time; let it"
-            f" blink: 'led {LED_PERIOD}'"
+            f"synchronise: the read-out board's LED was {'on' if led[0] else 'off'} all the time;"
+            f" let it blink: 'led {LED_PERIOD}'"
         )
     low, high, on = began[at - 1], began[at], led[at].astype(bool)
     times: list[Float] = []

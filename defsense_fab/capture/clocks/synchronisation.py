@@ -1,4 +1,5 @@
-"""How the board's clock and a camera's go together: by the board's LED, or by what moves.
+"""How the read-out board's clock and a camera's go together: by the read-out board's LED, or by
+what moves.
 
 camera = offset + (1 + drift) * device, s. What a camera adds between an exposure and its stamp is
 in the offset, and so is, of a rolling shutter, the place of the LED in the image.
@@ -20,8 +21,8 @@ from .motion_sync import find_lag
 
 _SHORTEST = 5.0  # s that both clocks must have in common
 _FEWEST = 6  # toggles
-_AGREE = 0.6  # frames that are as the board says, less those that are not: of all
-_LOOP = 0.3e-3  # s, standard deviation of where the board's loop puts all toggles
+_AGREE = 0.6  # frames that are as the read-out board says, less those that are not: of all
+_LOOP = 0.3e-3  # s, standard deviation of where the read-out board's loop puts all toggles
 _MOST_ERROR = 0.05  # s: what is known less well is not known
 
 
@@ -30,8 +31,8 @@ class Sync:
     """camera = offset + (1 + drift) device, s. Standard deviations: `offset_sigma` s at the
     device's time `middle` s, `drift_sigma`; `error` s: what the camera's time of a sample may be
     wrong by within the recording, twice a standard deviation at its ends, with what is unsure about
-    the board's toggles or the cords' lag. `method`: led or motion; `evidence`: the toggles seen,
-    or the seconds compared."""
+    the read-out board's toggles or the cords' lag. `method`: led or motion; `evidence`: the toggles
+    seen, or the seconds compared."""
 
     offset: float
     drift: float
@@ -86,7 +87,7 @@ def by_led(
     start = shift_of(lit, toggles, before, within if rough is not None else None)
     if start is None or start.score < _AGREE:
         raise CaptureError(
-            "synchronise: what blinks in the images is not the board's LED"
+            "synchronise: what blinks in the images is not the read-out board's LED"
             + (f" at an offset within {within:g} s of what was expected" if rough else "")
             + "; check that both are of one recording, or go without it, by motion"
         )
@@ -139,7 +140,7 @@ def by_motion(
     _check_pair("frames", frame_time, motion)
     _check_pair("samples", device_time, signals)
     check_clock("camera", frame_time)
-    check_clock("board", device_time, 1.0)
+    check_clock("read-out board", device_time, 1.0)
     _check_length(frame_time, device_time)
     frames = even_frame_times(frame_time)
     motion, signals = (np.asarray(a, float).reshape(len(a), -1) for a in (motion, signals))
@@ -171,7 +172,7 @@ def _check_pair(name: str, time: Float, values: Float | Bool) -> None:
 
 
 def _check_length(frame_time: Float, device_time: Float) -> None:
-    for name, time in (("camera", frame_time), ("board", device_time)):
+    for name, time in (("camera", frame_time), ("read-out board", device_time)):
         if np.ptp(time) < _SHORTEST:
             raise CaptureError(
                 f"synchronise: {np.ptp(time):.1f} s of the {name}, {_SHORTEST:g} s are needed;"

@@ -1,4 +1,5 @@
-"""A thread that reads a board, whatever it hangs on, and carries on when it was unplugged."""
+"""A thread that reads a read-out board, whatever it hangs on, and carries on when it was
+unplugged."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ from .source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
 _PATIENCE = 6.0
 _ASK_AGAIN = 0.5
 _AGAIN = 0.5  # s between attempts to open a port that went away
-_STRANGE = 2_000_000  # us by which a board's clock may differ from the host's over a gap
-_SILENT, _SILENT_SAMPLES = 1.5, 20  # s, or samples, that a board may be silent
+_STRANGE = 2_000_000  # us by which a read-out board's clock may differ from the host's over a gap
+_SILENT, _SILENT_SAMPLES = 1.5, 20  # s, or samples, that a read-out board may be silent
 _WRAP = 1 << 32
 _KEPT = 100_000  # items that wait to be drained: a quarter of an hour at 100 Hz
 _HANGS = 5.0  # s after which a thread that does not come back is left to itself
@@ -41,8 +42,8 @@ class Transport(Protocol):
 
 @dataclass(frozen=True)
 class Settings:
-    """What the board is asked for: channels, conversions averaged, samples per second (Hz), period
-    of the LED (ms); None leaves it as it is."""
+    """What the read-out board is asked for: channels, conversions averaged, samples per second
+    (Hz), period of the LED (ms); None leaves it as it is."""
 
     channels: int | None = None
     average: int | None = None
@@ -57,7 +58,8 @@ class Settings:
         )
 
     def missing(self, info: Info) -> str | None:
-        """The next command that the board needs, None when it does all that it was asked for."""
+        """The next command that the read-out board needs, None when it does all that it was asked
+        for."""
         for command, asked, is_ in (
             ("channels", self.channels, info.channels),
             ("average", self.average, info.averages),
@@ -96,8 +98,8 @@ class Reader:
         self.info: Info | None = None
 
     def start(self) -> Info:
-        """Open the port and set the board up. Raises CaptureError where it is absent, busy, says
-        nothing, or speaks something else."""
+        """Open the port and set the read-out board up. Raises CaptureError where it is absent,
+        busy, says nothing, or speaks something else."""
         self._port = self._opener()
         try:
             info = self._begin(self._port, "start")
@@ -128,12 +130,12 @@ class Reader:
         if age > max_age:
             raise StaleError(
                 f"{self.name}: the last sample is {age:.2f} s old, more than {max_age:g} s; is the"
-                " board still plugged in?"
+                " read-out board still plugged in?"
             )
         return latest
 
     def send(self, command: str) -> None:
-        """One command line; what the board answers is an event."""
+        """One command line; what the read-out board answers is an event."""
         with self._port_lock:
             if self._port is not None:
                 with contextlib.suppress(OSError):
@@ -170,7 +172,8 @@ class Reader:
                 self._port = None
 
     def _begin(self, port: Transport, kind: str) -> Info:
-        """Greet the board, say so in an event, and take the samples that came meanwhile."""
+        """Greet the read-out board, say so in an event, and take the samples that came
+        meanwhile."""
         info, early = self._greet(port)
         self.info, self._heard = info, time.monotonic_ns()
         self._put(Event(self._heard, kind, {**_about(info), "at": round(time.time(), 3)}))
@@ -179,8 +182,8 @@ class Reader:
         return info
 
     def _greet(self, port: Transport) -> tuple[Info, list[tuple[Sample, int]]]:
-        """Ask for frames until the board tells what it is, then for the settings; samples that came
-        with them, and when."""
+        """Ask for frames until the read-out board tells what it is, then for the settings; samples
+        that came with them, and when."""
         begun, asked, heard = time.monotonic(), 0.0, b""
         self._stream.forget()
         info: Info | None = None
@@ -196,13 +199,13 @@ class Reader:
                 if isinstance(message, Info):
                     if message.protocol != PROTOCOL:
                         raise CaptureError(
-                            f"{self.name}: the board's firmware speaks protocol"
+                            f"{self.name}: the read-out board's firmware speaks protocol"
                             f" {message.protocol}, this version reads {PROTOCOL}: upload the"
                             " firmware of this version (firmware/), or update defsense-fab"
                         )
                     if not message.most_channels:
                         raise CaptureError(
-                            f"{self.name}: the board finds no ADS1115; check its wiring"
+                            f"{self.name}: the read-out board finds no ADS1115; check its wiring"
                         )
                     info, asked = message, 0.0
                     missing = self._settings.missing(info)
@@ -212,21 +215,21 @@ class Reader:
                         early.append((message, now))
                 elif isinstance(message, Text) and info is not None:
                     raise CaptureError(
-                        f"{self.name}: the board does not take {command!r}: {message.text}"
+                        f"{self.name}: the read-out board does not take {command!r}: {message.text}"
                     )
             if info is not None and done:
                 return info, early
         if info is not None:
-            raise CaptureError(f"{self.name}: the board does not answer {command!r}")
+            raise CaptureError(f"{self.name}: the read-out board does not answer {command!r}")
         if not heard:
             raise CaptureError(
-                f"{self.name}: nothing answers; is the firmware on the board (firmware/), and is"
-                " this its port?"
+                f"{self.name}: nothing answers; is the firmware on the read-out board"
+                " (firmware/), and is this its port?"
             )
         sample = heard[-40:].decode("ascii", "replace")
         raise CaptureError(
             f"{self.name}: what answers is not this firmware (it sends {sample!r}); upload"
-            " firmware/ to the board, or choose another port"
+            " firmware/ to the read-out board, or choose another port"
         )
 
     def _read(self, port: Transport) -> bytes:
@@ -253,7 +256,7 @@ class Reader:
                 continue
             now = time.monotonic_ns()
             if now - self._heard > self._silence():
-                self._gap("no sample for too long: was the board reset?")
+                self._gap("no sample for too long: was the read-out board reset?")
                 continue
             for message in self._stream.feed(data):
                 if isinstance(message, Sample):
@@ -266,8 +269,8 @@ class Reader:
                     self._put(Event(now, "text", {"text": message.text}))
 
     def _silence(self) -> float:
-        """ns without a sample that mean something happened to the board: one that was reset behind
-        an open port speaks in plain lines."""
+        """ns without a sample that mean something happened to the read-out board: one that was
+        reset behind an open port speaks in plain lines."""
         rate = self.info.rate if self.info else 1
         return 1e9 * max(_SILENT, _SILENT_SAMPLES / rate)
 
@@ -298,7 +301,7 @@ class Reader:
 
     def _clock(self, sample: Sample, now: int) -> int:
         """The device's clock without wraps. Where its counter begins anew, or where after a gap it
-        does not fit the host's clock, the board was restarted: then that carries it on."""
+        does not fit the host's clock, the read-out board was restarted: then that carries it on."""
         if self._latest is None:
             return sample.micros
         before, host = self._latest, (now - self._latest.host_ns) // 1000

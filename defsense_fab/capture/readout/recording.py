@@ -1,10 +1,9 @@
 """The file that frames go to as they come: a line each, added and never changed.
 
 Text that a spreadsheet opens: columns `host_ns, device_us, counter, led, late, averages, s1, s2,
-...` (sums of conversions as the board sent them), and between them lines `# {...}`, one JSON object
-each, of what happened: start, gap, resumed, and the steps of a protocol. A process that dies leaves
-all but the line that it was at (`core.append_log`).
-"""
+...` (sums of conversions as the read-out board sent them), and between them lines `# {...}`, one
+JSON object each, of what happened: start, gap, resumed, and the steps of a protocol. A process that
+dies leaves all but the line that it was at (`core.append_log`)."""
 
 from __future__ import annotations
 
@@ -49,7 +48,7 @@ class Recorder:
         if len(s.sums) != self._channels:
             raise CaptureError(
                 f"{self._path}: a frame of {len(s.sums)} channels came in a recording of"
-                f" {self._channels}; another program changed the board's settings"
+                f" {self._channels}; another program changed the read-out board's settings"
             )
         values = (item.host_ns, item.device_us, s.counter, int(s.led), int(s.late), s.averages)
         self._log.line(",".join(map(str, values + s.sums)))
@@ -78,8 +77,8 @@ def _names(channels: int) -> list[str]:
 class Recording:
     """t frames: the host's clock (t,) ns, the device's (t,) us, counters, LED and lateness (t,),
     averages (t,), sums (t, c); counts at the dividers' supply voltage, `full_scale` (t,), as the
-    board told them last, NaN before; events with the number of frames before each; lines that were
-    cut or damaged."""
+    read-out board told them last, NaN before; events with the number of frames before each; lines
+    that were cut or damaged."""
 
     path: Path
     host_ns: Int
@@ -100,13 +99,14 @@ class Recording:
 
     def resistances(self, reference: Float, part: slice = slice(None)) -> Float:
         """Ohm (t, c) of the frames or a `part` of them, by reference resistors (c,) ohm. Raises
-        CaptureError where no event before them tells the board's full scale."""
+        CaptureError where no event before them tells the read-out board's full scale."""
         scale = self.full_scale[part]
         if np.isnan(scale).any():
             first = part.indices(len(self.counter))[0] + int(np.argmax(np.isnan(scale)))
             raise CaptureError(
-                f"{self.path}: no event before frame {first + 1} tells the board's full_scale: the"
-                " line of its 'start' was lost; add it below the columns, with this board's number,"
+                f"{self.path}: no event before frame {first + 1} tells the read-out board's"
+                " full_scale: the line of its 'start' was lost; add it below the columns, with this"
+                " read-out board's number,"
                 """ as '# {"event": "start", "full_scale": 1024}', or record again"""
             )
         return Dividers(reference, scale[:, None]).resistance(self._counts(part))
@@ -188,7 +188,7 @@ def _full_scale(event: dict[str, Any], where: str) -> float:
     scale = event["full_scale"]
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0 < scale < 1e9:
         raise CaptureError(
-            f"{where}: full_scale must be a number above zero, not {scale!r}; write this board's"
-            " number there, or record again"
+            f"{where}: full_scale must be a number above zero, not {scale!r}; write this read-out"
+            " board's number there, or record again"
         )
     return float(scale)

@@ -23,7 +23,7 @@ class Replay:
 
     def start(self) -> Info:
         """Raises CaptureError for a file that is no recording, an empty one, or one that does not
-        tell what the board was."""
+        tell what the read-out board was."""
         r = self._recording = read_recording(self._path)
         names = set(Info.__dataclass_fields__)
         about = next((e for _, e in r.events if names <= set(e)), None)
@@ -31,8 +31,9 @@ class Replay:
             raise CaptureError(f"{self.name}: has no samples to play")
         if about is None:
             raise CaptureError(
-                f"{self.name}: no event tells what the board was: the line of its 'start' was lost;"
-                " copy that of another recording of this board below the columns, or record again"
+                f"{self.name}: no event tells what the read-out board was: the line of its"
+                " 'start' was lost; copy that of another recording of this read-out board below"
+                " the columns, or record again"
             )
         self._begun = time.monotonic_ns()
         return Info(**{n: about[n] for n in names})

@@ -37,7 +37,7 @@ class Event:
 @dataclass(frozen=True)
 class ReadoutStatistics:
     """Samples that arrived, that the counter misses, frames that were none, gaps, restarts of the
-    board; items that nobody drained in time."""
+    read-out board; items that nobody drained in time."""
 
     samples: int = 0
     lost: int = 0

@@ -44,7 +44,7 @@ class SpecimenRecord:
 class CalibrationManifest:
     """Of a session on the specimen: the steps (round, radius of the jig in mm or None for the flat
     one, face), the seed of their order, reference resistors (ohm), when a reading has settled, the
-    read-out's rate (Hz) and conversions per sample (None: the board's own)."""
+    read-out's rate (Hz) and conversions per sample (None: the read-out board's own)."""
 
     SCHEMA: ClassVar[int] = 1
 

@@ -54,8 +54,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     for name, inside in tags.items():
         if not inside.any():
             raise DeviceError(
-                f"device.toml: regions.{name}: holds no nodes of the mesh; move or enlarge it, or"
-                " use a smaller [mesh] edge_length"
+                f"device.toml: regions.{name}: contains no nodes of the mesh; move or enlarge it,"
+                " or use a smaller [mesh] edge_length"
             )
     found = asdict(quality(mesh, surface))
     record = MeshRecord(hash=mesh.digest, edge_length=edge_length, accuracy=accuracy, **found)

@@ -26,7 +26,7 @@ from .session import CHANNELS, CalibrationSession, holds
 Hands = Callable[[float | None, str], None]
 Phase = Literal["place", "settling", "unplugged", "done"]
 
-_PATIENCE = 60.0  # s that an unattended session waits for a board that is gone
+_PATIENCE = 60.0  # s that an unattended session waits for a read-out board that is gone
 _LOOK = 0.1  # s between looks at keys and samples
 #: A neutral cord that changes by more than this part of the largest change of the others is told
 #: of.
@@ -106,7 +106,7 @@ class GuidedMeasurement:
         self._points: dict[int, Float] = {}  # settled resistances by step
         self._done: set[int] = set()
         self._skipped: set[int] = set()
-        self._gone: float | None = None  # since when the board is
+        self._gone: float | None = None  # since when the read-out board is
         self._interrupted = False
         if session.frames.exists():
             before = read_recording(session.frames)
@@ -230,8 +230,8 @@ class GuidedMeasurement:
         items = self._source.drain()
         if self._auto and self._gone and time.monotonic() - self._gone > _PATIENCE:
             raise CaptureError(
-                f"{self._source.name}: the board has been gone for {_PATIENCE:g} s; the same"
-                " command goes on from here when it is back"
+                f"{self._source.name}: the read-out board has been gone for {_PATIENCE:g} s; the"
+                " same command goes on from here when it is back"
             )
         for item in items:
             if isinstance(item, Event):
@@ -308,7 +308,7 @@ class GuidedMeasurement:
                 f" {max(others):.1%}; temperature, a loose joint, or a cord off its place"
             )
         if self._late:
-            out.append("the board cannot keep up: give a lower --rate or --average")
+            out.append("the read-out board cannot keep up: give a lower --rate or --average")
         s = self._source.statistics
         if s.lost + s.gaps:
             out.append(f"{s.lost} samples lost, {s.gaps} gaps: they are marked in the recording")

@@ -26,8 +26,8 @@ from ..artifacts import typed_json
 from ..artifacts.session_manifest import FILE, CalibrationManifest, SpecimenRecord, load_calibration
 
 FRAMES = "frames.csv"
-#: Cords of a specimen in the order of the board's channels, and their side of the neutral plane
-#: with face a on the jig.
+#: Cords of a specimen in the order of the read-out board's channels, and their side of the neutral
+#: plane with face a on the jig.
 CHANNELS = {"bottom": -1, "neutral": 0, "top": 1}
 #: Between creeps' fits, at most so many frames.
 _FITTED = 400
@@ -154,7 +154,7 @@ class Hold:
 
 def holds(session: CalibrationSession, recording: Recording) -> dict[int, Hold]:
     """The finished steps by index, each as it was measured last. Raises CalibrationError for events
-    that the session cannot have, CaptureError where none tells the board's full scale."""
+    that the session cannot have, CaptureError where none tells the read-out board's full scale."""
     out: dict[int, Hold] = {}
     begun: dict[int, int] = {}
     time, reference = _time(recording), np.array(session.reference)

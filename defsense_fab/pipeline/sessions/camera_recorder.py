@@ -184,7 +184,7 @@ class CameraRecorder:
             )
 
     def _brightness(self, grey: Image) -> float:
-        """Of the board's LED, once it is known where that is."""
+        """Of the read-out board's LED, once it is known where that is."""
         if self._spot is None:
             self._led.add(grey)
             if self._led.found:

@@ -1,8 +1,7 @@
 """The guided recording of a device before cameras: which pose is next, what is seen, what is there.
 
-Watchers write what the cameras see, the board's reader writes its samples, each to a file of its
-own; this only looks at the latest of both, several times a second, and says what to do.
-"""
+Watchers write what the cameras see, the read-out board's reader writes its samples, each to a file
+of its own; this only looks at the latest of both, several times a second, and says what to do."""
 
 from __future__ import annotations
 
@@ -311,7 +310,7 @@ class GuidedRecording:
         if self._board is not None:
             s = self._board.statistics
             if self._heard and time.monotonic() - self._heard > 1.5:
-                out.append("the board is silent: is it still plugged in?")
+                out.append("the read-out board is silent: is it still plugged in?")
             if s.lost + s.gaps:
                 out.append(f"board: {s.lost} samples lost, {s.gaps} gaps")
         return out

@@ -91,7 +91,7 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     """One run by itself: its clocks are its own."""
     events = read_log(run)
     # Before the tags, as the text takes more memory than what is read from it.
-    board = read_recording(run / BOARD) if (run / BOARD).exists() else None
+    recording = read_recording(run / BOARD) if (run / BOARD).exists() else None
     cameras = [read_camera_tags(run, c.name, session.markers.ids) for c in session.rig.cameras]
     empty = [c.name for c, s in zip(session.rig.cameras, cameras, strict=True) if not len(s.time)]
     if empty or not cameras:
@@ -119,10 +119,10 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     ohm = np.full((len(tracks.time), len(session.channels)), np.nan)
     told: dict[str, Any] = {"method": "none"}
     lost: list[str] = []
-    if board is not None:
-        ohm, told = signals_in_step(session, board, cameras, start, shift, tracks)
-        if board.cut:
-            lost.append(f"lines of {run.name}/{BOARD}: {board.cut}")
+    if recording is not None:
+        ohm, told = signals_in_step(session, recording, cameras, start, shift, tracks)
+        if recording.cut:
+            lost.append(f"lines of {run.name}/{BOARD}: {recording.cut}")
     rest = _resting(events, tracks.time, start)
     cut = sum(c.cut for c in cameras)
     lost += [f"lines of {n}'s files: {c.cut}" for n, c in zip(names, cameras, strict=True) if c.cut]
@@ -148,24 +148,24 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
         tracks.time, tracks.ids[known], tracks.points[:, known], tracks.sigma[:, known],
         tracks.frame,
     )  # fmt: skip
-    board = read_recording(run / BOARD)
-    device = board.device_us / 1e6
-    ohm = resistances(session, board)
+    recording = read_recording(run / BOARD)
+    device = recording.device_us / 1e6
+    ohm = resistances(session, recording)
     sync = by_motion(tracks.time, motion(tracks), device, ohm)
     about_sync = told_of(sync, [])
-    if restarts(board):
+    if restarts(recording):
         about_sync["error_ms"] = None
         about_sync["notes"] = [
-            "the board began anew in this run: signals from then on may be tens of ms off; record"
-            " it again"
+            "the read-out board began anew in this run: signals from then on may be tens of ms"
+            " off; record it again"
         ]
     quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.seen.mean()),
                                "by_one": 0.0, "impossible": 0}  # fmt: skip
     processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int64), quality)
     at = at_times(sync.to_device(tracks.time), device, ohm)
-    arrival = fit_clocks(device, board.host_ns / 1e9)
+    arrival = fit_clocks(device, recording.host_ns / 1e9)
     rest = _resting(read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
-    about = {"run": run.name, "ended": ending(run), "cut": board.cut, "tracks_of": str(path)}
+    about = {"run": run.name, "ended": ending(run), "cut": recording.cut, "tracks_of": str(path)}
     return _ProcessedRun(processed, at, rest, about_sync, about)
 
 

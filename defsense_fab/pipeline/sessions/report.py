@@ -17,11 +17,11 @@ from .session import CaptureSession
 _DRAWN = 10_000  # frames of a curve: more are not told apart on a page, and take much memory
 
 _SYNC = {
-    "led": "the board's LED in the pictures",
+    "led": "the read-out board's LED in the pictures",
     "motion": "how motion and signals go together (no LED was seen); what the cords lag behind the"
     " body is not in the error",
     "arrival": "when samples arrived: the cameras' own delay is not known",
-    "none": "no board was recorded",
+    "none": "no read-out board was recorded",
 }
 
 

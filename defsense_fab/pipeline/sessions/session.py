@@ -1,11 +1,12 @@
-"""A capture session: a folder with what the cameras and the board saw, a file for each of them.
+"""A capture session: a folder with what the cameras and the read-out board saw, a file for each of
+them.
 
 `session.json` says what was to be recorded, `cameras.toml` and `markers.json` are copies of what it
 was recorded with. Each run of the command has a folder `run-1`, `run-2`, ... with `frames.csv` (the
-board), `<camera>.csv` (tags: corners and their variances), `<camera>-frames.csv` (when each picture
-was taken, how bright the LED was) and `log.jsonl` (what happened). All of them are only appended
-to, line by line; a line that was cut by the end of the program is left out when it is read.
-"""
+read-out board), `<camera>.csv` (tags: corners and their variances), `<camera>-frames.csv` (when
+each picture was taken, how bright the LED was) and `log.jsonl` (what happened). All of them are
+only appended to, line by line; a line that was cut by the end of the program is left out when it is
+read."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Resistances at the times of a run's tracks: its clocks are compared, part by part.
 
-A board that starts anew in the middle of a run has another clock from then on; so each part between
-two starts is put in step by itself.
-"""
+A read-out board that starts anew in the middle of a run has another clock from then on; so each
+part between two starts is put in step by itself."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ from ...sensing.voltage_divider import conversion_time
 from .recorded_tags import CameraRecording
 from .session import BOARD, CaptureSession
 
-_DRIFTS = 5e-4  # relative: no board's clock is off by more
+_DRIFTS = 5e-4  # relative: no read-out board's clock is off by more
 _LATE = 0.01  # s: what delays do to a short part's drift
 _AHEAD = 0.2  # s, by which no sample comes before its time
 _FEW = 10  # samples that are not yet a recording
@@ -30,23 +29,23 @@ _BESIDE = 1.0  # s of frames beside a part's samples that are compared with it
 
 
 def signals_in_step(
-    session: CaptureSession, board: Recording, cameras: Sequence[CameraRecording], start: int,
+    session: CaptureSession, recording: Recording, cameras: Sequence[CameraRecording], start: int,
     shift: Sequence[float], tracks: Tracks,
 ) -> tuple[Float, dict[str, Any]]:  # fmt: skip
     """Resistances (t, c) ohm at the tracks' times, by whichever way the clocks can be compared, and
     what there is to tell of it. `cameras` with stamps in ns, of which `start` is the tracks' zero;
     `shift` s that each camera's stamps are late by."""
-    ohm = resistances(session, board)
+    ohm = resistances(session, recording)
     out = np.full((len(tracks.time), ohm.shape[1]), np.nan)
-    if len(board.counter) <= _FEW:
+    if len(recording.counter) <= _FEW:
         return out, {"method": "none"}
-    ends = np.unique([0, *restarts(board), *_jumps(board), len(board.counter)])
+    ends = np.unique([0, *restarts(recording), *_jumps(recording), len(recording.counter)])
     parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     parts = [p for p in parts if p.stop - p.start > _FEW]
     told = []
     for part in parts:
-        at, about = _part(board, part, ohm, cameras, start, shift, tracks)
-        values = at_times(at, board.device_us[part] / 1e6, ohm[part])
+        at, about = _part(recording, part, ohm, cameras, start, shift, tracks)
+        values = at_times(at, recording.device_us[part] / 1e6, ohm[part])
         out = np.where(np.isfinite(values), values, out)
         told.append(about)
     if len(told) < 2:
@@ -57,45 +56,45 @@ def signals_in_step(
         "error_ms": None if None in errors else max(errors),
         "parts": told,
         "notes": [
-            f"the board's clock began anew in this run: its {len(told)} parts are each in step by"
-            " themselves",
+            f"the read-out board's clock began anew in this run: its {len(told)} parts are each"
+            " in step by themselves",
             *dict.fromkeys(note for t in told for note in t["notes"]),
         ],
     }
 
 
-def restarts(board: Recording) -> list[int]:
-    """The samples before which the board began anew."""
-    return [n for n, e in board.events if e.get("event") == "restart"]
+def restarts(recording: Recording) -> list[int]:
+    """The samples before which the read-out board began anew."""
+    return [n for n, e in recording.events if e.get("event") == "restart"]
 
 
-def _jumps(board: Recording) -> list[int]:
-    """The samples before which the board's clock went back, or ahead of the time that passed:
-    damaged files, that do not say that it began anew."""
-    device, host = np.diff(board.device_us) / 1e6, np.diff(board.host_ns) / 1e9
+def _jumps(recording: Recording) -> list[int]:
+    """The samples before which the read-out board's clock went back, or ahead of the time that
+    passed: damaged files, that do not say that it began anew."""
+    device, host = np.diff(recording.device_us) / 1e6, np.diff(recording.host_ns) / 1e9
     return [int(k) + 1 for k in np.flatnonzero((device < 0) | (device > host + _AHEAD))]
 
 
-def resistances(session: CaptureSession, board: Recording) -> Float:
+def resistances(session: CaptureSession, recording: Recording) -> Float:
     """(n, c) ohm of a recording's samples. Raises CaptureError for other channels, and where no
-    event tells the board's full scale."""
-    if board.sums.shape[1] != len(session.channels):
+    event tells the read-out board's full scale."""
+    if recording.sums.shape[1] != len(session.channels):
         raise CaptureError(
-            f"{BOARD} has {board.sums.shape[1]} channels, the session {len(session.channels)}: it"
-            " does not belong here"
+            f"{BOARD} has {recording.sums.shape[1]} channels, the session"
+            f" {len(session.channels)}: it does not belong here"
         )
-    return board.resistances(np.array(session.reference))
+    return recording.resistances(np.array(session.reference))
 
 
 def _part(
-    board: Recording, part: slice, ohm: Float, cameras: Sequence[CameraRecording], start: int,
+    recording: Recording, part: slice, ohm: Float, cameras: Sequence[CameraRecording], start: int,
     shift: Sequence[float], tracks: Tracks,
 ) -> tuple[Float, dict[str, Any]]:  # fmt: skip
-    """The board's times (t,) s at the tracks' by samples between two starts, and how that is
-    known."""
-    device, host = board.device_us[part] / 1e6, (board.host_ns[part] - start) / 1e9
+    """The read-out board's times (t,) s at the tracks' by samples between two starts, and how that
+    is known."""
+    device, host = recording.device_us[part] / 1e6, (recording.host_ns[part] - start) / 1e9
     arrival = fit_clocks(device, host)
-    sync, why = _by_leds(board, part, cameras, start, shift, arrival)
+    sync, why = _by_leds(recording, part, cameras, start, shift, arrival)
     if sync is None:
         near = _near(tracks.time, host)
         try:
@@ -114,17 +113,18 @@ def _part(
         about["error_ms"] = None
         about["notes"] = [
             *about["notes"],
-            "the board's clock jumped in this run: signals may be tens of ms off; record it again",
+            "the read-out board's clock jumped in this run: signals may be tens of ms off; record"
+            " it again",
         ]
     return at, about
 
 
 def _by_leds(
-    board: Recording, part: slice, cameras: Sequence[CameraRecording], start: int,
+    recording: Recording, part: slice, cameras: Sequence[CameraRecording], start: int,
     shift: Sequence[float], arrival: Clocks,
 ) -> tuple[Sync | None, list[str]]:  # fmt: skip
     """By the camera whose pictures of the LED tell most, and why others do not."""
-    device, host = board.device_us[part] / 1e6, (board.host_ns[part] - start) / 1e9
+    device, host = recording.device_us[part] / 1e6, (recording.host_ns[part] - start) / 1e9
     best: Sync | None = None
     why: list[str] = []
     for k, camera in enumerate(cameras):
@@ -134,8 +134,8 @@ def _by_leds(
             continue
         try:
             found = by_led(
-                time[near], camera.led[near], None, device, board.led[part].astype(bool), arrival,
-                conversion=_conversion(board),
+                time[near], camera.led[near], None, device, recording.led[part].astype(bool),
+                arrival, conversion=_conversion(recording),
             )  # fmt: skip
         except CaptureError as error:
             why.append(str(error))
@@ -150,9 +150,9 @@ def _near(time: Float, host: Float) -> Bool:
     return np.asarray((time >= host[0] - _BESIDE) & (time <= host[-1] + _BESIDE))
 
 
-def _conversion(board: Recording) -> float:
-    """s that the conversions of a sample take, as the board said of itself."""
-    for _, e in board.events:
+def _conversion(recording: Recording) -> float:
+    """s that the conversions of a sample take, as the read-out board said of itself."""
+    for _, e in recording.events:
         if {"converter", "channels", "averages"} <= set(e):
             return conversion_time(int(e["converter"]), int(e["channels"]), int(e["averages"]))
     return 0.0

@@ -1,1 +1,1 @@
-"""A built device and its board as a twin."""
+"""A built device and its read-out board as a twin."""

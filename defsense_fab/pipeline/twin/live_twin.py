@@ -1,4 +1,4 @@
-"""A built device that moves before cameras, and whose board reads its cords, as a twin."""
+"""A built device that moves before cameras, and whose read-out board reads its cords, as a twin."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _FILLS = 0.55  # of the picture's width, by the body
 _STEADY = 3.0  # mm and degrees of the hand that holds the device
 _DENSE = 60_000  # triangles, above which a body is not drawn
 _FRAMES = 15.0  # frames per second
-#: Of the twin's board: its clock against the host's, s and relative.
+#: Of the twin's read-out board: its clock against the host's, s and relative.
 OFFSET, DRIFT = 0.35, 60e-6
 
 
@@ -117,7 +117,7 @@ class LiveTwin:
     extra: dict[str, Any] = field(default_factory=dict)
 
     def port(self) -> str:
-        """A pseudo-terminal on which the board speaks."""
+        """A pseudo-terminal on which the read-out board speaks."""
         if self.line is None:
             self.line = PseudoTerminal(self.board)
         return self.line.port
@@ -137,7 +137,8 @@ def start_live_twin(
     device: Device, markers: Markers, seed: int = 1, count: int = 2, rate: float = _FRAMES,
     optics: Optics | None = None, *, led: bool = True,
 ) -> LiveTwin:  # fmt: skip
-    """A twin of a built device with its tags, `count` cameras and a board. Raises CaptureError."""
+    """A twin of a built device with its tags, `count` cameras and a read-out board. Raises
+    CaptureError."""
     rng = np.random.default_rng(seed)
     sim = simulated(device, markers)
     family = dictionary(markers.dictionary)

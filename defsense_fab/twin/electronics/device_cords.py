@@ -1,4 +1,4 @@
-"""The cords of a device that moves, as the board's twin reads them."""
+"""The cords of a device that moves, as the read-out board's twin reads them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A pseudo-terminal with the board's twin behind it, which is opened as a serial port is."""
+"""A pseudo-terminal with the read-out board's twin behind it, which is opened as a serial port
+is."""
 
 from __future__ import annotations
 
@@ -13,11 +14,12 @@ from ...core.errors import CaptureError
 if TYPE_CHECKING:
     from .readout_twin import ReadoutTwin
 
-_WAIT = 0.005  # s between looks at the board
+_WAIT = 0.005  # s between looks at the read-out board
 
 
 class PseudoTerminal:
-    """Carries bytes between a board and `port`, a name such as /dev/pts/3, until it is closed."""
+    """Carries bytes between a read-out board and `port`, a name such as /dev/pts/3, until it is
+    closed."""
 
     def __init__(self, board: ReadoutTwin) -> None:
         """Raises CaptureError where the system has no pseudo-terminals."""
@@ -26,7 +28,7 @@ class PseudoTerminal:
             import tty
         except ImportError:
             raise CaptureError(
-                "the twin's board needs a pseudo-terminal, which this system has not"
+                "the twin's read-out board needs a pseudo-terminal, which this system has not"
             ) from None
         self._board = board
         self._master, self._slave = pty.openpty()

@@ -19,8 +19,9 @@ _WORDS = {"rate": 500, "channels": 0, "average": 255, "led": 65535}
 
 
 class ReadoutTwin:
-    """A board with its dividers on the cords of a specimen or a device; `speed` times as fast as
-    real time. Its clock says `offset` + (1 + `drift`) times the seconds since it was made."""
+    """A read-out board with its dividers on the cords of a specimen or a device; `speed` times as
+    fast as real time. Its clock says `offset` + (1 + `drift`) times the seconds since it was
+    made."""
 
     full_scale = 1024
 

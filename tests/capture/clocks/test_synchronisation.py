@@ -95,7 +95,7 @@ def test_what_cannot_be_synchronised():
     refused("explains the LED's blinking as well")
     refused("explains the LED's blinking as well", rough=0.0, within=1.0)
     other = film(30, np.cumsum(rng.uniform(0.1, 1.0, 100)), rng)[1][: len(stamp)]
-    refused("is not the board's LED", seen=np.resize(other, len(stamp)), rough=0.0)
+    refused("is not the read-out board's LED", seen=np.resize(other, len(stamp)), rough=0.0)
     refused("clock jumps", on=np.where(device > 110, device + 5, device))
     refused("board's clock goes back", on=np.where(device > 110, device - 5, device))
     refused("camera's clock goes back", time=np.where(stamp > 110, stamp - 5, stamp))

@@ -156,7 +156,7 @@ def test_a_second_build_does_nothing(copy, capsys):
         (
             "tip = { box = [[140, -16, -16], [151, 16, 16]] }",
             "tip = { box = [[240, -16, -16], [251, 16, 16]] }",
-            "regions.tip: holds no nodes",
+            "regions.tip: contains no nodes",
         ),
         ("[140, -16, -16]", "[5, -16, -16]", "overlap"),
         ("[36, 0]", "[36, 17]", "leaves the body"),
