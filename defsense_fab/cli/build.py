@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .device import device_arguments, overrides
 from .output import console, progress_bars, results, say, silent_stdout
+
+if TYPE_CHECKING:
+    from .options import Commands
 
 _STAGES = {
     "build": ("report", "all stages: body, mesh, poses, cords, parts, report"),
@@ -20,7 +23,7 @@ _STAGES = {
 }
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """`build` and its stages."""
     for name, (until, text) in _STAGES.items():
         sub = commands.add_parser(

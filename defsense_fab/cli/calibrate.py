@@ -5,18 +5,18 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import DeviceError
-from ..core.progress import Progress
 from . import calibrate_record
 from .options import numbers
 
+if TYPE_CHECKING:
+    from .options import Bars, Commands
 
-def add(commands: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) -> None:
+
+def add(commands: Commands, bars: Bars) -> None:
     """Add the commands; `bars` shows progress."""
     parent = commands.add_parser(
         "calibrate",
@@ -67,7 +67,7 @@ def add(commands: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) 
     _add_fit(steps, bars)
 
 
-def _add_fit(steps: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) -> None:
+def _add_fit(steps: Commands, bars: Bars) -> None:
     sub = steps.add_parser(
         "fit",
         help="fit the cord's response to sessions or tables of readings",
@@ -109,9 +109,7 @@ def _add_fit(steps: Any, bars: Callable[[Any], AbstractContextManager[Progress]]
     sub.set_defaults(run=lambda options: _fit(options, bars))
 
 
-def _fit(
-    options: argparse.Namespace, bars: Callable[[Any], AbstractContextManager[Progress]]
-) -> int:
+def _fit(options: argparse.Namespace, bars: Bars) -> int:
     from ..calibration.readings import Geometry
     from ..pipeline.calibrate.fit_response import fit_response
 
@@ -163,9 +161,7 @@ def _common(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
 
 
-def _specimen(
-    options: argparse.Namespace, bars: Callable[[Any], AbstractContextManager[Progress]]
-) -> int:
+def _specimen(options: argparse.Namespace, bars: Bars) -> int:
     from ..core.bending import RADII
     from ..pipeline.calibrate.specimen_files import write_specimen
 

@@ -6,16 +6,25 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import CalibrationError, CaptureError, DefsenseError, DeviceError
 from .options import REFERENCE, numbers, references, within
 
+if TYPE_CHECKING:
+    from ..capture.readout.ports import Port
+    from ..capture.readout.source import Source
+    from ..core.arrays import Float
+    from ..pipeline.calibrate.session import CalibrationSession
+    from ..sensing.serial_frames import Info
+    from .options import Commands
+
 _PORT = "/dev/ttyUSB0, COM3, socket://host:port, or twin (twin:speed=20,k=2,seed=1)"
 
 
-def add(steps: Any) -> None:
+def add(steps: Commands) -> None:
     """Add the commands to those of `calibrate`."""
     sub = steps.add_parser(
         "ports",
@@ -141,7 +150,7 @@ def _ports(options: argparse.Namespace) -> int:
         source.close()
 
 
-def _survey(options: argparse.Namespace, found: Any) -> int:
+def _survey(options: argparse.Namespace, found: Sequence[Port]) -> int:
     """Every port, and one look at what the read-out boards on them read."""
     looks = [{} if options.list else _look(options, p.device) for p in found]
     if options.json:
@@ -196,7 +205,7 @@ def _look(options: argparse.Namespace, port: str) -> dict[str, Any]:
     return {"ohm": [float(r) if np.isfinite(r) else None for r in ohm]}
 
 
-def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:
+def _watch(options: argparse.Namespace, source: Source, info: Info) -> int:
     """Live values until the time is over or the source has no more."""
     import numpy as np
     from rich.console import Console
@@ -211,7 +220,7 @@ def _watch(options: argparse.Namespace, source: Any, info: Any) -> int:
         float(info.full_scale),
     )
     end = time.monotonic() + (options.seconds or float("inf"))
-    ohm: Any = None
+    ohm: Float | None = None
     console = Console(stderr=options.json)
     with Live(console=console, auto_refresh=False, transient=options.json) as live:
         while time.monotonic() < end:
@@ -331,7 +340,7 @@ def _wanted(options: argparse.Namespace, about: dict[str, Any]) -> dict[str, Any
     }
 
 
-def _recorded(options: argparse.Namespace, session: Any, done: bool) -> int:
+def _recorded(options: argparse.Namespace, session: CalibrationSession, done: bool) -> int:
     from ..pipeline.calibrate import session as sessions
 
     left = len(sessions.unfinished(session))

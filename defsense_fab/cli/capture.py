@@ -6,21 +6,19 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import DeviceError, StorageError
-from ..core.progress import Progress
 from . import capture_cameras, capture_print, capture_record
 from .options import numbers
 from .output import say
 
-Bars = Callable[[Any], AbstractContextManager[Progress]]
+if TYPE_CHECKING:
+    from .options import Bars, Commands
 
 
-def add(commands: Any, bars: Bars) -> None:
+def add(commands: Commands, bars: Bars) -> None:
     """Add the commands; `bars` shows progress."""
     parent = commands.add_parser(
         "capture",
@@ -36,7 +34,7 @@ def add(commands: Any, bars: Bars) -> None:
     _add_convert(steps)
 
 
-def _add_process(steps: Any, bars: Bars) -> None:
+def _add_process(steps: Commands, bars: Bars) -> None:
     sub = steps.add_parser(
         "process",
         help="from videos, or a recorded session, to tracks of the tags",
@@ -83,7 +81,7 @@ def _add_process(steps: Any, bars: Bars) -> None:
     sub.set_defaults(run=lambda options: _process(options, bars))
 
 
-def _add_convert(steps: Any) -> None:
+def _add_convert(steps: Commands) -> None:
     sub = steps.add_parser(
         "convert",
         help="tracks from one format to another, as of a motion-capture system",

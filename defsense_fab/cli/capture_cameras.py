@@ -5,19 +5,19 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..core.errors import DeviceError
-from ..core.progress import Progress
 from .output import say
 
-Bars = Callable[[Any], AbstractContextManager[Progress]]
+if TYPE_CHECKING:
+    from ..capture.tags.charuco_board import CharucoBoard
+    from .options import Bars, Commands
 
 
-def add(steps: Any, bars: Bars) -> None:
+def add(steps: Commands, bars: Bars) -> None:
     """Add the commands to those of `capture`; `bars` shows progress."""
     parent = steps.add_parser(
         "camera",
@@ -88,7 +88,7 @@ def _live(sources: Sequence[str]) -> bool:
     return all(live)
 
 
-def _board(options: argparse.Namespace) -> Any:
+def _board(options: argparse.Namespace) -> CharucoBoard:
     """What the sources show, after a look at the other options. Raises DeviceError."""
     if options.rate is not None and not 0 < options.rate <= 10_000:
         raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")

@@ -5,22 +5,24 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..core.errors import CaptureError, DeviceError
-from ..core.progress import Progress
 from .options import numbers
+
+if TYPE_CHECKING:
+    from ..core.arrays import Float
+    from .options import Bars, Commands
 
 _PAPER = "a4 (default), letter or a3"
 #: Options of a board's design, which a print that is measured has already.
 _DESIGN = ("square", "columns", "rows", "dictionary", "paper")
 
 
-def add(steps: Any, bars: Callable[[Any], AbstractContextManager[Progress]]) -> None:
+def add(steps: Commands, bars: Bars) -> None:
     """Add the commands to those of `capture`; `bars` shows progress."""
     sub = steps.add_parser(
         "markers",
@@ -86,7 +88,7 @@ def _common(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
 
 
-def _direction(text: str | None) -> Any:
+def _direction(text: str | None) -> Float | None:
     """X,Y,Z as (3,), or None. Raises DeviceError for what is no direction."""
     if text is None:
         return None
@@ -98,9 +100,7 @@ def _direction(text: str | None) -> Any:
     return values
 
 
-def _markers(
-    options: argparse.Namespace, bars: Callable[[Any], AbstractContextManager[Progress]]
-) -> int:
+def _markers(options: argparse.Namespace, bars: Bars) -> int:
     from ..core.device_file import load_device
     from ..pipeline.tags.markers import SHEETS, write_markers
 

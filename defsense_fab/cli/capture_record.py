@@ -9,10 +9,19 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..core.errors import CaptureError, DefsenseError, DeviceError
 from .options import REFERENCE, references, within
+
+if TYPE_CHECKING:
+    from ..capture.cameras.webcam import Images, Webcam
+    from ..core.device import Device
+    from ..core.markers import Markers
+    from ..pipeline.sessions.guided_recording import CaptureScreen
+    from ..pipeline.sessions.session import CaptureSession
+    from ..pipeline.twin.live_twin import LiveTwin
+    from .options import Commands
 
 _CAMERAS = (
     "one for each of the calibration: 0, /dev/video0; twin (twin:seed=1); or none, where another"
@@ -20,7 +29,7 @@ _CAMERAS = (
 )
 
 
-def add(steps: Any) -> None:
+def add(steps: Commands) -> None:
     """Add `record` to the commands of `capture`."""
     sub = steps.add_parser(
         "record",
@@ -78,14 +87,16 @@ def _record(options: argparse.Namespace) -> int:
     folder = options.out or device.source / "session"
     if options.cameras == ["none"] and options.port == "none":
         raise DeviceError("--cameras none --port none: there would be nothing to record")
-    twin = options.cameras[0].partition(":")[0] == "twin" or options.port == "twin"
+    simulated = options.cameras[0].partition(":")[0] == "twin" or options.port == "twin"
     with ExitStack() as stack:
-        rehearsal = _rehearsal(options, device, markers, stack) if twin else None
-        done, session = _run(options, device, markers, folder, rehearsal)
+        twin = _twin(options, device, markers, stack) if simulated else None
+        done, session = _run(options, device, markers, folder, twin)
     return _told(options, session, done)
 
 
-def _rehearsal(options: argparse.Namespace, device: Any, markers: Any, stack: ExitStack) -> Any:
+def _twin(
+    options: argparse.Namespace, device: Device, markers: Markers, stack: ExitStack
+) -> LiveTwin:
     """The twin. Raises DeviceError where only one of cameras and read-out board is one."""
     from ..pipeline.twin.live_twin import start_live_twin
 
@@ -102,14 +113,18 @@ def _rehearsal(options: argparse.Namespace, device: Any, markers: Any, stack: Ex
             raise DeviceError(f"--cameras {word}: write twin:seed=1,cameras=2, each or none")
         values[name] = int(number)
     within("--cameras twin:cameras", values["cameras"], 1, 6)
-    rehearsal = start_live_twin(device, markers, values["seed"], values["cameras"])
-    stack.callback(rehearsal.close)
-    return rehearsal
+    twin = start_live_twin(device, markers, values["seed"], values["cameras"])
+    stack.callback(twin.close)
+    return twin
 
 
 def _run(
-    options: argparse.Namespace, device: Any, markers: Any, folder: Path, rehearsal: Any
-) -> tuple[bool, Any]:
+    options: argparse.Namespace,
+    device: Device,
+    markers: Markers,
+    folder: Path,
+    twin: LiveTwin | None,
+) -> tuple[bool, CaptureSession]:
     """Record; whether the session is finished, and the session."""
     import numpy as np
 
@@ -119,7 +134,7 @@ def _run(
     from ..pipeline.artifacts.session_manifest import manifest_path
     from ..pipeline.sessions import session as sessions
     from ..pipeline.sessions.guided_recording import GuidedRecording
-    from ..pipeline.twin.live_twin import known_cameras, levels_of
+    from ..pipeline.twin.live_twin import levels_of
     from ..pipeline.twin.sample_sources import open_source
     from ..terminal.guided_recording import CaptureLines, CaptureTerminal
 
@@ -144,18 +159,18 @@ def _run(
                 f" {folder}), or begin another with --out"
             )
     else:
-        session = _begin(options, device, markers, folder, rehearsal, sessions, known_cameras)
+        session = _begin(options, device, markers, folder, twin)
     try:
-        openers = _openers(options.cameras, session, rehearsal, Webcam)
+        openers = _openers(options.cameras, session, twin, Webcam)
         board = None
         if options.port != "none":
             settings = Settings(channels=len(session.channels), rate=options.rate, led=LED_PERIOD)
-            port = rehearsal.port() if rehearsal is not None else options.port
+            port = twin.port() if twin is not None else options.port
             board = open_source(port, settings).source
         levels = levels_of(device, session.markers)
-        hands = rehearsal.perform if rehearsal is not None else None
+        hands = twin.perform if twin is not None else None
         if options.auto:
-            screen: Any = CaptureLines()
+            screen: CaptureScreen = CaptureLines()
             done = GuidedRecording(session, openers, board, screen, levels, auto=True,
                              video=options.video, hands=hands).run()  # fmt: skip
         else:
@@ -170,13 +185,15 @@ def _run(
 
 
 def _begin(
-    options: argparse.Namespace, device: Any, markers: Any, folder: Path, rehearsal: Any,
-    sessions: Any, known_cameras: Callable[..., None],
-) -> Any:  # fmt: skip
+    options: argparse.Namespace, device: Device, markers: Markers, folder: Path,
+    twin: LiveTwin | None,
+) -> CaptureSession:  # fmt: skip
     """A new session."""
     from ..core.errors import CaptureError
     from ..pipeline.artifacts.build_folder import build_folder
     from ..pipeline.artifacts.layout import LAYOUT, load_layout
+    from ..pipeline.sessions import session as sessions
+    from ..pipeline.twin.live_twin import known_cameras
 
     built = build_folder(device)
     if (built / LAYOUT).exists():
@@ -187,14 +204,14 @@ def _begin(
     if options.port == "none":
         channels = []
     reference = references(options.reference or f"{REFERENCE:g}", max(len(channels), 1))
-    if rehearsal is not None and options.reference is None:
-        reference = [rehearsal.extra["reference"]] * max(len(channels), 1)
+    if twin is not None and options.reference is None:
+        reference = [twin.extra["reference"]] * max(len(channels), 1)
     calibration = options.calibration or Path("cameras.toml")
     if options.cameras == ["none"]:
         calibration = None
-    if rehearsal is not None and options.calibration is None:
+    if twin is not None and options.calibration is None:
         calibration = device.source / "twin-cameras.toml"
-        known_cameras(rehearsal, calibration)
+        known_cameras(twin, calibration)
     return sessions.create(
         folder, device=device.name,
         steps=sessions.plan([p.name for p in device.poses], options.rounds, options.seconds,
@@ -205,18 +222,18 @@ def _begin(
 
 
 def _openers(
-    words: Sequence[str], session: Any, rehearsal: Any, webcam: Any
-) -> list[Callable[[], Any]]:
+    words: Sequence[str], session: CaptureSession, twin: LiveTwin | None, webcam: type[Webcam]
+) -> list[Callable[[], Images]]:
     cameras = session.rig.cameras
     if words == ["none"] and not cameras:
         return []
-    if rehearsal is not None:
-        if len(rehearsal.sources) != len(cameras):
+    if twin is not None:
+        if len(twin.sources) != len(cameras):
             raise CaptureError(
                 f"{session.folder}: was begun with {len(cameras)} cameras; give --cameras"
                 f" twin:cameras={len(cameras)}"
             )
-        return [partial(_given, s) for s in rehearsal.sources]
+        return [partial(_given, s) for s in twin.sources]
     if len(words) != len(cameras):
         names = ", ".join(c.name for c in cameras)
         raise CaptureError(
@@ -231,11 +248,11 @@ def _openers(
     return [partial(webcam, w, c.size) for w, c in zip(words, cameras, strict=True)]
 
 
-def _given(source: Any) -> Any:
+def _given(source: Images) -> Images:
     return source
 
 
-def _told(options: argparse.Namespace, session: Any, done: bool) -> int:
+def _told(options: argparse.Namespace, session: CaptureSession, done: bool) -> int:
     from ..pipeline.sessions.session import as_mapping, ending, finished
 
     if options.json:

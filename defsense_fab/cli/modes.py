@@ -5,14 +5,18 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..core.errors import DeviceError
 from .device import device_arguments, overrides
 from .output import console, progress_bars, results, say, silent_stdout
 
+if TYPE_CHECKING:
+    from ..pipeline.study.propose_poses import Proposal
+    from .options import Commands
 
-def add(commands: Any) -> None:
+
+def add(commands: Commands) -> None:
     """`modes`."""
     sub = commands.add_parser(
         "modes",
@@ -54,7 +58,7 @@ def _modes(options: argparse.Namespace) -> int:
     return 0
 
 
-def _show_modes(found: Any, options: argparse.Namespace) -> None:
+def _show_modes(found: Proposal, options: argparse.Namespace) -> None:
     from rich.table import Table
 
     out = console()

@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
-from ..core.errors import DeviceError
+import argparse
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING
 
+from ..core.errors import DeviceError
+from ..core.progress import Progress
+
+if TYPE_CHECKING:  # argparse keeps the name of what commands are added to for itself
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+#: Shows the progress of a command with these options.
+Bars = Callable[[argparse.Namespace], AbstractContextManager[Progress]]
 REFERENCE = 2200.0  # ohm, of the dividers
 
 

@@ -5,14 +5,18 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..core.errors import DeviceError
 from .device import device_arguments, overrides
 from .output import console, progress_bars, results, say, silent_stdout
 
+if TYPE_CHECKING:
+    from ..pipeline.study.cord_count import Study
+    from .options import Commands
 
-def add(commands: Any) -> None:
+
+def add(commands: Commands) -> None:
     """`study`."""
     sub = commands.add_parser(
         "study",
@@ -63,7 +67,7 @@ def _range(text: str) -> tuple[int, int]:
     return a, b
 
 
-def _show_study(found: Any, options: argparse.Namespace) -> None:
+def _show_study(found: Study, options: argparse.Namespace) -> None:
     from rich.table import Table
 
     out = console()

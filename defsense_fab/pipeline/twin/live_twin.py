@@ -242,11 +242,11 @@ def _beside(camera: Camera, body: Surface) -> Float:
     return np.asarray(camera.rotation.T @ (spot - camera.translation))
 
 
-def known_cameras(rehearsal: LiveTwin, path: Path) -> None:
+def known_cameras(twin: LiveTwin, path: Path) -> None:
     """Write the twin's cameras as a calibration has them."""
     from ...capture.cameras.rig_file import write_rig
 
-    write_rig(path, rehearsal.cameras, {"adjusted": True, "twin": True})
+    write_rig(path, twin.cameras, {"adjusted": True, "twin": True})
 
 
 def levels_of(device: Device, markers: Markers) -> PoseCoverage | None:

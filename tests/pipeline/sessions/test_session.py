@@ -225,7 +225,7 @@ def test_each_part_of_a_run_has_its_boards_full_scale(tmp_path):
 @pytest.mark.parametrize(
     ("start", "says"),
     [
-        (None, r"frames\.csv: no event before frame 1 tells the read-out board's full_scale.*add it"),
+        (None, r"frames\.csv: no event before frame 1 tells the read-out board's full_sc.*add it"),
         ('# {"event": "gap"}', r"frames\.csv: no event before frame 1"),
         *((f'# {{"event": "start", "full_scale": {bad}}}', r"frames\.csv:3: full_scale must be")
           for bad in ('"a"', "null", "0", "-3", "NaN", "true", "[1024]")),
