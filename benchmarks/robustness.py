@@ -43,7 +43,7 @@ BODIES = {
 def body(name: str, scale: float = 1.0) -> tuple[QuadraticMesh, dict]:
     """A fixture's mesh, and the nodes of its regions."""
     device = load_device(DEVICES / name)
-    made = tetrahedralise(load_body(device.body).surface, scale * BODIES[name][2])
+    made = tetrahedralise(load_body(device.body).surface, scale * BODIES[name][2]).mesh
     mesh = QuadraticMesh.from_linear(conform(made, list(device.regions.values())))
     regions = {n: np.flatnonzero(s.contains(mesh.nodes)) for n, s in device.regions.items()}
     return mesh, regions

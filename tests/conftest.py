@@ -1,7 +1,5 @@
 """Shared bodies and meshes, made once."""
 
-import os
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,7 @@ from benchmarks.grid import grid_of_tets
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import Sensor
 from defsense_fab.core.mesh import Surface
-from defsense_fab.pipeline.artifacts import mesh_store
-from tests import stored_meshes
+from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
 
 
 def box_surface(low, high):
@@ -30,13 +27,9 @@ def structured_bar(low, high, counts):
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
-    """Tests neither see nor fill the user's cache: it holds the meshes of tests/meshes, because the
-    mesher is not repeatable and a layout follows its mesh."""
+    """Tests neither see nor fill the user's cache."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DEFSENSE_CACHE", str(tmp_path_factory.mktemp("cache")))
-        stored_meshes.fill_cache()
-        if os.environ.get("STORE_MESHES"):  # see stored_meshes.py
-            patch.setattr(mesh_store, "remember", stored_meshes.storing(mesh_store.remember))
         yield
 
 
@@ -47,7 +40,7 @@ def bar():
 
 @pytest.fixture(scope="session")
 def bar_mesh(bar):
-    return stored_meshes.mesh_of(bar, 10.0)
+    return tetrahedralise(bar, 10.0).mesh
 
 
 @pytest.fixture

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.signal import relative_change, signals
 from tests.sensing.reference import signal_gradient
-from tests.stored_meshes import mesh_of
 
 LENGTH = 150.0
 
@@ -47,7 +47,7 @@ def test_imposed_fields_converge_as_quadratic_elements_promise(bar, field):
     exact = signals(paths, field(paths)[None], Response.line(1.0))[0]
     sizes, errors = [], []
     for edge_length in (12.0, 8.5, 6.0, 4.25):
-        mesh = mesh_of(bar, edge_length)
+        mesh = tetrahedralise(bar, edge_length).mesh
         quadratic = QuadraticMesh.from_linear(mesh)
         locator = PointLocator(quadratic)
         u = (field(quadratic.nodes) - quadratic.nodes)[None]

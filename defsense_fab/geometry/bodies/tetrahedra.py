@@ -1,10 +1,16 @@
-"""A body's surface to tetrahedra (fTetWild, Hu et al. 2020), with a report of their quality."""
+"""A body's surface to tetrahedra, with a report of their quality.
+
+Netgen (Schoeberl 1997) gives the same mesh every time, and soon. fTetWild (Hu et al. 2020) meshes
+what Netgen cannot, but never twice the same: what it gives has to be kept.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +18,32 @@ from ...core.arrays import Float, Int
 from ...core.device import MeshSpec
 from ...core.errors import MeshingError
 from ...core.mesh import Surface, TetMesh
-from . import ftetwild
+from . import ftetwild, netgen
+from .boundary_fit import facet_gaps, fit_boundary
 from .child_process import Failure, finished
+
+NETGEN, FTETWILD = "netgen", "ftetwild"
+#: Netgen's largest edge for edges of 1 on average; its smallest where the surface is curved.
+_LARGEST, _SMALLEST = 0.8, 0.3
+#: How far facets may be off the surface before edges get shorter there, in edges.
+_GAP = 0.03
+#: What is accepted: relative change of volume, smallest dihedral angle (degrees).
+_VOLUME, _SHARPEST = 0.02, 1.0
+#: Share of the time limit after which Netgen is given up.
+_FIRST = 0.1
+
+
+@dataclass(frozen=True)
+class Tetrahedra:
+    """A mesh, and the `mesher` that made it: NETGEN or FTETWILD."""
+
+    mesh: TetMesh
+    mesher: str
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether the same surface gives the same mesh again."""
+        return self.mesher == NETGEN
 
 
 @dataclass(frozen=True)
@@ -32,11 +62,12 @@ def tetrahedralise(
     edge_length: float,
     on_step: Callable[[str], None] | None = None,
     time_limit: float = MeshSpec.time_limit,
-) -> TetMesh:
-    """Tets of about `edge_length` mm inside `surface`. Not repeatable: store the result.
+) -> Tetrahedra:
+    """Tets of about `edge_length` mm inside `surface`, smaller where its curvature asks for it: by
+    Netgen, and where that makes none that are sound, by fTetWild.
 
-    Raises MeshingError where the edge length does not fit the body, or the mesher fails or takes
-    more than `time_limit` s.
+    Raises MeshingError where the edge length does not fit the body, or both fail or take more than
+    `time_limit` s.
     """
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
     if edge_length < 1e-4 * size or 8.5 * surface.volume / edge_length**3 > 2e6:
@@ -51,40 +82,63 @@ def tetrahedralise(
         )
     if on_step:
         on_step("tetrahedralising")
+    try:
+        return Tetrahedra(_by_netgen(surface, edge_length, _FIRST * time_limit), NETGEN)
+    except MeshingError as error:
+        if on_step:
+            on_step(f"{error}; fTetWild is tried, which takes longer")
     epsilon = min(1e-3, 0.02 * edge_length / size)
-    nodes, tets = _mesh(surface, edge_length, epsilon, time_limit)
-    return _tidy(np.asarray(nodes, float), np.asarray(tets, np.int64))
+    task = {"edge_length": edge_length, "epsilon": epsilon}
+    return Tetrahedra(_tidy(*_run(ftetwild, "fTetWild", surface, task, time_limit)), FTETWILD)
 
 
-def _mesh(
-    surface: Surface, edge_length: float, epsilon: float, time_limit: float
+def _by_netgen(surface: Surface, edge_length: float, time_limit: float) -> TetMesh:
+    """Raises MeshingError where there is none, or none that is sound."""
+    task = {"edge_length": _LARGEST * edge_length, "points": np.zeros((0, 3)), "edges": []}
+    mesh = _tidy(*_run(netgen, "Netgen", surface, task, time_limit))
+    middles, gaps = facet_gaps(mesh, surface)
+    wide = gaps > _GAP * edge_length
+    if wide.any():  # where facets cut corners, edges as short as that takes
+        shrink = np.maximum(np.sqrt(_GAP * edge_length / gaps[wide]), _SMALLEST)
+        task |= {"points": middles[wide], "edges": shrink * _LARGEST * edge_length}
+        mesh = _tidy(*_run(netgen, "Netgen", surface, task, time_limit))
+    mesh = fit_boundary(mesh, surface)
+    found = quality(mesh, surface)
+    if abs(found.volume_change) > _VOLUME or found.boundary_deviation > edge_length:
+        raise MeshingError(
+            f"the mesh differs from the body by {100 * found.volume_change:.2g} % of its volume and"
+            f" {found.boundary_deviation:.2g} mm"
+        )
+    if found.min_dihedral < _SHARPEST:
+        raise MeshingError(f"a tet has an angle of {found.min_dihedral:.2g} degrees")
+    return mesh
+
+
+def _run(
+    mesher: ModuleType, name: str, surface: Surface, task: Mapping[str, Any], time_limit: float
 ) -> tuple[Float, Int]:
+    """Nodes and tets of a mesher in a process of its own. Raises MeshingError."""
     failure = Failure(
         MeshingError,
-        "the mesher",
+        name,
         "repair the body's surface",
         "use a larger [mesh] edge_length, or raise [mesh] time_limit in device.toml",
     )
 
     def give(folder: Path) -> None:
-        np.savez(
-            folder / ftetwild.IN,
-            vertices=surface.vertices,
-            faces=np.asarray(surface.faces, np.int32),
-            edge_length=edge_length,
-            epsilon=epsilon,
-        )
+        faces = np.asarray(surface.faces, np.int32)
+        np.savez(folder / mesher.IN, vertices=surface.vertices, faces=faces, **task)
 
     with (
-        finished(ftetwild.__name__, give, ftetwild.OUT, time_limit, failure) as folder,
-        np.load(folder / ftetwild.OUT) as made,
+        finished(mesher.__name__, give, mesher.OUT, time_limit, failure) as folder,
+        np.load(folder / mesher.OUT) as made,
     ):
         if "error" in made:
             raise MeshingError(
-                f"the mesher failed: {made['error']}; repair the body's surface, or use another"
+                f"{name} failed: {made['error']}; repair the body's surface, or use another"
                 " [mesh] edge_length"
             )
-        return made["nodes"], made["tets"]
+        return np.asarray(made["nodes"], float), np.asarray(made["tets"], np.int64)
 
 
 def _tidy(nodes: Float, tets: Int) -> TetMesh:

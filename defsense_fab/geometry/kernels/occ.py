@@ -19,6 +19,7 @@ from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.errors import BodyError, FabricationError
 from ...core.mesh import Surface
+from .canonical_facets import canonical
 from .cutting_tools import Frustum, Prism, Tool, frame
 
 #: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
@@ -97,12 +98,8 @@ def size(solid: Any) -> float:
 def tessellate(solid: Any, tolerance: float) -> Surface:
     """Closed triangle surface of a solid, no facet further than `tolerance` mm from it."""
     points, triangles = bd.Solid(solid).tessellate(tolerance, ANGLE)
-    v = np.array([[p.X, p.Y, p.Z] for p in points], float)
-    f = np.array(triangles, np.int64)
-    _, first, inverse = np.unique(np.round(v, 6), axis=0, return_index=True, return_inverse=True)
-    f = inverse.reshape(-1)[f]
-    f = f[(f[:, 0] != f[:, 1]) & (f[:, 1] != f[:, 2]) & (f[:, 2] != f[:, 0])]
-    return Surface(v[first], f)
+    vertices = np.array([[p.X, p.Y, p.Z] for p in points], float)
+    return Surface(*canonical(vertices, np.array(triangles, np.int64)))
 
 
 def tube(

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.arrays import Bool
 from ...core.mesh import TetMesh
+from ...geometry.bodies.tetrahedra import FTETWILD
 from . import typed_json
 from .build_folder import BUILD_AGAIN
 
@@ -39,7 +40,8 @@ class Accuracy:
 @dataclass(frozen=True)
 class MeshRecord:
     """`mesh.json`: hash of the mesh; edge length (mm), None before poses are known; counts;
-    smallest dihedral angle (degrees); boundary deviation (mm); relative change of volume."""
+    smallest dihedral angle (degrees); boundary deviation (mm); relative change of volume; which
+    `mesher` made it (that of all builds before it was told)."""
 
     SCHEMA: ClassVar[int] = 1
 
@@ -51,6 +53,7 @@ class MeshRecord:
     boundary_deviation: float
     volume_change: float
     accuracy: Accuracy | None = None
+    mesher: str = FTETWILD
 
 
 def save_mesh(folder: Path, mesh: TetMesh, regions: dict[str, Bool], record: MeshRecord) -> None:

@@ -11,8 +11,8 @@ from ...core.device import Device
 from ...core.errors import DeviceError
 from ...core.mesh import TetMesh
 from ...geometry.bodies.region_conforming import conform
-from ...geometry.bodies.tetrahedra import quality, tetrahedralise
-from ..artifacts import mesh_store
+from ...geometry.bodies.tetrahedra import FTETWILD, Tetrahedra, quality, tetrahedralise
+from ..artifacts import mesh_lock, mesh_store
 from ..artifacts.body import load_surface
 from ..artifacts.mesh import Accuracy, DensityTrial, MeshRecord, save_mesh
 from . import mesh_density
@@ -22,15 +22,22 @@ from .stages import Report
 def run(device: Device, folder: Path, report: Report) -> None:
     """Make the tetrahedra, at the density that was asked for."""
     surface = load_surface(folder)
+    locked = mesh_lock.read(device.source)
+    used: dict[float, Tetrahedra] = {}
 
     def make(edge_length: float) -> TetMesh:
-        made = mesh_store.recall(surface, edge_length)
+        key = mesh_lock.key(surface, edge_length)
+        if key in locked:
+            made: Tetrahedra | None = Tetrahedra(locked[key], FTETWILD)
+        else:
+            made = mesh_store.recall(surface, edge_length)
         if made is None:
             made = tetrahedralise(
                 surface, edge_length, lambda m: report(0.3, m), device.mesh.time_limit
             )
             mesh_store.remember(surface, edge_length, made)
-        return conform(made, list(device.regions.values()))
+        used[edge_length] = made
+        return conform(made.mesh, list(device.regions.values()))
 
     edge_length, accuracy = device.mesh.edge_length, None
     if edge_length is not None:
@@ -58,8 +65,20 @@ def run(device: Device, folder: Path, report: Report) -> None:
                 " or use a smaller [mesh] edge_length"
             )
     found = asdict(quality(mesh, surface))
-    record = MeshRecord(hash=mesh.digest, edge_length=edge_length, accuracy=accuracy, **found)
+    record = MeshRecord(
+        hash=mesh.digest, edge_length=edge_length, accuracy=accuracy,
+        mesher=(used[edge_length] if edge_length else next(iter(used.values()))).mesher, **found,
+    )  # fmt: skip
     save_mesh(folder, mesh, tags, record)
+    kept = {
+        mesh_lock.key(surface, edge): made.mesh
+        for edge, made in used.items()
+        if not made.repeatable
+    }
+    if kept.keys() - locked.keys():
+        mesh_lock.write(device.source, kept)
+        report(0.9, f"{mesh_lock.FILE} keeps the mesh, which cannot be made again: it belongs to"
+                    " the device as device.toml does")  # fmt: skip
 
 
 def _known(error: float) -> float | None:

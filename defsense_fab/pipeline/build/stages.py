@@ -12,10 +12,11 @@ from typing import Any
 
 from ...core.device import Device
 from ...core.files import digest
+from ..artifacts import mesh_lock
 from . import body_sources
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 15
+CODE_VERSION = 16
 
 Report = Callable[[float, str], None]
 
@@ -47,9 +48,11 @@ def _body_inputs(d: Device) -> Any:
 
 
 def _mesh_inputs(d: Device) -> Any:
-    """With `accuracy` the poses choose the mesh, so it depends on them too."""
+    """With `accuracy` the poses choose the mesh, so it depends on them too; `device.mesh` may have
+    been there before, or is what the stage left."""
     poses = plain((d.material, d.poses)) if d.mesh.accuracy else None
-    return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses)
+    locked = mesh_lock.content(d.source)
+    return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses, locked)
 
 
 def _cord_room(d: Device) -> Any:
@@ -102,7 +105,7 @@ STAGES = (
         ("mesh.vtu", "mesh.json"),
         _mesh_inputs,
         _runner("mesh"),
-        ("pytetwild",),
+        ("netgen-mesher", "pytetwild", "libigl"),
         _COARSER,
     ),
     Stage(

@@ -175,7 +175,7 @@ def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):
             found.extend(
                 int(line.split()[0])
                 for line in said.stdout.splitlines()
-                if str(tmp_path) in line and "ftetwild" in line
+                if str(tmp_path) in line and "netgen" in line
             )
         time.sleep(1)
         os.kill(os.getpid(), signal.SIGINT)

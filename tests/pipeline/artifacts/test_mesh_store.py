@@ -1,38 +1,45 @@
 """Meshes are kept by body and edge length, and a cache that fails does no harm."""
 
 import numpy as np
+import pytest
 
 from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.bodies.tetrahedra import NETGEN, Tetrahedra
 from defsense_fab.pipeline.artifacts import mesh_store
 
 
-def test_a_mesh_comes_back_for_the_same_body_only(bar, bar_mesh, tmp_path, monkeypatch):
+@pytest.fixture
+def made(bar_mesh):
+    return Tetrahedra(bar_mesh, NETGEN)
+
+
+def test_a_mesh_comes_back_for_the_same_body_only(bar, made, tmp_path, monkeypatch):
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path))
     assert mesh_store.recall(bar, 10.0) is None
-    mesh_store.remember(bar, 10.0, bar_mesh)
-    assert mesh_store.recall(bar, 10.0).digest == bar_mesh.digest
+    mesh_store.remember(bar, 10.0, made)
+    assert mesh_store.recall(bar, 10.0).mesh.digest == made.mesh.digest
     same = Surface(bar.vertices + 1e-9, bar.faces)
-    assert mesh_store.recall(same, 10.0).digest == bar_mesh.digest
+    assert mesh_store.recall(same, 10.0).mesh.digest == made.mesh.digest
     assert mesh_store.recall(bar, 9.0) is None
     assert mesh_store.recall(Surface(bar.vertices * 1.001, bar.faces), 10.0) is None
 
 
-def test_a_broken_or_forbidden_cache_is_no_cache(bar, bar_mesh, tmp_path, monkeypatch):
+def test_a_broken_or_forbidden_cache_is_no_cache(bar, made, tmp_path, monkeypatch):
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "file" / "cache"))
     (tmp_path / "file").write_text("not a folder")
-    mesh_store.remember(bar, 10.0, bar_mesh)
+    mesh_store.remember(bar, 10.0, made)
     assert mesh_store.recall(bar, 10.0) is None
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "good"))
-    mesh_store.remember(bar, 10.0, bar_mesh)
+    mesh_store.remember(bar, 10.0, made)
     (file,) = (tmp_path / "good").iterdir()
     file.write_bytes(file.read_bytes()[:100])
     assert mesh_store.recall(bar, 10.0) is None
 
 
-def test_the_oldest_go(bar, bar_mesh, tmp_path, monkeypatch):
+def test_the_oldest_go(bar, made, tmp_path, monkeypatch):
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path))
     monkeypatch.setattr(mesh_store, "KEPT", 2)
     for edge_length in np.arange(1.0, 5.0):
-        mesh_store.remember(bar, float(edge_length), bar_mesh)
+        mesh_store.remember(bar, float(edge_length), made)
     assert len(list(tmp_path.glob("*"))) == 2
     assert mesh_store.recall(bar, 4.0) is not None

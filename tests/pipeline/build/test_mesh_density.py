@@ -36,7 +36,7 @@ def test_the_accuracy_that_is_promised_is_kept(bar):
     regions = list(device.regions.values())
 
     def make(edge):
-        return conform(tetrahedralise(bar, edge), regions)
+        return conform(tetrahedralise(bar, edge).mesh, regions)
 
     choice = choose(device, bar, 0.02, make, lambda fraction, message: None)
     assert 0 < choice.taken.error <= 0.02

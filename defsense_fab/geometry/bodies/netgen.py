@@ -1,0 +1,79 @@
+"""Netgen in a process of its own: `python -m` this module, with a folder that holds `IN`.
+
+Its OpenCascade must not meet the one of the CAD libraries, and its native code may end the process.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import Float, Int
+from .child_process import end_with_parent
+
+IN, OUT = "surface.npz", "mesh.npz"
+_STL, _SIZES = "surface.stl", "sizes.txt"
+
+
+def main(folder: str) -> None:
+    """Read vertices, faces, largest edge (mm), and edges (k,) mm wanted at points (k, 3); write
+    nodes and tets, or the error."""
+    end_with_parent()
+    os.chdir(folder)
+    from netgen.libngpy._meshing import NgException
+    from netgen.stl import STLGeometry
+
+    found: dict[str, Any]
+    with np.load(IN) as given:
+        _write_stl(given["vertices"], given["faces"])
+        _write_sizes(given["points"], given["edges"])
+        largest = float(given["edge_length"])
+    try:
+        mesh = STLGeometry(_STL).GenerateMesh(maxh=largest, meshsizefilename=_SIZES)
+        found = {
+            "nodes": np.array([p.p for p in mesh.Points()]).reshape(-1, 3),
+            "tets": np.array(
+                [[v.nr - 1 for v in e.vertices] for e in mesh.Elements3D()], np.int64
+            ).reshape(-1, 4),
+        }
+    except (NgException, RuntimeError) as error:
+        found = {"error": " ".join(str(error).split()) or type(error).__name__}
+    except MemoryError:
+        found = {"error": "out of memory"}
+    np.savez("unfinished.npz", **found)
+    Path("unfinished.npz").replace(OUT)
+
+
+def _write_stl(vertices: Float, faces: Int) -> None:
+    """As text: the binary format has single precision."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals / np.where(lengths > 0, lengths, 1.0)
+    facet = (
+        "facet normal %.9g %.9g %.9g\nouter loop\n"
+        + "vertex %.12g %.12g %.12g\n" * 3
+        + "endloop\nendfacet\n"
+    )
+    rows = np.concatenate([normals, corners.reshape(-1, 9)], axis=1)
+    with Path(_STL).open("w", encoding="ascii") as file:
+        file.write("solid body\n")
+        file.writelines(facet % tuple(row) for row in rows)
+        file.write("endsolid body\n")
+
+
+def _write_sizes(points: Float, edges: Float) -> None:
+    """The points with the edges wanted there, and no lines."""
+    rows = "".join(
+        "%.9g %.9g %.9g %.9g\n" % (*p, h)  # noqa: UP031 - as in the STL
+        for p, h in zip(points, edges, strict=True)
+    )
+    Path(_SIZES).write_text(f"{len(points)}\n{rows}0\n", encoding="ascii")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

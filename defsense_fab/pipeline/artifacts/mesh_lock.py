@@ -1,0 +1,60 @@
+"""`device.mesh`: meshes that no mesher would give again, kept beside `device.toml`.
+
+It belongs to the device as a lock file does: with it, whoever builds the device has the same mesh,
+and so the same cords and parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+
+from ...core.errors import StorageError
+from ...core.files import digest, replacing
+from ...core.mesh import Surface, TetMesh
+
+FILE = "device.mesh"
+
+
+def key(surface: Surface, edge_length: float) -> str:
+    """What a mesh of this surface and edge length (mm) is called, whatever made it."""
+    vertices = np.round(surface.vertices, 6) + 0.0  # no negative zeros
+    return digest(float(edge_length), vertices.tobytes(), surface.faces.astype("<i8").tobytes())
+
+
+def content(device: Path) -> str | None:
+    """Hash of the file of a device's folder; None where there is none."""
+    path = device / FILE
+    return digest(path) if path.exists() else None
+
+
+def read(device: Path) -> dict[str, TetMesh]:
+    """The meshes by key; none where the folder has no such file. Raises StorageError."""
+    path = device / FILE
+    try:
+        with path.open("rb") as file, np.load(file) as data:
+            names = sorted({name.rpartition("/")[0] for name in data.files})
+            return {
+                name: TetMesh(data[f"{name}/nodes"], data[f"{name}/tets"].astype(np.int64))
+                for name in names
+            }
+    except FileNotFoundError:
+        return {}
+    except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
+        raise StorageError(
+            f"{path}: cannot be read as meshes ({error}); restore it, or delete it to have the body"
+            " meshed anew"
+        ) from None
+
+
+def write(device: Path, meshes: Mapping[str, TetMesh]) -> None:
+    """Keep these meshes and no others. Raises StorageError."""
+    arrays = {}
+    for name, mesh in sorted(meshes.items()):
+        arrays[f"{name}/nodes"] = mesh.nodes
+        arrays[f"{name}/tets"] = mesh.tets.astype(np.int32)
+    with replacing(device / FILE) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
