@@ -7,6 +7,7 @@ import json
 import sys
 from typing import TYPE_CHECKING, Any
 
+from ..decoding.unseen import MEANING
 from .device import device_arguments, overrides
 from .output import console, progress_bars, results, say, silent_stdout
 
@@ -57,6 +58,16 @@ def _percent(error: float | None) -> str:
     return "an unknown error" if error is None else f"{error:.2%}"
 
 
+def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
+    """What it costs to keep the affine map where another decoder was tried and does better."""
+    tried = layout["cross_validated"]
+    kept, best = layout["prediction"]["decoder"], min(tried, key=lambda k: tried[k])
+    if kept != "affine" or best == kept:
+        return []
+    return [f"note: cross-validated, the affine map has {tried[kept]:.2f} mm and {best}"
+            f" {tried[best]:.2f} mm; [design] decoder chooses"]  # fmt: skip
+
+
 def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     from rich.table import Table
 
@@ -75,24 +86,23 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     if "layout" in data:
         layout = data["layout"]
         first, best = layout["initial"], layout["prediction"]
-        table = Table(title="predicted RMSE, mm")
-        for column in (
-            "",
-            "as proposed" if layout["proposed"] else "as drawn",
-            "optimised",
-            "floor" if best["decoder"] == "affine" else "affine floor",
-        ):
+        table = Table(title=f"predicted RMSE, mm, {best['decoder']} decoder")
+        for column in ("", "as proposed" if layout["proposed"] else "as drawn", "optimised"):
             table.add_column(column, justify="right" if column else "left")
-        table.add_row("with noise", f"{first['rmse']:.3f}", f"{best['rmse']:.3f}", "")
-        table.add_row(
-            "without",
-            f"{first['rmse_noise_free']:.3f}",
-            f"{best['rmse_noise_free']:.3f}",
-            f"{best['floor']:.3f}",
-        )
         band = layout["band"]
-        table.add_row("90 % of devices", "", f"{band['low']:.2f} to {band['high']:.2f}", "")
+        table.add_row("built devices, unseen states", "", f"[bold]{band['median']:.2f}[/bold]")
+        table.add_row("  90 % of devices", "", f"{band['low']:.2f} to {band['high']:.2f}")
+        for label, key in (
+            ("as designed, unseen states", "unseen"),
+            ("  without noise", "unseen_noise_free"),
+            ("as designed, fitted states", "rmse"),
+            ("  without noise", "rmse_noise_free"),
+        ):
+            table.add_row(label, f"{first[key]:.3f}", f"{best[key]:.3f}")
+        table.add_row("floor of affine maps, all states", "", f"{best['floor']:.3f}")
         out.print(table)
+        say([f"note: {MEANING[best['how']]}"])
+        say(_cost_of_affine(layout))
     if "manifest" in data:
         manifest = data["manifest"]
         table = Table(title="parts")

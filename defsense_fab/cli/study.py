@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from ..core.errors import DeviceError
+from ..decoding.unseen import MEANING
 from .device import device_arguments, overrides
 from .output import console, progress_bars, results, say, silent_stdout
 
@@ -48,7 +49,7 @@ def _study(options: argparse.Namespace) -> int:
             rows = [
                 {k: v for k, v in vars(r).items() if k != "layout" and v == v} for r in found.rows
             ]
-            data = {"rows": rows, "knee": found.knee, "decoder": found.decoder}
+            data = {"rows": rows, "knee": found.knee, "decoder": found.decoder, "how": found.how}
             data["ended"] = found.ended
             files = {"file": str(found.file), "picture": str(found.picture)}
             sys.stdout.write(json.dumps({**data, **files}, indent=1) + "\n")
@@ -72,21 +73,17 @@ def _show_study(found: Study, options: argparse.Namespace) -> None:
 
     out = console()
     table = Table(title=f"predicted RMSE, mm, {found.decoder} decoder, by number of cords")
-    for column in ("cords", "with noise", "without", "held out", "affine floor", ""):
+    for column in ("cords", "on unseen states", "fitted", "without noise", "affine floor", ""):
         table.add_column(column, justify="right" if column else "left")
     for r in found.rows:
-        numbers = (r.rmse, r.rmse_noise_free, r.held_out, r.floor)
-        cells = ("-" if v != v else f"{v:.3f}" for v in numbers)
+        numbers = (r.unseen, r.rmse, r.rmse_noise_free, r.floor)
+        cells = (f"{v:.3f}" for v in numbers)
         mark = "recommended" if r.sensors == found.knee else ""
         table.add_row(str(r.sensors), *cells, mark)
     out.print(table)
     if found.ended:
         say([f"note: ended early: {found.ended}"])
-    if any(r.held_out != r.held_out for r in found.rows):
-        say([
-            "note: no states are held out; [states] held_out in device.toml tells how the layouts"
-            " do between the poses"
-        ])  # fmt: skip
+    say([f"note: {MEANING[found.how]}"])
     say([
         f"Look at: {found.picture}",
         f"Next:    [design] sensors = {found.knee} in {options.folder / 'device.toml'}, then"

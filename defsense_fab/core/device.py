@@ -119,11 +119,13 @@ class Pose:
 
 @dataclass(frozen=True)
 class StatesSpec:
-    """Fractions of each pose, and weighted mixtures of poses; held-out ones are only scored."""
+    """Fractions of each pose, and weighted mixtures of poses; held-out ones are only scored. Where
+    mixtures are not `given`, they are proposed, and those that cannot be solved are left out."""
 
     ramp: tuple[float, ...] = (1.0,)
     mixtures: tuple[Mapping[str, float], ...] = ()
     held_out: tuple[Mapping[str, float], ...] = ()
+    given: bool = True
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def load_device(
     design = top.table("design", required=False)
     wanted = _count(design, "sensors")
     planes = _count(design, "planes")
-    decoder = design.string("decoder", "affine")
+    decoder = design.string("decoder", "auto")
     design.choice("decoder", decoder, (*DECODERS, "auto"), "decoder")
     design.done()
     if complete and not sensors and not wanted:
@@ -72,7 +72,7 @@ def load_device(
         mesh=_mesh(top.table("mesh")),
         regions=regions,
         poses=poses,
-        states=read_states(top.table("states", required=False), [p.name for p in poses]),
+        states=read_states(top.table("states", required=False), poses),
         outputs=_outputs(top.table("outputs"), list(regions)),
         cord=cord,
         fabrication=fabrication,

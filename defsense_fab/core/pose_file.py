@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .arrays import Float
+from .default_states import RAMP, default_states
 from .device import Handle, PointDrag, Pose, RegionPressure, StatesSpec, SymmetryPlane
 from .toml_table import Table, is_number
 
@@ -159,16 +160,18 @@ def _weights(t: Table, key: str, poses: Sequence[str]) -> tuple[dict[str, float]
     return tuple(out)
 
 
-def read_states(t: Table, poses: Sequence[str]) -> StatesSpec:
-    """The `[states]` table; without one, every pose at full amplitude."""
-    ramp = t.array("ramp", (None,)) if t.has("ramp") else np.array([1.0])
+def read_states(t: Table, of: Sequence[Pose]) -> StatesSpec:
+    """The `[states]` table; without mixtures in it, those that cover what the poses span."""
+    poses = [p.name for p in of]
+    ramp = t.array("ramp", (None,)) if t.has("ramp") else np.array(RAMP)
     if len(ramp) == 0 or (ramp <= 0).any() or (ramp > 1).any():
         t.fail("ramp", "must be fractions above 0 and up to 1, for example [0.5, 1.0]")
-    spec = StatesSpec(
-        tuple(float(r) for r in np.unique(ramp)),
-        _weights(t, "mixtures", poses),
-        _weights(t, "held_out", poses),
-    )
+    fractions = tuple(float(r) for r in np.unique(ramp))
+    if t.has("mixtures") or t.has("held_out"):
+        mixtures, held_out = _weights(t, "mixtures", poses), _weights(t, "held_out", poses)
+        spec = StatesSpec(fractions, mixtures, held_out)
+    else:
+        spec = default_states(of, fractions)
     t.done()
     _refuse_twins(t, spec, poses)
     return spec

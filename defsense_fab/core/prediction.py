@@ -11,13 +11,19 @@ from typing import Any
 class Prediction:
     """Marker errors in mm. `rmse` counts the read-out's noise, `rmse_noise_free` does not.
 
-    `peak` and `average_peak` are those of the noise-free reconstruction; `floor` is the least
-    noise-free RMSE that any layout of as many cords can reach with an affine map; `per_state`
-    and `held_out` are RMSE by state, noise included.
+    `unseen` and `unseen_noise_free` are of the `tested` states, which the decoder was not trained
+    on, by `how` (see decoding/unseen.py); `floor` is the least noise-free RMSE over all states that
+    any layout of as many cords can reach with an affine map. `rmse`, `rmse_noise_free`, `peak` and
+    `average_peak` are of the states that it was trained on; `per_state` and `held_out` are RMSE by
+    state, noise included.
     """
 
     decoder: str
     noise: float
+    unseen: float
+    unseen_noise_free: float
+    tested: int
+    how: str
     rmse: float
     rmse_noise_free: float
     peak: float

@@ -178,7 +178,7 @@ def test_materials_by_hardness_constants_or_name(edit, text, young, model):
         ('translate = "free"', "translate = [1e9, 0, 0]", "beyond 100000"),
         ('fixed = ["base"]', 'fixed = ["base"]\ngravity = [0, 0, -1e200]', "gravity: .* beyond"),
         ("0.75, 1.0]", "0.75, 0.7500001, 1.0]", "nearly the same"),
-        ("held_out = [{ bend_up = 0.5,", "held_out = [{ ", "there already"),
+        ("0.75, 1.0]", "0.75, 1.0]\nheld_out = [{ twist = 0.5 }]", "there already"),
         (
             'name = "tango-black-plus"',
             'model = "mooney-rivlin"\nc10 = 0.1\nc01 = 0.1\npoisson_ratio = 0.4\nshore = "30A"',

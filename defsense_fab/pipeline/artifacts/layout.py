@@ -76,8 +76,8 @@ class LimitsRecord:
 
 @dataclass(frozen=True)
 class BandRecord:
-    """RMSE (mm) of built devices: median and the limits of 90 % of them, and the tolerances that
-    they were drawn with (see optimize/studies/tolerance_monte_carlo.py)."""
+    """RMSE (mm) of built devices on unseen states: median and the limits of 90 % of them, and the
+    tolerances that they were drawn with (see optimize/studies/tolerance_monte_carlo.py)."""
 
     median: float
     low: float
@@ -91,10 +91,10 @@ class BandRecord:
 @dataclass(frozen=True)
 class LayoutRecord:
     """`layout.json`. `mesh` is the hash of the mesh that it was designed on, `cross_validated` the
-    RMSE (mm) of each decoder on runs of states that it was not trained on, `initial` the
+    RMSE (mm) of each decoder on states left out of its training in turn, `initial` the
     prediction for the paths as `drawn`, each (p, 3) mm."""
 
-    SCHEMA: ClassVar[int] = 1
+    SCHEMA: ClassVar[int] = 2
 
     device: str
     mesh: str

@@ -12,6 +12,7 @@ from ...core.arrays import Bool, Float
 from ...core.device import DECODERS, Device
 from ...core.errors import DeviceError
 from ...core.mesh import Surface
+from ...decoding.unseen import UnseenStates, unseen_states
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...optimize.problem.problem import Limits, Problem
@@ -80,6 +81,11 @@ class DesignTask:
     names: tuple[str, ...]
     held_out: Bool
     points: Float
+
+    @property
+    def unseen(self) -> UnseenStates:
+        """The states by which the design is judged."""
+        return unseen_states(self.names, self.held_out)
 
     def decoded_by(self, kind: str) -> DesignTask:
         """The same for another decoder."""

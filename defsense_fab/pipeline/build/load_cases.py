@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.device import Device
+from ...core.errors import DeviceError
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.constraint_check import check_constraints, narrow
 from ...mechanics.loading.pose import mix
@@ -16,16 +17,19 @@ from ...mechanics.solver.batch import Job
 
 @dataclass(frozen=True)
 class Loading:
-    """One solve: weights of poses, the load fractions kept, and whether they are held out."""
+    """One solve: weights of poses, the load fractions kept, whether they are held out, and whether
+    it may be left out where it cannot be solved."""
 
     weights: Mapping[str, float]
     fractions: tuple[float, ...]
     held_out: bool
+    optional: bool = False
 
     def state(self, fraction: float) -> str:
+        """Its name at a fraction."""
         if len(self.weights) == 1 and next(iter(self.weights.values())) == 1.0:
             return f"{next(iter(self.weights))}@{fraction:g}"
-        return "+".join(f"{w:g}*{n}" for n, w in self.weights.items())
+        return "+".join(f"{w * fraction:g}*{n}" for n, w in self.weights.items())
 
 
 def loadings(device: Device) -> list[Loading]:
@@ -33,20 +37,45 @@ def loadings(device: Device) -> list[Loading]:
     s = device.states
     return [
         *(Loading({p.name: 1.0}, s.ramp, False) for p in device.poses),
-        *(Loading(m, (1.0,), False) for m in s.mixtures),
-        *(Loading(m, (1.0,), True) for m in s.held_out),
+        *_along(s.mixtures, False, not s.given),
+        *_along(s.held_out, True, not s.given),
     ]
+
+
+def _along(
+    mixtures: Sequence[Mapping[str, float]], held_out: bool, optional: bool
+) -> list[Loading]:
+    """Mixtures of which one is a part of another lie on one path of loading."""
+    paths: dict[tuple[tuple[str, float], ...], list[Mapping[str, float]]] = {}
+    for m in mixtures:
+        largest = max(abs(w) for w in m.values())
+        paths.setdefault(tuple((n, round(w / largest, 9)) for n, w in m.items()), []).append(m)
+    out = []
+    for same in paths.values():
+        sizes = [max(abs(w) for w in m.values()) for m in same]
+        whole = same[int(np.argmax(sizes))]
+        fractions = tuple(sorted(size / max(sizes) for size in sizes))
+        out.append(Loading(whole, fractions, held_out, optional))
+    return out
 
 
 def jobs(
     device: Device, mesh: QuadraticMesh, plan: Sequence[Loading]
-) -> tuple[list[Job], list[str]]:
-    """What to solve, and warnings. Raises DeviceError where a pose does not hold the body."""
-    out, warnings = [], []
+) -> tuple[list[Loading], list[Job], list[str]]:
+    """What to solve of a plan, how, and warnings. Raises DeviceError where a pose does not hold the
+    body, or poses that do not go together are to be mixed."""
+    kept, out, warnings = [], [], []
     for loading in plan:
-        conditions = mix(
-            device.poses, loading.weights, device.regions, mesh, device.material.density
-        )
+        try:
+            conditions = mix(
+                device.poses, loading.weights, device.regions, mesh, device.material.density
+            )
+        except DeviceError:
+            if not loading.optional:
+                raise
+            warnings.append(f"{' and '.join(loading.weights)} are not mixed: they do not agree")
+            continue
+        kept.append(loading)
         warnings += check_constraints(mesh, conditions, loading.state(loading.fractions[-1]))
         for name in sorted(
             {n for p in device.poses if loading.weights.get(p.name) for n in p.fixed}
@@ -54,4 +83,4 @@ def jobs(
             held = np.flatnonzero(device.regions[name].contains(mesh.nodes))
             warnings += narrow(mesh, held, name)
         out.append(Job(conditions, loading.fractions))
-    return out, list(dict.fromkeys(warnings))
+    return kept, out, list(dict.fromkeys(warnings))

@@ -158,7 +158,7 @@ def probing_lines(locator: PointLocator, rng: np.random.Generator) -> Float:
 def _measure(device: Device, mesh: QuadraticMesh, locator: PointLocator, lines: Float) -> Float:
     """Relative elongation of each line in each pose (pose, line); NaN where not reached."""
     plan = [Loading({p.name: 1.0}, (1.0,), False) for p in device.poses]
-    todo, _ = jobs(device, mesh, plan)
+    _, todo, _ = jobs(device, mesh, plan)
     solved = solve_all(mesh, Material.from_spec(device.material), todo)
     at = locator.find(lines.reshape(-1, 3))
     out = np.full((len(plan), len(lines)), np.nan)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,23 +12,21 @@ from ...core.device import Sensor
 from ...core.path_sampling import sample_path
 from ...core.prediction import Prediction
 from ...decoding.decoders import Trained, fit_decoder
-from ...decoding.folds import cross_validated
 from ...decoding.ridge import measure
+from ...decoding.unseen import UnseenStates, unseen_states
 from ...optimize.problem.problem import Problem
 from .design_task import DesignTask
 
 
-def unseen_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
-    """Expected RMSE (mm) of decoders on runs of states that they were not trained on."""
-    signals = np.stack(
-        [problem.signals(path) for path in [sample_path(s) for s in sensors]], axis=1
-    )
-    return cross_validated(
-        lambda seen, told: fit_decoder(problem.decoder, seen, told, problem.noise),
-        signals,
-        problem.outputs,
-        problem.noise,
-    )
+def unseen_error(task: DesignTask, sensors: Sequence[Sensor]) -> float:
+    """Expected RMSE (mm) of decoders on states that they were not trained on, of those that the
+    cords are designed for: by it decoders are compared, for held-out states are to stay unseen."""
+    problem = task.design
+    signals = np.stack([problem.signals(sample_path(s)) for s in sensors], axis=1)
+    names = [n for n, held in zip(task.names, task.held_out, strict=True) if not held]
+    left_out = unseen_states(names, np.zeros(len(names), bool))
+    flat = problem.markers.reshape(len(names), -1)
+    return _on_unseen(problem, left_out, signals, flat)[0]
 
 
 @dataclass(frozen=True)
@@ -57,17 +55,39 @@ def predict(task: DesignTask, paths: Sequence[Float]) -> Scored:
     every = measure(guess, problem.markers, problem.marker_weights)
     expected = np.sqrt(every.per_state**2 + variance)
     rmse = dict(zip(names, expected.tolist(), strict=True))
-    only = replace(problem, markers=problem.markers[seen_by])
+    unseen = task.unseen
+    off, free = _on_unseen(problem, unseen, signals, flat)
     prediction = Prediction(
         decoder=problem.decoder,
         noise=problem.noise,
+        unseen=off,
+        unseen_noise_free=free,
+        tested=len(unseen.tested),
+        how=unseen.how,
         rmse=float(np.sqrt((expected[seen_by] ** 2).mean())),
         rmse_noise_free=seen.rmse,
         peak=seen.peak,
         average_peak=seen.average_peak,
-        floor=only.floor(len(paths)),
+        floor=problem.floor(len(paths)),
         per_state={m: rmse[m] for m, h in zip(names, held, strict=True) if not h},
         held_out={m: rmse[m] for m, h in zip(names, held, strict=True) if h},
     )
     errors = np.linalg.norm(guess - problem.markers, axis=2)
     return Scored(prediction, signals, errors, decoder)
+
+
+def _on_unseen(
+    problem: Problem, unseen: UnseenStates, signals: Float, flat: Float
+) -> tuple[float, float]:
+    """RMSE (mm) with noise and without on the states tested, by decoders trained on the others."""
+    square = noisy = 0.0
+    shape = (-1, *problem.markers.shape[1:])
+    for seen, test in unseen.folds:
+        decoder = fit_decoder(problem.decoder, signals[seen], flat[seen], problem.noise)
+        guess = decoder(signals[test]).reshape(shape)
+        found = measure(guess, problem.markers[test], problem.marker_weights)
+        variance = decoder.noise_variance(signals[test], problem.noise).reshape(shape).sum(2)
+        square += float((found.per_state**2).sum())
+        noisy += float((variance @ problem.marker_weights).sum())
+    count = sum(len(test) for _, test in unseen.folds)
+    return float(np.sqrt((square + noisy) / count)), float(np.sqrt(square / count))

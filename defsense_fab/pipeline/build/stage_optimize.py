@@ -52,9 +52,15 @@ def run(device: Device, folder: Path, report: Report) -> None:
                 task.design, device.sensors, rng, show, extra=device.propose, planes=device.planes
             )
         )
-        tried[kind] = (unseen_error(task.design, found.sensors), found)
+        tried[kind] = (unseen_error(task, found.sensors), found)
     chosen = min(tried, key=lambda k: tried[k][0])
     task, found = task.decoded_by(chosen), tried[chosen][1]
+    errors = {  # of those not designed for: what they would make of the cords chosen
+        kind: tried[kind][0]
+        if kind in tried
+        else unseen_error(task.decoded_by(kind), found.sensors)
+        for kind in DECODERS
+    }
     problem = task.design
     initial = predict(task, [sample_path(s) for s in found.initial])
     final = predict(task, [sample_path(s) for s in found.sensors])
@@ -72,9 +78,10 @@ def run(device: Device, folder: Path, report: Report) -> None:
         min_clearance=check.min_clearance,
         warnings=(*risks(problem, found.sensors), *_uncalibrated(device, sensors)),
         prediction=final.prediction,
-        cross_validated={kind: error for kind, (error, _) in tried.items()},
+        cross_validated=errors,
         band=BandRecord(
-            **asdict(tolerance_band(problem, found.sensors, rng)), **asdict(Tolerances())
+            **asdict(tolerance_band(task.everything, found.sensors, rng, task.unseen)),
+            **asdict(Tolerances()),
         ),
         initial=initial.prediction,
         drawn=tuple(sample_path(s) for s in found.initial),

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
 
-from ...core.arrays import Float
+from ...core.arrays import Bool, Float
 from ...core.device import Device
 from ...core.mesh import Surface
 from ...decoding.decoders import fit_decoder
+from ...decoding.unseen import MEANING, unseen_states
 from ..artifacts.body import load_surface
 from ..artifacts.fields import field_path, load_fields, load_strain
 from ..artifacts.layout import load_layout, load_prediction
@@ -55,6 +57,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         layout=layout,
         manifest=manifest,
         mesh=load_mesh_record(folder),
+        meaning=MEANING,
         images=images,
         colors=pictures.COLORS,
         max=max,
@@ -78,14 +81,23 @@ def _section(rest: Float, u: Float) -> Float:
     return np.asarray(np.eye(3)[axes[(u[:, axes] ** 2).sum(0).argmin()]])
 
 
+def _fullest(names: Sequence[str], held_out: Bool) -> list[int]:
+    """Of each path of loading among states that are not held out, the one furthest along."""
+    seen = np.flatnonzero(~held_out)
+    paths = unseen_states(
+        ("rest", *(n for n, held in zip(names, held_out, strict=True) if not held)),
+        np.zeros(len(seen) + 1, bool),
+    ).paths
+    return sorted(int(seen[int(k[at.argmax()]) - 1]) for k, at in paths)
+
+
 def _poses(
     device: Device, folder: Path, kind: str, view: Float, report: Report
 ) -> list[dict[str, Any]]:
-    """Strain section and error map of each pose at full amplitude, and of each mixture."""
+    """Strain section and error map of each pose and mixture that was designed for, at its fullest,
+    and of the held-out state that is sensed worst."""
     found = load_fields(folder)
     names, fields = found.names, found.displacements
-    top = f"@{device.states.ramp[-1]:g}"
-    shown = [i for i, n in enumerate(names) if "@" not in n or n.endswith(top)]
     boundary = load_mesh(folder).boundary()
     used = np.unique(boundary.faces)
     index = np.zeros(len(boundary.vertices), int)
@@ -97,6 +109,10 @@ def _poses(
     flat = moved.reshape(len(moved), -1)
     decoder = fit_decoder(kind, signals[seen], flat[seen], device.cord.noise)
     error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
+    shown = _fullest(names, found.held_out)
+    held_out = np.flatnonzero(found.held_out)
+    if len(held_out):
+        shown.append(int(held_out[(error[held_out] ** 2).mean(axis=1).argmax()]))
     highest = float(np.percentile(error[shown], 99.5))
     out = []
     center = np.asarray(rest.min(0) + rest.max(0)) / 2

@@ -29,8 +29,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     (folder / FOLDER).mkdir()
     for stale in (device.source / "not-reached").glob("*@*.vtu"):
         stale.unlink()
-    plan = loadings(device)
-    todo, warnings = jobs(device, mesh, plan)
+    plan, todo, warnings = jobs(device, mesh, loadings(device))
     angle = load_mesh_record(folder).min_dihedral
     if angle < SLIVER:
         warnings.append(
@@ -48,10 +47,15 @@ def run(device: Device, folder: Path, report: Report) -> None:
 
     index = []
     for loading, results in zip(plan, solve_all(mesh, material, todo, show), strict=True):
-        _refuse_unreached(device, mesh, loading, results[-1])
-        for fraction, result in zip(loading.fractions, results, strict=True):
-            assert result.u is not None
+        if not loading.optional:
+            _refuse_unreached(device, mesh, loading, results[-1])
+        for fraction, result in zip(loading.fractions, results, strict=not loading.optional):
             name = loading.state(fraction)
+            if loading.optional and not (result.converged and result.problem is None):
+                why = result.problem or "it did not converge"
+                warnings.append(f"the proposed state {name} is left out: {why}")
+                continue
+            assert result.u is not None
             stats = {k: v for k, v in asdict(result.statistics).items() if k != "seconds"}
             save_field(field_path(folder, name), mesh, result.u, stats)
             index.append(StateRecord(name, loading.held_out, result.status, **stats))

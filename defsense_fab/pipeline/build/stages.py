@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
+from ...core.blas_threads import one_blas_thread
 from ...core.device import Device
 from ...core.files import digest
 from ..artifacts import mesh_lock
 from . import body_sources
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 16
+CODE_VERSION = 18
 
 Report = Callable[[float, str], None]
 
@@ -82,7 +84,9 @@ def _runner(name: str) -> Callable[[Device, Path, Report], None]:
 
     def run(device: Device, folder: Path, report: Report) -> None:
         module = import_module(f"{__package__}.stage_{name}")
-        module.run(device, folder, report)
+        # The solver of the poses gives the same with any number of threads, and gains from them.
+        with nullcontext() if name == "simulate" else one_blas_thread():
+            module.run(device, folder, report)
 
     return run
 

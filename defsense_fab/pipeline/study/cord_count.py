@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...core.blas_threads import one_blas_thread
 from ...core.device import Device
 from ...core.errors import LayoutError
 from ...core.files import digest, storage_errors
@@ -25,12 +26,13 @@ FILE, PICTURE = "study.json", "study.png"
 
 @dataclass(frozen=True)
 class Study:
-    """Rows by number of cords, the number recommended, the decoder that they are for, why the study
-    ends early if it does, the files."""
+    """Rows by number of cords, the number recommended, the decoder that they are for, how there are
+    unseen states (see decoding/unseen.py), why the study ends early if it does, the files."""
 
     rows: tuple[Row, ...]
     knee: int
     decoder: str
+    how: str
     ended: str
     file: Path
     picture: Path
@@ -65,33 +67,33 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     )
     ended = ""
     try:
-        for count, layout in search:
-            prediction = predict(task, [sample_path(s) for s in layout]).prediction
-            unseen = np.array(list(prediction.held_out.values()))
-            found.append(
-                Row(
-                    count,
-                    prediction.rmse,
-                    prediction.rmse_noise_free,
-                    float(np.sqrt((unseen**2).mean())) if len(unseen) else float("nan"),
-                    task.design.floor(count),
-                    begun,
-                    layout,
+        with one_blas_thread():
+            for count, layout in search:
+                prediction = predict(task, [sample_path(s) for s in layout]).prediction
+                found.append(
+                    Row(
+                        count,
+                        prediction.unseen,
+                        prediction.rmse,
+                        prediction.rmse_noise_free,
+                        prediction.floor,
+                        begun,
+                        layout,
+                    )
                 )
-            )
-            rows = [r for r in rows if (r.begun, r.sensors) != (begun, count)] + found[-1:]
-            with storage_errors(folder):
-                write_rows(folder / FILE, key, rows)
+                rows = [r for r in rows if (r.begun, r.sensors) != (begun, count)] + found[-1:]
+                with storage_errors(folder):
+                    write_rows(folder / FILE, key, rows)
     except LayoutError as error:
         if not found:
             raise
         ended = str(error)
     shown = tuple(r for r in found if least <= r.sensors <= most)
-    best = knee([r.sensors for r in shown], np.array([r.rmse for r in shown]))
+    best = knee([r.sensors for r in shown], np.array([r.unseen for r in shown]))
     with storage_errors(folder):
         _draw(shown, best, device.name, folder / PICTURE)
-    kind = task.everything.decoder
-    return Study(shown, best, kind, ended, folder / FILE, folder / PICTURE)
+    kind, how = task.everything.decoder, task.unseen.how
+    return Study(shown, best, kind, how, ended, folder / FILE, folder / PICTURE)
 
 
 def _draw(rows: tuple[Row, ...], best: int, name: str, path: Path) -> None:
@@ -102,10 +104,10 @@ def _draw(rows: tuple[Row, ...], best: int, name: str, path: Path) -> None:
     axis = figure.subplots()
     counts = [r.sensors for r in rows]
     for label, values, style in (
-        ("held-out states", [r.held_out for r in rows], "s--"),
-        ("predicted, with noise", [r.rmse for r in rows], "o-"),
-        ("without noise", [r.rmse_noise_free for r in rows], "o:"),
-        ("affine floor, without noise", [r.floor for r in rows], "-"),
+        ("on unseen states", [r.unseen for r in rows], "s-"),
+        ("fitted, with noise", [r.rmse for r in rows], "o--"),
+        ("fitted, without noise", [r.rmse_noise_free for r in rows], "o:"),
+        ("floor of affine maps, all states", [r.floor for r in rows], "-"),
     ):
         shown = np.where(np.array(values) > 1e-4, values, np.nan)
         if np.isfinite(shown).any():

@@ -12,7 +12,8 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Array, InlineTable, Table
 
 from ...core.arrays import Float
-from ...core.device import Device
+from ...core.default_states import default_states
+from ...core.device import Device, Handle, Pose
 from ...core.errors import DeviceError
 from ...core.files import storage_errors, write_text
 from ...core.progress import Progress, silent
@@ -97,6 +98,8 @@ def _continued(before: str, text: str) -> str:
     if isinstance(regions := device.get("regions"), InlineTable):
         for name, region in added.pop("regions", {}).items():
             regions[name] = _inline(region)
+    if "states" in device or "poses" in device:  # they are not those of the new poses alone
+        added.pop("states", None)
     if isinstance(poses := device.get("poses"), Array):
         for pose in added.pop("poses", []):
             poses.append(_inline(pose))
@@ -137,7 +140,27 @@ def as_toml(poses: list[ProposedPose], fixed: str, region: str = END) -> str:
         pose.update({"name": p.name, "fixed": [fixed], "handles": tomlkit.aot()})
         pose["handles"].append(handle)
         document["poses"].append(pose)
+    document["states"] = _states(poses, fixed, region)
     return tomlkit.dumps(document)
+
+
+def _states(poses: list[ProposedPose], fixed: str, region: str) -> Table:
+    """What the cords are designed for and judged by, as it would be without the table."""
+    spec = default_states(
+        [Pose(p.name, (fixed,), (Handle(region, p.rotation, p.translation),)) for p in poses]
+    )
+    table = tomlkit.table()
+    table.comment("cords are designed for ramp and mixtures, and judged by held_out")
+    table["ramp"] = _numbers(np.array(spec.ramp))
+    for key, mixtures in (("mixtures", spec.mixtures), ("held_out", spec.held_out)):
+        if mixtures:
+            rows = tomlkit.array()
+            for mixture in mixtures:
+                row = tomlkit.inline_table()
+                row.update({name: _plain(weight) for name, weight in mixture.items()})
+                rows.append(row)
+            table[key] = rows.multiline(True)
+    return table
 
 
 def _numbers(vector: Float) -> list[float]:

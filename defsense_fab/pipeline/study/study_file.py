@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-
 from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.errors import StorageError
@@ -18,16 +16,17 @@ from ..artifacts.layout import CordPath
 
 @dataclass(frozen=True)
 class Row:
-    """RMSE in mm of the best layout of up to so many cords: on the states that it was designed on,
-    with the read-out's noise and without, on those held out (nan without any); the affine floor.
+    """RMSE in mm of the best layout of up to so many cords: on unseen states with the read-out's
+    noise, on the states that it was designed on with it and without, the floor of affine
+    maps over all states.
 
     Layouts grow out of those before: a row belongs to the chain that was `begun` at some number.
     """
 
     sensors: int
+    unseen: float
     rmse: float
     rmse_noise_free: float
-    held_out: float
     floor: float
     begun: int
     layout: Layout
@@ -57,12 +56,12 @@ class _StudiedCord(CordPath):
 
 @dataclass(frozen=True)
 class _RowRecord:
-    """A `Row` in `study.json`; no held-out error is None."""
+    """A `Row` in `study.json`."""
 
     sensors: int
+    unseen: float
     rmse: float
     rmse_noise_free: float
-    held_out: float | None
     floor: float
     begun: int
     layout: tuple[_StudiedCord, ...]
@@ -72,7 +71,7 @@ class _RowRecord:
 class _StudyRecord:
     """`study.json`: the rows, and the hash of what they were found for."""
 
-    SCHEMA: ClassVar[int] = 1
+    SCHEMA: ClassVar[int] = 2
 
     key: str
     rows: tuple[_RowRecord, ...]
@@ -80,14 +79,12 @@ class _StudyRecord:
 
 def _read(record: _RowRecord) -> Row:
     layout = tuple(replace(c.sensor(), plane=Plane(c.plane.origin, c.axes)) for c in record.layout)
-    held_out = float("nan") if record.held_out is None else record.held_out
-    return Row(**{**vars(record), "held_out": held_out, "layout": layout})
+    return Row(**{**vars(record), "layout": layout})
 
 
 def _write(row: Row) -> _RowRecord:
     layout = tuple(_StudiedCord(**vars(CordPath.of(s)), axes=s.plane.axes) for s in row.layout)
-    held_out = None if np.isnan(row.held_out) else row.held_out
-    return _RowRecord(**{**vars(row), "held_out": held_out, "layout": layout})
+    return _RowRecord(**{**vars(row), "layout": layout})
 
 
 def chain(rows: list[Row], least: int) -> list[Row]:

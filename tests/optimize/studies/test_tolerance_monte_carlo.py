@@ -8,11 +8,19 @@ from sklearn.linear_model import Ridge
 
 from defsense_fab.core.curve import catmull_rom
 from defsense_fab.core.path_sampling import sample_path
+from defsense_fab.decoding.unseen import HELD_OUT, NONE, UnseenStates
 from defsense_fab.optimize.refinement.refine import layout_error
 from defsense_fab.optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band
 from defsense_fab.sensing.signal import signals
 
+TWISTS = np.array([-1, -0.5, 0.5, 1])  # of the states of `problem`
 EXACT = Tolerances(offset=0, gauge=0, amplitude=0)
+
+
+def every(problem):
+    """All states are trained on and tested."""
+    k = np.arange(len(problem.markers))
+    return UnseenStates(NONE, ((k, k),), ((k[1:], TWISTS),))
 
 
 def random_layout(straight, rng):
@@ -53,7 +61,7 @@ def test_the_band_holds_nine_devices_of_ten(problem, straight):
     ratios, inside = [], []
     for _ in range(20):
         layout = random_layout(straight, rng)
-        band = tolerance_band(problem, layout, rng, draws=100)
+        band = tolerance_band(problem, layout, rng, every(problem), draws=100)
         measured = [built(problem, layout, rng) for _ in range(3)]
         ratios += [m / layout_error(problem, layout) for m in measured]
         inside += [band.low <= m <= band.high for m in measured]
@@ -63,8 +71,23 @@ def test_the_band_holds_nine_devices_of_ten(problem, straight):
 
 def test_without_tolerances_the_band_is_about_the_expected_error(problem, straight):
     layout = random_layout(straight, np.random.default_rng(1))
-    band = tolerance_band(problem, layout, np.random.default_rng(2), tolerances=EXACT)
+    band = tolerance_band(
+        problem, layout, np.random.default_rng(2), every(problem), tolerances=EXACT
+    )
     assert band.low < layout_error(problem, layout) < band.high
     assert band.median == pytest.approx(layout_error(problem, layout), rel=0.02)
-    wide = tolerance_band(problem, layout, np.random.default_rng(2))
+    wide = tolerance_band(problem, layout, np.random.default_rng(2), every(problem))
     assert wide.high - wide.low > 2 * (band.high - band.low)
+
+
+def test_states_that_are_held_out_cost_more_than_those_fitted(problem, straight):
+    """The full amplitudes are tested by decoders that know the smaller ones alone: what is neither
+    noise nor tolerance shows in the band."""
+    layout = random_layout(straight, np.random.default_rng(1))
+    k = np.arange(len(problem.markers))
+    size = np.linalg.norm(problem.markers, axis=2).mean(axis=1)
+    far = size > np.quantile(size, 0.7)
+    held = UnseenStates(HELD_OUT, ((k[~far], k[far]),), ((k[1:], TWISTS),))
+    fitted = tolerance_band(problem, layout, np.random.default_rng(2), every(problem), draws=50)
+    unseen = tolerance_band(problem, layout, np.random.default_rng(2), held, draws=50)
+    assert unseen.median > 1.2 * fitted.median

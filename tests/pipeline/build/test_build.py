@@ -84,9 +84,13 @@ def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
 def test_layout_and_manifest_hold_what_was_agreed(device):
     layout = json.loads((device / "build" / "layout.json").read_text())
     assert layout["prediction"]["rmse"] < layout["initial"]["rmse"] / 5
-    assert layout["prediction"]["rmse_noise_free"] >= layout["prediction"]["floor"]
+    assert layout["prediction"]["unseen_noise_free"] < layout["prediction"]["unseen"]
+    assert layout["prediction"]["how"] == "held out"
+    assert layout["prediction"]["tested"] == len(layout["prediction"]["held_out"]) == 4
+    assert set(layout["cross_validated"]) == {"affine", "quadratic", "kernel"}
     assert 0 < layout["band"]["low"] < layout["band"]["median"] < layout["band"]["high"]
-    assert layout["band"]["median"] == pytest.approx(layout["prediction"]["rmse"], rel=0.3)
+    # Each device is trained on states that are not quite those of the design.
+    assert 0.8 < layout["band"]["median"] / layout["prediction"]["unseen"] < 2.5
     assert layout["mesh"] == json.loads((device / "build" / "mesh.json").read_text())["hash"]
     for s in layout["sensors"]:
         assert len(s["points"]) >= 100
@@ -104,7 +108,9 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
         assert c["resistance"] == pytest.approx(14.5 * (c["cut_length"] - c["slack"] - 7.0))
         assert c["range"][0] <= c["resistance"] <= c["range"][1]
     page = (device / "build" / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 2 + 2 * 5  # three poses, two mixtures
+    assert (
+        page.count("data:image/png;base64,") == 2 + 2 * 6
+    )  # three poses, two mixtures, the worst unseen
     assert "://" not in page  # no base64 picture can hold a colon
 
 
@@ -182,7 +188,6 @@ def test_a_pose_that_no_body_can_take_is_one_line(copy, capsys):
     before = snapshot(copy / "build")
     change(copy, "[[140, -16, -16], [151", "[[10.000001, -16, -16], [151")
     change(copy, 'translate = "free"', "translate = [-60, 0, 0]")
-    change(copy, "held_out = ", "# held_out = ")
     assert main(["build", str(copy)]) == 2
     assert "'bend_up@1' did not converge beyond" in capsys.readouterr().err
     assert snapshot(copy / "build") == before

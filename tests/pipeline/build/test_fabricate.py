@@ -68,7 +68,9 @@ def layout(cube, made):
         )
         for k, (s, c) in enumerate(zip(device.sensors, made.channels, strict=True))
     )  # fmt: skip
-    prediction = Prediction("affine", 0.002, 1.0, 0.9, 2.0, 1.5, 0.1, {"rest": 0.0}, {})
+    prediction = Prediction(
+        "affine", 0.002, 1.2, 1.1, 3, "held out", 1.0, 0.9, 2.0, 1.5, 0.1, {"rest": 0.0}, {}
+    )
     return LayoutRecord(
         device.name, "hash", LimitsRecord(1.2, 5.0, 3.4), cords, 4.0, (), prediction, {},
         BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 600), prediction, (), False, (), 1,

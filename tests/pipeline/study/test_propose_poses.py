@@ -47,6 +47,11 @@ def test_the_text_says_what_is_meant_and_numbers_are_short():
     assert "degrees = 30}" in text
     assert "translate = [15, 0, 0.25]\n" in text
     assert text.count("# mode of 12.3 Hz") == 2
+    # A free end and one that is moved are not mixed, so that each pose is held out in between.
+    assert data["states"] == {
+        "ramp": [0.25, 0.5, 0.75, 1],
+        "held_out": [{"bend": 0.875}, {"stretch": 0.875}],
+    }
     assert as_toml([], "base") == ""
 
 
@@ -59,6 +64,8 @@ def test_what_someone_wrote_stays_as_it_is(tmp_path):
     data = tomllib.loads(text)
     assert list(data["regions"]) == ["base", "far_end"]
     assert [p["name"] for p in data["poses"]] == ["up", "bend", "stretch"]
+    assert "states" not in data  # those of the new poses alone are not the device's
+    assert "states" in tomllib.loads(added(tmp_path, HEAD))
 
 
 def test_tables_and_arrays_in_one_line_are_continued_inside(tmp_path):

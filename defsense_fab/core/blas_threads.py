@@ -1,0 +1,17 @@
+"""Linear algebra in one thread, whose sums do not depend on how many cores there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Within it the BLAS libraries that are loaded use one thread: with several, results differ in
+    their last digits, and a search can end elsewhere. Matrices here are too small to gain from
+    more."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "blas"):
+        yield
