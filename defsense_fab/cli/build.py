@@ -7,7 +7,6 @@ import json
 import sys
 from typing import TYPE_CHECKING, Any
 
-from ..decoding.unseen import MEANING
 from .device import device_arguments, overrides
 from .output import console, progress_bars, results, say, silent_stdout
 
@@ -70,6 +69,8 @@ def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
 
 def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     from rich.table import Table
+
+    from ..decoding.unseen import MEANING
 
     out = console()
     if not data["made"]:

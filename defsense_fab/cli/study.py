@@ -8,7 +8,6 @@ import sys
 from typing import TYPE_CHECKING
 
 from ..core.errors import DeviceError
-from ..decoding.unseen import MEANING
 from .device import device_arguments, overrides
 from .output import console, progress_bars, results, say, silent_stdout
 
@@ -70,6 +69,8 @@ def _range(text: str) -> tuple[int, int]:
 
 def _show_study(found: Study, options: argparse.Namespace) -> None:
     from rich.table import Table
+
+    from ..decoding.unseen import MEANING
 
     out = console()
     table = Table(title=f"predicted RMSE, mm, {found.decoder} decoder, by number of cords")

@@ -1,0 +1,140 @@
+"""Whether built devices keep what was told of them: random states of the pose space, solved afresh.
+
+    python -m benchmarks.promise fixtures/devices/bar fixtures/devices/blob
+    python -m benchmarks.promise my-device --states 50 --devices 30 --seed 0 --edge 0.75
+
+Each device folder is built up to its layout. Then everything is solved again on a mesh with edges
+of `--edge` times the length and with a Mooney-Rivlin material of the same small-strain moduli (a
+third of mu / 2 in c01) in place of the device's: the states that the device is trained on, and
+random ones of one to three poses that go together, each 0.2 to 1.2 of its amplitude. Built devices
+have cords shifted as a whole by up to 0.3 mm, gauge factors 5 % off and noise; each is trained on
+its own readings of its own training states. Their RMSE on the random states is compared with the
+promised band; `inside` are states within the amplitudes that were designed for, `beyond` the
+others.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from defsense_fab.core.arrays import Float
+from defsense_fab.core.default_states import agree, opposite
+from defsense_fab.core.device import Device
+from defsense_fab.core.device_file import load_device
+from defsense_fab.decoding.decoders import fit_decoder
+from defsense_fab.geometry.bodies.region_conforming import conform
+from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.mechanics.elements.material import Material, split
+from defsense_fab.mechanics.elements.point_location import PointLocator
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.mechanics.solver.batch import solve_all
+from defsense_fab.pipeline.artifacts.body import load_surface
+from defsense_fab.pipeline.artifacts.layout import LayoutRecord, load_layout, load_prediction
+from defsense_fab.pipeline.artifacts.mesh import load_mesh_record
+from defsense_fab.pipeline.build.build import build
+from defsense_fab.pipeline.build.load_cases import Loading, jobs, loadings
+from defsense_fab.sensing.response import response_of
+from defsense_fab.sensing.signal import signals
+
+
+def law(device: Device) -> Material:
+    """Mooney-Rivlin of the device's small-strain moduli."""
+    e, nu = device.material.young_modulus, device.material.poisson_ratio
+    mu, kappa = e / (2 * (1 + nu)), e / (3 * (1 - 2 * nu))
+    return split(kappa, mu / 3, c01=mu / 6, model="mooney-rivlin")
+
+
+def random_states(device: Device, count: int, rng: np.random.Generator) -> list[Loading]:
+    """Of one to three poses that go together, 0.2 to 1.2 of each."""
+    out: list[Loading] = []
+    while len(out) < count:
+        chosen: list[int] = []
+        for k in rng.permutation(len(device.poses))[: rng.integers(1, 4)]:
+            pose = device.poses[k]
+            others = [device.poses[i] for i in chosen]
+            if all(agree(pose, o) and not opposite(pose, o) for o in others):
+                chosen.append(int(k))
+        weights = {device.poses[k].name: float(rng.uniform(0.2, 1.2)) for k in chosen}
+        out.append(Loading(weights, (1.0,), True, optional=True))
+    return out
+
+
+def measured(
+    device: Device, layout: LayoutRecord, folder: Path, options: argparse.Namespace
+) -> tuple[Float, Float, list[Loading]]:
+    """RMSE (mm) of devices (d, states) on the random states, and which were solved."""
+    rng = np.random.default_rng(options.seed)
+    surface = load_surface(folder)
+    edge = load_mesh_record(folder).edge_length
+    assert edge is not None
+    mesh = tetrahedralise(surface, options.edge * edge).mesh
+    fine = QuadraticMesh.from_linear(conform(mesh, list(device.regions.values())))
+    taught = [x for x in loadings(device) if not x.held_out]
+    plan, todo, _ = jobs(device, fine, [*taught, *random_states(device, options.states, rng)])
+    fields, test, kept = [np.zeros_like(fine.nodes)], [False], []
+    for loading, results in zip(plan, solve_all(fine, law(device), todo), strict=True):
+        for result in results:
+            if result.u is not None and result.problem is None:
+                fields.append(result.u)
+                test.append(loading.held_out)
+                if loading.held_out:
+                    kept.append(loading)
+    u, tested = np.stack(fields), np.array(test)
+    locator = PointLocator(fine)
+    points = load_prediction(folder).markers
+    markers = locator.displacement(locator.find(points), u)
+    flat = markers.reshape(len(u), -1)
+    response, noise = response_of(device.cord.response), device.cord.noise
+    errors = []
+    for _ in range(options.devices):
+        columns = []
+        for cord in layout.by_channel():
+            path = cord.points + rng.uniform(-0.3, 0.3, 3)
+            moved = path + locator.displacement(locator.find(path), u[1:])
+            gauge = 1 + rng.normal(0, 0.05)
+            columns.append(np.append(0.0, gauge * signals(path, moved, response)))
+        S = np.stack(columns, axis=1)
+        decoder = fit_decoder(layout.prediction.decoder, S[~tested], flat[~tested], noise)
+        read = S[tested] + rng.normal(0, noise, S[tested].shape)
+        off = (decoder(read) - flat[tested]).reshape(len(read), -1, 3)
+        errors.append(np.sqrt((off**2).sum(2).mean(1)))
+    return np.array(errors), u, kept
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", nargs="+", type=Path)
+    parser.add_argument("--states", type=int, default=50)
+    parser.add_argument("--devices", type=int, default=30)
+    parser.add_argument("--edge", type=float, default=0.75)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    print(
+        "device            decoder    promised (90 %)        all   inside  beyond  singles mixtures"
+    )
+    for path in options.folder:
+        device = load_device(path)
+        folder = build(device, "optimize").folder
+        layout = load_layout(folder)
+        errors, _, states = measured(device, layout, folder, options)
+        inside = np.array([max(s.weights.values()) <= 1 for s in states])
+        single = np.array([len(s.weights) == 1 for s in states])
+
+        def rms(which: np.ndarray, errors: Float = errors) -> float:
+            return float(np.median(np.sqrt((errors[:, which] ** 2).mean(axis=1))))
+
+        band = layout.band
+        found = [rms(np.ones(len(states), bool)), *map(rms, (inside, ~inside, single, ~single))]
+        told = f"{band.median:.2f} ({band.low:.2f}-{band.high:.2f})"
+        print(f"{device.name:<17} {layout.prediction.decoder:<10} {told:<20}"
+              + "".join(f"{value:8.2f}" for value in found)
+              + ("" if found[1] <= band.high else "   over"), flush=True)  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
