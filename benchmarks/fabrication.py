@@ -82,8 +82,8 @@ def load(name: str, cell: float | None):
 
 
 def parts(device, body, seed: int | None) -> dict:
-    from defsense_fab.pipeline.build.design_task import limits
-    from defsense_fab.pipeline.build.stage_fabricate import fabricate
+    from defsense_fab.pipeline.design.as_built import fabricate
+    from defsense_fab.pipeline.design.design_task import limits
     from tests.geometry.parts.random_layouts import random_layout
 
     coarse = load(device.name, None)[0].surface

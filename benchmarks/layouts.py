@@ -38,8 +38,8 @@ from defsense_fab.optimize.search.candidate_families import through
 from defsense_fab.optimize.search.candidates import build_pool
 from defsense_fab.optimize.search.starting_layouts import choices, seeds
 from defsense_fab.pipeline.build import build
-from defsense_fab.pipeline.build.design_task import DesignTask, load_task
-from defsense_fab.pipeline.build.predict import predict
+from defsense_fab.pipeline.design.design_task import DesignTask, load_task
+from defsense_fab.pipeline.design.predict import predict
 
 BAR = Path("fixtures/devices/bar")
 

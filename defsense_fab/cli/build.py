@@ -67,6 +67,19 @@ def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
             f" {tried[best]:.2f} mm; [design] decoder chooses"]  # fmt: skip
 
 
+def _weighed(trials: list[dict[str, Any]]) -> list[str]:
+    """The layouts that were made on trial, where there were several."""
+    if len(trials) < 2:
+        return []
+    said = [
+        f"{t['built']:.2f} mm in {t['parts']} parts{' (taken)' if t['chosen'] else ''}"
+        if t["problem"] is None
+        else f"{t['designed']:.2f} mm, which cannot be made"
+        for t in trials
+    ]
+    return [f"layouts weighed, fitted states as built: {'; '.join(dict.fromkeys(said))}"]
+
+
 def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     from rich.table import Table
 
@@ -104,6 +117,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
         out.print(table)
         say([f"note: {MEANING[best['how']]}"])
         say(_cost_of_affine(layout))
+        say(_weighed(layout["weighed"]))
     if "manifest" in data:
         manifest = data["manifest"]
         table = Table(title="parts")

@@ -187,12 +187,15 @@ class Sensor:
 
 #: What the map from readings to positions may be; see `decoding/decoders.py`.
 DECODERS = ("affine", "quadratic", "kernel")
+#: What is preferred among layouts that are about as good.
+PREFERENCES = ("simple", "accuracy")
 
 
 @dataclass(frozen=True)
 class Device:
     """All that a build needs to know; `source` is the folder of `device.toml`, `propose` the number
-    of cords to find besides those drawn, `planes` the most planes that they may take, or None."""
+    of cords to find besides those drawn, `planes` the most planes that they may take, or None;
+    among layouts that are about as good `prefer` takes the simplest one or the most accurate."""
 
     name: str
     source: Path
@@ -209,6 +212,7 @@ class Device:
     propose: int
     planes: int | None
     decoder: str
+    prefer: str = "simple"
 
     @property
     def channel_diameter(self) -> float:

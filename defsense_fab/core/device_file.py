@@ -12,6 +12,7 @@ from .catalogue import read_rows
 from .curve import Hermite, Plane, catmull_rom
 from .device import (
     DECODERS,
+    PREFERENCES,
     BaySpec,
     BodyKind,
     BodySpec,
@@ -59,6 +60,8 @@ def load_device(
     planes = _count(design, "planes")
     decoder = design.string("decoder", "auto")
     design.choice("decoder", decoder, (*DECODERS, "auto"), "decoder")
+    prefer = design.string("prefer", PREFERENCES[0])
+    design.choice("prefer", prefer, PREFERENCES, "preference")
     design.done()
     if complete and not sensors and not wanted:
         top.fail("sensors", "draw [[sensors]] with planes and paths, or give [design] sensors = 3")
@@ -80,6 +83,7 @@ def load_device(
         propose=(wanted or len(sensors)) - len(sensors),
         planes=planes,
         decoder=decoder,
+        prefer=prefer,
     )
     top.done()
     return device

@@ -89,10 +89,26 @@ class BandRecord:
 
 
 @dataclass(frozen=True)
+class WeighedRecord:
+    """A layout that was made on trial: RMSE (mm) on fitted states as designed and as built, planes,
+    parts, the smallest one's volume (mm^3), what is to be said of it, the problem for which it
+    cannot be made; whether it is the one that was chosen."""
+
+    designed: float
+    built: float | None
+    planes: int
+    parts: int | None
+    smallest: float | None
+    warnings: tuple[str, ...]
+    problem: str | None
+    chosen: bool
+
+
+@dataclass(frozen=True)
 class LayoutRecord:
     """`layout.json`. `mesh` is the hash of the mesh that it was designed on, `cross_validated` the
-    RMSE (mm) of each decoder on states left out of its training in turn, `initial` the
-    prediction for the paths as `drawn`, each (p, 3) mm."""
+    RMSE (mm) of each decoder on states left out of its training in turn, `weighed` the layouts that
+    it was chosen from, `initial` the prediction for the paths as `drawn`, each (p, 3) mm."""
 
     SCHEMA: ClassVar[int] = 2
 
@@ -102,6 +118,7 @@ class LayoutRecord:
     sensors: tuple[CordRecord, ...]
     min_clearance: float | None
     warnings: tuple[str, ...]
+    weighed: tuple[WeighedRecord, ...]
     prediction: Prediction
     cross_validated: Mapping[str, float]
     band: BandRecord

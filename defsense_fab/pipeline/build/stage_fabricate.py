@@ -5,23 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from ...core.arrays import Float
 from ...core.device import Device, Sensor
-from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...core.prediction import Prediction
-from ...geometry.channels.channel_ends import Pockets
-from ...geometry.channels.cord_channels import Channel, channels_of
-from ...geometry.channels.wire_channels import Wires
+from ...geometry.channels.cord_channels import channels_of
 from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.kernels.export import write_3mf, write_stl
-from ...geometry.parts.parts import make_parts
 from ...geometry.parts.print_bed import PlacedPart, arrange, laid
-from ...geometry.parts.records import Made, Rules
-from ...optimize.limits.verification import verify
+from ...geometry.parts.records import Made
 from ..artifacts.body import load_body_record, load_solid, load_surface
 from ..artifacts.layout import LayoutRecord, load_layout
 from ..artifacts.manifest import (
@@ -35,35 +29,15 @@ from ..artifacts.manifest import (
     TagSeat,
     save_manifest,
 )
+from ..design.as_built import as_made, fabricate, rules
+from ..design.design_task import DesignTask, load_task
 from .cut_list import bill, cut_list
-from .design_task import DesignTask, limits, load_task
-from .predict import Scored, predict
 from .stages import Report
 
 #: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
 LYING = "print"
 #: Predicted errors that grow by more than this with the pockets are told.
 _WORSE = 1.05
-
-
-def rules(device: Device, bay: Prism | None = None) -> Rules:
-    """What the device's cord and process ask of its parts, whose wires end in the `bay`."""
-    f = device.fabrication
-    relief = f.strain_relief is not False
-    wires = Wires(f.wire_diameter, f.wire_diameter + f.clearance, bay, relief)
-    pocket = max(device.cord.ferrule_diameter + f.clearance, device.channel_diameter + 0.1)
-    return Rules(
-        device.cord.diameter,
-        device.channel_diameter,
-        f.clearance,
-        f.wall,
-        f.limit_cuts,
-        Pockets(pocket, device.cord.ferrule_length, wires if bay or relief else None)
-        if f.pockets
-        else None,
-        f.marker_seats,
-        f.marker_size,
-    )
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
@@ -107,26 +81,6 @@ def _relief(
         f" pockets would raise the predicted error from {without:.2f} to {with_bends:.2f} mm;"
         " strain_relief = true in [fabrication] makes them"
     ]
-
-
-def fabricate(
-    device: Device,
-    surface: Surface,
-    sensors: Sequence[Sensor],
-    report: Report,
-    solid: Any = None,
-    bay: Prism | None = None,
-) -> Made:
-    """The device's parts. Raises FabricationError where a cord or a part fails a check."""
-    problems = verify(sensors, surface, limits(device)).problems
-    if problems:
-        raise FabricationError(problems[0])
-    return make_parts(surface, sensors, rules(device, bay), report, solid)
-
-
-def as_made(task: DesignTask, channels: Sequence[Channel]) -> Scored:
-    """What the device is predicted to sense without the ends of cords that lie in pockets."""
-    return predict(task, [c.sensing for c in channels])
 
 
 def write(

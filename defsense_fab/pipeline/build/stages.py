@@ -18,7 +18,7 @@ from ..artifacts import mesh_lock
 from . import body_sources
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 18
+CODE_VERSION = 19
 
 Report = Callable[[float, str], None]
 
@@ -126,7 +126,17 @@ STAGES = (
         "optimise the cords",
         ("layout.json", "prediction.json"),
         lambda d: plain(
-            (d.cord, _cord_room(d), d.outputs, d.sensors, d.propose, d.planes, d.decoder)
+            (
+                d.cord,
+                _cord_room(d),
+                d.outputs,
+                d.sensors,
+                d.propose,
+                d.planes,
+                d.decoder,
+                d.prefer,
+                d.fabrication,
+            )
         ),
         _runner("optimize"),
         ("daqp", "libigl"),  # NumPy, SciPy and numba, too, by the key of the stage before

@@ -16,9 +16,9 @@ from ...core.path_sampling import sample_path
 from ...core.progress import Progress, silent
 from ...optimize.studies.cord_count import by_count, knee
 from ..build.build import build
-from ..build.design_task import SEED, load_task
-from ..build.predict import predict
 from ..build.stages import keys, plain
+from ..design.design_task import SEED, load_task
+from ..design.predict import predict
 from .study_file import Row, chain, read_rows, write_rows
 
 FILE, PICTURE = "study.json", "study.png"

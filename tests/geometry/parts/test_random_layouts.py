@@ -19,8 +19,8 @@ from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.kernels.export import write_stl
 from defsense_fab.geometry.parts.print_bed import laid
 from defsense_fab.optimize.limits.verification import verify
-from defsense_fab.pipeline.build.design_task import limits
-from defsense_fab.pipeline.build.stage_fabricate import fabricate
+from defsense_fab.pipeline.design.as_built import fabricate
+from defsense_fab.pipeline.design.design_task import limits
 from tests.geometry import slicer
 from tests.geometry.parts.random_layouts import random_layout
 from tests.places import DEVICES

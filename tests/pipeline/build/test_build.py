@@ -25,9 +25,9 @@ from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.pipeline.artifacts.layout import load_layout
 from defsense_fab.pipeline.artifacts.manifest import load_manifest
 from defsense_fab.pipeline.build import stage_fabricate, stage_report
-from defsense_fab.pipeline.build.design_task import load_task
 from defsense_fab.pipeline.build.stage_optimize import _uncalibrated
 from defsense_fab.pipeline.build.stage_report import _stl
+from defsense_fab.pipeline.design.design_task import load_task
 from defsense_fab.sensing.voltage_divider import reference
 from tests.places import BAR
 

@@ -25,8 +25,9 @@ from defsense_fab.pipeline.artifacts.layout import (
 )
 from defsense_fab.pipeline.artifacts.manifest import load_manifest
 from defsense_fab.pipeline.build import stage_fabricate
-from defsense_fab.pipeline.build.stage_fabricate import fabricate, write
+from defsense_fab.pipeline.build.stage_fabricate import write
 from defsense_fab.pipeline.build.stage_report import _stl
+from defsense_fab.pipeline.design.as_built import fabricate, rules
 from defsense_fab.pipeline.report.guide import assembly_guide
 from defsense_fab.pipeline.report.guide_pdf import write_pdf
 from defsense_fab.pipeline.report.html import write_page
@@ -72,7 +73,7 @@ def layout(cube, made):
         "affine", 0.002, 1.2, 1.1, 3, "held out", 1.0, 0.9, 2.0, 1.5, 0.1, {"rest": 0.0}, {}
     )
     return LayoutRecord(
-        device.name, "hash", LimitsRecord(1.2, 5.0, 3.4), cords, 4.0, (), prediction, {},
+        device.name, "hash", LimitsRecord(1.2, 5.0, 3.4), cords, 4.0, (), (), prediction, {},
         BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 600), prediction, (), False, (), 1,
     )  # fmt: skip
 
@@ -158,7 +159,7 @@ def test_bends_are_left_out_where_they_cost_accuracy(cube, monkeypatch, loss, be
     )
     decide = stage_fabricate._relief
     decided, note = decide(device, None, body.surface, device.sensors, None)
-    r = stage_fabricate.rules(decided)
+    r = rules(decided)
     made = channels_of(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
     assert sum(len(c.leads) for c in made) == bends
     assert bool(note) == (bends == 0)

@@ -1,0 +1,96 @@
+"""Of the layouts that a search found, the one to build."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.optimize.refinement.refine import Optimised
+from defsense_fab.pipeline.design import choose_layout as module
+from defsense_fab.pipeline.design.choose_layout import choose_layout, different
+
+
+def layout(straight, rmse, planes, slivers=False):
+    """One cord for each of so many planes."""
+    cords = tuple(straight(f"c{k}", z=float(k)) for k in range(planes))
+    return Optimised(cords, rmse, slivers, (), cords)
+
+
+@pytest.fixture
+def weigh(monkeypatch):
+    """Chooses among layouts (with one plane more than what follows) whose `made` tells the error as
+    built, the number of parts and the warnings, or why they cannot be made."""
+
+    def run(found, made, prefer="simple"):
+        tried = []
+
+        def fabricate(device, surface, sensors, report, solid, bay):
+            result = next(m for f, m in zip(found, made, strict=True) if f.sensors is sensors)
+            tried.append(result)
+            if isinstance(result, str):
+                raise FabricationError(result)
+            built, parts, warnings = result
+            part = SimpleNamespace(volume=1000.0 / parts)
+            return SimpleNamespace(
+                channels=built, parts=[part] * parts, warnings=("note",) * warnings
+            )
+
+        monkeypatch.setattr(module, "fabricate", fabricate)
+        monkeypatch.setattr(
+            module,
+            "as_made",
+            lambda task, built: SimpleNamespace(prediction=SimpleNamespace(rmse=built)),
+        )
+        device = SimpleNamespace(prefer=prefer)
+        return (*choose_layout(device, None, found, None, None, lambda f, m: None), tried)
+
+    return run
+
+
+def test_of_those_about_as_good_the_simplest_is_taken(straight, weigh):
+    found = [layout(straight, 0.50, 3), layout(straight, 0.51, 3), layout(straight, 0.52, 2)]
+    chosen, trials, _ = weigh(found, [(0.500, 5, 0), (0.502, 4, 0), (0.520, 3, 1)])
+    assert (chosen.built, chosen.parts) == (0.502, 4)  # three parts, but something is to be said
+    assert [t.found for t in trials] == found
+    chosen, _, _ = weigh(found, [(0.500, 5, 0), (0.502, 4, 0), (0.520, 3, 0)])
+    assert chosen.parts == 3
+    chosen, _, _ = weigh(found, [(0.500, 5, 0), (0.502, 4, 0), (0.530, 3, 0)])
+    assert chosen.parts == 4  # the simplest one is six per cent worse
+
+
+def test_the_most_accurate_is_taken_by_its_error_as_built(straight, weigh):
+    found = [layout(straight, 0.50, 3), layout(straight, 0.51, 3)]
+    chosen, _, _ = weigh(found, [(0.60, 2, 0), (0.55, 6, 3)], prefer="accuracy")
+    assert chosen.built == 0.55
+
+
+def test_what_cannot_be_made_gives_way_to_the_next(straight, weigh):
+    found = [layout(straight, 0.5, 3), layout(straight, 0.7, 3), layout(straight, 0.9, 3)]
+    chosen, trials, tried = weigh(found, ["in pieces", (0.71, 4, 1), (0.91, 2, 0)])
+    assert chosen.built == 0.71
+    assert trials[0].problem == "in pieces"
+    assert len(tried) == 2  # those that are much worse are tried only until one can be made
+    chosen, trials, _ = weigh(found, ["in pieces", "too thin", "too long"])
+    assert chosen is trials[0]
+    assert [t.problem for t in trials] == ["in pieces", "too thin", "too long"]
+
+
+def test_fewer_planes_are_shown_whatever_they_cost(straight, weigh):
+    found = [layout(straight, 0.5, 3), layout(straight, 1.5, 1), layout(straight, 2.5, 4)]
+    chosen, trials, _ = weigh(found, [(0.5, 4, 0), (1.5, 2, 0), (2.5, 9, 0)])
+    assert chosen.built == 0.5
+    assert [(t.planes, t.parts) for t in trials] == [(3, 4), (1, 2)]
+
+
+def test_slivers_come_last_and_one_layout_counts_once(straight):
+    found = [
+        layout(straight, 0.4, 2, slivers=True),
+        layout(straight, 0.5, 2),
+        layout(straight, 0.5 * (1 + 1e-6), 2),
+        layout(straight, 0.5, 1),
+    ]
+    assert [(f.rmse, f.slivers) for f in different(found)] == [
+        (0.5, False),
+        (0.5, False),
+        (0.4, True),
+    ]
