@@ -22,9 +22,9 @@ def add(commands: Commands) -> None:
         "study",
         help="how many cords a device should have",
         description="Find the best layout of each number of cords and show how the predicted error"
-        " falls. Cords drawn in device.toml are left out of account; [design] planes holds; for the"
-        " decoder auto the affine one is studied. A study that was interrupted goes on where it"
-        " stood.",
+        " falls. Cords drawn in device.toml are left out of account; [design] planes holds; with"
+        " the decoder auto each number has the one that does best. A study that was interrupted"
+        " goes on where it stood.",
         epilog="example:  defsense study fixtures/devices/bar --sensors 1..6",
     )
     device_arguments(sub)
@@ -73,14 +73,14 @@ def _show_study(found: Study, options: argparse.Namespace) -> None:
     from ..decoding.unseen import MEANING
 
     out = console()
-    table = Table(title=f"predicted RMSE, mm, {found.decoder} decoder, by number of cords")
-    for column in ("cords", "on unseen states", "fitted", "without noise", "affine floor", ""):
-        table.add_column(column, justify="right" if column else "left")
+    table = Table(title="predicted RMSE, mm, by number of cords")
+    for column in ("cords", "unseen", "fitted", "no noise", "affine floor", "decoder", ""):
+        table.add_column(column, justify="left" if column in ("decoder", "") else "right")
     for r in found.rows:
         numbers = (r.unseen, r.rmse, r.rmse_noise_free, r.floor)
         cells = (f"{v:.3f}" for v in numbers)
         mark = "recommended" if r.sensors == found.knee else ""
-        table.add_row(str(r.sensors), *cells, mark)
+        table.add_row(str(r.sensors), *cells, r.decoder, mark)
     out.print(table)
     if found.ended:
         say([f"note: ended early: {found.ended}"])

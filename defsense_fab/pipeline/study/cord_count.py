@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.blas_threads import one_blas_thread
-from ...core.device import Device
+from ...core.device import DECODERS, Device
 from ...core.errors import LayoutError
 from ...core.files import digest, storage_errors
 from ...core.path_sampling import sample_path
@@ -18,10 +18,12 @@ from ...optimize.studies.cord_count import by_count, knee
 from ..build.build import build
 from ..build.stages import keys, plain
 from ..design.design_task import SEED, load_task
-from ..design.predict import predict
+from ..design.predict import predict, unseen_error
 from .study_file import Row, chain, read_rows, write_rows
 
 FILE, PICTURE = "study.json", "study.png"
+#: Where the decoder is to be found, cords are designed for what it may need of them.
+_RICH = "quadratic"
 
 
 @dataclass(frozen=True)
@@ -39,13 +41,17 @@ class Study:
 
 
 def study(device: Device, least: int, most: int, progress: Progress = silent) -> Study:
-    """Find the best layouts of `least` to `most` cords for the device's poses.
+    """Find the best layouts of `least` to `most` cords for the device's poses; with `auto` each
+    number has the decoder that does best on states left out of its training.
 
     Each number is written to `study/` beside `device.toml` when it is done, and a study that was
     interrupted goes on from there. Cords drawn in `device.toml` are left out of account.
     """
     result = build(device, "simulate", progress)
     task = load_task(device, result.folder)
+    auto = device.decoder == "auto"
+    if auto:
+        task = task.decoded_by(_RICH)
     folder = device.source / "study"
     key = digest(
         keys(device, result.folder)["simulate"],
@@ -69,7 +75,10 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     try:
         with one_blas_thread():
             for count, layout in search:
-                prediction = predict(task, [sample_path(s) for s in layout]).prediction
+                kinds = DECODERS if auto else (device.decoder,)
+                best = min(kinds, key=lambda k: unseen_error(task.decoded_by(k), layout))
+                paths = [sample_path(s) for s in layout]
+                prediction = predict(task.decoded_by(best), paths).prediction
                 found.append(
                     Row(
                         count,
@@ -77,6 +86,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
                         prediction.rmse,
                         prediction.rmse_noise_free,
                         prediction.floor,
+                        best,
                         begun,
                         layout,
                     )
@@ -89,11 +99,12 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
             raise
         ended = str(error)
     shown = tuple(r for r in found if least <= r.sensors <= most)
-    best = knee([r.sensors for r in shown], np.array([r.unseen for r in shown]))
+    recommended = knee([r.sensors for r in shown], np.array([r.unseen for r in shown]))
     with storage_errors(folder):
-        _draw(shown, best, device.name, folder / PICTURE)
-    kind, how = task.everything.decoder, task.unseen.how
-    return Study(shown, best, kind, how, ended, folder / FILE, folder / PICTURE)
+        _draw(shown, recommended, device.name, folder / PICTURE)
+    return Study(
+        shown, recommended, device.decoder, task.unseen.how, ended, folder / FILE, folder / PICTURE
+    )
 
 
 def _draw(rows: tuple[Row, ...], best: int, name: str, path: Path) -> None:

@@ -18,7 +18,7 @@ from ..artifacts.layout import CordPath
 class Row:
     """RMSE in mm of the best layout of up to so many cords: on unseen states with the read-out's
     noise, on the states that it was designed on with it and without, the floor of affine
-    maps over all states.
+    maps over all states; the decoder that it is for.
 
     Layouts grow out of those before: a row belongs to the chain that was `begun` at some number.
     """
@@ -28,6 +28,7 @@ class Row:
     rmse: float
     rmse_noise_free: float
     floor: float
+    decoder: str
     begun: int
     layout: Layout
 
@@ -63,6 +64,7 @@ class _RowRecord:
     rmse: float
     rmse_noise_free: float
     floor: float
+    decoder: str
     begun: int
     layout: tuple[_StudiedCord, ...]
 

@@ -16,7 +16,7 @@ from tests.places import BAR
 
 
 def row(begun, sensors):
-    return Row(sensors, 1.2, 1.0, 0.9, 0.5, begun, ())
+    return Row(sensors, 1.2, 1.0, 0.9, 0.5, "affine", begun, ())
 
 
 def test_chains_without_gaps():
@@ -82,5 +82,6 @@ def test_a_resumed_study_finds_what_an_uninterrupted_one_finds(tmp_path, capsys)
     whole, resumed = ([r["rmse"] for r in f["rows"]] for f in found)
     assert whole == pytest.approx(resumed, rel=1e-3)
     assert whole[1] < whole[0]
-    assert found[0]["decoder"] == "affine"
+    assert found[0]["decoder"] == "auto"
+    assert {r["decoder"] for r in found[0]["rows"]} <= {"affine", "quadratic", "kernel"}
     assert Path(found[0]["picture"]).stat().st_size > 10_000
