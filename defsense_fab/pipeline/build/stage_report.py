@@ -15,7 +15,7 @@ from ...core.mesh import Surface
 from ...decoding.decoders import fit_decoder
 from ...decoding.unseen import MEANING, unseen_states
 from ..artifacts.body import load_surface
-from ..artifacts.fields import field_path, load_fields, load_strain
+from ..artifacts.fields import field_path, load_fields, load_index, load_strain
 from ..artifacts.layout import load_layout, load_prediction
 from ..artifacts.manifest import load_manifest
 from ..artifacts.mesh import load_mesh, load_mesh_record
@@ -55,6 +55,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         "report",
         device=device,
         layout=layout,
+        poses=load_index(folder).warnings,
         manifest=manifest,
         mesh=load_mesh_record(folder),
         meaning=MEANING,

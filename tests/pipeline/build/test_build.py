@@ -111,6 +111,8 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
     assert (
         page.count("data:image/png;base64,") == 2 + 2 * 6
     )  # three poses, two mixtures, the worst unseen
+    least, most = (100 * layout["sensors"][0][k] for k in ("least_strain", "peak_strain"))
+    assert f"<td>{least:.1f} to {most:.1f} %</td>" in page
     assert "://" not in page  # no base64 picture can hold a colon
 
 
