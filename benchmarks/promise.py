@@ -64,7 +64,7 @@ def random_states(device: Device, count: int, rng: np.random.Generator) -> list[
 
 def measured(
     device: Device, layout: LayoutRecord, folder: Path, options: argparse.Namespace
-) -> tuple[Float, Float, list[Loading]]:
+) -> tuple[Float, list[Loading]]:
     """RMSE (mm) of devices (d, states) on the random states, and which were solved."""
     rng = np.random.default_rng(options.seed)
     surface = load_surface(folder)
@@ -101,7 +101,7 @@ def measured(
         read = S[tested] + rng.normal(0, noise, S[tested].shape)
         off = (decoder(read) - flat[tested]).reshape(len(read), -1, 3)
         errors.append(np.sqrt((off**2).sum(2).mean(1)))
-    return np.array(errors), u, kept
+    return np.array(errors), kept
 
 
 def main() -> None:
@@ -121,7 +121,7 @@ def main() -> None:
         device = load_device(path)
         folder = build(device, "optimize").folder
         layout = load_layout(folder)
-        errors, _, states = measured(device, layout, folder, options)
+        errors, states = measured(device, layout, folder, options)
         inside = np.array([max(s.weights.values()) <= 1 for s in states])
         single = np.array([len(s.weights) == 1 for s in states])
 

@@ -45,9 +45,7 @@ def _study(options: argparse.Namespace) -> int:
         found = cord_count.study(device, least, most, progress)
     with results():
         if options.json:
-            rows = [
-                {k: v for k, v in vars(r).items() if k != "layout" and v == v} for r in found.rows
-            ]
+            rows = [{k: v for k, v in vars(r).items() if k != "layout"} for r in found.rows]
             data = {"rows": rows, "knee": found.knee, "decoder": found.decoder, "how": found.how}
             data["ended"] = found.ended
             files = {"file": str(found.file), "picture": str(found.picture)}
