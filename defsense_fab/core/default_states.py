@@ -7,7 +7,8 @@ from itertools import combinations
 
 import numpy as np
 
-from .device import Handle, Pose, StatesSpec
+from .arrays import Float
+from .device import Pose, StatesSpec
 
 RAMP = (0.25, 0.5, 0.75, 1.0)
 #: Mixtures of two and of three poses, at most.
@@ -18,24 +19,25 @@ _LEFT = 0.5
 
 def default_states(poses: Sequence[Pose], ramp: tuple[float, ...] = RAMP) -> StatesSpec:
     """Each pose at the fractions of `ramp`, and of poses that agree and are not opposite each pair,
-    whole and half. Held out are pairs of a whole and a half and three poses at once, or where no
-    two go together each pose between its two largest fractions."""
+    whole (the largest fraction) and half. Held out are pairs of a whole and a half and three poses
+    at once, or where no two go together each pose between its two largest fractions."""
     pairs = [(a, b) for a, b in combinations(poses, 2) if agree(a, b) and not opposite(a, b)]
     pairs = sorted(pairs, key=lambda p: _apart(poses, p))[:_PAIRS]
     mixtures, held_out = [], []
+    whole, half = ramp[-1], _short(0.5 * ramp[-1])
     for a, b in pairs:
-        mixtures += [{a.name: w, b.name: w} for w in (0.5, 1.0)]
-        held_out += [{a.name: 1.0, b.name: 0.5}, {a.name: 0.5, b.name: 1.0}]
+        mixtures += [{a.name: w, b.name: w} for w in (half, whole)]
+        held_out += [{a.name: whole, b.name: half}, {a.name: half, b.name: whole}]
     together = {frozenset((a.name, b.name)) for a, b in pairs}
     triples = [
         t
         for t in combinations([p.name for p in poses], 3)
         if all(frozenset(pair) in together for pair in combinations(t, 2))
     ]
-    held_out += [dict.fromkeys(t, 0.7) for t in triples[:_TRIPLES]]
+    held_out += [dict.fromkeys(t, _short(0.7 * whole)) for t in triples[:_TRIPLES]]
     if not held_out:
         between = (ramp[-1] + (ramp[-2] if len(ramp) > 1 else 0.0)) / 2
-        held_out = [{p.name: round(between, 3)} for p in poses]
+        held_out = [{p.name: _short(between)} for p in poses]
     return StatesSpec(ramp, tuple(mixtures), tuple(held_out), given=False)
 
 
@@ -60,18 +62,30 @@ def agree(a: Pose, b: Pose) -> bool:
     )
 
 
+def _short(weight: float) -> float:
+    """As many digits as the name of a state has."""
+    return float(f"{weight:.6g}")
+
+
 def opposite(a: Pose, b: Pose) -> bool:
     """Whether a pose takes back what the other does, as bending up and down: then their mixtures
     are nearer to rest than either."""
-    theirs = {h.region: h for h in b.handles}
-    shared = [(h, theirs[h.region]) for h in a.handles if h.region in theirs]
+    mine, theirs = _acts(a), _acts(b)
     return any(
-        float(np.linalg.norm(_move(h) + _move(g)))
-        < _LEFT * max(float(np.linalg.norm(_move(h))), float(np.linalg.norm(_move(g))))
-        for h, g in shared
+        float(np.linalg.norm(mine[key] + theirs[key]))
+        < _LEFT * float(max(np.linalg.norm(mine[key]), np.linalg.norm(theirs[key])))
+        for key in mine.keys() & theirs.keys()
     )
 
 
-def _move(handle: Handle) -> np.ndarray:
-    """Rotation (rad) and translation, in which 50 mm count as a radian, (6,); free is none."""
-    return np.concatenate([handle.rotation, np.nan_to_num(handle.translation) / 50.0])
+def _acts(pose: Pose) -> dict[tuple[object, ...], Float]:
+    """All that a pose does, by what it does it to. Of a handle rotation (rad) and translation, in
+    which 50 mm count as a radian, (6,); free is none."""
+    out: dict[tuple[object, ...], Float] = {("gravity",): pose.gravity}
+    for h in pose.handles:
+        out["handle", h.region] = np.append(h.rotation, np.nan_to_num(h.translation) / 50.0)
+    for p in pose.pressures:
+        out["pressure", p.region] = np.array([p.value])
+    for d in pose.drags:
+        out["drag", *d.at.tolist()] = d.by
+    return out

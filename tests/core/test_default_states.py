@@ -3,7 +3,7 @@
 import numpy as np
 
 from defsense_fab.core.default_states import RAMP, default_states
-from defsense_fab.core.device import Handle, Pose
+from defsense_fab.core.device import Handle, PointDrag, Pose, RegionPressure
 
 FREE = np.full(3, np.nan)
 
@@ -54,3 +54,31 @@ def test_many_poses_stay_few_states_that_have_each_pose():
     found = default_states(poses)
     assert len(found.mixtures) == 30
     assert {name for m in found.mixtures for name in m} == {p.name for p in poses}
+
+
+def test_opposite_loads_are_not_mixed():
+    def loaded(name, sign):
+        return Pose(name, ("base",), (), gravity=np.array([0, 0, sign]))
+
+    def pressed(name, value):
+        return Pose(name, ("base",), (), pressures=(RegionPressure("top", value),))
+
+    def dragged(name, by):
+        return Pose(name, ("base",), (), drags=(PointDrag(np.ones(3), np.array(by), 1.0),))
+
+    for a, b in (
+        (loaded("a", 1.0), loaded("b", -1.0)),
+        (pressed("a", 0.1), pressed("b", -0.1)),
+        (dragged("a", [5.0, 0, 0]), dragged("b", [-5.0, 0, 0])),
+    ):
+        assert default_states([a, b]).mixtures == ()
+        assert default_states([a, UP]).mixtures
+
+
+def test_no_state_is_beyond_the_largest_fraction():
+    found = default_states([UP, TWIST], (0.25, 0.5))
+    assert {w for m in (*found.mixtures, *found.held_out) for w in m.values()} == {0.25, 0.5}
+    for ramp in ((0.0005,), (0.1, 0.1004), (0.999, 1.0)):
+        ((amplitude,),) = [m.values() for m in default_states([UP], ramp).held_out]
+        assert 0 < amplitude < ramp[-1]
+        assert amplitude not in ramp

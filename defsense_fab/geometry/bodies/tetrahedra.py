@@ -104,12 +104,13 @@ def _by_netgen(surface: Surface, edge_length: float, time_limit: float) -> TetMe
         mesh = _tidy(*_run(netgen, "Netgen", surface, task, time_limit))
     mesh = fit_boundary(mesh, surface)
     found = quality(mesh, surface)
-    if abs(found.volume_change) > _VOLUME or found.boundary_deviation > edge_length:
+    # Written so that what is not a number does not pass.
+    if not (abs(found.volume_change) <= _VOLUME and found.boundary_deviation <= edge_length):
         raise MeshingError(
             f"the mesh differs from the body by {100 * found.volume_change:.2g} % of its volume and"
             f" {found.boundary_deviation:.2g} mm"
         )
-    if found.min_dihedral < _SHARPEST:
+    if not found.min_dihedral >= _SHARPEST:
         raise MeshingError(f"a tet has an angle of {found.min_dihedral:.2g} degrees")
     return mesh
 

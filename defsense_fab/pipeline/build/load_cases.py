@@ -70,13 +70,14 @@ def jobs(
             conditions = mix(
                 device.poses, loading.weights, device.regions, mesh, device.material.density
             )
-        except DeviceError:
+            said = check_constraints(mesh, conditions, loading.state(loading.fractions[-1]))
+        except DeviceError as error:
             if not loading.optional:
                 raise
-            warnings.append(f"{' and '.join(loading.weights)} are not mixed: they do not agree")
+            warnings.append(f"{' and '.join(loading.weights)} are not mixed: {error}")
             continue
         kept.append(loading)
-        warnings += check_constraints(mesh, conditions, loading.state(loading.fractions[-1]))
+        warnings += said
         for name in sorted(
             {n for p in device.poses if loading.weights.get(p.name) for n in p.fixed}
         ):
