@@ -142,7 +142,7 @@ def _jax_objective(problem, cords, ours, x):  # type: ignore[no-untyped-def]
             moved = points + jnp.einsum("pn,spnj->spj", shape, local)
             length = jnp.linalg.norm(jnp.diff(moved, axis=1), axis=2).sum(1)
             rest = jnp.linalg.norm(jnp.diff(points, axis=0), axis=1).sum()
-            columns.append(problem.response.slope_everywhere * (length / rest - 1))
+            columns.append(problem.sense.response.slope_everywhere * (length / rest - 1))
         S = jnp.concatenate([jnp.zeros((1, len(cords))), jnp.stack(columns, axis=1)])
         S = S - S.mean(0)
         normal = S.T @ S + len(S) * noise**2 * jnp.eye(len(cords))

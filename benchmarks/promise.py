@@ -7,15 +7,16 @@ Each device folder is built up to its layout. Then everything is solved again on
 of `--edge` times the length and with a Mooney-Rivlin material of the same small-strain moduli (a
 third of mu / 2 in c01) in place of the device's: the states that the device is trained on, and
 random ones of one to three poses that go together, each 0.2 to 1.2 of its amplitude. Built devices
-have cords shifted as a whole by up to 0.3 mm, gauge factors 5 % off and noise; each is trained on
-its own readings of its own training states. Their RMSE on the random states is compared with the
-promised band; `inside` are states within the amplitudes that were designed for, `beyond` the
-others.
+have cords shifted as a whole by up to 0.3 mm, gauge factors 5 % off, another pre-stretch and noise;
+each is trained on its own readings of its own training states. Their RMSE on the random states is
+compared with the promised band; `inside` are states within the amplitudes that were designed for,
+`beyond` the others.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,8 +37,7 @@ from defsense_fab.pipeline.artifacts.layout import LayoutRecord, load_layout, lo
 from defsense_fab.pipeline.artifacts.mesh import load_mesh_record
 from defsense_fab.pipeline.build.build import build
 from defsense_fab.pipeline.build.load_cases import Loading, jobs, loadings
-from defsense_fab.sensing.response import response_of
-from defsense_fab.sensing.signal import signals
+from defsense_fab.sensing.built_cord import CordReading
 
 
 def law(device: Device) -> Material:
@@ -87,18 +87,21 @@ def measured(
     points = load_prediction(folder).markers
     markers = locator.displacement(locator.find(points), u)
     flat = markers.reshape(len(u), -1)
-    response, noise = response_of(device.cord.response), device.cord.noise
+    reading, normal = CordReading.of(device), rng.normal
     errors = []
     for _ in range(options.devices):
-        columns = []
-        for cord in layout.by_channel():
-            path = cord.points + rng.uniform(-0.3, 0.3, 3)
-            moved = path + locator.displacement(locator.find(path), u[1:])
-            gauge = 1 + rng.normal(0, 0.05)
-            columns.append(np.append(0.0, gauge * signals(path, moved, response)))
-        S = np.stack(columns, axis=1)
+        columns, sigma = [], []
+        for record in layout.by_channel():
+            cord = replace(record.built, path=record.stretch + rng.uniform(-0.3, 0.3, 3))
+            if cord.prestretch is not None:
+                cord = replace(cord, prestretch=max(cord.prestretch + normal(0, 0.01), 0.0))
+            moved = cord.path + locator.displacement(locator.find(cord.path), u[1:])
+            own = reading.gauge_spread(1 + normal(0, 0.05))
+            columns.append(np.append(0.0, own.signals(cord, moved)))
+            sigma.append(own.noise(cord))
+        S, noise = np.stack(columns, axis=1), np.array(sigma)
         decoder = fit_decoder(layout.prediction.decoder, S[~tested], flat[~tested], noise)
-        read = S[tested] + rng.normal(0, noise, S[tested].shape)
+        read = S[tested] + noise * normal(0, 1, S[tested].shape)
         off = (decoder(read) - flat[tested]).reshape(len(read), -1, 3)
         errors.append(np.sqrt((off**2).sum(2).mean(1)))
     return np.array(errors), kept

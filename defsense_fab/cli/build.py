@@ -77,7 +77,7 @@ def _weighed(trials: list[dict[str, Any]]) -> list[str]:
         else f"{t['designed']:.2f} mm, which cannot be made"
         for t in trials
     ]
-    return [f"layouts weighed, fitted states as built: {'; '.join(dict.fromkeys(said))}"]
+    return [f"layouts weighed, unseen states as built: {'; '.join(dict.fromkeys(said))}"]
 
 
 def _show(data: dict[str, Any], options: argparse.Namespace) -> None:

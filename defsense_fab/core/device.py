@@ -136,11 +136,19 @@ class OutputsSpec:
     anchor: str | None = None
 
 
+#: What becomes of a response that was measured in tension where its cord is compressed: the factor
+#: of its slope below zero strain.
+COMPRESSION = {"same": 1.0, "half": 0.5, "none": 0.0, "rising": -1.0}
+
+
 @dataclass(frozen=True)
 class CordSpec:
-    """A piezoresistive cord; its `response` to strain; `noise` is the standard deviation of
-    (R - R0)/R0, `lengths` the least and the greatest that a piece may have, free ends included, and
-    the outside of the `ferrule` that joins it to a wire, mm."""
+    """A piezoresistive cord; its `response` to strain, and what it is taken to do under
+    `compression` where that was not measured (a name of COMPRESSION, or "measured"); `noise` is the
+    standard deviation of (R - R0)/R0 however long the cord, `contact` that of the resistance of
+    each joint with a wire, ohm; `lengths` the least and the greatest that a piece may have, free
+    ends included, and `min_stretch` the least that is to lie between its ends and be stretched; the
+    outside of the `ferrule` that joins it to a wire, mm; Young's `modulus`, MPa."""
 
     name: str
     diameter: float
@@ -152,6 +160,16 @@ class CordSpec:
     lengths: tuple[float, float] = (0.0, float("inf"))
     ferrule_diameter: float = 2.6
     ferrule_length: float = 7.0
+    contact: float = 0.0
+    min_stretch: float = 0.0
+    modulus: float = 0.0
+    compression: str = "same"
+
+
+#: What reads the resistances: full scale of a conversion in counts, and conversions a sample.
+CONVERTERS = {"arduino": (1023, 16), "ads1115": (40000, 1)}
+#: A cord slides in its channel between ends that hold it, or is glued into it all along.
+ASSEMBLIES = ("held", "bonded")
 
 
 @dataclass(frozen=True)
@@ -160,7 +178,8 @@ class FabricationSpec:
     whether joints of cord and wire get `pockets` in the body, and cuts are limited (`limit_cuts`)
     to what their cords need; whether wires leave their pockets by a bend (`strain_relief`; None:
     where that costs little accuracy), and their `wire_diameter`; `marker_seats`, how many flats for
-    tags of `marker_size` mm."""
+    tags of `marker_size` mm; the `assembly` of the cords (ASSEMBLIES), and by how much of its
+    length a held one is stretched as it is laid (`prestretch`; None: as much as it needs)."""
 
     process: str
     clearance: float
@@ -173,6 +192,8 @@ class FabricationSpec:
     wire_diameter: float = 1.1
     marker_seats: int = 0
     marker_size: float = 10.0
+    assembly: str = ASSEMBLIES[0]
+    prestretch: float | None = None
 
 
 @dataclass(frozen=True)
@@ -195,7 +216,8 @@ PREFERENCES = ("simple", "accuracy")
 class Device:
     """All that a build needs to know; `source` is the folder of `device.toml`, `propose` the number
     of cords to find besides those drawn, `planes` the most planes that they may take, or None;
-    among layouts that are about as good `prefer` takes the simplest one or the most accurate."""
+    among layouts that are about as good `prefer` takes the simplest one or the most accurate; the
+    `converter` that reads the cords (CONVERTERS)."""
 
     name: str
     source: Path
@@ -213,6 +235,7 @@ class Device:
     planes: int | None
     decoder: str
     prefer: str = "simple"
+    converter: str = "arduino"
 
     @property
     def channel_diameter(self) -> float:

@@ -11,6 +11,9 @@ import numpy as np
 from .catalogue import read_rows
 from .curve import Hermite, Plane, catmull_rom
 from .device import (
+    ASSEMBLIES,
+    COMPRESSION,
+    CONVERTERS,
     DECODERS,
     PREFERENCES,
     BaySpec,
@@ -50,11 +53,16 @@ def load_device(
         top.fail("schema", f"this version reads schema {SCHEMA}, not {top.data['schema']!r}")
     regions = _regions(top.table("regions", required=False))
     poses = read_poses(top, list(regions), complete)
-    fabrication = _fabrication(top.table("fabrication"))
+    fabrication = _fabrication(top.table("fabrication", required=False))
     cord = _cord(top.table("cord"), fabrication.lead, folder)
     sensors = _sensors(top)
     body = _body(top.table("body"), folder, overrides or {})
     _agree(top, body, cord, fabrication)
+    _stretching(top, cord, fabrication)
+    readout = top.table("readout", required=False)
+    converter = readout.string("converter", next(iter(CONVERTERS)))
+    readout.choice("converter", converter, list(CONVERTERS), "converter")
+    readout.done()
     design = top.table("design", required=False)
     wanted = _count(design, "sensors")
     planes = _count(design, "planes")
@@ -76,7 +84,7 @@ def load_device(
         regions=regions,
         poses=poses,
         states=read_states(top.table("states", required=False), poses),
-        outputs=_outputs(top.table("outputs"), list(regions)),
+        outputs=_outputs(top.table("outputs", required=False), list(regions)),
         cord=cord,
         fabrication=fabrication,
         sensors=sensors,
@@ -84,6 +92,7 @@ def load_device(
         planes=planes,
         decoder=decoder,
         prefer=prefer,
+        converter=converter,
     )
     top.done()
     return device
@@ -99,6 +108,17 @@ def _agree(top: Table, body: BodySpec, cord: CordSpec, f: FabricationSpec) -> No
             f"a wire of {f.wire_diameter:g} mm is not thinner than the ferrule of"
             f" {cord.ferrule_diameter:g} mm, which would follow it out of its pocket",
         )
+
+
+def _stretching(top: Table, cord: CordSpec, f: FabricationSpec) -> None:
+    """What pre-stretch asks of the cord and the assembly."""
+    if not f.prestretch:
+        return
+    t = top.table("fabrication")
+    if f.assembly == "bonded":
+        t.fail("prestretch", 'a bonded cord is glued as it lies; assembly = "held" stretches it')
+    if f.prestretch >= cord.max_strain:
+        t.fail("prestretch", f"the cord {cord.name!r} takes strains up to {cord.max_strain:g}")
 
 
 def _count(t: Table, key: str) -> int | None:
@@ -266,10 +286,18 @@ def _cord(t: Table, lead: float, folder: Path) -> CordSpec:
     name = t.string("name")
     rows = read_rows("cords.csv")
     t.choice("name", name, list(rows), "cord")
-    row = {k: float(v) for k, v in rows[name].items() if k not in ("name", "source")}
-    noise = t.number("noise", row.pop("noise"), low=0)
-    response = ResponseSpec.line(row.pop("gauge_factor"))
+    words = ("name", "source", "compression")
+    row = {k: float(v) for k, v in rows[name].items() if k not in words}
+    row["noise"] = t.number("noise", row["noise"], low=0)
+    for key in ("contact", "min_stretch"):
+        row[key] = t.number(key, row[key], low=-1e-9)
+    compression = t.string("compression", rows[name]["compression"])
+    t.choice("compression", compression, list(COMPRESSION), "behaviour under compression")
+    response = _from_data_sheet(row.pop("gauge_factor"), compression)
     if t.has("response"):
+        if t.has("compression"):
+            t.fail("compression", "the response tells it; remove this key or 'response'")
+        compression = "measured"
         try:
             response = read_response(folder / t.string("response"))
         except CalibrationError as error:
@@ -286,12 +314,26 @@ def _cord(t: Table, lead: float, folder: Path) -> CordSpec:
                 " ([fabrication] lead)",
             )
     t.done()
-    return CordSpec(name=name, response=response, noise=noise, lengths=(shortest, longest), **row)
+    return CordSpec(
+        name=name,
+        response=response,
+        lengths=(shortest, longest),
+        compression=compression,
+        **row,
+    )
+
+
+def _from_data_sheet(gauge_factor: float, compression: str) -> ResponseSpec:
+    """The response of a cord of which only its behaviour in tension is known."""
+    if COMPRESSION[compression] == 1:
+        return ResponseSpec.line(gauge_factor)
+    slopes = {"tension": gauge_factor, "compression": gauge_factor * COMPRESSION[compression]}
+    return ResponseSpec("two-slopes", slopes)
 
 
 def _fabrication(t: Table) -> FabricationSpec:
-    name = t.string("process")
     rows = read_rows("printers.csv")
+    name = t.string("process", next(iter(rows)))
     t.choice("process", name, list(rows), "process")
     row = rows[name]
     spec = FabricationSpec(
@@ -306,7 +348,10 @@ def _fabrication(t: Table) -> FabricationSpec:
         wire_diameter=t.number("wire_diameter", 1.1, low=0),
         marker_seats=_count(t, "marker_seats") or 0,
         marker_size=t.number("marker_size", 10.0, low=0),
+        assembly=t.string("assembly", ASSEMBLIES[0]),
+        prestretch=t.number("prestretch", 0.0, low=-1e-9) if t.has("prestretch") else None,
     )
+    t.choice("assembly", spec.assembly, ASSEMBLIES, "assembly")
     if max(spec.lead, spec.clearance, spec.wall) > 1000:
         t.fail(None, "clearance, wall and lead are in mm; one is more than 1000")
     t.done()

@@ -15,11 +15,11 @@ class Prediction:
     on, by `how` (see decoding/unseen.py); `floor` is the least noise-free RMSE over all states that
     any layout of as many cords can reach with an affine map. `rmse`, `rmse_noise_free`, `peak` and
     `average_peak` are of the states that it was trained on; `per_state` and `held_out` are RMSE by
-    state, noise included.
+    state, noise included. `noise` is the standard deviation of (R - R0)/R0 of each cord.
     """
 
     decoder: str
-    noise: float
+    noise: tuple[float, ...]
     unseen: float
     unseen_noise_free: float
     tested: int

@@ -11,10 +11,10 @@ Trained = Decoder | KernelDecoder
 
 
 def fit_decoder(
-    kind: str, signals: Float, outputs: Float, noise: float, like: Trained | None = None
+    kind: str, signals: Float, outputs: Float, noise: Float | float, like: Trained | None = None
 ) -> Trained:
-    """The decoder of signals (n, c) to outputs (n, o) that expects this noise; a kernel decoder
-    takes its width and weight from `like` in place of choosing them."""
+    """The decoder of signals (n, c) to outputs (n, o) that expects this noise (c,), or one for all
+    signals; a kernel decoder takes its width and weight from `like` in place of choosing them."""
     if kind == "kernel":
         return fit_kernel(
             signals, outputs, noise, like if isinstance(like, KernelDecoder) else None

@@ -34,9 +34,9 @@ class Features:
         bent = 2 * self.linear + np.einsum("...c,fcd->...fd", signals, self.second)
         return np.asarray(0.5 * np.einsum("...d,...fd->...f", signals, bent))
 
-    def uncertainty(self, noise: float) -> float:
-        """The noise of the signals to count with."""
-        return max(noise, self.least_noise)
+    def uncertainty(self, noise: Float | float) -> Float:
+        """The noise of the signals to count with, as many numbers as `noise`."""
+        return np.maximum(noise, self.least_noise)
 
     def slopes(self, signals: Float) -> Float:
         """Derivatives (..., f, c) by the signals (..., c)."""

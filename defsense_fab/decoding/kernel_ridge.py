@@ -14,6 +14,7 @@ import numpy as np
 from ..core.arrays import Float, Int
 from .features import LEAST_NOISE
 from .folds import FOLDS, contiguous
+from .ridge import noise_on_outputs
 
 _WIDTHS = np.logspace(-2, 0.5, 6)  # gamma of exp(-gamma |a - b|^2), signals of unit spread
 _PLAIN = 0.1, 1e-3  # width and weight where states are too few to choose by
@@ -46,13 +47,12 @@ class KernelDecoder:
             "constant": self.constant.tolist(),
         }
 
-    def noise_variance(self, signals: Float, noise: float) -> Float:
-        """Variance (n, o) mm^2 that noise on the signals (n, c) puts on each output, to first
+    def noise_variance(self, signals: Float, noise: Float | float) -> Float:
+        """Variance (n, o) mm^2 that noise (c,) on the signals (n, c) puts on each output, to first
         order."""
         kernel, apart = self._kernel(signals)
         slopes = -2 * self.gamma * kernel[:, :, None] * apart / self.scale
-        change = np.einsum("ntc,to->nco", slopes, self.weights)
-        return np.asarray(noise**2 * (change**2).sum(1))
+        return noise_on_outputs(slopes, self.weights, noise)
 
     def _kernel(self, signals: Float) -> tuple[Float, Float]:
         apart = (signals[:, None] - self.trained) / self.scale
@@ -60,24 +60,23 @@ class KernelDecoder:
 
 
 def fit_kernel(
-    signals: Float, outputs: Float, noise: float, like: KernelDecoder | None = None
+    signals: Float, outputs: Float, noise: Float | float, like: KernelDecoder | None = None
 ) -> KernelDecoder:
-    """The decoder for signals (n, c) and outputs (n, o). Noise of the signals is shown to it: every
-    state counts several times, moved by the noise in every channel either way. Width and weight are
-    those of `like`, if given."""
+    """The decoder for signals (n, c) with noise (c,) and outputs (n, o). The noise is shown to it:
+    every state counts several times, moved by the noise in every channel either way. Width and
+    weight are those of `like`, if given."""
     from sklearn.kernel_ridge import KernelRidge
     from sklearn.model_selection import GridSearchCV
 
     n, c = signals.shape
-    noise = max(noise, LEAST_NOISE)
+    noise = np.broadcast_to(np.maximum(noise, LEAST_NOISE), (c,))
     if n < FOLDS and like is None:
         like = KernelDecoder(signals, np.ones(c), _PLAIN[0], _PLAIN[1], outputs, outputs.mean(0))
-    moves = np.concatenate(
-        [np.zeros((1, c)), noise * np.sqrt(c) * np.eye(c), -noise * np.sqrt(c) * np.eye(c)]
-    )
+    move = np.sqrt(c) * np.diag(noise)
+    moves = np.concatenate([np.zeros((1, c)), move, -move])
     shown = (signals[:, None] + moves).reshape(-1, c)  # state by state: folds stay contiguous
     told = np.repeat(outputs, len(moves), axis=0)
-    scale = np.maximum(signals.std(0), max(noise, 1e-9))
+    scale = np.maximum(signals.std(0), noise)
     constant = told.mean(0)
     if like is None:
         search = GridSearchCV(

@@ -1,10 +1,10 @@
 """The one place that fits readings to positions: ridge regression with a free constant.
 
-DefSense Eqs. 4-8 on the features of `features.py`. With independent noise of standard deviation
-sigma on every signal, the expected squared error of a map beta is, to second order in sigma,
-|Phi beta - O|^2 + tr(beta^T W beta) with W = sigma^2 sum_n J_n J_n^T, J_n the features' slopes at
-state n. For an affine map that is exact and W = N sigma^2: the noise gives the weight of the ridge,
-and the optimum is the expected error.
+DefSense Eqs. 4-8 on the features of `features.py`. With independent noise of standard deviations
+sigma on the signals, the expected squared error of a map beta is, to second order in sigma,
+|Phi beta - O|^2 + tr(beta^T W beta) with W = sum_n J_n diag(sigma^2) J_n^T, J_n the slopes of the
+features at state n. For an affine map that is exact and W = N diag(sigma^2): the noise gives the
+weight of the ridge, and the optimum is the expected error.
 """
 
 from __future__ import annotations
@@ -34,22 +34,28 @@ class Decoder:
         """Its numbers, for `prediction.json`."""
         return {"weights": self.weights.tolist(), "constant": self.constant.tolist()}
 
-    def noise_variance(self, signals: Float, noise: float) -> Float:
-        """Variance (n, o) mm^2 that noise on the signals (n, c) puts on each output."""
-        change = np.einsum("nfc,fo->nco", self.features.slopes(signals), self.weights)
-        return np.asarray(noise**2 * (change**2).sum(1))
+    def noise_variance(self, signals: Float, noise: Float | float) -> Float:
+        """Variance (n, o) mm^2 that noise (c,) on the signals (n, c) puts on each output."""
+        return noise_on_outputs(self.features.slopes(signals), self.weights, noise)
 
 
-def noise_weight(features: Features, signals: Float, noise: float) -> Float:
-    """W (..., f, f) of signals (..., n, c)."""
+def noise_on_outputs(slopes: Float, weights: Float, noise: Float | float) -> Float:
+    """Variance (n, o) that noise (c,) of the signals puts on outputs which are features times
+    `weights` (f, o), to first order, from the features' slopes (n, f, c)."""
+    change = np.einsum("nfc,fo->nco", slopes, weights)
+    variance = np.broadcast_to(np.square(noise), slopes.shape[2:])
+    return np.asarray(np.einsum("c,nco->no", variance, change**2))
+
+
+def noise_weight(features: Features, signals: Float, noise: Float | float) -> Float:
+    """W (..., f, f) of signals (..., n, c) with noise (c,)."""
     slopes = features.slopes(signals)
-    return np.asarray(
-        features.uncertainty(noise) ** 2 * np.einsum("...nfc,...ngc->...fg", slopes, slopes)
-    )
+    uncertain = slopes * features.uncertainty(noise)
+    return np.asarray(np.einsum("...nfc,...ngc->...fg", uncertain, uncertain))
 
 
-def fit(features: Features, signals: Float, outputs: Float, noise: float) -> Decoder:
-    """The map with the least expected error: signals (n, c), outputs (n, o)."""
+def fit(features: Features, signals: Float, outputs: Float, noise: Float | float) -> Decoder:
+    """The map with the least expected error: signals (n, c) with noise (c,), outputs (n, o)."""
     phi = features(signals)
     p_mean, o_mean = phi.mean(0), outputs.mean(0)
     p, o = phi - p_mean, outputs - o_mean

@@ -1,7 +1,7 @@
 """The cord's signal: relative change of resistance, measured or along a deformed polyline.
 
-METHOD: a segment's strain is eps = |x'_{k+1} - x'_k| / |x_{k+1} - x_k| - 1 with x' = x + u(x),
-and the signal is the mean over the rest length of the response w(eps).
+A segment's strain is eps = |x'_{k+1} - x'_k| / |x_{k+1} - x_k| - 1 with x' = x + u(x), and the
+signal of a cord that follows it is the mean over the rest length of the response w(eps).
 (DefSense, CHI 2016, Eqs. 1-3, with the length of the deformed polyline in place of F at the
 midpoints.)
 """
@@ -35,6 +35,13 @@ def relative_change(resistance: Float, rest: Float) -> Float:
     Returns (..., c): NaN where either is, inf for an open circuit.
     """
     return np.asarray(resistance / rest - 1)
+
+
+def mean_strain(rest: Float, deformed: Float) -> Float:
+    """Relative change of length (s, ...) of polylines: `rest` (..., p, 3) mm, `deformed`
+    (s, ..., p, 3) mm."""
+    before, after = (np.linalg.norm(np.diff(x, axis=-2), axis=-1) for x in (rest, deformed))
+    return np.asarray(after.sum(-1) / before.sum(-1) - 1)
 
 
 def strain_range(rest: Float, deformed: Float) -> tuple[float, float]:

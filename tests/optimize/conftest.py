@@ -5,6 +5,7 @@ import pytest
 
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.problem.problem import Limits, Problem
 from defsense_fab.sensing.response import Response
 
@@ -32,7 +33,7 @@ def problem(bar, bar_mesh):
         fields,
         markers,
         np.full(30, 1 / 30),
-        Response.line(2.0),
+        SignalModel(Response.line(2.0)),
         0.0005,
         LIMITS,
     )

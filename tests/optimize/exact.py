@@ -12,6 +12,7 @@ import numpy as np
 from defsense_fab.core.mesh import Surface
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.problem.problem import Limits, Problem
 from defsense_fab.sensing.response import Response
 
@@ -50,7 +51,7 @@ def problem(bar_surface, mesh, states, decoder="affine", noise=0.0):
         np.stack([displacement(quadratic.nodes, *s) for s in states]),
         np.stack([displacement(MARKERS, *s) for s in [(0.0, 0.0), *states]]),
         np.full(len(MARKERS), 1 / len(MARKERS)),
-        Response.line(1.0),
+        SignalModel(Response.line(1.0)),
         noise,
         LIMITS,
         decoder,

@@ -17,11 +17,8 @@ from ..kernels.cutting_tools import Frustum, Tool, cylinder
 from .part_contacts import Contact
 
 #: Diameters of the two pins of a face and how many diameters they reach into each part: smaller
-#: and shorter ones where there is less room.
-SIZES = (
-    ((5.0, 4.0), 1.25), ((4.0, 3.0), 1.25), ((3.0, 2.0), 1.25),
-    ((3.0, 2.0), 0.7), ((2.2, 1.6), 1.0), ((2.2, 1.6), 0.6),
-)  # fmt: skip
+#: and shorter ones where there is less room, but none that is less than 3 mm thick and 4 mm long.
+SIZES = (((5.0, 4.0), 1.25), ((4.0, 3.0), 1.25), ((4.0, 3.0), 0.8), ((3.5, 3.0), 0.8))
 #: Distances between the pins of two faces differ by at least this, mm.
 APART = 1.0
 _END_GAP = 0.3  # mm, between a pin's end and the bottom of its socket

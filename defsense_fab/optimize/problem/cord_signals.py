@@ -11,6 +11,7 @@ paths, for handing over an array costs as much as a point does.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,17 +30,38 @@ _SPOKES = [[(4 + e, a + b - i) for e, (a, b) in enumerate(EDGES) if i in (a, b)]
 _ON_EDGES, _BEYOND = (np.array([[s[k] for s in spokes] for spokes in _SPOKES]) for k in (0, 1))
 
 
+@dataclass(frozen=True)
+class SignalModel:
+    """The signal L w / sqrt((L + series)^2 + contact^2) of a path whose middle stretch, of rest
+    length L, is strained.
+
+    `hidden` mm at each end are not strained (they lie in pockets). Cord in `series`, mm, conducts
+    and is not strained. What the joints add to the noise of (R - R0)/R0 equals the rest of it for a
+    cord of `contact` mm: divided so, all signals have one noise, that of a very long cord. w is the
+    `response` to the mean strain, or, where that is `local`, the mean of the responses to the
+    strains of the segments (see `sensing/built_cord.py`).
+    """
+
+    response: Response
+    local: bool = False
+    hidden: float = 0.0
+    series: float = 0.0
+    contact: float = 0.0
+
+
 class CordCarrier:
     """Fields (s, n, 3) mm on the locator's mesh, kept for speed as the nodes' positions (n, 3 s) in
     all states: tet10 shape functions carry linear fields exactly, the rest positions among them."""
 
-    def __init__(self, locator: PointLocator, fields: Float, response: Response) -> None:
+    def __init__(self, locator: PointLocator, fields: Float, model: SignalModel) -> None:
         self.states = len(fields)
-        #: Of a line through the origin the slope, and the total length is all that counts; of any
-        #: other response 1, and lengths are those of segments stretched by w in place of eps.
-        slope = response.slope_everywhere
-        self.gauge_factor = 1.0 if slope is None else slope
-        self.answer = (slope is None, response.breaks, response.origins, response.pieces)
+        response = model.response
+        line = response.slope_everywhere is not None  # then the mean of the strains is all
+        self._local = model.local and not line
+        #: Whether the derivatives of the strained lengths are any others than 1 and 0.
+        self.bent = self._local or model.hidden > 0
+        table = (response.breaks, response.origins, response.pieces)
+        self.answer = (self._local, model.hidden, model.series, model.contact**2, *table)
         self.cells, self.by_bary = locator.mesh.cells, locator.mesh.bary_gradient
         self._where = (locator.grid, locator.across)
         placed = (locator.mesh.nodes + fields).transpose(1, 2, 0)
@@ -51,8 +73,7 @@ class CordCarrier:
         out = np.empty((len(paths), self.states))
 
         def work(a: int, b: int) -> None:
-            found = (self.gauge_factor, self.answer, out[a:b])
-            _signals(paths[a:b], *self._where, self.cells, self.nodal, *found)
+            _signals(paths[a:b], *self._where, self.cells, self.nodal, self.answer, out[a:b])
 
         over_chunks(work, len(paths), cores(), _CHUNK)
         return np.ascontiguousarray(out.T)
@@ -76,9 +97,9 @@ class CordCarrier:
         cell, bary = np.empty(len(points), np.int64), np.empty((len(points), 4))
         moved = np.empty((len(points), 3 * self.states))
         steps = np.empty((len(points), self.states))
-        lengths = np.empty((len(ends) - 1, self.states + 1))
-        bent = np.empty((2, len(points) if self.answer[0] else 0, self.states))
-        found = (cell, bary, moved, steps, lengths, bent)
+        signals = np.empty((len(ends) - 1, 3, self.states))
+        bent = np.empty((2, len(points) if self.bent else 0, self.states))
+        found = (cell, bary, moved, steps, signals, bent)
         _carry(points, ends, *self._where, self.cells, self.nodal, self.answer, *found)
         return Carried(self, points, ends, found)
 
@@ -86,22 +107,20 @@ class CordCarrier:
 class Carried:
     """Polylines in all states, their `signals` (s, m), and how these depend on the points. What was
     `found` on the way: the points' tets and weights there, their moved positions, the lengths of
-    segments, the lengths of lines and the derivatives of segments, see `_carry`."""
+    segments, the lines' signals with their derivatives by strained length and rest length, and the
+    derivatives of strained lengths by segments, see `_carry`."""
 
     def __init__(
         self, carrier: CordCarrier, points: Float, ends: Int, found: tuple[Any, ...]
     ) -> None:
         self._carrier, self._points, self._ends, self._found = carrier, points, ends, found
-        lengths = found[-2]
-        self.signals = carrier.gauge_factor * (lengths[:, :-1] / lengths[:, -1:] - 1).T
+        self.signals = found[-2][:, 0].T
 
     def slopes(self) -> Float:
         """Derivatives (p, 3, s) of each line's signals by its points."""
         c = self._carrier
         out = np.empty((len(self._points), 3, c.states))
-        _slopes(
-            self._points, self._ends, c.cells, c.by_bary, c.nodal, c.gauge_factor, *self._found, out
-        )
+        _slopes(self._points, self._ends, c.cells, c.by_bary, c.nodal, *self._found, out)
         return out
 
     def pull(self, by_signals: Float) -> Float:
@@ -109,8 +128,7 @@ class Carried:
         c = self._carrier
         out = np.empty_like(self._points)
         _pull(
-            self._points, self._ends, c.cells, c.by_bary, c.nodal, c.gauge_factor * by_signals,
-            *self._found, out,
+            self._points, self._ends, c.cells, c.by_bary, c.nodal, by_signals, *self._found, out,
         )  # fmt: skip
         return out
 
@@ -144,70 +162,120 @@ def _apart(points, p):  # type: ignore[no-untyped-def]
 
 
 @compiled(error_model="numpy", fastmath={"contract", "reassoc"})
-def _measure(points, moved, first, last, steps, lengths):  # type: ignore[no-untyped-def]
+def _measure(moved, first, last, steps, shares, lengths):  # type: ignore[no-untyped-def]
     """Of the line of points first to last: deformed lengths (p, s) of the segments that end at each
-    point, and their sums (s + 1,), the rest length last."""
+    point, and the sums (s,) of the `shares` (p,) of them that are strained."""
     states = steps.shape[1]
     lengths[:] = 0.0
     for p in range(first + 1, last):
-        lengths[states] += _apart(points, p)
         for s in range(states):
             x = moved[p, s] - moved[p - 1, s]
             y = moved[p, states + s] - moved[p - 1, states + s]
             z = moved[p, 2 * states + s] - moved[p - 1, 2 * states + s]
             steps[p, s] = np.sqrt(x * x + y * y + z * z) + _NOTHING
         for s in range(states):
-            lengths[s] += steps[p, s]
+            lengths[s] += shares[p] * steps[p, s]
 
 
 @compiled(error_model="numpy")
-def _answer(points, first, last, steps, answer, lengths, bent):  # type: ignore[no-untyped-def]
-    """After `_measure`, for a response that is not a line: the sums of what each segment's length
-    would be if it were stretched by w in place of eps, L (1 + w), and into `bent` (2, p, s), unless
-    it is empty, the derivatives of that by the deformed length and by the rest length L."""
-    _, breaks, origins, pieces = answer
-    states = steps.shape[1]
-    for s in range(states):
-        lengths[s] = 0.0
+def _strained(points, first, last, hidden, shares):  # type: ignore[no-untyped-def]
+    """The shares (p,) of the segments that end at points first to last which lie between `hidden`
+    mm from either end of the line, and the rest length of all that is; and the points at which the
+    segments end in which it begins and ends."""
+    total = 0.0
     for p in range(first + 1, last):
-        rest = _apart(points, p)
-        for s in range(states):
-            stretch = steps[p, s] / rest
-            w, slope = respond(stretch - 1, breaks, origins, pieces)
-            lengths[s] += rest * (1 + w)
-            if bent.size:
-                bent[0, p, s] = slope
-                bent[1, p, s] = 1 + w - stretch * slope
+        total += _apart(points, p)
+    inside = max(total - 2 * hidden, _NOTHING)
+    along, begins, ends = 0.0, first, last
+    for p in range(first + 1, last):
+        step = _apart(points, p)
+        low, high = max(along, hidden), min(along + step, total - hidden)
+        shares[p] = max(high - low, 0.0) / step if hidden > 0 else 1.0
+        if along <= hidden < along + step:
+            begins = p
+        if along < total - hidden <= along + step:
+            ends = p
+        along += step
+    return inside, begins, ends
 
 
 @compiled(error_model="numpy")
-def _signals(  # type: ignore[no-untyped-def]
-    paths, grid, across, cells, nodal, gauge_factor, answer, out
+def _signal(  # type: ignore[no-untyped-def]
+    points, moved, first, last, answer, steps, shares, lengths, out, bent
 ):
+    """Of the line of points first to last into `out` (3, s): the signals, and their derivatives by
+    the strained length as deformed, and by its rest length. For a local response the length
+    is what it would be if segments were stretched by w in place of eps, the sum of L (1 + w).
+
+    Into `bent` (2, p, s), unless it is empty: the derivatives of the strained length by the
+    deformed lengths of the segments that end at each point, and by their rest lengths.
+    """
+    local, hidden, series, contact_square, breaks, origins, pieces = answer
+    states = steps.shape[1]
+    rest, begins, ends = _strained(points, first, last, hidden, shares)
+    _measure(moved, first, last, steps, shares, lengths)
+    if local:
+        lengths[:] = 0.0
+        for p in range(first + 1, last):
+            own = _apart(points, p)
+            for s in range(states):
+                stretch = steps[p, s] / own
+                w, slope = respond(stretch - 1, breaks, origins, pieces)
+                lengths[s] += shares[p] * own * (1 + w)
+                if bent.size:
+                    bent[0, p, s] = shares[p] * slope
+                    bent[1, p, s] = shares[p] * (1 + w - stretch * slope)
+    elif bent.size:
+        for p in range(first + 1, last):
+            bent[0, p] = shares[p]
+            bent[1, p] = 0.0
+    if bent.size and hidden > 0 and begins < ends:
+        # A longer segment before it moves where the strained stretch begins along its segment.
+        for at, low, high in ((begins, first + 1, begins), (ends, ends + 1, last)):
+            own = _apart(points, at)
+            for s in range(states):
+                dense = steps[at, s] / own
+                if local:
+                    dense = 1 + respond(dense - 1, breaks, origins, pieces)[0]
+                for p in range(low, high):
+                    bent[1, p, s] += dense
+                bent[1, at, s] += dense * (1 - shares[at])
+    whole = np.sqrt((rest + series) ** 2 + contact_square)
+    dilution = 1 - rest * (rest + series) / whole**2
+    for s in range(states):
+        w, slope = lengths[s] / rest - 1, 1.0
+        if not local:
+            w, slope = respond(w, breaks, origins, pieces)
+        out[0, s] = w * rest / whole
+        out[1, s] = slope / whole
+        out[2, s] = (w * dilution - slope * lengths[s] / rest) / whole
+
+
+@compiled(error_model="numpy")
+def _signals(paths, grid, across, cells, nodal, answer, out):  # type: ignore[no-untyped-def]
     count, states = paths.shape[1], out.shape[1]
     cell, bary = np.empty(count, np.int64), np.empty((count, 4))
     moved, steps = np.empty((count, 3 * states)), np.empty((count, states))
-    lengths, unused = np.empty(states + 1), np.empty((2, 0, states))
+    lengths, shares, unused = np.empty(states), np.empty(count), np.empty((2, 0, states))
+    found = np.empty((3, states))
     for c in range(len(paths)):
         walk(paths[c], grid, across, cell, bary)
         _move(cell, bary, cells, nodal, moved)
-        _measure(paths[c], moved, 0, count, steps, lengths)
-        if answer[0]:
-            _answer(paths[c], 0, count, steps, answer, lengths, unused)
-        for s in range(states):
-            out[c, s] = gauge_factor * (lengths[s] / lengths[states] - 1)
+        _signal(paths[c], moved, 0, count, answer, steps, shares, lengths, found, unused)
+        out[c] = found[0]
 
 
 @compiled(error_model="numpy")
 def _carry(  # type: ignore[no-untyped-def]
-    points, ends, grid, across, cells, nodal, answer, cell, bary, moved, steps, lengths, bent
+    points, ends, grid, across, cells, nodal, answer, cell, bary, moved, steps, signals, bent
 ):
     walk(points, grid, across, cell, bary)
     _move(cell, bary, cells, nodal, moved)
+    lengths, shares = np.empty(steps.shape[1]), np.empty(len(points))
     for c in range(len(ends) - 1):
-        _measure(points, moved, ends[c], ends[c + 1], steps, lengths[c])
-        if answer[0]:
-            _answer(points, ends[c], ends[c + 1], steps, answer, lengths[c], bent)
+        _signal(
+            points, moved, ends[c], ends[c + 1], answer, steps, shares, lengths, signals[c], bent
+        )
 
 
 @compiled(error_model="numpy", fastmath={"contract", "reassoc"})
@@ -231,13 +299,11 @@ def _pulls(ends, moved, steps, weights, bent, out):  # type: ignore[no-untyped-d
 
 @compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _slopes(  # type: ignore[no-untyped-def]
-    points, ends, cells, by_bary, nodal, gauge_factor, cell, bary, moved, steps, lengths, bent, out
+    points, ends, cells, by_bary, nodal, cell, bary, moved, steps, signals, bent, out
 ):
     states = steps.shape[1]
     one, two = states, 2 * states
-    weights = np.empty((len(ends) - 1, states))
-    for c in range(len(weights)):
-        weights[c] = gauge_factor / lengths[c, states]
+    weights = np.ascontiguousarray(signals[:, 1])
     pulls = np.empty((len(points) + 1, 3 * states))
     _pulls(ends, moved, steps, weights, bent, pulls)
     v = np.empty(3 * states)  # derivative of the signals by the deformed point
@@ -266,32 +332,31 @@ def _slopes(  # type: ignore[no-untyped-def]
                     + g2 * by_corner[2, s] + g3 * by_corner[3, s]
                 )  # fmt: skip
     for c in range(len(ends) - 1):
-        rest = gauge_factor / lengths[c, states] ** 2
         for p in range(ends[c] + 1, ends[c + 1]):
-            inverse = rest / _apart(points, p)
+            inverse = 1 / _apart(points, p)
             for a in range(3):
                 step = inverse * (points[p, a] - points[p - 1, a])
                 for s in range(states):
-                    out[p, a, s] -= step * lengths[c, s]
+                    out[p, a, s] += step * signals[c, 2, s]
                 for s in range(states):
-                    out[p - 1, a, s] += step * lengths[c, s]
+                    out[p - 1, a, s] -= step * signals[c, 2, s]
                 if bent.size:
                     for s in range(states):
-                        out[p, a, s] += step * lengths[c, states] * bent[1, p, s]
+                        out[p, a, s] += step * weights[c, s] * bent[1, p, s]
                     for s in range(states):
-                        out[p - 1, a, s] -= step * lengths[c, states] * bent[1, p, s]
+                        out[p - 1, a, s] -= step * weights[c, s] * bent[1, p, s]
 
 
 @compiled(error_model="numpy", fastmath={"contract", "reassoc"})
 def _pull(  # type: ignore[no-untyped-def]
-    points, ends, cells, by_bary, nodal, by_signals, cell, bary, moved, steps, lengths, bent, out
+    points, ends, cells, by_bary, nodal, by_signals, cell, bary, moved, steps, signals, bent, out
 ):
-    """`_slopes` times `by_signals` (s, m), which include the gauge factor."""
+    """`_slopes` times `by_signals` (s, m)."""
     states = steps.shape[1]
     weights = np.empty((len(ends) - 1, states))
     for c in range(len(weights)):
         for s in range(states):
-            weights[c, s] = by_signals[s, c] / lengths[c, states]
+            weights[c, s] = by_signals[s, c] * signals[c, 1, s]
     pulls = np.empty((len(points) + 1, 3 * states))
     _pulls(ends, moved, steps, weights, bent, pulls)
     by_node = np.empty(10)
@@ -325,7 +390,7 @@ def _pull(  # type: ignore[no-untyped-def]
     for c in range(len(ends) - 1):
         rest = 0.0
         for s in range(states):
-            rest += weights[c, s] * lengths[c, s] / lengths[c, states]
+            rest -= by_signals[s, c] * signals[c, 2, s]
         for p in range(ends[c] + 1, ends[c + 1]):
             own = rest
             if bent.size:

@@ -39,7 +39,7 @@ class Objective:
         self._outputs = problem.outputs
         self._features = problem.features(len(cords))
         self._bent = bool(self._features.second.any())
-        self._noise = self._features.uncertainty(problem.noise)
+        self._noise = float(self._features.uncertainty(problem.noise))
         self._ends = np.cumsum([0, *(c.size for c in cords)])
         self._first = np.cumsum([0, *(len(c.basis) for c in cords)])
 

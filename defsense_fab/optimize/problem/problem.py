@@ -14,8 +14,7 @@ from ...decoding.elimination import expected_square
 from ...decoding.features import KINDS, Features
 from ...decoding.ridge import floor
 from ...mechanics.elements.point_location import PointLocator
-from ...sensing.response import Response
-from .cord_signals import CordCarrier
+from .cord_signals import CordCarrier, SignalModel
 from .surface_depth import DepthField, DepthGrid
 
 _STILL = 1e-6  # mm
@@ -44,7 +43,8 @@ class Limits:
 @dataclass(frozen=True)
 class Problem:
     """States `fields` (s, n, 3) mm without rest; `markers` (s + 1, k, 3) mm displacements, rest
-    first; `marker_weights` (k,) summing to one; the cords' `response`, `noise` of (R - R0)/R0.
+    first; `marker_weights` (k,) summing to one; how cords `sense`, and their `noise`, the standard
+    deviation of (R - R0)/R0 of a long one.
 
     Raises LayoutError for values that are not finite, and for states that move no marker.
     """
@@ -54,7 +54,7 @@ class Problem:
     fields: Float
     markers: Float
     marker_weights: Float
-    response: Response
+    sense: SignalModel
     noise: float
     limits: Limits
     decoder: str = "affine"
@@ -88,7 +88,7 @@ class Problem:
     @cached_property
     def carrier(self) -> CordCarrier:
         """What moves cords with the fields; made once, its tables are large."""
-        return CordCarrier(self.locator, self.fields, self.response)
+        return CordCarrier(self.locator, self.fields, self.sense)
 
     @cached_property
     def depth(self) -> DepthField:
@@ -111,7 +111,8 @@ class Problem:
         return moved.reshape(len(self.fields), *points.shape)
 
     def signals(self, points: Float) -> Float:
-        """Signals (s + 1, ...) of polylines (..., p, 3), the zero of rest first."""
+        """Signals (s + 1, ...) of polylines (..., p, 3), the zero of rest first, all with the same
+        `noise`: see `SignalModel`."""
         shape = points.shape[:-2]
         moved = self.carrier.signals(points.reshape(-1, *points.shape[-2:]))
         return np.concatenate([np.zeros((1, *shape)), moved.reshape(len(self.fields), *shape)])

@@ -51,6 +51,14 @@ def layout_error(problem: Problem, sensors: Sequence[Sensor]) -> float:
     return float(problem.expected_error(np.stack(columns, axis=1)))
 
 
+def unimproved(problem: Problem, sensors: Layout) -> Optimised | None:
+    """The layout as it is, or None where it breaks a limit."""
+    if verify(sensors, problem.surface, problem.limits).problems:
+        return None
+    slivers = ThinParts(problem)(sensors)
+    return Optimised(sensors, layout_error(problem, sensors), slivers, (), sensors)
+
+
 def optimise(
     problem: Problem,
     drawn: Sequence[Sensor],

@@ -1,23 +1,22 @@
 """How far built devices will scatter about a prediction: Monte Carlo over what a maker cannot hold.
 
-Each draw is one device: its cords lie off their grooves' axes, differ in their gauge factors, and
-its poses are not taken to the full amplitude; its decoder is the best for its own signals and their
-noise, which long training comes to, and is tested on a session of noisy frames of other states.
+Each draw is one device: its cords lie off their grooves' axes, differ in their response, are
+stretched more or less as they are laid, and its poses are not taken to the full amplitude; its
+decoder is the best for its own signals and their noise, which long training comes to, and is tested
+on a session of noisy frames of other states.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Sensor
-from ...core.path_sampling import sample_path
 from ...decoding.decoders import Trained, fit_decoder
 from ...decoding.unseen import UnseenStates
-from ...sensing.signal import signals
+from ...sensing.built_cord import BuiltCord, CordReading
 from ..problem.problem import Problem, reduce_outputs
 
 #: A cord wanders in its groove between so many points along its path.
@@ -28,11 +27,15 @@ _KNOTS = 5
 class Tolerances:
     """`offset` mm is the largest distance of a cord from its groove's axis, either way in the plane
     and across it; `gauge` and `amplitude` are relative standard deviations, of the cords' gauge
-    factors and of the poses' amplitudes; `frames` is the length of the test."""
+    factors and of the poses' amplitudes; `prestretch` that of a held cord's pre-stretch, a strain;
+    `compression` the share of its slope that a response may lack below zero strain, at most;
+    `frames` is the length of the test."""
 
     offset: float = 0.3
     gauge: float = 0.05
     amplitude: float = 0.05
+    prestretch: float = 0.01
+    compression: float = 0.5
     frames: int = 600
 
 
@@ -48,18 +51,20 @@ class ToleranceBand:
 
 def tolerance_band(
     problem: Problem,
-    sensors: Sequence[Sensor],
+    cords: Sequence[BuiltCord],
+    reading: CordReading,
     rng: np.random.Generator,
     unseen: UnseenStates,
     draws: int = 200,
     tolerances: Tolerances | None = None,
 ) -> ToleranceBand:
-    """The band that devices with these cords are expected in, on the states of the problem that are
-    `unseen`."""
+    """The band that devices with these planar cords are expected in, on the states of the problem
+    that are `unseen`."""
     like: list[Trained] = []
     found = []
     for _ in range(draws):
-        rmse, like = session(problem, sensors, rng, tolerances or Tolerances(), unseen, like)
+        some = tolerances or Tolerances()
+        rmse, like = session(problem, cords, reading, rng, some, unseen, like)
         found.append(rmse)
     low, median, high = np.quantile(found, [0.05, 0.5, 0.95])
     return ToleranceBand(float(median), float(low), float(high))
@@ -67,7 +72,8 @@ def tolerance_band(
 
 def session(
     problem: Problem,
-    sensors: Sequence[Sensor],
+    cords: Sequence[BuiltCord],
+    reading: CordReading,
     rng: np.random.Generator,
     tolerances: Tolerances,
     unseen: UnseenStates,
@@ -76,23 +82,23 @@ def session(
     """RMSE (mm) of one device on its test frames, which show the states tested at random, and its
     decoders, one for each fold; see `fit_decoder` for those of another device, `like`."""
     mixing = _taken_less_far(unseen, len(problem.markers), rng, tolerances.amplitude)
-    columns = []
-    for sensor in sensors:
-        path = _off_axis(sensor, rng, tolerances.offset)
-        moved = path + np.tensordot(mixing, problem.deform(path) - path, 1)
-        gauge = 1 + rng.normal(0, tolerances.gauge)
-        columns.append(np.concatenate([[0.0], gauge * signals(path, moved, problem.response)]))
-    S = np.stack(columns, axis=1)
+    columns, sigma = [], []
+    for designed in cords:
+        cord, own = _as_laid(designed, reading, rng, tolerances)
+        moved = cord.path + np.tensordot(mixing, problem.deform(cord.path) - cord.path, 1)
+        columns.append(np.append(0.0, own.signals(cord, moved)))
+        sigma.append(own.noise(cord))
+    S, noise = np.stack(columns, axis=1), np.array(sigma)
     rest = problem.markers[:1]
     scaled = np.concatenate([rest, rest + np.tensordot(mixing, problem.markers[1:] - rest, 1)])
     O = reduce_outputs(scaled, problem.marker_weights)  # noqa: E741
     which = np.sort(rng.integers(len(unseen.tested), size=tolerances.frames))
     shown = unseen.tested[which]
-    read = S[shown] + rng.normal(0, problem.noise, (tolerances.frames, len(sensors)))
+    read = S[shown] + noise * rng.normal(0, 1, (tolerances.frames, len(cords)))
     square, decoders = 0.0, []
     for k, (seen, test) in enumerate(unseen.folds):
         begun = like[k] if like else None
-        decoders.append(fit_decoder(problem.decoder, S[seen], O[seen], problem.noise, begun))
+        decoders.append(fit_decoder(problem.decoder, S[seen], O[seen], noise, begun))
         mine = np.isin(shown, test)
         square += float(((decoders[-1](read[mine]) - O[shown[mine]]) ** 2).sum())
     return float(np.sqrt(square / tolerances.frames)), decoders
@@ -121,14 +127,33 @@ def _taken_less_far(
     return out
 
 
-def _off_axis(sensor: Sensor, rng: np.random.Generator, offset: float) -> Float:
+def _as_laid(
+    cord: BuiltCord, reading: CordReading, rng: np.random.Generator, tolerances: Tolerances
+) -> tuple[BuiltCord, CordReading]:
+    """One of the cords that a maker may get for this one, and how it is read."""
+    path = _off_axis(cord.path, rng, tolerances.offset)
+    factor = 1 + rng.normal(0, tolerances.gauge)
+    more = rng.normal(0, tolerances.prestretch)
+    lacking = rng.uniform(0, tolerances.compression)
+    if cord.prestretch is None:
+        return replace(cord, path=path), reading.gauge_spread(factor, 1 - lacking)
+    laid = max(cord.prestretch + more, 0.0)
+    return replace(cord, path=path, prestretch=laid), reading.gauge_spread(factor)
+
+
+def _normal(path: Float) -> Float:
+    """Unit normal (3,) of the plane of a path (p, 3); any across it, where it is straight."""
+    return np.asarray(np.linalg.svd(path - path.mean(0), full_matrices=False)[2][2])
+
+
+def _off_axis(path: Float, rng: np.random.Generator, offset: float) -> Float:
     """The path (p, 3) of a cord that wanders in its groove, by up to `offset` either way."""
-    path = sample_path(sensor)
-    across = np.cross(sensor.plane.normal, np.gradient(path, axis=0))
+    normal = _normal(path)
+    across = np.cross(normal, np.gradient(path, axis=0))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     where = np.linspace(0, 1, len(path))
     shift = [
         np.interp(where, np.linspace(0, 1, _KNOTS), rng.uniform(-offset, offset, _KNOTS))[:, None]
         for _ in range(2)
     ]
-    return np.asarray(path + shift[0] * across + shift[1] * sensor.plane.normal)
+    return np.asarray(path + shift[0] * across + shift[1] * normal)

@@ -13,6 +13,7 @@ from ...core.curve import Hermite, Plane
 from ...core.device import Sensor
 from ...core.errors import DefsenseError, StorageError
 from ...core.prediction import Prediction
+from ...sensing.built_cord import BuiltCord
 from . import typed_json
 from .build_folder import BUILD_AGAIN
 
@@ -50,9 +51,15 @@ class CordPath:
 
 @dataclass(frozen=True)
 class CordRecord(CordPath):
-    """A cord as it was optimised: its channel of the read-out; `points` (p >= 100, 3) mm of its
-    path in the rest frame; length from skin to skin, least radius, least wall (mm); lengths (2,)
-    mm of the straight runs to the skin; strains between which it is stretched."""
+    """A cord as it was optimised, and as it is built in.
+
+    Optimised: its channel of the read-out; `points` (p >= 100, 3) mm of its path in the rest frame;
+    length from skin to skin, least radius, least wall (mm); lengths (2,) mm of the straight runs to
+    the skin. Built in: the strains between which it is stretched over all states; the `stretch`
+    (q, 3) mm of its path on which it is, in the rest frame; the length in `series` with that, mm;
+    by how much of its length it is stretched as it is laid (null: it is bonded); the standard
+    deviation `noise` of its (R - R0)/R0.
+    """
 
     channel: int
     points: Float
@@ -63,6 +70,15 @@ class CordRecord(CordPath):
     cord_diameter: float
     peak_strain: float
     least_strain: float
+    stretch: Float
+    series: float
+    prestretch: float | None
+    noise: float
+
+    @property
+    def built(self) -> BuiltCord:
+        """The cord as it is built in."""
+        return BuiltCord(self.stretch, self.series, self.prestretch)
 
 
 @dataclass(frozen=True)
@@ -85,12 +101,14 @@ class BandRecord:
     offset: float
     gauge: float
     amplitude: float
+    prestretch: float
+    compression: float
     frames: int
 
 
 @dataclass(frozen=True)
 class WeighedRecord:
-    """A layout that was made on trial: RMSE (mm) on fitted states as designed and as built, planes,
+    """A layout that was made on trial: RMSE (mm) on unseen states as designed and as built, planes,
     parts, the smallest one's volume (mm^3), what is to be said of it, the problem for which it
     cannot be made; whether it is the one that was chosen."""
 
@@ -110,7 +128,7 @@ class LayoutRecord:
     RMSE (mm) of each decoder on states left out of its training in turn, `weighed` the layouts that
     it was chosen from, `initial` the prediction for the paths as `drawn`, each (p, 3) mm."""
 
-    SCHEMA: ClassVar[int] = 2
+    SCHEMA: ClassVar[int] = 3
 
     device: str
     mesh: str

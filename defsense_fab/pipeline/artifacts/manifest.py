@@ -88,17 +88,22 @@ class CordEnd:
 
 @dataclass(frozen=True)
 class CutCord:
-    """A cord to cut: lengths mm, of the channel, between the ferrules, and of the stretch that
-    senses; resistance at rest, its range in use and the reference resistor, ohm."""
+    """A cord to cut: lengths mm, of the channel, between the ferrules (or wires) as it lies and as
+    it is before it is laid, and of the stretch that senses; by how much of its length it is
+    stretched as it is laid (null: bonded); resistance before it is laid, at rest in the device, its
+    range in use and the reference resistor, ohm."""
 
     sensor: str
     cut_length: float
     slack: float
     channel_length: float
     between_ferrules: float
+    unstretched: float
+    prestretch: float | None
     sensing_length: float
     ends: tuple[CordEnd, CordEnd]
     channel_diameter: float
+    resistance_before: float
     resistance: float
     range: tuple[float, float]
     reference_resistor: float
@@ -150,10 +155,10 @@ class TagSeat:
 
 @dataclass(frozen=True)
 class Manifest:
-    """`parts/manifest.json`; `prediction` is that for the cords as they are built in; volumes
-    mm^3."""
+    """`parts/manifest.json`; `prediction` is that for the cords as they are built in, `held` at
+    their ends or `bonded` into their grooves (`assembly_of_cords`); volumes mm^3."""
 
-    SCHEMA: ClassVar[int] = 2
+    SCHEMA: ClassVar[int] = 3
 
     device: str
     unit: str
@@ -161,6 +166,7 @@ class Manifest:
     pins: tuple[PinRecord, ...]
     plates: tuple[Plate, ...]
     cords: tuple[CutCord, ...]
+    assembly_of_cords: str
     bill: tuple[BillItem, ...]
     assembly: tuple[JoinStep, ...]
     marker_seats: tuple[TagSeat, ...]

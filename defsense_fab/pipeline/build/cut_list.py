@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ...core.arrays import Float
 from ...core.device import Device
-from ...core.path_sampling import arc_lengths
 from ...geometry.channels.channel_ends import End
 from ...geometry.parts.records import Made
+from ...sensing.built_cord import CordReading
 from ...sensing.voltage_divider import reference
 from ..artifacts.manifest import BillItem, CordEnd, CutCord, WireRecord
+from ..design.predict import Scored
 
 #: Longer by this much than needed, mm: cords are trimmed when they lie in their grooves.
 SLACK = 5.0
@@ -18,24 +18,23 @@ SLACK = 5.0
 OUTSIDE = 200.0
 
 
-def cut_list(device: Device, made: Made, signals: Float) -> tuple[CutCord, ...]:
-    """One row a cord; `signals` (n, c) are (R - R0)/R0 of the channels' `sensing` stretches
-    in the states that they are to sense.
+def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
+    """One row a cord; `built` is what the cords sense as they are built in.
 
     A cord ends in the middle of the ferrule that joins it to a wire: in a pocket of the body, or
     outside, behind a free end of `[fabrication] lead` mm. Its resistance counts between the
     ferrules. What of that lies outside of the sensing stretch, in the straight runs to the skin and
-    in free ends, is a constant resistance in series.
+    in free ends, is a constant resistance in series. A held cord is shorter before it is laid, by
+    its pre-stretch.
     """
     ferrule, lead = device.cord.ferrule_length, device.fabrication.lead
-    out = []
-    for k, channel in enumerate(made.channels):
-        between = channel.length + sum(-e.pocket if e.pocket else lead for e in channel.ends)
-        cut = between + ferrule + SLACK
-        rest = between * device.cord.ohm_per_mm
-        sensing = float(arc_lengths(channel.sensing)[-1])
-        changes = sensing * device.cord.ohm_per_mm * signals[:, k]
-        low, high = rest + float(changes.min()), rest + float(changes.max())
+    reading, out = CordReading.of(device), []
+    for channel, cord, signals in zip(made.channels, built.cords, built.signals.T, strict=True):
+        between = cord.length + cord.series
+        unstretched = cord.length / (1 + (cord.prestretch or 0.0)) + cord.series
+        cut = unstretched + ferrule + SLACK
+        rest = reading.resistance(cord)
+        low, high = (rest * (1 + float(s)) for s in (signals.min(), signals.max()))
         out.append(
             CutCord(
                 sensor=channel.name,
@@ -43,9 +42,12 @@ def cut_list(device: Device, made: Made, signals: Float) -> tuple[CutCord, ...]:
                 slack=SLACK,
                 channel_length=channel.length,
                 between_ferrules=between,
-                sensing_length=sensing,
+                unstretched=unstretched,
+                prestretch=cord.prestretch,
+                sensing_length=cord.length,
                 ends=(_end(channel.ends[0], lead), _end(channel.ends[1], lead)),
                 channel_diameter=device.channel_diameter,
+                resistance_before=unstretched * device.cord.ohm_per_mm,
                 resistance=rest,
                 range=(low, high),
                 reference_resistor=reference(low, high),

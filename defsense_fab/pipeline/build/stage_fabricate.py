@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ...core.arrays import Float
-from ...core.device import Device, Sensor
+import numpy as np
+
+from ...core.device import Device
 from ...core.mesh import Surface
 from ...core.prediction import Prediction
-from ...geometry.channels.cord_channels import channels_of
 from ...geometry.kernels import triangle_kernel
-from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.kernels.export import write_3mf, write_stl
 from ...geometry.parts.print_bed import PlacedPart, arrange, laid
 from ...geometry.parts.records import Made
 from ..artifacts.body import load_body_record, load_solid, load_surface
 from ..artifacts.layout import LayoutRecord, load_layout
 from ..artifacts.manifest import (
+    CutCord,
     JoinedPin,
     JoinStep,
     Manifest,
@@ -29,15 +29,21 @@ from ..artifacts.manifest import (
     TagSeat,
     save_manifest,
 )
-from ..design.as_built import as_made, fabricate, rules
-from ..design.design_task import DesignTask, load_task
+from ..design.as_built import as_made, fabricate, with_relief
+from ..design.design_task import load_task
 from .cut_list import bill, cut_list
 from .stages import Report
 
 #: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
 LYING = "print"
-#: Predicted errors that grow by more than this with the pockets are told.
-_WORSE = 1.05
+_ANSWERS = {
+    "same": "the same as in tension",
+    "half": "half of that in tension",
+    "none": "none",
+    "rising": "the reverse of that in tension, so that resistance rises both ways",
+}
+#: Cords that are so many times as stiff as the body in their place are told.
+_STIFF = 2.0
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
@@ -46,41 +52,13 @@ def run(device: Device, folder: Path, report: Report) -> None:
     layout = load_layout(folder)
     sensors = [s.sensor() for s in layout.sensors]
     task = load_task(device, folder).decoded_by(layout.prediction.decoder)
-    device, note = _relief(device, task, surface, sensors, bay)
+    device, note = with_relief(device, task, surface, sensors, bay)
     made = fabricate(device, surface, sensors, report, solid, bay)
     report(0.75, "predicting with joints")
     built = as_made(task, made.channels)
     report(0.8, "writing parts")
     made = replace(made, warnings=(*made.warnings, *note))
-    write(device, made, folder, layout, built.signals, built.prediction)
-
-
-def _relief(
-    device: Device,
-    task: DesignTask,
-    surface: Surface,
-    sensors: Sequence[Sensor],
-    bay: Prism | None,
-) -> tuple[Device, list[str]]:
-    """The device with its strain relief decided where it leaves that open: bends are left out where
-    the deeper pockets would cost too much accuracy, with a note."""
-    f = device.fabrication
-    if f.strain_relief is not None or not f.pockets:
-        return device, []
-    found = []
-    for relief in (False, True):
-        changed = replace(device, fabrication=replace(f, strain_relief=relief))
-        r = rules(changed, bay)
-        channels = channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets)
-        found.append((changed, as_made(task, channels).prediction.rmse))
-    (straight, without), (bent, with_bends) = found
-    if with_bends <= _WORSE * without:
-        return bent, []
-    return straight, [
-        "wires leave by the cords' mouths, without a bend that relieves their joints: the deeper"
-        f" pockets would raise the predicted error from {without:.2f} to {with_bends:.2f} mm;"
-        " strain_relief = true in [fabrication] makes them"
-    ]
+    write(device, made, folder, layout, cut_list(device, made, built), built.prediction)
 
 
 def write(
@@ -88,11 +66,10 @@ def write(
     made: Made,
     folder: Path,
     layout: LayoutRecord,
-    signals: Float,
+    cords: tuple[CutCord, ...],
     prediction: Prediction,
 ) -> None:
-    """Leave the parts in `folder`/parts; `signals` (n, c) in all states and `prediction` are those
-    of the cords as they are built in."""
+    """Leave the parts in `folder`/parts; `prediction` is that of the cords as they are built in."""
     flat = {p.name: laid(p.surface, p.down) for p in made.parts}
     pins = _pins(made)
     names = [n for name, (_, count, _) in pins.items() for n in _copies(name, count)]
@@ -115,7 +92,7 @@ def write(
         occ.write_assembly(solids, out / "assembly.step", device.name)
     write_3mf({p.name: p.surface for p in made.parts}, out / "assembly.3mf", device.name)
     plates = _write_plates(placed, out, device.name)
-    manifest = _manifest(device, made, pins, plates, layout, signals, prediction)
+    manifest = _manifest(device, made, pins, plates, layout, cords, prediction)
     save_manifest(folder, manifest)
 
 
@@ -155,10 +132,9 @@ def _manifest(
     pins: Mapping[str, tuple[Surface, int, Mapping[str, float]]],
     plates: tuple[Plate, ...],
     layout: LayoutRecord,
-    signals: Float,
+    cords: tuple[CutCord, ...],
     prediction: Prediction,
 ) -> Manifest:
-    cords = cut_list(device, made, signals)
     return Manifest(
         device=device.name,
         unit="mm",
@@ -179,29 +155,41 @@ def _manifest(
         prediction=prediction,
         removed_volume=made.cut_out,
         body_volume=made.body_volume,
-        warnings=(*made.warnings, *_warnings(device, made, layout, prediction)),
+        assembly_of_cords=device.fabrication.assembly,
+        warnings=(*made.warnings, *_warnings(device, layout)),
     )
 
 
-def _warnings(
-    device: Device, made: Made, layout: LayoutRecord, prediction: Prediction
-) -> list[str]:
+def _warnings(device: Device, layout: LayoutRecord) -> list[str]:
     """What the maker should know of the cords as they are built in."""
-    warnings = []
-    if prediction.rmse > _WORSE * layout.prediction.rmse:
-        bent = any(c.leads for c in made.channels)
-        way = "strain_relief = false" if bent else "pockets = false"
-        warnings.append(
-            f"the ends of cords in pockets do not sense: the predicted error rises from"
-            f" {layout.prediction.rmse:.2f} to {prediction.rmse:.2f} mm; {way} in"
-            " [fabrication] makes them shorter"
-        )
-    warnings += [
-        f"cord {s.name} is stretched by {s.peak_strain:.0%}, more than its"
-        f" {device.cord.max_strain:.0%}"
+    cord, bonded = device.cord, device.fabrication.assembly == "bonded"
+    warnings = [
+        f"cord {s.name} is stretched by {s.peak_strain:.0%}, more than its {cord.max_strain:.0%}"
         for s in layout.sensors
-        if s.peak_strain > device.cord.max_strain
+        if s.peak_strain > cord.max_strain
     ]
+    warnings += [
+        f"cord {s.name} is slack where the body is compressed along it the most, by"
+        f" {-s.least_strain:.1%}, and senses nothing of that; leave prestretch out of"
+        " [fabrication], or give more"
+        for s in layout.sensors
+        if not bonded and s.least_strain < 0
+    ]
+    pressed = any(s.least_strain < 0 for s in layout.sensors)
+    if bonded and pressed and cord.compression != "measured":
+        warnings.append(
+            "bonded cords are compressed, and how their resistance answers to that was not"
+            f" measured: it is taken to be {_ANSWERS[cord.compression]}; calibrate the cord, or"
+            ' take assembly = "held", which stretches cords so far that none is compressed'
+        )
+    stiff = cord.modulus * np.pi / 4 * cord.diameter**2
+    soft = device.material.young_modulus * device.channel_diameter**2 * np.pi / 4
+    if bonded and stiff > _STIFF * soft:
+        warnings.append(
+            f"the cord ({cord.modulus:g} MPa) is stiffer than {device.material.name}"
+            f" ({device.material.young_modulus:.2g} MPa), which is not in the simulation: bonded"
+            " cords are strained some per cent less than predicted, and their training finds that"
+        )
     return warnings
 
 

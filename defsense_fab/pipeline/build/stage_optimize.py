@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from ...core.arrays import Float
 from ...core.curve import distinct
 from ...core.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
 from ...core.path_sampling import sample_path
 from ...decoding.features import KINDS
 from ...optimize.limits.verification import LayoutCheck, verify
-from ...optimize.problem.problem import Problem
-from ...optimize.refinement.refine import Optimised, optimise, part
+from ...optimize.refinement.refine import Optimised, optimise, part, unimproved
 from ...optimize.studies.risks import risks
 from ...optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band
-from ...sensing.signal import strain_range
+from ...sensing.built_cord import BuiltCord
+from ...sensing.signal import mean_strain, strain_range
 from ..artifacts.body import load_body_record, load_surface
 from ..artifacts.layout import (
     BandRecord,
@@ -33,9 +34,10 @@ from ..artifacts.layout import (
     save_layout,
 )
 from ..artifacts.mesh import load_mesh_record
+from ..design.as_built import assumed_cords
 from ..design.choose_layout import choose_layout
 from ..design.design_task import SEED, DesignTask, load_task
-from ..design.predict import predict, unseen_error
+from ..design.predict import Scored, predict, unseen_error
 from .stages import Report
 
 #: Searches, whose random choices differ; the best are weighed against each other.
@@ -53,7 +55,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         like = next((k for k in tried if KINDS[k] is KINDS[kind]), None)  # designed alike
         show = partial(part, report, 0.4 * n / len(kinds), 0.4 * (n + 1) / len(kinds))
         found = tried[like][1] if like else _search(device, task, 0, device.planes, show)
-        tried[kind] = (unseen_error(task, found.sensors), found)
+        tried[kind] = (unseen_error(task, assumed_cords(task, found.sensors)), found)
     decoder = min(tried, key=lambda k: tried[k][0])
     task = task.decoded_by(decoder)
     every = _again(device, task, tried[decoder][1], partial(part, report, 0.4, 0.8))
@@ -61,16 +63,18 @@ def run(device: Device, folder: Path, report: Report) -> None:
         device, task, every, surface, bay, partial(part, report, 0.8, 1.0)
     )
     found = chosen.found
+    final = chosen.scored
     errors = {  # of those not designed for: what they would make of the cords chosen
-        kind: unseen_error(task.decoded_by(kind), found.sensors) for kind in DECODERS
+        kind: unseen_error(task.decoded_by(kind), final.cords) for kind in DECODERS
     }
-    problem = task.design
-    initial = predict(task, [sample_path(s) for s in found.initial])
-    final = predict(task, [sample_path(s) for s in found.sensors])
+    problem, tolerances = task.design, Tolerances()
+    if device.cord.compression == "measured":
+        tolerances = replace(tolerances, compression=0.0)
+    initial = predict(task, assumed_cords(task, found.initial))
     check = verify(found.sensors, surface, problem.limits)
     if check.problems:
         raise LayoutError(f"the optimised layout fails its check: {check.problems[0]}")
-    sensors = _cords(device, found.sensors, check, task.everything)
+    sensors = _cords(device, found.sensors, check, task, final)
     layout = LayoutRecord(
         device=device.name,
         mesh=load_mesh_record(folder).hash,
@@ -83,7 +87,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         weighed=tuple(
             WeighedRecord(
                 t.designed,
-                t.built,
+                None if t.problem else t.built,
                 t.planes,
                 t.parts,
                 t.smallest,
@@ -98,10 +102,15 @@ def run(device: Device, folder: Path, report: Report) -> None:
         band=BandRecord(
             **asdict(
                 tolerance_band(
-                    task.everything, found.sensors, np.random.default_rng(SEED), task.unseen
+                    task.everything,
+                    final.cords,
+                    task.reading,
+                    np.random.default_rng(SEED),
+                    task.unseen,
+                    tolerances=tolerances,
                 )
             ),
-            **asdict(Tolerances()),
+            **asdict(tolerances),
         ),
         initial=initial.prediction,
         drawn=tuple(sample_path(s) for s in found.initial),
@@ -123,10 +132,13 @@ def _search(
 
 
 def _again(device: Device, task: DesignTask, first: Optimised, report: Report) -> list[Optimised]:
-    """The layout, those of other seeds and of fewer planes, where there is anything to search."""
+    """The layout, what it set out from if that keeps the limits, and layouts of other seeds and of
+    fewer planes, where there is anything to search."""
     out = [first]
     if not (device.propose or any(s.free for s in device.sensors)):
         return out
+    begun = unimproved(task.design, tuple(first.initial))
+    out += [begun] if begun else []
     fewer = range(1, len(distinct([s.plane for s in first.sensors])))
     todo = [(seed, device.planes) for seed in range(1, SEEDS)]
     todo += [(0, n) for n in fewer if device.planes is None or n < device.planes]
@@ -138,17 +150,21 @@ def _again(device: Device, task: DesignTask, first: Optimised, report: Report) -
 
 
 def _cords(
-    device: Device, sensors: Sequence[Sensor], check: LayoutCheck, problem: Problem
+    device: Device,
+    sensors: Sequence[Sensor],
+    check: LayoutCheck,
+    task: DesignTask,
+    scored: Scored,
 ) -> tuple[CordRecord, ...]:
     out = []
-    for channel, (s, c) in enumerate(zip(sensors, check.cords, strict=True)):
-        path = sample_path(s)
-        least, most = strain_range(path, problem.deform(path))
+    rows = zip(sensors, check.cords, scored.cords, scored.prediction.noise, strict=True)
+    for channel, (s, c, built, noise) in enumerate(rows):
+        least, most = _strains(built, task.everything.deform(built.path))
         out.append(
             CordRecord(
                 **vars(CordPath.of(s)),
                 channel=channel,
-                points=path,
+                points=sample_path(s),
                 length=c.length,
                 min_radius=min(c.min_radius, 1e6),
                 min_wall=c.min_wall,
@@ -156,9 +172,23 @@ def _cords(
                 cord_diameter=device.cord.diameter,
                 peak_strain=most,
                 least_strain=least,
+                stretch=built.path,
+                series=built.series,
+                prestretch=built.prestretch,
+                noise=noise,
             )
         )
     return tuple(out)
+
+
+def _strains(cord: BuiltCord, deformed: Float) -> tuple[float, float]:
+    """Least and greatest strain of the cord itself over rest and all states (s, p, 3): of any
+    segment of a bonded one, and below zero where a held one would be slack."""
+    if cord.prestretch is None:
+        least, most = strain_range(cord.path, deformed)
+        return min(least, 0.0), max(most, 0.0)
+    mean = (1 + cord.prestretch) * (1 + np.append(0.0, mean_strain(cord.path, deformed))) - 1
+    return float(mean.min()), float(mean.max())
 
 
 def _uncalibrated(device: Device, sensors: Sequence[CordRecord]) -> list[str]:

@@ -16,7 +16,7 @@ from ...decoding.decoders import fit_decoder
 from ...decoding.unseen import MEANING, unseen_states
 from ..artifacts.body import load_surface
 from ..artifacts.fields import field_path, load_fields, load_index, load_strain
-from ..artifacts.layout import load_layout, load_prediction
+from ..artifacts.layout import LayoutRecord, load_layout, load_prediction
 from ..artifacts.manifest import load_manifest
 from ..artifacts.mesh import load_mesh, load_mesh_record
 from ..report import pictures
@@ -49,7 +49,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     write_page(folder / "guide.html", "guide", guide=guide)
     write_pdf(guide, folder / "guide.pdf")
     images["parts"] = guide.exploded
-    images["poses"] = _poses(device, folder, layout.prediction.decoder, view, report)
+    images["poses"] = _poses(folder, layout, view, report)
     write_page(
         folder / "report.html",
         "report",
@@ -92,9 +92,7 @@ def _fullest(names: Sequence[str], held_out: Bool) -> list[int]:
     return sorted(int(seen[int(k[at.argmax()]) - 1]) for k, at in paths)
 
 
-def _poses(
-    device: Device, folder: Path, kind: str, view: Float, report: Report
-) -> list[dict[str, Any]]:
+def _poses(folder: Path, layout: LayoutRecord, view: Float, report: Report) -> list[dict[str, Any]]:
     """Strain section and error map of each pose and mixture that was designed for, at its fullest,
     and of the held-out state that is sensed worst."""
     found = load_fields(folder)
@@ -104,11 +102,11 @@ def _poses(
     index = np.zeros(len(boundary.vertices), int)
     index[used] = np.arange(len(used))
     rest, faces = boundary.vertices[used], index[boundary.faces]
-    signals = load_prediction(folder).signals
+    signals, told = load_prediction(folder).signals, layout.prediction
     moved = np.concatenate([np.zeros((1, *rest.shape)), fields[:, used]])
     seen = ~np.append(False, found.held_out)
     flat = moved.reshape(len(moved), -1)
-    decoder = fit_decoder(kind, signals[seen], flat[seen], device.cord.noise)
+    decoder = fit_decoder(told.decoder, signals[seen], flat[seen], np.array(told.noise))
     error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
     shown = _fullest(names, found.held_out)
     held_out = np.flatnonzero(found.held_out)

@@ -18,7 +18,7 @@ from ..artifacts import mesh_lock
 from . import body_sources
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 21
+CODE_VERSION = 22
 
 Report = Callable[[float, str], None]
 
@@ -55,11 +55,6 @@ def _mesh_inputs(d: Device) -> Any:
     poses = plain((d.material, d.poses)) if d.mesh.accuracy else None
     locked = mesh_lock.content(d.source)
     return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses, locked)
-
-
-def _cord_room(d: Device) -> Any:
-    """What of the printing process bears on where cords may run."""
-    return (d.fabrication.clearance, d.fabrication.wall, d.fabrication.lead)
 
 
 def _regions(d: Device) -> Any:
@@ -128,13 +123,13 @@ STAGES = (
         lambda d: plain(
             (
                 d.cord,
-                _cord_room(d),
                 d.outputs,
                 d.sensors,
                 d.propose,
                 d.planes,
                 d.decoder,
                 d.prefer,
+                d.converter,
                 d.fabrication,
             )
         ),

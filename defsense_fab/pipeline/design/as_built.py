@@ -1,31 +1,39 @@
-"""A layout as a device: its parts, and what its cords sense between their ends."""
+"""A layout as a device: its parts, its cords as they are built in, and what these sense."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from ...core.arrays import Float
 from ...core.device import Device, Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
+from ...core.path_sampling import arc_lengths, resample, sample_path
 from ...geometry.channels.channel_ends import Pockets
-from ...geometry.channels.cord_channels import Channel
-from ...geometry.channels.wire_channels import Wires
+from ...geometry.channels.cord_channels import Channel, channels_of
 from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.parts.parts import make_parts
 from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
-from .design_task import DesignTask, limits
+from ...sensing.built_cord import BuiltCord, needed_prestretch
+from ...sensing.signal import mean_strain
+from .design_task import DesignTask, limits, wires
 from .predict import Scored, predict
 
 Report = Callable[[float, str], None]
+#: Predicted errors that grow by more than this with the bends of wires are worse.
+WORSE = 1.05
+_TOLERANCE = 0.05  # mm
 
 
 def rules(device: Device, bay: Prism | None = None) -> Rules:
     """What the device's cord and process ask of its parts, whose wires end in the `bay`."""
     f = device.fabrication
     relief = f.strain_relief is not False
-    wires = Wires(f.wire_diameter, f.wire_diameter + f.clearance, bay, relief)
     pocket = max(device.cord.ferrule_diameter + f.clearance, device.channel_diameter + 0.1)
     return Rules(
         device.cord.diameter,
@@ -33,7 +41,11 @@ def rules(device: Device, bay: Prism | None = None) -> Rules:
         f.clearance,
         f.wall,
         f.limit_cuts,
-        Pockets(pocket, device.cord.ferrule_length, wires if bay or relief else None)
+        Pockets(
+            pocket,
+            device.cord.ferrule_length,
+            wires(device, relief, bay) if bay or relief else None,
+        )
         if f.pockets
         else None,
         f.marker_seats,
@@ -53,9 +65,85 @@ def fabricate(
     problems = verify(sensors, surface, limits(device)).problems
     if problems:
         raise FabricationError(problems[0])
-    return make_parts(surface, sensors, rules(device, bay), report, solid)
+    made = make_parts(surface, sensors, rules(device, bay), report, solid)
+    for channel in made.channels:
+        stretched = float(arc_lengths(channel.sensing)[-1])
+        if stretched < device.cord.min_stretch - _TOLERANCE:
+            raise FabricationError(
+                f"cord {channel.name!r}: only {stretched:.1f} mm of it are stretched between its"
+                f" ends, less than the {device.cord.min_stretch:g} mm of [cord] min_stretch; make"
+                " its path longer"
+            )
+    return made
+
+
+def with_relief(
+    device: Device,
+    task: DesignTask,
+    surface: Surface,
+    sensors: Sequence[Sensor],
+    bay: Prism | None,
+) -> tuple[Device, list[str]]:
+    """The device with its strain relief decided where it leaves that open: bends are left out where
+    the deeper pockets would cost too much accuracy, or leave too little to stretch, with a note.
+
+    Raises FabricationError for a path that is no channel.
+    """
+    f = device.fabrication
+    if f.strain_relief is not None or not f.pockets:
+        return device, []
+    found = []
+    for relief in (False, True):
+        changed = replace(device, fabrication=replace(f, strain_relief=relief))
+        r = rules(changed, bay)
+        cords = built_cords(task, channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets))
+        found.append((changed, cords, predict(task, cords).prediction.rmse))
+    (straight, _, without), (bent, cords, with_bends) = found
+    enough = all(c.length >= device.cord.min_stretch - _TOLERANCE for c in cords)
+    if enough and with_bends <= WORSE * without:
+        return bent, []
+    return straight, [
+        "wires leave by the cords' mouths, without a bend that relieves their joints: the deeper"
+        f" pockets would raise the predicted error from {without:.2f} to {with_bends:.2f} mm, or"
+        " leave too little cord to stretch; strain_relief = true in [fabrication] makes them"
+    ]
+
+
+def built_cords(task: DesignTask, channels: Sequence[Channel]) -> list[BuiltCord]:
+    """The cords in their channels: each between its ferrules, or its free ends."""
+    out = []
+    for channel in channels:
+        path = channel.sensing
+        lead = task.fabrication.lead
+        between = channel.length + sum(-e.pocket if e.pocket else lead for e in channel.ends)
+        out.append(_built(task, path, between - float(arc_lengths(path)[-1])))
+    return out
+
+
+def assumed_cords(task: DesignTask, sensors: Sequence[Sensor]) -> list[BuiltCord]:
+    """The cords as the search assumes them to be built in, where their channels are not known."""
+    model = task.design.sense
+    out = []
+    for sensor in sensors:
+        path = sample_path(sensor)
+        length = float(arc_lengths(path)[-1])
+        hidden = min(model.hidden, 0.45 * length)
+        stretch = resample(path, hidden, length - hidden, len(path))
+        out.append(_built(task, stretch, 0.0 if model.hidden else 2 * task.fabrication.lead))
+    return out
+
+
+def _built(task: DesignTask, path: Float, series: float) -> BuiltCord:
+    f = task.fabrication
+    if f.assembly == "bonded":
+        return BuiltCord(path, max(series, 0.0), None)
+    prestretch = f.prestretch
+    if prestretch is None:
+        strain = mean_strain(path, task.everything.deform(path))
+        prestretch = needed_prestretch(float(np.min(strain, initial=0.0)))
+    return BuiltCord(path, max(series, 0.0), prestretch)
 
 
 def as_made(task: DesignTask, channels: Sequence[Channel]) -> Scored:
-    """What the device is predicted to sense without the ends of cords that lie in pockets."""
-    return predict(task, [c.sensing for c in channels])
+    """What the device is predicted to sense with its cords as they are built in."""
+    return predict(task, built_cords(task, channels))

@@ -2,7 +2,7 @@
 
 Layouts within some per cent of the best differ more in what they ask of the maker than in what they
 sense, and perhaps the best cannot be made at all. So each is made on trial (with triangles, which
-takes some seconds), and its error is that of the cords between their ends, as they are built.
+takes some seconds), and its error is that on unseen states, of the cords as they are built in.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...geometry.kernels.cutting_tools import Prism
 from ...optimize.refinement.refine import Optimised
-from .as_built import as_made, fabricate
+from .as_built import as_made, assumed_cords, fabricate, with_relief
 from .design_task import DesignTask
+from .predict import Scored, predict
 
 #: Layouts within this of the best are as good: the band of built devices is wider.
 ALIKE = 1.05
@@ -31,17 +32,22 @@ Report = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Trial:
-    """A layout made on trial: RMSE (mm) on fitted states by design, and as built; its parts, the
-    smallest one's volume (mm^3) and what is to be said of them; or the `problem` for which it
-    cannot be made, and no such numbers."""
+    """A layout made on trial: RMSE (mm) on unseen states by design, and what it is predicted to
+    sense as built; its parts, the smallest one's volume (mm^3) and what is to be said of them; or
+    the `problem` for which it cannot be made, and no parts."""
 
     found: Optimised
     designed: float
-    built: float | None = None
+    scored: Scored
     parts: int | None = None
     smallest: float | None = None
     warnings: tuple[str, ...] = ()
     problem: str | None = None
+
+    @property
+    def built(self) -> float:
+        """RMSE (mm) on unseen states as built."""
+        return self.scored.prediction.unseen
 
     @property
     def planes(self) -> int:
@@ -55,7 +61,8 @@ class Trial:
 
 
 def different(found: Sequence[Optimised]) -> list[Optimised]:
-    """The best first, without those that have come to the same layout. Slivers come last."""
+    """Without those that have come to the same layout, the best on fitted states first. Slivers
+    come last."""
     out: list[Optimised] = []
     for one in sorted(found, key=lambda f: (f.slivers, f.rmse)):
         if not any(
@@ -77,50 +84,55 @@ def choose_layout(
     bay: Prism | None,
     report: Report,
 ) -> tuple[Trial, tuple[Trial, ...]]:
-    """The trial to build and all trials, the best by design first.
+    """The trial to build and all trials, the best by design first, without slivers if it can be.
 
     Of those as good as the best that can be made, by their errors as built, the simplest; with
     `[design] prefer = "accuracy"` the best. Layouts that are worse are tried only where none of
     these can be made, and fewer planes always, to show what they cost. Where none can be made, the
     best by design is returned with its problem.
     """
-    ranked = different(found)
-    bound = _HOPEFUL * ranked[0].rmse
-    hopeful = [f for f in ranked if f.rmse <= bound and f.slivers == ranked[0].slivers][:_MOST]
+    expected = [(f, _designed(task, f).prediction.unseen) for f in different(found)]
+    ranked = sorted(expected, key=lambda e: (e[0].slivers, e[1]))
+    least, bound = ranked[0][0].slivers, _HOPEFUL * ranked[0][1]
+    hopeful = [e for e in ranked if e[1] <= bound and e[0].slivers == least][:_MOST]
     trials = []
-    for k, one in enumerate(hopeful):
+    for k, (one, error) in enumerate(hopeful):
         report(k / len(hopeful), f"making layout {k + 1} of {len(hopeful)} on trial")
-        trials.append(_make(device, task, one, surface, bay))
-    rest = [f for f in ranked if not any(f is h for h in hopeful)]
+        trials.append(_make(device, task, one, error, surface, bay))
     fewest = min((t.planes for t in trials), default=0)
-    for one in rest:
+    for one, error in ranked[len(hopeful) :]:
         if all(t.problem for t in trials) or _planes(one) < fewest:
-            trials.append(_make(device, task, one, surface, bay))
+            trials.append(_make(device, task, one, error, surface, bay))
             fewest = min(fewest, _planes(one))
     made = [t for t in trials if t.problem is None]
     if not made:
         return trials[0], tuple(trials)
-    best = min(_built(t) for t in made)
+    best = min(t.built for t in made)
     if device.prefer == "accuracy":
-        chosen = min(made, key=_built)
+        chosen = min(made, key=lambda t: t.built)
     else:
-        alike = [t for t in made if _built(t) <= ALIKE * best]
-        chosen = min(alike, key=lambda t: (*t.effort, _built(t)))
+        alike = [t for t in made if t.built <= ALIKE * best]
+        chosen = min(alike, key=lambda t: (*t.effort, t.built))
     return chosen, tuple(trials)
 
 
-def _built(trial: Trial) -> float:
-    assert trial.built is not None
-    return trial.built
+def _designed(task: DesignTask, found: Optimised) -> Scored:
+    return predict(task, assumed_cords(task, found.sensors))
 
 
 def _make(
-    device: Device, task: DesignTask, found: Optimised, surface: Surface, bay: Prism | None
+    device: Device,
+    task: DesignTask,
+    found: Optimised,
+    designed: float,
+    surface: Surface,
+    bay: Prism | None,
 ) -> Trial:
     try:
+        device, _ = with_relief(device, task, surface, found.sensors, bay)
         made = fabricate(device, surface, found.sensors, lambda *_: None, None, bay)
     except FabricationError as error:
-        return Trial(found, found.rmse, problem=str(error))
-    built = as_made(task, made.channels).prediction.rmse
+        return Trial(found, designed, _designed(task, found), problem=str(error))
+    built = as_made(task, made.channels)
     smallest = min(p.volume for p in made.parts)
-    return Trial(found, found.rmse, built, len(made.parts), smallest, made.warnings)
+    return Trial(found, designed, built, len(made.parts), smallest, made.warnings)

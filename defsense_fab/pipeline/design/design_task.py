@@ -9,14 +9,17 @@ import igl
 import numpy as np
 
 from ...core.arrays import Bool, Float
-from ...core.device import DECODERS, Device
+from ...core.device import DECODERS, Device, FabricationSpec
 from ...core.errors import DeviceError
 from ...core.mesh import Surface
 from ...decoding.unseen import UnseenStates, unseen_states
+from ...geometry.channels.wire_channels import Wires
+from ...geometry.kernels.cutting_tools import Prism
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
+from ...optimize.problem.cord_signals import SignalModel
 from ...optimize.problem.problem import Limits, Problem
-from ...sensing.response import response_of
+from ...sensing.built_cord import CordReading, held_taut
 from ..artifacts.body import load_surface
 from ..artifacts.fields import load_fields
 from ..artifacts.mesh import load_mesh
@@ -25,20 +28,61 @@ from ..artifacts.mesh import load_mesh
 SEED = 1
 #: Markers may lie this far outside, mm: tags have a thickness, meshes a deviation.
 _OFF_BODY = 1.0
+#: Until it is known how far a held cord must be stretched as it is laid, and how far a path's end
+#: lies below the skin, mm.
+_PRESTRETCH, _INLET = 0.06, 2.0
 
 
 def limits(device: Device) -> Limits:
     """What the cords of a device must keep, mm."""
     channel, wall = device.channel_diameter, device.fabrication.wall
     shortest, longest = (n - 2 * device.fabrication.lead for n in device.cord.lengths)
+    stretched = device.cord.min_stretch + 2 * pocket_depth(device)
     return Limits(
         wall,
         device.cord.min_bend_radius,
         channel + wall,
         channel,
-        shortest=max(shortest, 0.0),
+        shortest=max(shortest, stretched),
         longest=longest,
     )
+
+
+def wires(device: Device, relief: bool, bay: Prism | None = None) -> Wires:
+    """The wires from the device's cords to the `bay`, or by a bend to the skin."""
+    f = device.fabrication
+    return Wires(f.wire_diameter, f.wire_diameter + f.clearance, bay, relief)
+
+
+def pocket_depth(device: Device) -> float:
+    """How deep the pockets of the cords' ends are, with the bends of their wires, mm; 0: none."""
+    f = device.fabrication
+    if not f.pockets:
+        return 0.0
+    bend = 0.0 if f.strain_relief is False else wires(device, relief=True).room(f.wall)
+    return device.cord.ferrule_length + bend
+
+
+def sensing(device: Device) -> tuple[SignalModel, float]:
+    """How the device's cords sense as far as that is known before they have ends, and the noise of
+    (R - R0)/R0 of a long one."""
+    reading, f = CordReading.of(device), device.fabrication
+    response, scale = reading.response, 1.0
+    if f.assembly == "held":
+        p = _PRESTRETCH if f.prestretch is None else f.prestretch
+        response = held_taut(reading.response, p)
+        scale = (1 + float(reading.response(np.array(p)))) / (1 + p)
+    pocket = pocket_depth(device)
+    series = 0.0 if pocket else 2 * (f.lead + _INLET)
+    joints = np.sqrt(2) * reading.contact / (reading.ohm_per_mm * reading.relative)
+    model = SignalModel(
+        response,
+        local=f.assembly == "bonded",
+        hidden=max(pocket - _INLET, 0.0),
+        series=series / scale,
+        contact=float(joints) / scale,
+    )
+    return model, reading.relative
 
 
 def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Float, Float]:
@@ -74,13 +118,16 @@ def _farthest_points(points: Float, count: int) -> Float:
 @dataclass(frozen=True)
 class DesignTask:
     """Every state of the device, `names` (n,) with rest first, and which are `held_out` (n,): the
-    layout is to be designed on the others. Marker positions `points` (k, 3) mm."""
+    layout is to be designed on the others. Marker positions `points` (k, 3) mm; how the cords are
+    read and built in."""
 
     everything: Problem
     design: Problem
     names: tuple[str, ...]
     held_out: Bool
     points: Float
+    reading: CordReading
+    fabrication: FabricationSpec
 
     @property
     def unseen(self) -> UnseenStates:
@@ -106,8 +153,7 @@ def load_task(device: Device, folder: Path) -> DesignTask:
         found.displacements,
         np.concatenate([np.zeros((1, *points.shape)), moved]),
         weights,
-        response_of(device.cord.response),
-        device.cord.noise,
+        *sensing(device),
         limits(device),
         DECODERS[0] if device.decoder == "auto" else device.decoder,
     )
@@ -118,4 +164,5 @@ def load_task(device: Device, folder: Path) -> DesignTask:
         markers=everything.markers[np.append(0, seen + 1)],
     )
     names, held_out = ("rest", *found.names), np.append(False, found.held_out)
-    return DesignTask(everything, design, names, held_out, points)
+    reading = CordReading.of(device)
+    return DesignTask(everything, design, names, held_out, points, reading, device.fabrication)

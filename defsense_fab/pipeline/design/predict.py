@@ -8,58 +8,65 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Sensor
-from ...core.path_sampling import sample_path
 from ...core.prediction import Prediction
 from ...decoding.decoders import Trained, fit_decoder
 from ...decoding.ridge import measure
 from ...decoding.unseen import UnseenStates, unseen_states
 from ...optimize.problem.problem import Problem
+from ...sensing.built_cord import BuiltCord
 from .design_task import DesignTask
 
 
-def unseen_error(task: DesignTask, sensors: Sequence[Sensor]) -> float:
+def unseen_error(task: DesignTask, cords: Sequence[BuiltCord]) -> float:
     """Expected RMSE (mm) of decoders on states that they were not trained on, of those that the
     cords are designed for: by it decoders are compared, for held-out states are to stay unseen."""
-    problem = task.design
-    signals = np.stack([problem.signals(sample_path(s)) for s in sensors], axis=1)
+    signals, noise = read(task, cords)
     names = [n for n, held in zip(task.names, task.held_out, strict=True) if not held]
     left_out = unseen_states(names, np.zeros(len(names), bool))
-    flat = problem.markers.reshape(len(names), -1)
-    return _on_unseen(problem, left_out, signals, flat)[0]
+    flat = task.design.markers.reshape(len(names), -1)
+    return _on_unseen(task.design, left_out, signals[~task.held_out], noise, flat)[0]
+
+
+def read(task: DesignTask, cords: Sequence[BuiltCord]) -> tuple[Float, Float]:
+    """Signals (n, c) of the cords in all states of the device, and their noise (c,)."""
+    columns = [
+        np.append(0.0, task.reading.signals(c, task.everything.deform(c.path))) for c in cords
+    ]
+    return np.stack(columns, axis=1), np.array([task.reading.noise(c) for c in cords])
 
 
 @dataclass(frozen=True)
 class Scored:
-    """The prediction; of all n states signals (n, c) and marker errors (n, k) mm without noise; the
-    decoder that was fitted."""
+    """The prediction for `cords`; of all n states signals (n, c) and marker errors (n, k) mm
+    without noise; the decoder that was fitted."""
 
     prediction: Prediction
+    cords: tuple[BuiltCord, ...]
     signals: Float
     errors: Float
     decoder: Trained
 
 
-def predict(task: DesignTask, paths: Sequence[Float]) -> Scored:
-    """Fit on the states not held out and score all, for cords along `paths`, each (p, 3) mm."""
+def predict(task: DesignTask, cords: Sequence[BuiltCord]) -> Scored:
+    """Fit on the states not held out and score all, for these cords."""
     problem, names, held = task.everything, task.names, task.held_out
-    signals = np.stack([problem.signals(path) for path in paths], axis=1)
+    signals, noise = read(task, cords)
     n, k = problem.markers.shape[:2]
     flat = problem.markers.reshape(n, -1)
     seen_by = ~held
-    decoder = fit_decoder(problem.decoder, signals[seen_by], flat[seen_by], problem.noise)
+    decoder = fit_decoder(problem.decoder, signals[seen_by], flat[seen_by], noise)
     guess = decoder(signals).reshape(n, k, 3)
-    noisy = decoder.noise_variance(signals, problem.noise).reshape(n, k, 3).sum(2)
+    noisy = decoder.noise_variance(signals, noise).reshape(n, k, 3).sum(2)
     variance = noisy @ problem.marker_weights
     seen = measure(guess[seen_by], problem.markers[seen_by], problem.marker_weights)
     every = measure(guess, problem.markers, problem.marker_weights)
     expected = np.sqrt(every.per_state**2 + variance)
     rmse = dict(zip(names, expected.tolist(), strict=True))
     unseen = task.unseen
-    off, free = _on_unseen(problem, unseen, signals, flat)
+    off, free = _on_unseen(problem, unseen, signals, noise, flat)
     prediction = Prediction(
         decoder=problem.decoder,
-        noise=problem.noise,
+        noise=tuple(noise.tolist()),
         unseen=off,
         unseen_noise_free=free,
         tested=len(unseen.tested),
@@ -68,25 +75,25 @@ def predict(task: DesignTask, paths: Sequence[Float]) -> Scored:
         rmse_noise_free=seen.rmse,
         peak=seen.peak,
         average_peak=seen.average_peak,
-        floor=problem.floor(len(paths)),
+        floor=problem.floor(len(cords)),
         per_state={m: rmse[m] for m, h in zip(names, held, strict=True) if not h},
         held_out={m: rmse[m] for m, h in zip(names, held, strict=True) if h},
     )
     errors = np.linalg.norm(guess - problem.markers, axis=2)
-    return Scored(prediction, signals, errors, decoder)
+    return Scored(prediction, tuple(cords), signals, errors, decoder)
 
 
 def _on_unseen(
-    problem: Problem, unseen: UnseenStates, signals: Float, flat: Float
+    problem: Problem, unseen: UnseenStates, signals: Float, noise: Float, flat: Float
 ) -> tuple[float, float]:
     """RMSE (mm) with noise and without on the states tested, by decoders trained on the others."""
     square = noisy = 0.0
     shape = (-1, *problem.markers.shape[1:])
     for seen, test in unseen.folds:
-        decoder = fit_decoder(problem.decoder, signals[seen], flat[seen], problem.noise)
+        decoder = fit_decoder(problem.decoder, signals[seen], flat[seen], noise)
         guess = decoder(signals[test]).reshape(shape)
         found = measure(guess, problem.markers[test], problem.marker_weights)
-        variance = decoder.noise_variance(signals[test], problem.noise).reshape(shape).sum(2)
+        variance = decoder.noise_variance(signals[test], noise).reshape(shape).sum(2)
         square += float((found.per_state**2).sum())
         noisy += float((variance @ problem.marker_weights).sum())
     count = sum(len(test) for _, test in unseen.folds)

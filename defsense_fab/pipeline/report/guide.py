@@ -106,10 +106,12 @@ def _cuts(manifest: Manifest) -> GuideTable:
             c.sensor,
             f"{c.cut_length:.0f}",
             f"{c.slack:.0f}",
+            f"{c.unstretched:.1f}",
+            "bonded" if c.prestretch is None else f"{c.prestretch:.0%}",
             " / ".join(
                 "in pocket" if e.joint == "pocket" else f"{e.lead:.0f} free" for e in c.ends
             ),
-            f"{c.resistance:.0f}",
+            f"{c.resistance_before:.0f} / {c.resistance:.0f}",
             f"{c.range[0]:.0f} to {c.range[1]:.0f}",
             f"{c.reference_resistor:g}",
             " / ".join(_leaves(e.wire) for e in c.ends),
@@ -117,8 +119,8 @@ def _cuts(manifest: Manifest) -> GuideTable:
         for c in manifest.cords
     ]
     header = (
-        "cord", "cut to", "of it slack", "joints at start / end", "ohm at rest", "ohm in use",
-        "reference, ohm", "wires leave",
+        "cord", "cut to", "of it slack", "between joints", "stretched by", "joints at start / end",
+        "ohm loose / laid", "ohm in use", "reference, ohm", "wires leave",
     )  # fmt: skip
     return GuideTable("Cut list", header, tuple(rows))
 
@@ -161,12 +163,31 @@ def _preparation(device: Device, manifest: Manifest) -> list[AssemblyStep]:
         )
     cords = [
         f"Cut {c.sensor} to {c.cut_length:.0f} mm, {c.slack:.0f} mm of it to trim later."
-        f" It should measure about {c.cut_length * device.cord.ohm_per_mm:.0f} ohm."
+        f" It should measure about {c.cut_length * device.cord.ohm_per_mm:.0f} ohm." + _crimping(c)
         for c in manifest.cords
     ]
     cords.append("A piece that differs by more than 10 % is of another batch: change"
                  " ohm_per_mm in the cord's table.")  # fmt: skip
-    return [AssemblyStep("Print", tuple(printing)), AssemblyStep("Cut the cords", tuple(cords))]
+    return [
+        AssemblyStep("Print", tuple(printing)),
+        AssemblyStep("Cut the cords and crimp their wires", tuple(cords)),
+    ]
+
+
+def _crimping(cord: CutCord) -> str:
+    """Where the wires go before the cord is laid."""
+    ferrules = all(e.joint == "pocket" for e in cord.ends)
+    what = "ferrules" if ferrules else "joints"
+    laid = ""
+    if cord.prestretch is not None:
+        laid = (
+            f": stretched by {cord.between_ferrules - cord.unstretched:.1f} mm as it is laid, it"
+            f" fills the {cord.between_ferrules:.1f} mm between them in the device"
+        )
+    return (
+        f" Crimp a wire to either end, {cord.unstretched:.1f} mm of loose cord between the"
+        f" {what}{laid}; then it measures about {cord.resistance_before:.0f} ohm."
+    )
 
 
 def _joints(
@@ -246,18 +267,35 @@ def _joint(
             f"{what} in its pocket" if e.joint == "pocket" else f"{what} {e.lead:.0f} mm out"
             for e, what in zip(cut_to[name].ends, ("start", "end"), strict=True)
         )
-        lines.append(f"Lay cord {name} into its groove, not stretched: {start}, {end}.")
+        lines.append(f"Lay cord {name} into its groove: {start}, {end}.")
         lines += _laying(cut_to[name])
     for name in step.wires:
         lines.append(f"Of cord {name}, only its wire runs here: lay it into its groove.")
-    lines.append("Close the joint dry first. Then glue the faces; keep glue out of the grooves: the"
-                 " cord must slide.")  # fmt: skip
+    if all(cut_to[name].prestretch is None for name in step.cords):
+        lines.append("Close the joint dry first. Then glue the faces, and with them the cord into"
+                     " its groove all along.")  # fmt: skip
+    else:
+        lines.append("Close the joint dry first. Then glue the faces; keep glue out of the grooves:"
+                     " the cord must slide.")  # fmt: skip
     return lines
 
 
 def _laying(cord: CutCord) -> list[str]:
-    """What to do with the wires of a cord."""
+    """What to do with a cord that lies in its groove whole, and its wires."""
     lines = []
+    if cord.prestretch is not None:
+        pull = cord.between_ferrules - cord.unstretched
+        free = [w for e, w in zip(cord.ends, ("start", "end"), strict=True) if e.joint != "pocket"]
+        lines.append(
+            f"Stretch it by {pull:.1f} mm ({cord.prestretch:.0%}) as you lay it"
+            + (
+                ", so that both ferrules rest against the bottoms of their pockets, which hold it."
+                if not free
+                else f". At its {' and '.join(free)} no pocket holds it: glue its last 5 mm into"
+                " the groove at the mouth, and let that set before you let go."
+            )
+            + f" It should measure about {cord.resistance:.0f} ohm then."
+        )
     for end, what in zip(cord.ends, ("start", "end"), strict=True):
         wire = end.wire
         if wire.leaves == "bend":
@@ -281,8 +319,7 @@ def _wiring(manifest: Manifest) -> AssemblyStep:
         for c in manifest.cords
     ]
     lines.insert(
-        0, "Crimp a wire to each cord's ends before its joint is closed, and measure after every"
-        " joint: a value that jumps means a pinched cord.",
+        0, "Measure every cord after every joint: a value that jumps means a pinched cord.",
     )  # fmt: skip
     return AssemblyStep("Wire and measure", tuple(lines))
 

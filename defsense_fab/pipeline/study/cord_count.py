@@ -12,11 +12,11 @@ from ...core.blas_threads import one_blas_thread
 from ...core.device import DECODERS, Device
 from ...core.errors import LayoutError
 from ...core.files import digest, storage_errors
-from ...core.path_sampling import sample_path
 from ...core.progress import Progress, silent
 from ...optimize.studies.cord_count import by_count, knee
 from ..build.build import build
 from ..build.stages import keys, plain
+from ..design.as_built import assumed_cords
 from ..design.design_task import SEED, load_task
 from ..design.predict import predict, unseen_error
 from .study_file import Row, chain, read_rows, write_rows
@@ -76,9 +76,9 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
         with one_blas_thread():
             for count, layout in search:
                 kinds = DECODERS if auto else (device.decoder,)
-                best = min(kinds, key=lambda k: unseen_error(task.decoded_by(k), layout))
-                paths = [sample_path(s) for s in layout]
-                prediction = predict(task.decoded_by(best), paths).prediction
+                cords = assumed_cords(task, layout)
+                best = min(kinds, key=lambda k: unseen_error(task.decoded_by(k), cords))
+                prediction = predict(task.decoded_by(best), cords).prediction
                 found.append(
                     Row(
                         count,

@@ -18,8 +18,7 @@ from ...core.markers import Markers
 from ...core.mesh import Surface
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
-from ...sensing.response import response_of
-from ...sensing.signal import signals
+from ...sensing.built_cord import BuiltCord, CordReading
 from ...twin.electronics.cord_twin import CordTraits
 from ...twin.electronics.device_cords import DeviceCords
 from ...twin.electronics.pseudo_terminal import PseudoTerminal
@@ -50,14 +49,15 @@ OFFSET, DRIFT = 0.35, 60e-6
 @dataclass(frozen=True)
 class Simulated:
     """What a build knows of a device's movement: `rest` surface, displacements `skin` (s, n, 3) mm,
-    `ramps` of its poses; cords by name, their `paths` (p, 3) mm and displacements (s, p, 3) mm,
-    `lengths` mm; displacements `tags` (s, m, 3) mm of the markers."""
+    `ramps` of its poses; cords by name, as they are built in, displacements (s, p, 3) mm of their
+    stretched paths, and the `lengths` that have their resistances, mm; displacements `tags`
+    (s, m, 3) mm of the markers."""
 
     rest: Surface
     skin: Float
     ramps: tuple[Ramp, ...]
     names: tuple[str, ...]
-    paths: tuple[Float, ...]
+    cords: tuple[BuiltCord, ...]
     moved: tuple[Float, ...]
     lengths: Float
     tags: Float
@@ -88,11 +88,13 @@ def simulated(device: Device, markers: Markers) -> Simulated:
     def at(points: Float) -> Float:
         return locator.displacement(locator.find(points), fields)
 
-    cords = load_layout(folder).by_channel()
-    paths = tuple(c.points for c in cords)
+    records = load_layout(folder).by_channel()
+    cords = tuple(r.built for r in records)
+    reading = CordReading.of(device)
+    lengths = np.array([reading.resistance(c) for c in cords]) / reading.ohm_per_mm
     return Simulated(
-        surface, at(surface.vertices), tuple(ramps), tuple(c.name for c in cords), paths,
-        tuple(at(p) for p in paths), np.array([c.length for c in cords]), at(markers.centers),
+        surface, at(surface.vertices), tuple(ramps), tuple(r.name for r in records), cords,
+        tuple(at(c.path) for c in cords), lengths, at(markers.centers),
     )  # fmt: skip
 
 
@@ -148,20 +150,20 @@ def start_live_twin(
     )
     twin = DeviceTwin(sim.rest, sim.skin, seats)
     puppet = PosePlayer(sim.ramps, seed)
-    response = response_of(device.cord.response)
+    reading = CordReading.of(device)
 
     def signals_at(seconds: float) -> Float:
         w = puppet.weights(seconds)
         states = np.pad(w, (0, len(sim.skin) - len(w)))
         return np.array(
             [
-                float(signals(p, (p + blend(u, states))[None], response)[0])
-                for p, u in zip(sim.paths, sim.moved, strict=True)
+                float(reading.signals(cord, (cord.path + blend(u, states))[None])[0])
+                for cord, u in zip(sim.cords, sim.moved, strict=True)
             ]
         )
 
     traits = CordTraits(
-        response, noise=device.cord.noise, ohm_per_mm=device.cord.ohm_per_mm, play=0.001,
+        reading.response, noise=device.cord.noise, ohm_per_mm=device.cord.ohm_per_mm, play=0.001,
         healing=0.03, time=2.0,
     )  # fmt: skip
     cords = DeviceCords(sim.names, sim.lengths, signals_at, traits, rng)

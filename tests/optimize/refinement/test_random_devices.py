@@ -18,6 +18,7 @@ from defsense_fab.core.mesh import Surface, TetMesh
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.problem.problem import Limits, Problem
 from defsense_fab.optimize.refinement.refine import layout_error, optimise
 from defsense_fab.sensing.response import Response
@@ -74,7 +75,7 @@ def device(rng):
         fields(rng, quadratic.nodes, size, draw),
         markers,
         np.full(30, 1 / 30),
-        Response.line(2.0),
+        SignalModel(Response.line(2.0)),
         float(rng.choice([0.0, 0.002, 0.01])),
         Limits(wall, rng.uniform(3, 8), diameter + wall, diameter),
         str(rng.choice(DECODERS)),

@@ -18,20 +18,24 @@ from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.cord_kinematics import cord_at
 from defsense_fab.optimize.problem.cord_parameters import CordParameters
+from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.refinement.refine import layout_error, optimise
 from defsense_fab.optimize.search.candidate_families import vary
 from defsense_fab.optimize.search.candidates import Pool
 from defsense_fab.optimize.search.selection import select
+from defsense_fab.sensing.built_cord import BuiltCord, CordReading
 from defsense_fab.sensing.response import response_of
-from defsense_fab.sensing.signal import signals
+from defsense_fab.sensing.signal import mean_strain, signals
 from tests.optimize.conftest import LIMITS
 from tests.sensing.reference import signal_gradient
 
 
 @pytest.mark.parametrize("decoder", DECODERS)
-def test_objective_gradient_by_finite_differences(problem, straight, decoder):
-    problem = replace(problem, decoder=decoder)
+@pytest.mark.parametrize("ends", [(0.0, 0.0, 0.0), (9.7, 0.0, 45.0), (0.0, 44.0, 49.0)])
+def test_objective_gradient_by_finite_differences(problem, straight, decoder, ends):
+    sense = SignalModel(problem.sense.response, False, *ends)
+    problem = replace(problem, decoder=decoder, sense=sense)
     cords = [CordParameters(straight("a", y=5)), CordParameters(straight("b", y=-5, free=["path"]))]
     objective = Objective(problem, cords)
     x = np.random.default_rng(3).normal(0, 0.7, sum(c.size for c in cords))
@@ -58,7 +62,7 @@ def test_fused_signals_are_those_of_the_arrays(problem, straight):
         at = problem.locator.find(path)
         moved = path + problem.locator.displacement(at, problem.fields)
         F = np.eye(3) + problem.locator.gradient(at, problem.fields)
-        expected, slopes = signal_gradient(path, moved, F, problem.response.slope_everywhere)
+        expected, slopes = signal_gradient(path, moved, F, problem.sense.response.slope_everywhere)
         assert found[:, c] == pytest.approx(expected, abs=1e-12)
         assert problem.signals(path)[1:] == pytest.approx(expected, abs=1e-12)
         own = by_points[ends[c] : ends[c + 1]]
@@ -283,6 +287,14 @@ def test_selection_against_brute_force(problem, decoder):
     assert best >= 16
 
 
+def stretch(hidden, *lines):
+    """Polylines (p, 3) without the ends in which the first one is `hidden` mm long."""
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(lines[0], axis=0), axis=1)))
+    inner = along[(along > hidden) & (along < along[-1] - hidden)]
+    at = np.concatenate([[hidden], inner, [along[-1] - hidden]])
+    return [np.stack([np.interp(at, along, x) for x in line.T], axis=1) for line in lines]
+
+
 @pytest.mark.parametrize(
     ("model", "coefficients"),
     [
@@ -292,19 +304,28 @@ def test_selection_against_brute_force(problem, decoder):
         ("piecewise", {"strains": [-0.1, -0.02, 0, 0.05], "changes": [-0.2, -0.03, 0, 0.1]}),
     ],
 )
-def test_signals_and_slopes_of_any_response(problem, straight, model, coefficients):
-    """Those of the arrays, and finite differences along a random direction."""
+@pytest.mark.parametrize("local", [True, False])
+@pytest.mark.parametrize("ends", [(0.0, 0.0, 0.0), (9.3, 0.0, 40.0), (0.0, 44.0, 49.0)])
+def test_signals_and_slopes_of_any_response(problem, straight, model, coefficients, local, ends):
+    """Those of cords as they are built in, over their noise, and finite differences along a random
+    direction."""
     spec = ResponseSpec(model, coefficients, (-0.1, 0.1))
-    bent = replace(problem, response=response_of(spec))
+    response, (hidden, series, contact) = response_of(spec), ends
+    sense = SignalModel(response, local, *ends)
+    bent = replace(problem, sense=sense)
     rng = np.random.default_rng(0)
     paths = [sample_path(straight("a", y=5)), sample_path(straight("b", y=-4, z=3))[:70]]
     paths = [p + rng.normal(0, 0.5, p.shape) for p in paths]
     points, ends = np.concatenate(paths), np.cumsum([0, *map(len, paths)])
+    joints = contact * 14.5 * problem.noise / np.sqrt(2)
+    reading = CordReading(response, 14.5, problem.noise, joints)
     for path in paths:
-        moved = bent.deform(path)
-        assert bent.signals(path)[1:] == pytest.approx(
-            signals(path, moved, bent.response), abs=1e-12
-        )
+        middle, *moved = stretch(hidden, path, *bent.deform(path))
+        cord, moved = BuiltCord(middle, series, None), np.array(moved)
+        noise = reading.noise(cord) * (cord.length + series) / problem.noise
+        mean = response(mean_strain(middle, moved))
+        expected = (signals(middle, moved, response) if local else mean) * cord.length / noise
+        assert bent.signals(path)[1:] == pytest.approx(expected, abs=1e-12)
     carried = bent.carrier.carry(points, ends)
     step = rng.normal(0, 1e-5, points.shape)
     before, after = (bent.carrier.carry(points + s * step, ends).signals for s in (-1, 1))

@@ -136,7 +136,7 @@ def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
         cord = (depth > pockets[0]) & (depth < mouth - pockets[1])
         lead = sum(e.lead for e in row.ends)
         straight = sum(max(0, i - p) for i, p in zip((start, end), pockets, strict=True))
-        stretched = steps[cord] * (1 + problem.response(strain[:, cord]))
+        stretched = steps[cord] * (1 + problem.sense.response(strain[:, cord]))
         ohm = built.cord.ohm_per_mm * (stretched.sum(axis=1) + straight + lead)
         assert row.resistance == pytest.approx(ohm[0], rel=2e-3, abs=2.0)  # 0.14 mm of cord
         low, high = np.array([ohm.min(), ohm.max()]) - ohm[0]

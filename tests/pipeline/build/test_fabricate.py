@@ -24,13 +24,15 @@ from defsense_fab.pipeline.artifacts.layout import (
     LimitsRecord,
 )
 from defsense_fab.pipeline.artifacts.manifest import load_manifest
-from defsense_fab.pipeline.build import stage_fabricate
+from defsense_fab.pipeline.build.cut_list import cut_list
 from defsense_fab.pipeline.build.stage_fabricate import write
 from defsense_fab.pipeline.build.stage_report import _stl
+from defsense_fab.pipeline.design import as_built
 from defsense_fab.pipeline.design.as_built import fabricate, rules
 from defsense_fab.pipeline.report.guide import assembly_guide
 from defsense_fab.pipeline.report.guide_pdf import write_pdf
 from defsense_fab.pipeline.report.html import write_page
+from defsense_fab.sensing.built_cord import BuiltCord
 from defsense_fab.sensing.voltage_divider import E24, reference
 from tests.geometry import slicer
 from tests.places import DEVICES
@@ -54,7 +56,19 @@ def folder(cube, made, layout, tmp_path_factory):
     """Their files, with signals made up."""
     device, _ = cube
     out = tmp_path_factory.mktemp("cube")
-    write(device, made, out, layout, np.array([[0, 0, 0], [0.44, -0.19, 0.1]]), layout.prediction)
+    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
+    cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
+    write(device, made, out, layout, cords, layout.prediction)
+    return out
+
+
+def built(made):
+    """Held cords from ferrule to ferrule; the second one is not stretched as it is laid."""
+    out = []
+    for channel, prestretch in zip(made.channels, (0.05, 0.0, 0.1), strict=True):
+        between = channel.length - sum(e.pocket for e in channel.ends)
+        length = np.linalg.norm(np.diff(channel.sensing, axis=0), axis=1).sum()
+        out.append(BuiltCord(channel.sensing, max(between - length, 0.0), prestretch))
     return out
 
 
@@ -66,15 +80,16 @@ def layout(cube, made):
         CordRecord(
             **vars(CordPath.of(s)), channel=k, points=c.inside, length=c.length, min_radius=9.0,
             min_wall=2.0, inlets=(1.0, 1.0), cord_diameter=2.0, peak_strain=0.1, least_strain=0.0,
+            stretch=b.path, series=b.series, prestretch=b.prestretch, noise=0.003,
         )
-        for k, (s, c) in enumerate(zip(device.sensors, made.channels, strict=True))
+        for k, (s, c, b) in enumerate(zip(device.sensors, made.channels, built(made), strict=True))
     )  # fmt: skip
     prediction = Prediction(
-        "affine", 0.002, 1.2, 1.1, 3, "held out", 1.0, 0.9, 2.0, 1.5, 0.1, {"rest": 0.0}, {}
+        "affine", (0.003,) * 3, 1.2, 1.1, 3, "held out", 1.0, 0.9, 2.0, 1.5, 0.1, {"rest": 0.0}, {}
     )
     return LayoutRecord(
         device.name, "hash", LimitsRecord(1.2, 5.0, 3.4), cords, 4.0, (), (), prediction, {},
-        BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 600), prediction, (), False, (), 1,
+        BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 0.01, 0.5, 600), prediction, (), False, (), 1,
     )  # fmt: skip
 
 
@@ -126,7 +141,8 @@ def test_the_device_is_closed_step_by_step(manifest):
 
 def test_the_cut_list_counts_every_millimetre(cube, manifest):
     device, _ = cube
-    for c, top in zip(manifest["cords"], (0.44, 0.0, 0.1), strict=True):
+    rows = zip(manifest["cords"], (0.44, 0.0, 0.1), (0.05, 0.0, 0.1), strict=True)
+    for c, top, p in rows:
         assert [e["joint"] for e in c["ends"]] == ["pocket", "pocket"]
         pockets = [e["pocket"] for e in c["ends"]]
         # The ferrule, and a bend where the skin is level or leans.
@@ -135,11 +151,16 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
             "bend" if p > 7 else "mouth" for p in pockets
         ]
         assert c["between_ferrules"] == pytest.approx(c["channel_length"] - sum(pockets))
-        assert c["cut_length"] == pytest.approx(c["between_ferrules"] + 7 + 5)
-        assert c["resistance"] == pytest.approx(14.5 * c["between_ferrules"])
+        assert c["prestretch"] == p
+        loose = c["between_ferrules"] - c["sensing_length"] * p / (1 + p)
+        assert c["unstretched"] == pytest.approx(loose, abs=0.02)
+        assert c["cut_length"] == pytest.approx(c["unstretched"] + 7 + 5)
+        assert c["resistance_before"] == pytest.approx(14.5 * c["unstretched"])
+        # A gauge factor of 2: the stretched part of it gains twice its pre-stretch.
+        gained = 14.5 * c["sensing_length"] / (1 + p) * 2 * p
+        assert c["resistance"] == pytest.approx(c["resistance_before"] + gained)
         assert c["sensing_length"] <= c["between_ferrules"] + 0.01
-        change = 14.5 * c["sensing_length"] * top
-        assert c["range"][1] == pytest.approx(c["resistance"] + change)
+        assert c["range"][1] == pytest.approx(c["resistance"] * (1 + top))
         assert c["reference_resistor"] == pytest.approx(np.sqrt(np.prod(c["range"])), rel=0.06)
     items = " ".join(b["item"] for b in manifest["bill"])
     for word in ("silicone-shore-30a", "rubber-2mm", "ferrule", "wire", "pin-", "resistor", "glue"):
@@ -147,17 +168,24 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
     assert device.fabrication.pockets
 
 
-@pytest.mark.parametrize(("loss", "bends"), [(1.04, 6), (1.06, 0)])
-def test_bends_are_left_out_where_they_cost_accuracy(cube, monkeypatch, loss, bends):
+@pytest.mark.parametrize(
+    ("loss", "length", "bends"), [(1.04, 30.0, 6), (1.06, 30.0, 0), (1.0, 19.0, 0)]
+)
+def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, length, bends):
     device, body = cube
     monkeypatch.setattr(
-        stage_fabricate,
-        "as_made",
-        lambda task, channels: SimpleNamespace(
-            prediction=SimpleNamespace(rmse=loss if channels[0].leads else 1.0)
+        as_built,
+        "built_cords",
+        lambda task, channels: [SimpleNamespace(length=length, bent=bool(channels[0].leads))],
+    )
+    monkeypatch.setattr(
+        as_built,
+        "predict",
+        lambda task, cords: SimpleNamespace(
+            prediction=SimpleNamespace(rmse=loss if cords[0].bent else 1.0)
         ),
     )
-    decide = stage_fabricate._relief
+    decide = as_built.with_relief
     decided, note = decide(device, None, body.surface, device.sensors, None)
     r = rules(decided)
     made = channels_of(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
@@ -227,7 +255,7 @@ def test_a_part_that_no_bed_holds_is_refused(cube, made, layout):
     with pytest.raises(
         FabricationError, match=r"\d-[a-z-]+ measures .* does not fit the bed of fdm"
     ):
-        write(small, made, Path("/nonexistent"), layout, np.zeros((2, 3)), layout.prediction)
+        write(small, made, Path("/nonexistent"), layout, (), layout.prediction)
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,13 @@ def weigh(monkeypatch):
         monkeypatch.setattr(
             module,
             "as_made",
-            lambda task, built: SimpleNamespace(prediction=SimpleNamespace(rmse=built)),
+            lambda task, built: SimpleNamespace(prediction=SimpleNamespace(unseen=built)),
+        )
+        monkeypatch.setattr(module, "with_relief", lambda device, *_: (device, []))
+        monkeypatch.setattr(
+            module,
+            "_designed",
+            lambda task, one: SimpleNamespace(prediction=SimpleNamespace(unseen=one.rmse)),
         )
         device = SimpleNamespace(prefer=prefer)
         return (*choose_layout(device, None, found, None, None, lambda f, m: None), tried)

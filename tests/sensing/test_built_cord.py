@@ -1,0 +1,113 @@
+"""Cords as they are built in: bonded, held with pre-stretch, diluted by what does not sense."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.response import ResponseSpec
+from defsense_fab.sensing.built_cord import (
+    LEAST_PRESTRETCH,
+    BuiltCord,
+    CordReading,
+    held,
+    held_taut,
+    needed_prestretch,
+    scaled,
+    steps,
+)
+from defsense_fab.sensing.response import Response, response_of
+
+PATH = np.linspace([0.0, 0, 0], [100, 0, 0], 51)
+MODELS = {
+    "line": {"k": 1.8},
+    "two-slopes": {"tension": 2.2, "compression": 0.7},
+    "quadratic": {"k": 2.0, "q": 3.0},
+    "piecewise": {"strains": [-0.05, -0.02, 0, 0.04, 0.3], "changes": [-0.06, -0.03, 0, 0.1, 0.5]},
+}
+
+
+@pytest.fixture(params=MODELS)
+def response(request):
+    return response_of(ResponseSpec(request.param, MODELS[request.param], (-0.1, 0.4)))
+
+
+def ohm(response, rest, strain, per_mm=14.5):
+    """Of `rest` mm of loose cord at a strain of its own."""
+    return per_mm * rest * (1 + float(response(np.array(strain))))
+
+
+@pytest.mark.parametrize("p", [0.0, 0.05, 0.2])
+def test_a_held_cord_is_a_loose_one_stretched_twice(response, p):
+    """From loose to laid to bent: resistances of the cord's own strains, and none below zero."""
+    reading = CordReading(response, 14.5, 0.002, 1.0)
+    cord, loose = BuiltCord(PATH, 30.0, p), 100 / (1 + p)
+    rest = ohm(response, loose, p) + 14.5 * 30
+    assert reading.resistance(cord) == pytest.approx(rest)
+    for e in (-0.3, -0.08, -0.02, 0.0, 0.03, 0.15):
+        now = ohm(response, loose, max((1 + p) * (1 + e) - 1, 0.0)) + 14.5 * 30
+        bent = (PATH * [1 + e, 1, 1])[None]
+        assert reading.signals(cord, bent)[0] == pytest.approx(now / rest - 1, abs=1e-12)
+
+
+def test_the_slack_goes_on_along_the_tangent_where_a_cord_will_be_stretched(response):
+    """Above its own zero strain the same, and without a kink there."""
+    e, start = np.linspace(-0.3, 0.4, 71), 1 / 1.1 - 1
+    taut, real = held_taut(response, 0.1), held(response, 0.1)
+    assert taut(e[e > start]) == pytest.approx(real(e[e > start]), abs=1e-12)
+    below = e[e < start]
+    slope = taut.slope(np.array(start + 1e-9))
+    assert taut(below) == pytest.approx(taut(np.array(start)) + slope * (below - start), abs=1e-7)
+    assert real(below) == pytest.approx(real(np.array(start)) * np.ones(len(below)))
+
+
+def test_a_bonded_cord_follows_local_strain(response):
+    """Half of it stretched, half pressed: a held one of the same length sees nothing."""
+    x = PATH[:, 0]
+    moved = PATH.copy()
+    moved[:, 0] = np.where(x <= 50, 1.04 * x, 52 + 0.96 * (x - 50))
+    reading = CordReading(response, 14.5, 0.002, 1.0)
+    expected = (response(np.array(0.04)) + response(np.array(-0.04))) / 2
+    bonded = BuiltCord(PATH, 0.0, None)
+    assert reading.signals(bonded, moved[None])[0] == pytest.approx(float(expected), abs=1e-12)
+    assert reading.signals(BuiltCord(PATH, 0.0, 0.05), moved[None])[0] == pytest.approx(0, abs=1e-9)
+
+
+def test_free_ends_dilute_and_short_cords_are_noisy():
+    reading = CordReading(Response.line(2.0), 14.5, 0.002, 1.0)
+    bent = (PATH * [1.05, 1, 1])[None]
+    whole, diluted = (BuiltCord(PATH, series, None) for series in (0.0, 40.0))
+    assert reading.signals(whole, bent)[0] == pytest.approx(0.1)
+    assert reading.signals(diluted, bent)[0] == pytest.approx(0.1 / 1.4)
+    short = BuiltCord(PATH / 4, 0.0, None)
+    assert reading.noise(short) == pytest.approx(np.sqrt(0.002**2 + 2 / (25 * 14.5) ** 2))
+    assert reading.noise(short) > 1.9 * reading.noise(whole)
+    assert replace(reading, contact=0.0).noise(short) == 0.002
+
+
+@pytest.mark.parametrize("least", [0.03, 0.0, -0.01, -0.1, -0.4])
+def test_needed_prestretch_keeps_the_cord_taut(least):
+    p = needed_prestretch(least)
+    assert p >= LEAST_PRESTRETCH
+    assert (1 + p) * (1 + 1.1 * min(least, 0.0)) - 1 >= -1e-9
+    assert p <= max(LEAST_PRESTRETCH, 1 / (1 + 1.1 * min(least, 0.0)) - 1 + 0.01)
+    assert 100 * p == pytest.approx(round(100 * p))
+
+
+def test_another_slope_below_zero(response):
+    other = scaled(response, 1.1, 0.5)
+    e = np.linspace(-0.2, 0.3, 51)
+    expected = 1.1 * response(e) * np.where(e < 0, 0.5, 1.0)
+    assert other(e) == pytest.approx(expected, abs=1e-12)
+
+
+def test_steps_of_converters_by_chance():
+    """Uniform rounding of dithered conversions in a matched divider, 5000 cords."""
+    rng = np.random.default_rng(0)
+    true = rng.uniform(900, 1100, 5000)
+    share = true / (true + 1000)
+    one = np.round(share[:, None] * 1023 + rng.uniform(-0.5, 0.5, (5000, 16))).mean(1) / 1023
+    off = 1000 * one / (1 - one) / true - 1
+    # The dither itself adds as much again as the steps do.
+    assert off.std() == pytest.approx(np.sqrt(2) * steps("arduino"), rel=0.05)
+    assert steps("ads1115") < steps("arduino") / 5
