@@ -49,13 +49,13 @@ def _apart(poses: Sequence[Pose], pair: tuple[Pose, Pose]) -> tuple[int, int]:
 
 
 def agree(a: Pose, b: Pose) -> bool:
-    """Whether two poses can be mixed: none moves what the other fixes, and what both move is free
-    in both or in neither."""
+    """Whether two poses can be mixed: none moves what the other fixes, and what both move they turn
+    about one point, freely in both or in neither."""
     moved = [{h.region: h for h in pose.handles} for pose in (a, b)]
     if set(a.fixed) & moved[1].keys() or set(b.fixed) & moved[0].keys():
         return False
     return all(
-        (np.isnan(h.translation) == np.isnan(moved[1][name].translation)).all()
+        np.array_equal(h.about, moved[1][name].about)  # type: ignore[arg-type]
         and h.free_axes.shape == moved[1][name].free_axes.shape
         for name, h in moved[0].items()
         if name in moved[1]

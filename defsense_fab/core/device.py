@@ -64,7 +64,8 @@ class MeshSpec:
 
 @dataclass(frozen=True)
 class Handle:
-    """A region moved rigidly: rotation vector (3,) rad about the region's centre.
+    """A region moved rigidly: rotation vector (3,) rad about the point `about` (3,) mm, or the
+    region's centre.
 
     `translation` (3,) mm has NaN where the solver finds it (zero resultant force). `free_axes`
     (f, 3) are the axes about which the solver turns it: none, one (a hinge) or all three.
@@ -74,6 +75,7 @@ class Handle:
     rotation: Float
     translation: Float
     free_axes: Float = field(default_factory=lambda: np.zeros((0, 3)))
+    about: Float | None = None
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def _sane(t: Table, key: str, values: Float) -> Float:
 def _handle(t: Table, regions: Sequence[str]) -> Handle:
     region = t.string("region")
     t.choice("region", region, regions, "region")
-    rotation, free = np.zeros(3), np.zeros((0, 3))
+    rotation, free, about = np.zeros(3), np.zeros((0, 3)), None
     if t.raw("rotate") == "free":
         free = np.eye(3)
     elif isinstance(t.raw("rotate"), str):
@@ -94,6 +94,7 @@ def _handle(t: Table, regions: Sequence[str]) -> Handle:
     elif t.has("rotate"):
         r = t.table("rotate")
         axis = _unit(r, "axis")
+        about = _sane(r, "about", r.vector("about")) if r.has("about") else None
         if r.raw("degrees") == "free":
             free = axis[None]
         else:
@@ -104,7 +105,7 @@ def _handle(t: Table, regions: Sequence[str]) -> Handle:
         r.done()
     translation = _translation(t)
     t.done()
-    return Handle(region, rotation, translation, free)
+    return Handle(region, rotation, translation, free, about)
 
 
 def _translation(t: Table) -> Float:

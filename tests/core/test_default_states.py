@@ -1,5 +1,7 @@
 """States that cover what poses span."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from defsense_fab.core.default_states import RAMP, default_states
@@ -43,7 +45,9 @@ def test_where_nothing_goes_together_amplitudes_are_held_out():
 def test_poses_that_do_not_agree_are_not_mixed():
     pulled = turn("pull", translation=[10, 0, 0])
     other = turn("other", x=20, region="base", fixed=("tip",))
-    assert default_states([UP, pulled]).mixtures == ()
+    aside = Pose("aside", UP.fixed, (replace(UP.handles[0], about=np.array([75.0, 0, 0])),))
+    assert default_states([UP, aside]).mixtures == ()
+    assert default_states([UP, pulled]).mixtures  # free in one, moved on from there by the other
     assert default_states([UP, other]).mixtures == ()
     assert default_states([pulled, turn("push", translation=[-10, 0, 0])]).mixtures == ()
     assert default_states([pulled, turn("lift", translation=[0, 0, 10])]).mixtures

@@ -214,6 +214,73 @@ def test_every_material_row_is_usable_and_names_its_source():
         assert len(row["source"]) > 40, name
 
 
+@pytest.fixture
+def changed(tmp_path):
+    """Loads the bar with lines added to the tables named by their headers."""
+
+    def load(**tables):
+        shutil.copy(BAR / "bar.py", tmp_path)
+        text = (BAR / "device.toml").read_text()
+        for name, lines in tables.items():
+            head = f"[{name}]\n"
+            text = text.replace(head, head + lines + "\n") if head in text else text
+            text = text if head in text else text.replace("[cord]", f"{head}{lines}\n\n[cord]")
+        (tmp_path / "device.toml").write_text(text)
+        return load_device(tmp_path)
+
+    return load
+
+
+def test_how_cords_are_built_in_and_read(changed):
+    device = changed()
+    assert (device.fabrication.assembly, device.fabrication.prestretch) == ("held", None)
+    assert (device.cord.contact, device.cord.min_stretch, device.converter) == (1, 20, "arduino")
+    assert device.cord.compression == "same"
+    device = changed(
+        cord='contact = 0\nmin_stretch = 0\ncompression = "half"',
+        fabrication='assembly = "bonded"',
+        readout='converter = "ads1115"',
+    )
+    assert (device.cord.contact, device.cord.min_stretch, device.converter) == (0, 0, "ads1115")
+    assert device.fabrication.assembly == "bonded"
+    assert device.cord.response == ResponseSpec("two-slopes", {"tension": 2.0, "compression": 1.0})
+    assert changed(fabrication="prestretch = 0.1").fabrication.prestretch == 0.1
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"fabrication": 'assembly = "glued"'}, "fabrication.assembly: unknown assembly 'glued'"),
+        (
+            {"fabrication": 'assembly = "bonded"\nprestretch = 0.1'},
+            "fabrication.prestretch: a bonded cord is glued as it lies",
+        ),
+        (
+            {"fabrication": "prestretch = 0.6"},
+            "fabrication.prestretch: the cord 'rubber-2mm' takes",
+        ),
+        ({"cord": 'compression = "double"'}, "cord.compression: unknown behaviour under"),
+        ({"cord": "contact = -1"}, "cord.contact: must be greater"),
+        ({"readout": 'converter = "hx711"'}, "readout.converter: unknown converter 'hx711'"),
+    ],
+)
+def test_what_cannot_be_built_in_is_refused(changed, tables, message):
+    with pytest.raises(DeviceError, match=r"device.toml:\d+: " + message):
+        changed(**tables)
+
+
+def test_outputs_fabrication_and_design_have_defaults(tmp_path):
+    shutil.copy(BAR / "bar.py", tmp_path)
+    text = (BAR / "device.toml").read_text()
+    for head, following in (("[outputs]", "[cord]"), ("[fabrication]", "[[sensors]]")):
+        start = text.index(head)
+        text = text[:start] + text[text.index(following, start) :]
+    (tmp_path / "device.toml").write_text(text)
+    device = load_device(tmp_path)
+    assert (device.outputs.markers, device.fabrication.process) == (40, "fdm-tpu")
+    assert (device.decoder, device.prefer) == ("auto", "simple")
+
+
 def test_a_calibrated_response(tmp_path):
     """In place of the data sheet's gauge factor; errors name the line of device.toml."""
     folder = tmp_path / "bar"

@@ -16,7 +16,8 @@ class RigidHandle:
 
     `rotation` (3,) rad is the prescribed rotation vector, whose length may exceed a turn;
     `free_axes` (f, 3) are the axes about which the solver turns it instead: none, one (a hinge) or
-    all three. `translation` (3,) mm of the centre, NaN for each coordinate that the solver finds.
+    all three. `translation` (3,) mm of the centre, NaN for each coordinate that the solver finds;
+    once it has, the handle is moved on from there by `further` (3,) mm.
     """
 
     nodes: Int
@@ -25,6 +26,7 @@ class RigidHandle:
     translation: Float
     free_axes: Float = field(default_factory=lambda: np.zeros((0, 3)))
     name: str = ""
+    further: Float = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,7 @@ def between(
                 q,
                 rotation=mix(p.rotation, q.rotation),
                 translation=mix(p.translation, q.translation),
+                further=mix(p.further, q.further),
             )
             for p, q in zip(a.handles, b.handles, strict=True)
         ),
@@ -118,6 +121,26 @@ class State:
     turns: Float
     shifts: Float
     conditions: BoundaryConditions
+
+
+def moved_on(state: State) -> tuple[State, BoundaryConditions] | None:
+    """An equilibrium whose handles are to be moved on from where they came to lie: the same with
+    them prescribed there, and the conditions to go on to; None where none is."""
+    handles = state.conditions.handles
+    if not any(h.further.any() for h in handles):
+        return None
+    held = [
+        replace(h, translation=shift, further=np.zeros(3)) if h.further.any() else h
+        for h, shift in zip(handles, state.shifts, strict=True)
+    ]
+    further = [
+        replace(h, translation=h.translation + f.further)
+        for h, f in zip(held, handles, strict=True)
+    ]
+    return (
+        replace(state, conditions=replace(state.conditions, handles=tuple(held))),
+        replace(state.conditions, handles=tuple(further)),
+    )
 
 
 def rest(conditions: BoundaryConditions, nodes: int) -> State:

@@ -27,13 +27,16 @@ def mix(
 ) -> BoundaryConditions:
     """The weighted mixture: rotation vectors, translations and loads add up.
 
-    A region rotates about the middle of its nodes' bounding box; `density` in g/cm^3. Raises
-    DeviceError for a region without nodes and for regions that overlap with different motions.
+    A region that one pose leaves free and another moves is moved on from where the first leaves it.
+    It rotates about the point that its handle names, or the middle of its nodes' bounding box;
+    `density` in g/cm^3. Raises DeviceError for a region without nodes and for regions that overlap
+    with different motions.
     """
     label = " + ".join(f"{w:g} {n}" for n, w in weights.items())
     nodes = mesh.nodes
     fixed: set[str] = set()
     handles: dict[str, Handle] = {}
+    given: dict[str, Float] = {}
     slides: dict[str, list[Float]] = {}
     drags: list[PointDrag] = []
     pressures: dict[str, float] = {}
@@ -47,6 +50,8 @@ def mix(
             scaled = replace(h, rotation=weight * h.rotation, translation=weight * h.translation)
             known = handles.get(h.region)
             handles[h.region] = scaled if known is None else _add(known, scaled, label)
+            told = given.get(h.region, np.zeros(3))
+            given[h.region] = told + np.nan_to_num(scaled.translation)
         for s in pose.symmetry:
             slides.setdefault(s.region, []).append(s.normal)
         drags += [replace(d, by=weight * d.by) for d in pose.drags]
@@ -61,7 +66,7 @@ def mix(
     owner = _owners(fixed, handles, regions, nodes, label)
     held = np.flatnonzero(np.isin(owner.astype(str), sorted(fixed)))
     rigid = tuple(
-        _rigid(name, np.flatnonzero(owner == name), handles[name], nodes)
+        _rigid(name, np.flatnonzero(owner == name), handles[name], given[name], nodes)
         for name in sorted(handles)
     )
     planes: list[Slide] = []
@@ -84,10 +89,10 @@ def mix(
 
 
 def _add(a: Handle, b: Handle, label: str) -> Handle:
-    if (np.isnan(a.translation) != np.isnan(b.translation)).any():
+    if not np.array_equal(a.about, b.about):  # type: ignore[arg-type]
         raise DeviceError(
-            f"device.toml: states: the mixture {label!r} moves region {a.region!r} both"
-            " freely and by a translation; mix poses that agree"
+            f"device.toml: states: the mixture {label!r} turns region {a.region!r} about different"
+            " points; mix poses that agree, or let 'about' be the same"
         )
     # An axis and its opposite are one hinge.
     if a.free_axes.shape != b.free_axes.shape or not np.allclose(
@@ -136,9 +141,15 @@ def _owners(
     return owner
 
 
-def _rigid(name: str, own: Int, handle: Handle, nodes: Float) -> RigidHandle:
-    center = (nodes[own].min(0) + nodes[own].max(0)) / 2
-    return RigidHandle(own, center, handle.rotation, handle.translation, handle.free_axes, name)
+def _rigid(name: str, own: Int, handle: Handle, given: Float, nodes: Float) -> RigidHandle:
+    """The handle's nodes; `given` (3,) mm is the translation that poses ask for."""
+    center = handle.about
+    if center is None:
+        center = (nodes[own].min(0) + nodes[own].max(0)) / 2
+    further = np.where(np.isnan(handle.translation), given, 0.0)
+    return RigidHandle(
+        own, center, handle.rotation, handle.translation, handle.free_axes, name, further
+    )
 
 
 def _slide(name: str, own: Int, normal: Float, nodes: Float) -> Slide:
@@ -176,6 +187,7 @@ def _agree_with_symmetry(conditions: BoundaryConditions, label: str) -> None:
                 leaves
                 or (np.abs(n[free]) > 1e-9).any()
                 or abs(n[~free] @ h.translation[~free]) > 1e-9
+                or abs(n @ h.further) > 1e-9
             ):
                 raise DeviceError(
                     f"device.toml: poses: in {label!r} the region {h.name!r} touches a plane of"

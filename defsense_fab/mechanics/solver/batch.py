@@ -11,7 +11,7 @@ from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh
 from ..elements.threads import cores
 from ..loading.boundary_conditions import BoundaryConditions, rest
-from .load_stepping import Equilibrium, follow
+from .load_stepping import Equilibrium, follow, move_on
 from .newton import System
 
 
@@ -62,9 +62,9 @@ def solve_all(
                     system = System(mesh, material, job.conditions, max(1, total // workers))
                 start = rest(job.conditions, len(mesh.nodes))
                 tell = (lambda at, i=i: on_step(i, at)) if on_step else None
-                results[i] = follow(
-                    system, start, job.conditions, job.fractions, tell, ended.is_set
-                )
+                found = follow(system, start, job.conditions, job.fractions, tell, ended.is_set)
+                share = max(1, total // workers)
+                results[i] = move_on(mesh, material, found, share, ended.is_set)
         except BaseException:
             ended.set()
             raise

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from ...core.arrays import Float
 from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh
-from ..loading.boundary_conditions import BoundaryConditions, State, between, rest
+from ..loading.boundary_conditions import BoundaryConditions, State, between, moved_on, rest
 from .field_validity import inspect
 from .newton import LOOSE, TOLERANCE, Cancelled, System
 
@@ -166,6 +166,35 @@ def follow(
             status, problem = Status.UNSTABLE, "the equilibrium is unstable: the body would buckle"
         results.append(Equilibrium(status, state, at, statistics(), None, problem))
     return results
+
+
+def move_on(
+    mesh: QuadraticMesh,
+    material: Material,
+    found: Sequence[Equilibrium],
+    threads: int = 1,
+    stop: Callable[[], bool] | None = None,
+) -> list[Equilibrium]:
+    """The equilibria with their handles moved on from where they came to lie, where that is asked
+    for. Amplitudes and statistics are those of the way there."""
+    out, system = [], None
+    try:
+        for one in found:
+            further = moved_on(one.state) if one.state is not None else None
+            if further is None:
+                out.append(one)
+                continue
+            start, goal = further
+            if system is None:
+                system = System(mesh, material, goal, threads)
+            (there,) = follow(system, start, goal, stop=stop)
+            out.append(replace(there, amplitude=there.amplitude * one.amplitude))
+            if not there.converged:
+                break
+    finally:
+        if system is not None:
+            system.close()
+    return out
 
 
 def _largest_step(home: BoundaryConditions, goal: BoundaryConditions) -> float:

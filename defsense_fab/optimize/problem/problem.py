@@ -35,6 +35,13 @@ class Limits:
     longest: float = np.inf
 
     @property
+    def lengths(self) -> str:
+        """The lengths of channels that are allowed, in words."""
+        if np.isinf(self.longest):
+            return f"{self.shortest:.1f} mm are asked for at least"
+        return f"{self.shortest:.1f} to {self.longest:.1f} mm are allowed"
+
+    @property
     def depth(self) -> float:
         """Least distance of a cord's centre line from the surface."""
         return self.wall + self.channel_diameter / 2

@@ -5,14 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.device import Handle, PointDrag, Pose, RegionPressure, SymmetryPlane
+from defsense_fab.core.device import (
+    Handle,
+    MaterialSpec,
+    PointDrag,
+    Pose,
+    RegionPressure,
+    SymmetryPlane,
+)
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.mesh import TetMesh
 from defsense_fab.core.regions import Box
+from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle
+from defsense_fab.mechanics.loading.boundary_conditions import (
+    BoundaryConditions,
+    RigidHandle,
+    rotation_matrix,
+)
 from defsense_fab.mechanics.loading.constraint_check import check_constraints
 from defsense_fab.mechanics.loading.pose import mix
+from defsense_fab.mechanics.solver.batch import Job, solve_all
+from defsense_fab.mechanics.solver.load_stepping import solve_ramp
 from tests.conftest import structured_bar
 
 REGIONS = {
@@ -64,6 +78,40 @@ def test_partly_free_translations_are_kept(bar):
     assert made.handles[0].translation == pytest.approx([2.5, np.nan, 1], nan_ok=True)
 
 
+def test_a_region_that_is_free_in_one_pose_is_moved_on_by_another(bar):
+    """Solved in one go, it ends where the free pose leaves it and the other takes it from there:
+    as if that had been prescribed."""
+    material = Material.from_spec(MaterialSpec("soft", 0.6, 0.45))
+    bend, pull = pose([0, -0.4, 0], name="bend"), pose(translation=[12, 0, 3], name="pull")
+    made = mix([bend, pull], {"bend": 1.0, "pull": 0.5}, REGIONS, bar)
+    assert np.isnan(made.handles[0].translation).all()
+    assert made.handles[0].further == pytest.approx([6, 0, 1.5])
+    ((half, whole),) = solve_all(bar, material, [Job(made, (0.5, 1.0))])
+    for state, share in ((half, 0.5), (whole, 1.0)):
+        alone = mix([bend], {"bend": share}, REGIONS, bar)
+        (found,) = solve_ramp(bar, material, alone, [1.0])
+        place = found.state.shifts[0] + share * np.array([6, 0, 1.5])
+        direct = mix([pose([0, -0.4 * share, 0], place)], {"p": 1.0}, REGIONS, bar)
+        (expected,) = solve_ramp(bar, material, direct, [1.0])
+        assert state.state.shifts[0] == pytest.approx(place, abs=1e-6)
+        assert np.abs(state.u - expected.u).max() < 1e-5
+
+
+def test_a_rotation_about_a_point(bar):
+    """Of the tip about the bar's middle: no more than a rotation about its own middle and the
+    translation that takes this to its place."""
+    about, turn = np.array([75.0, 0, 0]), np.array([0, 0.5, 0])
+    handle = Handle("tip", turn, NONE, about=about)
+    made = mix([Pose("p", ("base",), (handle,))], {"p": 1.0}, REGIONS, bar)
+    assert made.handles[0].center == pytest.approx(about)
+    middle = np.array([145.0, 0, 0])
+    shift = (rotation_matrix(turn) - np.eye(3)) @ (middle - about)
+    same = mix([pose(turn, shift)], {"p": 1.0}, REGIONS, bar)
+    material = Material.from_spec(MaterialSpec("soft", 0.6, 0.45))
+    (one,), (two,) = (solve_ramp(bar, material, c, [1.0]) for c in (made, same))
+    assert np.abs(one.u - two.u).max() < 1e-5
+
+
 @pytest.mark.parametrize(
     ("regions", "message"),
     [
@@ -78,15 +126,18 @@ def test_impossible_regions_are_refused(bar, regions, message):
 
 
 def test_mixtures_that_contradict_themselves_are_refused(bar):
-    free, pull = pose([0.1, 0, 0], name="free"), pose(translation=[1, 0, 0], name="pull")
+    free = pose([0.1, 0, 0], name="free")
+    aside = replace(
+        free, name="aside", handles=(replace(free.handles[0], about=np.array([75.0, 0, 0])),)
+    )
     swap = pose([0.1, 0, 0], name="swap", region="base", fixed=("tip",))
     hinge = replace(
         free, name="hinge", handles=(Handle("tip", NONE, FREE, np.array([[0, 1.0, 0]])),)
     )
     with pytest.raises(DeviceError, match="both fixes and moves region 'base'"):
         mix([free, swap], {"free": 0.5, "swap": 0.5}, REGIONS, bar)
-    with pytest.raises(DeviceError, match="both freely and by a translation"):
-        mix([free, pull], {"free": 0.5, "pull": 0.5}, REGIONS, bar)
+    with pytest.raises(DeviceError, match="about different points"):
+        mix([free, aside], {"free": 0.5, "aside": 0.5}, REGIONS, bar)
     with pytest.raises(DeviceError, match="both freely and by a rotation"):
         mix([free, hinge], {"free": 0.5, "hinge": 0.5}, REGIONS, bar)
 
