@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from sklearn.kernel_ridge import KernelRidge
+from sklearn.model_selection import GridSearchCV
 
 from defsense_fab.core.device import DECODERS
 from defsense_fab.decoding.decoders import fit_decoder
@@ -40,9 +42,30 @@ def test_richer_decoders_do_better_on_curved_maps():
     assert error["affine"] > 2 * error["quadratic"] > 2 * 2 * error["kernel"]
 
 
-def test_the_kernel_decoder_is_the_librarys():
-    from sklearn.kernel_ridge import KernelRidge
+@pytest.mark.parametrize("seed", range(3))
+def test_width_and_weight_are_those_of_a_librarys_search(seed):
+    """Over states as the decoder is shown them, with contiguous folds."""
+    rng = np.random.default_rng(seed)
+    signals, outputs = curved(21, rng, channels=2)
+    noise = np.array([0.002, 0.005])
+    decoder = fit_decoder("kernel", signals, outputs, noise)
+    folds = [
+        (np.setdiff1d(np.arange(105), test), test)
+        for test in (np.arange(105).reshape(21, 5)[k].ravel() for _, k in contiguous(21))
+    ]
+    search = GridSearchCV(
+        KernelRidge(kernel="rbf"),
+        {"gamma": np.logspace(-2, 0.5, 6), "alpha": np.logspace(-6, 1, 8)},
+        scoring="neg_mean_squared_error",
+        cv=folds,
+    ).fit(decoder.trained / decoder.scale, np.repeat(outputs, 5, axis=0) - outputs.mean(0))
+    found = {"gamma": decoder.gamma, "alpha": decoder.alpha}
+    assert search.best_params_ == pytest.approx(found)
+    spread = decoder.trained.reshape(21, 5, 2).std(1)
+    assert spread == pytest.approx(np.broadcast_to(noise * np.sqrt(4 / 5), (21, 2)))
 
+
+def test_the_kernel_decoder_is_the_librarys():
     rng = np.random.default_rng(2)
     signals, outputs = curved(40, rng)
     decoder = fit_decoder("kernel", signals, outputs, 0.0)

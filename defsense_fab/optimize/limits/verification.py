@@ -108,8 +108,8 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
         limits.shortest - _TOLERANCE <= whole_length <= limits.longest + _TOLERANCE
     ):
         problems.append(
-            f"{name} takes a channel of {whole_length:.1f} mm, and {limits.lengths} by [cord] length"
-            " without free ends, and min_stretch with pockets"
+            f"{name} takes a channel of {whole_length:.1f} mm, and {limits.lengths} by [cord]"
+            " length without free ends, and min_stretch with pockets"
         )
     radius = bend_radius(points)
     if radius.min() < limits.min_radius - _TOLERANCE:
