@@ -105,7 +105,11 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
         assert (device / "build" / "parts" / p["step"]).exists()
     assert total + manifest["removed_volume"] == pytest.approx(manifest["body_volume"], rel=1e-3)
     for c in manifest["cords"]:
-        assert c["resistance"] == pytest.approx(14.5 * (c["cut_length"] - c["slack"] - 7.0))
+        loose = c["cut_length"] - c["slack"] - 7.0
+        assert c["resistance_before"] == pytest.approx(14.5 * loose)
+        assert c["prestretch"] >= 0.02
+        gained = 14.5 * 2.0 * c["prestretch"] * c["sensing_length"] / (1 + c["prestretch"])
+        assert c["resistance"] == pytest.approx(c["resistance_before"] + gained)
         assert c["range"][0] <= c["resistance"] <= c["range"][1]
     page = (device / "build" / "report.html").read_text()
     assert (
@@ -136,8 +140,11 @@ def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
         cord = (depth > pockets[0]) & (depth < mouth - pockets[1])
         lead = sum(e.lead for e in row.ends)
         straight = sum(max(0, i - p) for i, p in zip((start, end), pockets, strict=True))
-        stretched = steps[cord] * (1 + problem.sense.response(strain[:, cord]))
-        ohm = built.cord.ohm_per_mm * (stretched.sum(axis=1) + straight + lead)
+        # Loose before it was laid; then stretched twice, by the maker and by the body.
+        loose = steps[cord].sum() / (1 + row.prestretch)
+        own = (steps[cord] * (1 + strain[:, cord])).sum(axis=1) / loose - 1
+        assert own.min() > 0
+        ohm = built.cord.ohm_per_mm * (loose * (1 + 2.0 * own) + straight + lead)
         assert row.resistance == pytest.approx(ohm[0], rel=2e-3, abs=2.0)  # 0.14 mm of cord
         low, high = np.array([ohm.min(), ohm.max()]) - ohm[0]
         assert row.range[0] - row.resistance == pytest.approx(low, rel=5e-3, abs=0.1)
