@@ -47,10 +47,11 @@ def test_the_text_says_what_is_meant_and_numbers_are_short():
     assert "degrees = 30}" in text
     assert "translate = [15, 0, 0.25]\n" in text
     assert text.count("# mode of 12.3 Hz") == 2
-    # A free end and one that is moved are not mixed, so that each pose is held out in between.
+    # A free end is moved on from where the bend leaves it.
     assert data["states"] == {
         "ramp": [0.25, 0.5, 0.75, 1],
-        "held_out": [{"bend": 0.875}, {"stretch": 0.875}],
+        "mixtures": [{"bend": 0.5, "stretch": 0.5}, {"bend": 1, "stretch": 1}],
+        "held_out": [{"bend": 1, "stretch": 0.5}, {"bend": 0.5, "stretch": 1}],
     }
     assert as_toml([], "base") == ""
 
