@@ -96,6 +96,8 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             f" ({data['mesh']['tets']} tets) keeps signals within {_percent(chosen['reached'])};"
             f" {chosen['asked']:.2%} was asked"
         ])  # fmt: skip
+    if data.get("mesh", {}).get("note"):
+        say([f"note: {data['mesh']['note']}"])
     say(f"note: {w}" for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", []))
     if "layout" in data:
         layout = data["layout"]

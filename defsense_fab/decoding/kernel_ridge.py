@@ -92,7 +92,7 @@ def fit_kernel(
 def _square(points: Float) -> Float:
     """Squared distances (n, n) of points (n, c) from each other."""
     norm = (points**2).sum(1)
-    return np.maximum(norm[:, None] + norm - 2 * points @ points.T, 0.0)
+    return np.asarray(np.maximum(norm[:, None] + norm - 2 * points @ points.T, 0.0))
 
 
 def _chosen(square: Float, outputs: Float, splits: list[tuple[Int, ...]]) -> tuple[float, float]:

@@ -21,13 +21,17 @@ _STL, _SIZES = "surface.stl", "sizes.txt"
 
 def main(folder: str) -> None:
     """Read vertices, faces, largest edge (mm), and edges (k,) mm wanted at points (k, 3); write
-    nodes and tets, or the error."""
+    nodes and tets, or the error, or what is missing of Netgen itself."""
     end_with_parent()
     os.chdir(folder)
-    from netgen.libngpy._meshing import NgException
-    from netgen.stl import STLGeometry
-
     found: dict[str, Any]
+    try:
+        from netgen.libngpy._meshing import NgException
+        from netgen.stl import STLGeometry
+    except ImportError as error:
+        np.savez("unfinished.npz", missing=str(error))
+        Path("unfinished.npz").replace(OUT)
+        return
     with np.load(IN) as given:
         _write_stl(given["vertices"], given["faces"])
         _write_sizes(given["points"], given["edges"])

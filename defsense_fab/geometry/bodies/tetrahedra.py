@@ -35,10 +35,11 @@ _FIRST = 0.1
 
 @dataclass(frozen=True)
 class Tetrahedra:
-    """A mesh, and the `mesher` that made it: NETGEN or FTETWILD."""
+    """A mesh, and the `mesher` that made it: NETGEN, or FTETWILD and `why` not the other."""
 
     mesh: TetMesh
     mesher: str
+    why: str = ""
 
     @property
     def repeatable(self) -> bool:
@@ -57,6 +58,10 @@ class MeshQuality:
     volume_change: float
 
 
+class _Unusable(MeshingError):
+    """A mesher that is not installed as it should be: another one would hide that."""
+
+
 def tetrahedralise(
     surface: Surface,
     edge_length: float,
@@ -66,8 +71,8 @@ def tetrahedralise(
     """Tets of about `edge_length` mm inside `surface`, smaller where its curvature asks for it: by
     Netgen, and where that makes none that are sound, by fTetWild.
 
-    Raises MeshingError where the edge length does not fit the body, or both fail or take more than
-    `time_limit` s.
+    Raises MeshingError where the edge length does not fit the body, Netgen is not installed as it
+    should be, or both fail or take more than `time_limit` s.
     """
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
     if edge_length < 1e-4 * size or 8.5 * surface.volume / edge_length**3 > 2e6:
@@ -84,12 +89,15 @@ def tetrahedralise(
         on_step("tetrahedralising")
     try:
         return Tetrahedra(_by_netgen(surface, edge_length, _FIRST * time_limit), NETGEN)
+    except _Unusable:
+        raise
     except MeshingError as error:
+        why = str(error)
         if on_step:
-            on_step(f"{error}; fTetWild is tried, which takes longer")
+            on_step(f"{why}; fTetWild is tried, which takes longer")
     epsilon = min(1e-3, 0.02 * edge_length / size)
     task = {"edge_length": edge_length, "epsilon": epsilon}
-    return Tetrahedra(_tidy(*_run(ftetwild, "fTetWild", surface, task, time_limit)), FTETWILD)
+    return Tetrahedra(_tidy(*_run(ftetwild, "fTetWild", surface, task, time_limit)), FTETWILD, why)
 
 
 def _by_netgen(surface: Surface, edge_length: float, time_limit: float) -> TetMesh:
@@ -134,6 +142,11 @@ def _run(
         finished(mesher.__name__, give, mesher.OUT, time_limit, failure) as folder,
         np.load(folder / mesher.OUT) as made,
     ):
+        if "missing" in made:
+            raise _Unusable(
+                f"{name} cannot be imported ({made['missing']}), so that the mesh would be another"
+                " one than elsewhere; install netgen-mesher and what it needs"
+            )
         if "error" in made:
             raise MeshingError(
                 f"{name} failed: {made['error']}; repair the body's surface, or use another"

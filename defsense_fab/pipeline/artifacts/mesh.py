@@ -41,7 +41,7 @@ class Accuracy:
 class MeshRecord:
     """`mesh.json`: hash of the mesh; edge length (mm), None before poses are known; counts;
     smallest dihedral angle (degrees); boundary deviation (mm); relative change of volume; which
-    `mesher` made it (that of all builds before it was told)."""
+    `mesher` made it (that of all builds before it was told), and a `note` on that, or none."""
 
     SCHEMA: ClassVar[int] = 1
 
@@ -54,6 +54,7 @@ class MeshRecord:
     volume_change: float
     accuracy: Accuracy | None = None
     mesher: str = FTETWILD
+    note: str = ""
 
 
 def save_mesh(folder: Path, mesh: TetMesh, regions: dict[str, Bool], record: MeshRecord) -> None:

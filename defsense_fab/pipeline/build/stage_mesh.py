@@ -65,9 +65,14 @@ def run(device: Device, folder: Path, report: Report) -> None:
                 " or use a smaller [mesh] edge_length"
             )
     found = asdict(quality(mesh, surface))
+    taken = used[edge_length] if edge_length else next(iter(used.values()))
+    note = ""
+    if not taken.repeatable:
+        note = f"{mesh_lock.FILE} keeps the mesh, made by fTetWild, which repeats none"
+        note += f": {taken.why}" if taken.why else ""
     record = MeshRecord(
-        hash=mesh.digest, edge_length=edge_length, accuracy=accuracy,
-        mesher=(used[edge_length] if edge_length else next(iter(used.values()))).mesher, **found,
+        hash=mesh.digest, edge_length=edge_length, accuracy=accuracy, mesher=taken.mesher,
+        note=note, **found,
     )  # fmt: skip
     save_mesh(folder, mesh, tags, record)
     kept = {

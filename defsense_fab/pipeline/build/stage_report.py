@@ -49,6 +49,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     write_page(folder / "guide.html", "guide", guide=guide)
     write_pdf(guide, folder / "guide.pdf")
     images["parts"] = guide.exploded
+    images["front"] = pictures.front(layout.weighed)
     images["poses"] = _poses(folder, layout, view, report)
     write_page(
         folder / "report.html",

@@ -20,9 +20,11 @@ import pyvista as pv
 from ...core.arrays import Float
 from ...core.files import replacing
 from ...core.mesh import Surface
+from ..artifacts.layout import WeighedRecord
 
 COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057", "#e07a5f", "#3d405b")
 _SIZE = (1100, 620)
+_FEWEST = 2  # layouts, for a picture of their errors
 
 
 def _plotter() -> Any:
@@ -85,6 +87,40 @@ def routing(
             pv.lines_from_points(path).tube(radius=radius), color=COLORS[i % len(COLORS)]
         )
     return _finish(plotter, view)
+
+
+def front(trials: Sequence[WeighedRecord]) -> str | None:
+    """The layouts made on trial as points: error against parts; PNG as a data URI, or None where
+    fewer than two could be made."""
+    made = [t for t in trials if t.built is not None and t.parts is not None]
+    if len(made) < _FEWEST:
+        return None
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
+
+    figure = Figure(figsize=(6.5, 3.6), dpi=110, layout="constrained")
+    axis = figure.subplots()
+    for clear, label, face in ((True, "nothing to say of the parts", None), (False, "notes", "w")):
+        some = [t for t in made if (not t.warnings) == clear]
+        if some:
+            x, y = _places(some)
+            axis.scatter(x, y, s=60, edgecolor=COLORS[1], facecolor=face or COLORS[1], label=label)
+    x, y = _places([t for t in made if t.chosen])
+    axis.scatter(x, y, s=220, facecolor="none", edgecolor=COLORS[0], linewidth=2, label="taken")
+    axis.set(xlabel="parts", ylabel="RMSE on unseen states, mm")
+    axis.margins(x=0.15)
+    axis.set_ylim(0, 1.15 * float(_places(made)[1].max()))
+    axis.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    axis.grid(True, alpha=0.25)
+    axis.legend(fontsize="small")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def _places(trials: Sequence[WeighedRecord]) -> Float:
+    """Parts and errors of trials (2, t)."""
+    return np.array([(t.parts, t.built) for t in trials], float).reshape(-1, 2).T
 
 
 def strain_section(field: Path, name: str, origin: Float, normal: Float, top: float) -> str:

@@ -102,7 +102,17 @@ def test_what_netgen_cannot_mesh_goes_to_ftetwild(bar, monkeypatch):
     assert made.mesher == FTETWILD
     assert not made.repeatable
     assert "Netgen failed" in said[-1]
+    assert made.why == "Netgen failed: nothing was made"
     assert made.mesh.volumes.sum() == pytest.approx(bar.volume, rel=5e-3)
+
+
+def test_a_netgen_that_cannot_be_imported_is_told(bar, monkeypatch, tmp_path):
+    """Not replaced: the mesh would be another one than elsewhere."""
+    (tmp_path / "netgen").mkdir()
+    (tmp_path / "netgen" / "__init__.py").write_text("raise ImportError('libGLU.so.1 is missing')")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(MeshingError, match=r"cannot be imported \(libGLU.so.1 is missing\)"):
+        tetrahedralise(bar, 14.0)
 
 
 def test_a_mesh_that_is_not_sound_is_refused(bar, monkeypatch):
