@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,42 +40,36 @@ class UnseenStates:
         return np.unique(np.concatenate([test for _, test in self.folds]))
 
 
-def unseen_states(names: Sequence[str], held_out: Bool) -> UnseenStates:
-    """Of the states `names` (n,), rest first, those that are `held_out` (n,); without any, the
-    poses at each amplitude (`pose@amplitude`) and each mixture are left out in turn."""
-    held, paths = np.flatnonzero(held_out), _paths(names)
+#: How much of each pose a state has; rest has none.
+Weights = Mapping[str, float]
+
+
+def unseen_states(states: Sequence[Weights], held_out: Bool) -> UnseenStates:
+    """Of the states (n,), rest first, those that are `held_out` (n,); without any, the single poses
+    at each amplitude and each mixture are left out in turn."""
+    held, paths = np.flatnonzero(held_out), _paths(states)
     if len(held):
         return UnseenStates(HELD_OUT, ((np.flatnonzero(~held_out), held),), paths)
-    groups: dict[str, list[int]] = {}
-    for k, name in enumerate(names[1:], 1):
-        pose, at, amplitude = name.rpartition("@")
-        groups.setdefault(amplitude if at and pose else name, []).append(k)
-    everything = np.arange(len(names))
+    groups: dict[object, list[int]] = {}
+    for k, weights in enumerate(states[1:], 1):
+        single = len(weights) == 1
+        key = next(iter(weights.values())) if single else tuple(weights.items())
+        groups.setdefault(key, []).append(k)
+    everything = np.arange(len(states))
     if len(groups) < 2:
         return UnseenStates(NONE, ((everything, everything),), paths)
     tests = [np.array(group) for group in groups.values()]
     return UnseenStates(LEFT_OUT, tuple((np.setdiff1d(everything, t), t) for t in tests), paths)
 
 
-def _paths(names: Sequence[str]) -> tuple[tuple[Int, Float], ...]:
-    """Of states by name, rest first: a pose's amplitudes, and mixtures (`0.5*a+0.5*b`) of the same
-    ratios."""
+def _paths(states: Sequence[Weights]) -> tuple[tuple[Int, Float], ...]:
+    """Of states, rest first: a pose's amplitudes, and mixtures of the same ratios."""
     found: dict[tuple[tuple[str, float], ...], list[tuple[int, float]]] = {}
-    for k, name in enumerate(names[1:], 1):
-        weights = _weights(name)
+    for k, weights in enumerate(states[1:], 1):
         largest = max(map(abs, weights.values()))
-        ratios = tuple((pose, round(w / largest, 6)) for pose, w in weights.items())
+        ratios = tuple((pose, round(w / largest, 9)) for pose, w in weights.items())
         found.setdefault(ratios, []).append((k, largest))
     return tuple(
         (np.array([k for k, _ in path]), np.array([at for _, at in path]))
         for path in found.values()
     )
-
-
-def _weights(name: str) -> dict[str, float]:
-    """The poses of a state and how much of each it has."""
-    pose, at, amplitude = name.rpartition("@")
-    if at and pose:
-        return {pose: float(amplitude)}
-    parts = (part.partition("*") for part in name.split("+"))
-    return {pose: float(weight) for weight, _, pose in parts}

@@ -6,12 +6,20 @@ import pytest
 from defsense_fab.decoding.decoders import fit_decoder
 from defsense_fab.decoding.unseen import HELD_OUT, LEFT_OUT, MEANING, NONE, unseen_states
 
-NAMES = ("rest", "up@0.5", "up@1", "down@0.5", "down@1", "0.5*up+0.5*down", "1*up+0.3*down")
+STATES = (
+    {},
+    {"up": 0.5},
+    {"up": 1.0},
+    {"down": 0.5},
+    {"down": 1.0},
+    {"up": 0.5, "down": 0.5},
+    {"up": 1.0, "down": 0.3},
+)
 
 
 def test_held_out_states_are_tested_and_not_trained_on():
     held = np.array([False, False, False, False, False, True, True])
-    found = unseen_states(NAMES, held)
+    found = unseen_states(STATES, held)
     assert found.how == HELD_OUT
     ((seen, test),) = found.folds
     assert seen.tolist() == [0, 1, 2, 3, 4]
@@ -19,7 +27,7 @@ def test_held_out_states_are_tested_and_not_trained_on():
 
 
 def test_without_any_amplitudes_and_mixtures_are_left_out_in_turn():
-    found = unseen_states(NAMES, np.zeros(7, bool))
+    found = unseen_states(STATES, np.zeros(7, bool))
     assert found.how == LEFT_OUT
     assert sorted(test.tolist() for _, test in found.folds) == [[1, 3], [2, 4], [5], [6]]
     for seen, test in found.folds:
@@ -29,7 +37,7 @@ def test_without_any_amplitudes_and_mixtures_are_left_out_in_turn():
 
 
 def test_where_nothing_can_be_left_out_it_is_said():
-    found = unseen_states(("rest", "up@1", "down@1"), np.zeros(3, bool))
+    found = unseen_states(({}, {"up": 1.0}, {"down": 1.0}), np.zeros(3, bool))
     assert found.how == NONE
     assert found.tested.tolist() == [0, 1, 2]
     assert set(MEANING) == {HELD_OUT, LEFT_OUT, NONE}
@@ -40,8 +48,8 @@ def test_unseen_states_see_through_a_fit_of_noise(kind):
     """Outputs that have nothing to do with the signals are not predicted by any decoder."""
     rng = np.random.default_rng(3)
     signals, outputs = rng.normal(size=(13, 3)), rng.normal(size=(13, 2))
-    names = ["rest", *(f"{p}@{a}" for p in "abcd" for a in ("0.3", "0.6", "1"))]
-    found = unseen_states(names, np.zeros(13, bool))
+    states = [{}, *({p: a} for p in "abcd" for a in (0.3, 0.6, 1.0))]
+    found = unseen_states(states, np.zeros(13, bool))
     square = 0.0
     for seen, test in found.folds:
         decoder = fit_decoder(kind, signals[seen], outputs[seen], 1e-4)
@@ -51,6 +59,7 @@ def test_unseen_states_see_through_a_fit_of_noise(kind):
 
 
 def test_states_on_one_path_of_loading():
-    found = unseen_states((*NAMES, "1*up+1*down", "0.3*down+1*up"), np.zeros(9, bool))
+    more = {"up": 1.0, "down": 1.0}, {"down": 0.3, "up": 1.0}
+    found = unseen_states((*STATES, *more), np.zeros(9, bool))
     paths = {tuple(k.tolist()): at.tolist() for k, at in found.paths}
     assert paths == {(1, 2): [0.5, 1], (3, 4): [0.5, 1], (5, 7): [0.5, 1], (6,): [1], (8,): [1]}

@@ -24,11 +24,12 @@ _DECIMALS = 5
 
 @dataclass(frozen=True)
 class StateRecord:
-    """A solved state: its name, whether it is held out of the design, the solver's status; counts
-    of iterations, factorisations and load steps; residual relative to the largest nodal force;
-    stored energy (N mm)."""
+    """A solved state: its name, how much of each pose it has, whether it is held out of the design,
+    the solver's status; counts of iterations, factorisations and load steps; residual relative to
+    the largest nodal force; stored energy (N mm)."""
 
     state: str
+    weights: Mapping[str, float]
     held_out: bool
     status: str
     iterations: int
@@ -42,7 +43,7 @@ class StateRecord:
 class FieldIndex:
     """`fields/index.json`: the model and the solver by name, warnings, states in their order."""
 
-    SCHEMA: ClassVar[int] = 1
+    SCHEMA: ClassVar[int] = 2
 
     material_model: str
     solver: str
@@ -52,9 +53,11 @@ class FieldIndex:
 
 @dataclass(frozen=True)
 class Fields:
-    """`names` of s states, which are `held_out` (s,) of the design, displacements (s, n, 3) mm."""
+    """`names` of s states, how much of each pose they have, which of them are `held_out` (s,) of
+    the design, displacements (s, n, 3) mm."""
 
     names: tuple[str, ...]
+    weights: tuple[Mapping[str, float], ...]
     held_out: Bool
     displacements: Float
 
@@ -102,6 +105,7 @@ def load_fields(folder: Path) -> Fields:
     found = [meshio.read(field_path(folder, s.state)).point_data["displacement"] for s in states]
     return Fields(
         tuple(s.state for s in states),
+        tuple(s.weights for s in states),
         np.array([s.held_out for s in states], bool),
         np.array(found, float),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,11 +83,11 @@ def _section(rest: Float, u: Float) -> Float:
     return np.asarray(np.eye(3)[axes[(u[:, axes] ** 2).sum(0).argmin()]])
 
 
-def _fullest(names: Sequence[str], held_out: Bool) -> list[int]:
+def _fullest(weights: Sequence[Mapping[str, float]], held_out: Bool) -> list[int]:
     """Of each path of loading among states that are not held out, the one furthest along."""
     seen = np.flatnonzero(~held_out)
     paths = unseen_states(
-        ("rest", *(n for n, held in zip(names, held_out, strict=True) if not held)),
+        ({}, *(w for w, held in zip(weights, held_out, strict=True) if not held)),
         np.zeros(len(seen) + 1, bool),
     ).paths
     return sorted(int(seen[int(k[at.argmax()]) - 1]) for k, at in paths)
@@ -109,7 +109,7 @@ def _poses(folder: Path, layout: LayoutRecord, view: Float, report: Report) -> l
     flat = moved.reshape(len(moved), -1)
     decoder = fit_decoder(told.decoder, signals[seen], flat[seen], np.array(told.noise))
     error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
-    shown = _fullest(names, found.held_out)
+    shown = _fullest(found.weights, found.held_out)
     held_out = np.flatnonzero(found.held_out)
     if len(held_out):
         shown.append(int(held_out[(error[held_out] ** 2).mean(axis=1).argmax()]))

@@ -58,7 +58,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
             assert result.u is not None
             stats = {k: v for k, v in asdict(result.statistics).items() if k != "seconds"}
             save_field(field_path(folder, name), mesh, result.u, stats)
-            index.append(StateRecord(name, loading.held_out, result.status, **stats))
+            weights = {pose: w * fraction for pose, w in loading.weights.items()}
+            index.append(StateRecord(name, weights, loading.held_out, result.status, **stats))
             if result.problem:
                 warnings.append(f"pose {name}: {result.problem}")
     save_index(folder, FieldIndex(material.title, solver_name(), tuple(warnings), tuple(index)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -117,13 +118,14 @@ def _farthest_points(points: Float, count: int) -> Float:
 
 @dataclass(frozen=True)
 class DesignTask:
-    """Every state of the device, `names` (n,) with rest first, and which are `held_out` (n,): the
-    layout is to be designed on the others. Marker positions `points` (k, 3) mm; how the cords are
-    read and built in."""
+    """Every state of the device with rest first: `names` (n,), how much of each pose they have, and
+    which are `held_out` (n,): the layout is to be designed on the others. Marker positions `points`
+    (k, 3) mm; how the cords are read and built in."""
 
     everything: Problem
     design: Problem
     names: tuple[str, ...]
+    weights: tuple[Mapping[str, float], ...]
     held_out: Bool
     points: Float
     reading: CordReading
@@ -132,7 +134,7 @@ class DesignTask:
     @property
     def unseen(self) -> UnseenStates:
         """The states by which the design is judged."""
-        return unseen_states(self.names, self.held_out)
+        return unseen_states(self.weights, self.held_out)
 
     def decoded_by(self, kind: str) -> DesignTask:
         """The same for another decoder."""
@@ -165,4 +167,13 @@ def load_task(device: Device, folder: Path) -> DesignTask:
     )
     names, held_out = ("rest", *found.names), np.append(False, found.held_out)
     reading = CordReading.of(device)
-    return DesignTask(everything, design, names, held_out, points, reading, device.fabrication)
+    return DesignTask(
+        everything,
+        design,
+        names,
+        ({}, *found.weights),
+        held_out,
+        points,
+        reading,
+        device.fabrication,
+    )

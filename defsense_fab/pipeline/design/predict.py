@@ -21,9 +21,9 @@ def unseen_error(task: DesignTask, cords: Sequence[BuiltCord]) -> float:
     """Expected RMSE (mm) of decoders on states that they were not trained on, of those that the
     cords are designed for: by it decoders are compared, for held-out states are to stay unseen."""
     signals, noise = read(task, cords)
-    names = [n for n, held in zip(task.names, task.held_out, strict=True) if not held]
-    left_out = unseen_states(names, np.zeros(len(names), bool))
-    flat = task.design.markers.reshape(len(names), -1)
+    states = [w for w, held in zip(task.weights, task.held_out, strict=True) if not held]
+    left_out = unseen_states(states, np.zeros(len(states), bool))
+    flat = task.design.markers.reshape(len(states), -1)
     return _on_unseen(task.design, left_out, signals[~task.held_out], noise, flat)[0]
 
 

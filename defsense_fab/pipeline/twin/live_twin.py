@@ -67,13 +67,13 @@ def simulated(device: Device, markers: Markers) -> Simulated:
     """From the device's build. Raises CaptureError where it has none, or no pose in it."""
     folder = finished_build(device, LAYOUT, INDEX)
     found = load_fields(folder)
-    names, fields = found.names, found.displacements
+    fields = found.displacements
     ramps = []
     for pose in device.poses:
         levels = {
-            float(n.partition("@")[2]): k
-            for k, n in enumerate(names)
-            if n.partition("@")[0] == pose.name and "@" in n
+            weights[pose.name]: k
+            for k, weights in enumerate(found.weights)
+            if set(weights) == {pose.name}
         }
         if levels:
             order = sorted(levels)
