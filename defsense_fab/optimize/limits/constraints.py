@@ -47,11 +47,15 @@ def run_lengths(ends: Float) -> Float:
     return np.asarray(np.where(np.isfinite(ends) & (ends > 2.1), ends - 2, 0))
 
 
-def depth_before_exit(to_exit: Float, limits: Limits) -> Float:
-    """Least depth `to_exit` mm of channel before the surface, with a margin: the full wall, less
-    in the cone of an inlet."""
+def depth_before_exit(to_exit: Float, limits: Limits) -> tuple[Float, Float]:
+    """Least depth `to_exit` mm of channel before the surface, with a margin, and how it grows with
+    that: the full wall, also beside a pocket at the end, less in the cone of an inlet."""
+    length, diameter = limits.pocket
     slope = INLET_SLOPE * (1 + MARGIN / limits.depth)
-    return np.asarray(np.minimum(limits.depth + MARGIN, slope * to_exit))
+    wide = max(limits.wall + diameter / 2, limits.depth)
+    full = np.where(to_exit < length, wide, limits.depth) + MARGIN
+    cone = slope * to_exit
+    return np.minimum(full, cone), np.where(cone < full, slope, 0.0)
 
 
 @dataclass(frozen=True)
@@ -178,15 +182,13 @@ class Constraints:
         inlets, size = self._inlets[i], self._size
         lengths, by = inlets.lengths(tracks[i], self._cords[i].size)
         rest = lengths - inlets.runs
-        need = depth_before_exit(inlets.along + rest[inlets.end], self._limits)
+        need, growth = depth_before_exit(inlets.along + rest[inlets.end], self._limits)
         room = depth - need
         worst = inlets.far[_worst_of_each(room[inlets.far], self._stride)]
         few = np.sort(np.concatenate([inlets.near, worst]))
         row = self._rows(tracks, len(few), (i, few, inward[few]))
-        sloping = few[need[few] < self._limits.depth + MARGIN]
-        slope = INLET_SLOPE * (1 + MARGIN / self._limits.depth)
         tilt = np.zeros_like(row)
-        tilt[np.searchsorted(few, sloping), self._columns[i]] = slope * by[inlets.end[sloping]]
+        tilt[:, self._columns[i]] = growth[few, None] * by[inlets.end[few]]
         leaves = np.isfinite(lengths)
         longer = np.zeros((int(leaves.sum()), size))
         longer[:, self._columns[i]] = by[leaves]

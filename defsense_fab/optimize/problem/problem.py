@@ -23,7 +23,8 @@ _STILL = 1e-6  # mm
 @dataclass(frozen=True)
 class Limits:
     """Least wall, radius of curvature and centre distance of cords; channel diameter; least and
-    greatest length of a channel from surface to surface; all mm."""
+    greatest length of a channel from surface to surface; length and diameter of the pockets at its
+    ends, 0 without; all mm."""
 
     wall: float
     min_radius: float
@@ -33,6 +34,7 @@ class Limits:
     smallest_part: float = 0.01
     shortest: float = 0.0
     longest: float = np.inf
+    pocket: tuple[float, float] = (0.0, 0.0)
 
     @property
     def lengths(self) -> str:

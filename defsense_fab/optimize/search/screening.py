@@ -44,7 +44,7 @@ def feasible(batch: Batch, depth: DepthField, grid: DepthGrid, limits: Limits) -
     along = arc_lengths(whole)
     rest = ends - run_lengths(ends)
     to_exit = np.minimum(along + rest[:, :1], along[:, -1:] - along + rest[:, 1:])
-    need = depth_before_exit(to_exit, limits)
+    need, _ = depth_before_exit(to_exit, limits)
     found = grid(whole)
     good = np.asarray((found - need).min(axis=1) >= -grid.error)
     length = along[:, -1] + rest.sum(axis=1)

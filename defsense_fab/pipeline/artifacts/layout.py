@@ -109,14 +109,15 @@ class BandRecord:
 @dataclass(frozen=True)
 class WeighedRecord:
     """A layout that was made on trial: RMSE (mm) on unseen states as designed and as built, planes,
-    parts, the smallest one's volume (mm^3), what is to be said of it, the problem for which it
-    cannot be made; whether it is the one that was chosen."""
+    parts, the smallest one's volume (mm^3), ends of cords that no pocket holds, what is to be said
+    of it, the problem for which it cannot be made; whether it is the one that was chosen."""
 
     designed: float
     built: float | None
     planes: int
     parts: int | None
     smallest: float | None
+    free_ends: int
     warnings: tuple[str, ...]
     problem: str | None
     chosen: bool

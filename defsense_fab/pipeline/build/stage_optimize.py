@@ -91,6 +91,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
                 t.planes,
                 t.parts,
                 t.smallest,
+                t.free_ends,
                 t.warnings,
                 t.problem,
                 t is chosen,

@@ -21,7 +21,7 @@ from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
 from ...sensing.built_cord import BuiltCord, needed_prestretch
 from ...sensing.signal import mean_strain
-from .design_task import DesignTask, limits, wires
+from .design_task import DesignTask, limits, pocket_diameter, wires
 from .predict import Scored, predict
 
 Report = Callable[[float, str], None]
@@ -34,7 +34,6 @@ def rules(device: Device, bay: Prism | None = None) -> Rules:
     """What the device's cord and process ask of its parts, whose wires end in the `bay`."""
     f = device.fabrication
     relief = f.strain_relief is not False
-    pocket = max(device.cord.ferrule_diameter + f.clearance, device.channel_diameter + 0.1)
     return Rules(
         device.cord.diameter,
         device.channel_diameter,
@@ -42,7 +41,7 @@ def rules(device: Device, bay: Prism | None = None) -> Rules:
         f.wall,
         f.limit_cuts,
         Pockets(
-            pocket,
+            pocket_diameter(device),
             device.cord.ferrule_length,
             wires(device, relief, bay) if bay or relief else None,
         )

@@ -33,14 +33,16 @@ Report = Callable[[float, str], None]
 @dataclass(frozen=True)
 class Trial:
     """A layout made on trial: RMSE (mm) on unseen states by design, and what it is predicted to
-    sense as built; its parts, the smallest one's volume (mm^3) and what is to be said of them; or
-    the `problem` for which it cannot be made, and no parts."""
+    sense as built; its parts, the smallest one's volume (mm^3), ends of cords without the pocket
+    that holds them, and what is to be said of the parts; or the `problem` for which it cannot be
+    made, and no parts."""
 
     found: Optimised
     designed: float
     scored: Scored
     parts: int | None = None
     smallest: float | None = None
+    free_ends: int = 0
     warnings: tuple[str, ...] = ()
     problem: str | None = None
 
@@ -56,8 +58,9 @@ class Trial:
 
     @property
     def effort(self) -> tuple[bool, int, int]:
-        """Less is simpler: whether anything is to be said, parts, how much is to be said."""
-        return bool(self.warnings), self.parts or 0, len(self.warnings)
+        """Less is simpler: whether anything is to be said, parts and ends without pockets, how much
+        is to be said."""
+        return bool(self.warnings), (self.parts or 0) + self.free_ends, len(self.warnings)
 
 
 def different(found: Sequence[Optimised]) -> list[Optimised]:
@@ -135,4 +138,13 @@ def _make(
         return Trial(found, designed, _designed(task, found), problem=str(error))
     built = as_made(task, made.channels)
     smallest = min(p.volume for p in made.parts)
-    return Trial(found, designed, built, len(made.parts), smallest, made.warnings)
+    free = sum(not e.pocket for c in made.channels for e in c.ends)
+    return Trial(
+        found,
+        designed,
+        built,
+        len(made.parts),
+        smallest,
+        free if device.fabrication.pockets else 0,
+        made.warnings,
+    )

@@ -46,6 +46,7 @@ def limits(device: Device) -> Limits:
         channel,
         shortest=max(shortest, stretched),
         longest=longest,
+        pocket=(pocket_depth(device), pocket_diameter(device)),
     )
 
 
@@ -62,6 +63,12 @@ def pocket_depth(device: Device) -> float:
         return 0.0
     bend = 0.0 if f.strain_relief is False else wires(device, relief=True).room(f.wall)
     return device.cord.ferrule_length + bend
+
+
+def pocket_diameter(device: Device) -> float:
+    """Of the pockets of the cords' ends, mm."""
+    clearance = device.fabrication.clearance
+    return max(device.cord.ferrule_diameter + clearance, device.channel_diameter + 0.1)
 
 
 def sensing(device: Device) -> tuple[SignalModel, float]:

@@ -12,7 +12,7 @@ from defsense_fab.core.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.path_sampling import sample_path
 from defsense_fab.core.response import ResponseSpec
-from defsense_fab.optimize.limits.constraints import Constraints
+from defsense_fab.optimize.limits.constraints import Constraints, depth_before_exit
 from defsense_fab.optimize.limits.polyline_distance import nearest, nearest_strand
 from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
@@ -70,9 +70,10 @@ def test_fused_signals_are_those_of_the_arrays(problem, straight):
         assert pulled[ends[c] : ends[c + 1]] == pytest.approx(own @ weights[:, c], abs=1e-9)
 
 
-def test_constraint_derivatives_by_finite_differences(problem, straight):
+@pytest.mark.parametrize("pocket", [(0.0, 0.0), (11.0, 4.0)])
+def test_constraint_derivatives_by_finite_differences(problem, straight, pocket):
     cords = [CordParameters(straight("a", y=5)), CordParameters(straight("b", y=-5))]
-    limits = replace(LIMITS, shortest=100.0, longest=151.0)
+    limits = replace(LIMITS, shortest=100.0, longest=151.0, pocket=pocket)
     constraints = Constraints(problem.surface, problem.depth, limits, cords)
     x = np.random.default_rng(4).normal(0, 1.0, sum(c.size for c in cords))
     _, jacobian = constraints(x)
@@ -80,6 +81,16 @@ def test_constraint_derivatives_by_finite_differences(problem, straight):
         e = 1e-6 * np.eye(len(x))[i]
         slope = (constraints(x + e)[0] - constraints(x - e)[0]) / 2e-6
         assert jacobian[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-5)
+
+
+def test_channels_lie_deeper_where_their_pockets_are():
+    """In the cone of an inlet, beside the pocket, and beyond it."""
+    limits = replace(LIMITS, pocket=(11.0, 4.0))
+    need, growth = depth_before_exit(np.array([1.0, 8.0, 12.0]), limits)
+    beside, beyond = limits.wall + 2.0, limits.wall + limits.channel_diameter / 2
+    assert need == pytest.approx([0.6 * 1, beside, beyond], abs=0.11)
+    assert (need >= [0.6, beside, beyond]).all()
+    assert (growth > 0).tolist() == [True, False, False]
 
 
 def test_a_symmetric_drawing_is_a_saddle_that_the_optimiser_leaves(problem, straight):

@@ -30,16 +30,22 @@ def weigh(monkeypatch):
             if isinstance(result, str):
                 raise FabricationError(result)
             built, parts, warnings = result
+            parts, free = parts if isinstance(parts, tuple) else (parts, 0)
             part = SimpleNamespace(volume=1000.0 / parts)
+            ends = [SimpleNamespace(pocket=0.0)] * free + [SimpleNamespace(pocket=7.0)]
             return SimpleNamespace(
-                channels=built, parts=[part] * parts, warnings=("note",) * warnings
+                channels=[SimpleNamespace(ends=ends, built=built)],
+                parts=[part] * parts,
+                warnings=("note",) * warnings,
             )
 
         monkeypatch.setattr(module, "fabricate", fabricate)
         monkeypatch.setattr(
             module,
             "as_made",
-            lambda task, built: SimpleNamespace(prediction=SimpleNamespace(unseen=built)),
+            lambda task, channels: SimpleNamespace(
+                prediction=SimpleNamespace(unseen=channels[0].built)
+            ),
         )
         monkeypatch.setattr(module, "with_relief", lambda device, *_: (device, []))
         monkeypatch.setattr(
@@ -47,7 +53,7 @@ def weigh(monkeypatch):
             "_designed",
             lambda task, one: SimpleNamespace(prediction=SimpleNamespace(unseen=one.rmse)),
         )
-        device = SimpleNamespace(prefer=prefer)
+        device = SimpleNamespace(prefer=prefer, fabrication=SimpleNamespace(pockets=True))
         return (*choose_layout(device, None, found, None, None, lambda f, m: None), tried)
 
     return run
@@ -62,6 +68,12 @@ def test_of_those_about_as_good_the_simplest_is_taken(straight, weigh):
     assert chosen.parts == 3
     chosen, _, _ = weigh(found, [(0.500, 5, 0), (0.502, 4, 0), (0.530, 3, 0)])
     assert chosen.parts == 4  # the simplest one is six per cent worse
+
+
+def test_an_end_without_a_pocket_counts_as_a_part(straight, weigh):
+    found = [layout(straight, 0.50, 3), layout(straight, 0.51, 3)]
+    chosen, _, _ = weigh(found, [(0.500, (4, 2), 0), (0.510, (5, 0), 0)])
+    assert (chosen.parts, chosen.free_ends) == (5, 0)
 
 
 def test_the_most_accurate_is_taken_by_its_error_as_built(straight, weigh):
