@@ -131,10 +131,11 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             table.add_row(p["name"], f"{p['volume'] / 1000:.2f}", size)
         out.print(table)
         table = Table(title="cut list")
-        for column in ("cord", "cut to, mm", "expected, ohm"):
+        for column in ("cord", "cut to, mm", "ohm, loose", "ohm, laid"):
             table.add_column(column, justify="left" if column == "cord" else "right")
         for c in manifest["cords"]:
-            table.add_row(c["sensor"], f"{c['cut_length']:.0f}", f"{c['resistance']:.0f}")
+            ohm = (f"{c[key]:.0f}" for key in ("resistance_before", "resistance"))
+            table.add_row(c["sensor"], f"{c['cut_length']:.0f}", *ohm)
         out.print(table)
         say(f"note: {w}" for w in manifest["warnings"])
     where = f"{folder}/report.html" if options.until == "report" else folder

@@ -222,7 +222,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
         console.print(f"warning: {warning}", highlight=False, markup=False, soft_wrap=True)
     console.print(
         f"Look at: {options.folder}\nNext:    print the halves in the device's material and the"
-        " jigs in a rigid one; lay in the cords and glue the halves",
+        " jigs in a rigid one; glue the cords into their grooves all along, and the halves",
         highlight=False,
         markup=False,
         soft_wrap=True,

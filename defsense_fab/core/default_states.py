@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
 from .arrays import Float
-from .device import Pose, StatesSpec
+from .device import Handle, Pose, StatesSpec
 
 RAMP = (0.25, 0.5, 0.75, 1.0)
 #: Mixtures of two and of three poses, at most.
@@ -55,11 +56,25 @@ def agree(a: Pose, b: Pose) -> bool:
     if set(a.fixed) & moved[1].keys() or set(b.fixed) & moved[0].keys():
         return False
     return all(
-        np.array_equal(h.about, moved[1][name].about)  # type: ignore[arg-type]
+        shared_point(h, moved[1][name]) is not False
         and h.free_axes.shape == moved[1][name].free_axes.shape
         for name, h in moved[0].items()
         if name in moved[1]
     )
+
+
+def shared_point(a: Handle, b: Handle) -> Float | Literal[False] | None:
+    """The point (3,) mm about which a region turns that both handles move, None for its middle;
+    False where they turn it about different points."""
+    turning = [h for h in (a, b) if h.rotation.any() or len(h.free_axes)]
+    points = [h.about for h in turning]
+    first = points[0] if points else None
+    for other in points[1:]:
+        if (first is None) != (other is None) or (
+            first is not None and not np.array_equal(first, np.asarray(other))
+        ):
+            return False
+    return first
 
 
 def _short(weight: float) -> float:

@@ -54,7 +54,8 @@ def load_device(
     regions = _regions(top.table("regions", required=False))
     poses = read_poses(top, list(regions), complete)
     fabrication = _fabrication(top.table("fabrication", required=False))
-    cord = _cord(top.table("cord"), fabrication.lead, folder)
+    hanging = 0.0 if fabrication.pockets else fabrication.lead
+    cord = _cord(top.table("cord"), hanging, folder)
     sensors = _sensors(top)
     body = _body(top.table("body"), folder, overrides or {})
     _agree(top, body, cord, fabrication)
@@ -290,7 +291,7 @@ def _cord(t: Table, lead: float, folder: Path) -> CordSpec:
     row = {k: float(v) for k, v in rows[name].items() if k not in words}
     row["noise"] = t.number("noise", row["noise"], low=0)
     for key in ("contact", "min_stretch"):
-        row[key] = t.number(key, row[key], low=-1e-9)
+        row[key] = t.size(key, row[key])
     compression = t.string("compression", rows[name]["compression"])
     t.choice("compression", compression, list(COMPRESSION), "behaviour under compression")
     response = _from_data_sheet(row.pop("gauge_factor"), compression)
@@ -349,7 +350,7 @@ def _fabrication(t: Table) -> FabricationSpec:
         marker_seats=_count(t, "marker_seats") or 0,
         marker_size=t.number("marker_size", 10.0, low=0),
         assembly=t.string("assembly", ASSEMBLIES[0]),
-        prestretch=t.number("prestretch", 0.0, low=-1e-9) if t.has("prestretch") else None,
+        prestretch=t.size("prestretch") if t.has("prestretch") else None,
     )
     t.choice("assembly", spec.assembly, ASSEMBLIES, "assembly")
     if max(spec.lead, spec.clearance, spec.wall) > 1000:

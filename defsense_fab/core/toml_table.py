@@ -73,6 +73,13 @@ class Table:
             self.fail(key, f"must be greater than {low:g}, not {value:g}")
         return float(value)
 
+    def size(self, key: str, default: Any = None) -> float:
+        """A finite number that is not negative."""
+        value = self.number(key, default)
+        if value < 0:
+            self.fail(key, f"must not be negative, and is {value:g}")
+        return value
+
     def boolean(self, key: str, default: bool) -> bool:
         value = self._get(key, default)
         if not isinstance(value, bool):

@@ -47,6 +47,7 @@ def test_poses_that_do_not_agree_are_not_mixed():
     other = turn("other", x=20, region="base", fixed=("tip",))
     aside = Pose("aside", UP.fixed, (replace(UP.handles[0], about=np.array([75.0, 0, 0])),))
     assert default_states([UP, aside]).mixtures == ()
+    assert default_states([aside, pulled]).mixtures  # what turns nothing turns about no point
     assert default_states([UP, pulled]).mixtures  # free in one, moved on from there by the other
     assert default_states([UP, other]).mixtures == ()
     assert default_states([pulled, turn("push", translation=[-10, 0, 0])]).mixtures == ()

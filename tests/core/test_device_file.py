@@ -70,8 +70,8 @@ def test_the_fixture_is_read(edit):
             r"cord.length: give the least and the greatest length",
         ),
         (
-            'name = "rubber-2mm"',
-            'name = "rubber-2mm"\nlength = [0, 40]',
+            "[fabrication]",
+            "length = [0, 40]\n\n[fabrication]\npockets = false",
             r"device.toml:\d+: cord.length: a piece of 40 mm is used up by its two free ends of 20",
         ),
         ("schema = 1", "schema = 9", r"reads schema 1, not 9"),
@@ -260,7 +260,8 @@ def test_how_cords_are_built_in_and_read(changed):
             "fabrication.prestretch: the cord 'rubber-2mm' takes",
         ),
         ({"cord": 'compression = "double"'}, "cord.compression: unknown behaviour under"),
-        ({"cord": "contact = -1"}, "cord.contact: must be greater"),
+        ({"cord": "contact = -1"}, "cord.contact: must not be negative, and is -1"),
+        ({"fabrication": "prestretch = -0.1"}, "fabrication.prestretch: must not be negative"),
         ({"readout": 'converter = "hx711"'}, "readout.converter: unknown converter 'hx711'"),
     ],
 )

@@ -17,7 +17,7 @@ class RigidHandle:
     `rotation` (3,) rad is the prescribed rotation vector, whose length may exceed a turn;
     `free_axes` (f, 3) are the axes about which the solver turns it instead: none, one (a hinge) or
     all three. `translation` (3,) mm of the centre, NaN for each coordinate that the solver finds;
-    once it has, the handle is moved on from there by `further` (3,) mm.
+    once it has, the handle is moved on from there by `further` (3,) mm, NaN where it stays free.
     """
 
     nodes: Int
@@ -26,7 +26,7 @@ class RigidHandle:
     translation: Float
     free_axes: Float = field(default_factory=lambda: np.zeros((0, 3)))
     name: str = ""
-    further: Float = field(default_factory=lambda: np.zeros(3))
+    further: Float = field(default_factory=lambda: np.full(3, np.nan))
 
 
 @dataclass(frozen=True)
@@ -127,14 +127,18 @@ def moved_on(state: State) -> tuple[State, BoundaryConditions] | None:
     """An equilibrium whose handles are to be moved on from where they came to lie: the same with
     them prescribed there, and the conditions to go on to; None where none is."""
     handles = state.conditions.handles
-    if not any(h.further.any() for h in handles):
+    if not any(np.nan_to_num(h.further).any() for h in handles):
         return None
     held = [
-        replace(h, translation=shift, further=np.zeros(3)) if h.further.any() else h
+        replace(
+            h,
+            translation=np.where(np.isnan(h.further), h.translation, shift),
+            further=np.full(3, np.nan),
+        )
         for h, shift in zip(handles, state.shifts, strict=True)
     ]
     further = [
-        replace(h, translation=h.translation + f.further)
+        replace(h, translation=h.translation + np.nan_to_num(f.further))
         for h, f in zip(held, handles, strict=True)
     ]
     return (

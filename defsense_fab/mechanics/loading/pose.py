@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.default_states import shared_point
 from ...core.device import Handle, PointDrag, Pose
 from ...core.errors import DeviceError
 from ...core.regions import Shape
@@ -50,8 +51,8 @@ def mix(
             scaled = replace(h, rotation=weight * h.rotation, translation=weight * h.translation)
             known = handles.get(h.region)
             handles[h.region] = scaled if known is None else _add(known, scaled, label)
-            told = given.get(h.region, np.zeros(3))
-            given[h.region] = told + np.nan_to_num(scaled.translation)
+            told = np.stack([given.get(h.region, np.full(3, np.nan)), scaled.translation])
+            given[h.region] = np.where(np.isnan(told).all(0), np.nan, np.nansum(told, axis=0))
         for s in pose.symmetry:
             slides.setdefault(s.region, []).append(s.normal)
         drags += [replace(d, by=weight * d.by) for d in pose.drags]
@@ -89,7 +90,8 @@ def mix(
 
 
 def _add(a: Handle, b: Handle, label: str) -> Handle:
-    if not np.array_equal(a.about, b.about):  # type: ignore[arg-type]
+    about = shared_point(a, b)
+    if about is False:
         raise DeviceError(
             f"device.toml: states: the mixture {label!r} turns region {a.region!r} about different"
             " points; mix poses that agree, or let 'about' be the same"
@@ -102,7 +104,12 @@ def _add(a: Handle, b: Handle, label: str) -> Handle:
             f"device.toml: states: the mixture {label!r} turns region {a.region!r} both"
             " freely and by a rotation; mix poses that agree"
         )
-    return replace(a, rotation=a.rotation + b.rotation, translation=a.translation + b.translation)
+    return replace(
+        a,
+        rotation=a.rotation + b.rotation,
+        translation=a.translation + b.translation,
+        about=about,
+    )
 
 
 def _too_few(name: str, count: int) -> str:
@@ -142,11 +149,12 @@ def _owners(
 
 
 def _rigid(name: str, own: Int, handle: Handle, given: Float, nodes: Float) -> RigidHandle:
-    """The handle's nodes; `given` (3,) mm is the translation that poses ask for."""
+    """The handle's nodes; `given` (3,) mm is the translation that poses ask for, NaN where none
+    does."""
     center = handle.about
     if center is None:
         center = (nodes[own].min(0) + nodes[own].max(0)) / 2
-    further = np.where(np.isnan(handle.translation), given, 0.0)
+    further = np.where(np.isnan(handle.translation), given, np.nan)
     return RigidHandle(
         own, center, handle.rotation, handle.translation, handle.free_axes, name, further
     )
@@ -187,7 +195,7 @@ def _agree_with_symmetry(conditions: BoundaryConditions, label: str) -> None:
                 leaves
                 or (np.abs(n[free]) > 1e-9).any()
                 or abs(n[~free] @ h.translation[~free]) > 1e-9
-                or abs(n @ h.further) > 1e-9
+                or abs(n @ np.nan_to_num(h.further)) > 1e-9
             ):
                 raise DeviceError(
                     f"device.toml: poses: in {label!r} the region {h.name!r} touches a plane of"

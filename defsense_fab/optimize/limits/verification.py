@@ -109,7 +109,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
     ):
         problems.append(
             f"{name} takes a channel of {whole_length:.1f} mm, and {limits.lengths} by [cord]"
-            " length without free ends, and min_stretch with pockets"
+            " length and min_stretch, with its pockets or free ends"
         )
     radius = bend_radius(points)
     if radius.min() < limits.min_radius - _TOLERANCE:

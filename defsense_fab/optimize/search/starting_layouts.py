@@ -91,8 +91,8 @@ def no_room(problem: Problem, count: int) -> LayoutError:
     limits, lengths = problem.limits, ""
     if limits.shortest > 0 or limits.longest < np.inf:
         lengths = (
-            f", with channels of which {limits.lengths} by [cord] length without free ends, and"
-            " min_stretch with pockets"
+            f", with channels of which {limits.lengths} by [cord] length and min_stretch, with"
+            " pockets or free ends"
         )
     return LayoutError(
         f"[design] sensors = {count}: no layout of {count} cords was found that keeps their walls"

@@ -10,10 +10,9 @@ from ...geometry.parts.records import Made
 from ...sensing.built_cord import CordReading
 from ...sensing.voltage_divider import reference
 from ..artifacts.manifest import BillItem, CordEnd, CutCord, WireRecord
+from ..design.design_task import SLACK
 from ..design.predict import Scored
 
-#: Longer by this much than needed, mm: cords are trimmed when they lie in their grooves.
-SLACK = 5.0
 #: Length of each wire beyond the body, mm.
 OUTSIDE = 200.0
 

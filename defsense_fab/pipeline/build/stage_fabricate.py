@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -156,8 +156,20 @@ def _manifest(
         removed_volume=made.cut_out,
         body_volume=made.body_volume,
         assembly_of_cords=device.fabrication.assembly,
-        warnings=(*made.warnings, *_warnings(device, layout)),
+        warnings=(*made.warnings, *_warnings(device, layout), *_too_long(device, cords)),
     )
+
+
+def _too_long(device: Device, cords: Sequence[CutCord]) -> list[str]:
+    """Cords that take a longer piece than there is, for an end of theirs hangs out."""
+    longest = device.cord.lengths[1]
+    return [
+        f"cord {c.sensor} takes a piece of {c.cut_length:.0f} mm, more than the {longest:g} mm of"
+        " [cord] length: an end of it has no pocket and hangs out; use a longer piece, or a shorter"
+        " [fabrication] lead"
+        for c in cords
+        if c.cut_length > longest
+    ]
 
 
 def _warnings(device: Device, layout: LayoutRecord) -> list[str]:

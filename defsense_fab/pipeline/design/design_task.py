@@ -20,13 +20,15 @@ from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...optimize.problem.cord_signals import SignalModel
 from ...optimize.problem.problem import Limits, Problem
-from ...sensing.built_cord import CordReading, held_taut
+from ...sensing.built_cord import CordReading, held, held_taut
 from ..artifacts.body import load_surface
 from ..artifacts.fields import load_fields
 from ..artifacts.mesh import load_mesh
 
 #: Of every random choice of the design.
 SEED = 1
+#: Pieces of cord are longer by this much than needed, mm: they are trimmed as they are laid.
+SLACK = 5.0
 #: Markers may lie this far outside, mm: tags have a thickness, meshes a deviation.
 _OFF_BODY = 1.0
 #: Until it is known how far a held cord must be stretched as it is laid, and how far a path's end
@@ -35,18 +37,26 @@ _PRESTRETCH, _INLET = 0.06, 2.0
 
 
 def limits(device: Device) -> Limits:
-    """What the cords of a device must keep, mm."""
+    """What the cords of a device must keep, mm. Raises DeviceError where no length is left."""
     channel, wall = device.channel_diameter, device.fabrication.wall
-    shortest, longest = (n - 2 * device.fabrication.lead for n in device.cord.lengths)
-    stretched = device.cord.min_stretch + 2 * pocket_depth(device)
+    shallow = pocket_depth(device, bends=device.fabrication.strain_relief is True)
+    shortest, longest = (_channel_of(device, n, shallow) for n in device.cord.lengths)
+    least = max(shortest, device.cord.min_stretch + 2 * shallow)
+    if longest < least + 1:
+        raise DeviceError(
+            f"device.toml: cord.length: pieces of up to {device.cord.lengths[1]:g} mm reach through"
+            f" channels of {longest:.1f} mm, and {least:.1f} mm are needed for [cord] min_stretch"
+            f" ({device.cord.min_stretch:g} mm) and two ends; use longer pieces, a smaller"
+            " min_stretch, or strain_relief = false in [fabrication]"
+        )
     return Limits(
         wall,
         device.cord.min_bend_radius,
         channel + wall,
         channel,
-        shortest=max(shortest, stretched),
+        shortest=least,
         longest=longest,
-        pocket=(pocket_depth(device), pocket_diameter(device)),
+        pocket=(_likely_depth(device), pocket_diameter(device)),
     )
 
 
@@ -56,13 +66,25 @@ def wires(device: Device, relief: bool, bay: Prism | None = None) -> Wires:
     return Wires(f.wire_diameter, f.wire_diameter + f.clearance, bay, relief)
 
 
-def pocket_depth(device: Device) -> float:
-    """How deep the pockets of the cords' ends are, with the bends of their wires, mm; 0: none."""
+def pocket_depth(device: Device, bends: bool) -> float:
+    """How deep the pockets of the cords' ends are, mm, with `bends` for their wires; 0: none."""
     f = device.fabrication
     if not f.pockets:
         return 0.0
-    bend = 0.0 if f.strain_relief is False else wires(device, relief=True).room(f.wall)
-    return device.cord.ferrule_length + bend
+    return device.cord.ferrule_length + (wires(device, relief=True).room(f.wall) if bends else 0.0)
+
+
+def _likely_depth(device: Device) -> float:
+    """That of most pockets: bends are left out only where they cost too much."""
+    return pocket_depth(device, bends=device.fabrication.strain_relief is not False)
+
+
+def _channel_of(device: Device, piece: float, pocket: float) -> float:
+    """How long a channel a piece of cord reaches through, mm, with both ends in pockets so deep, or
+    hanging out."""
+    if not pocket:
+        return piece - 2 * device.fabrication.lead
+    return piece - device.cord.ferrule_length - SLACK + 2 * pocket
 
 
 def pocket_diameter(device: Device) -> float:
@@ -78,9 +100,10 @@ def sensing(device: Device) -> tuple[SignalModel, float]:
     response, scale = reading.response, 1.0
     if f.assembly == "held":
         p = _PRESTRETCH if f.prestretch is None else f.prestretch
-        response = held_taut(reading.response, p)
+        found = held_taut if f.prestretch is None else held
+        response = found(reading.response, p)
         scale = (1 + float(reading.response(np.array(p)))) / (1 + p)
-    pocket = pocket_depth(device)
+    pocket = _likely_depth(device)
     series = 0.0 if pocket else 2 * (f.lead + _INLET)
     joints = np.sqrt(2) * reading.contact / (reading.ohm_per_mm * reading.relative)
     model = SignalModel(

@@ -179,7 +179,7 @@ def _crimping(cord: CutCord) -> str:
     ferrules = all(e.joint == "pocket" for e in cord.ends)
     what = "ferrules" if ferrules else "joints"
     laid = ""
-    if cord.prestretch is not None:
+    if cord.prestretch:
         laid = (
             f": stretched by {cord.between_ferrules - cord.unstretched:.1f} mm as it is laid, it"
             f" fills the {cord.between_ferrules:.1f} mm between them in the device"
@@ -271,19 +271,25 @@ def _joint(
         lines += _laying(cut_to[name])
     for name in step.wires:
         lines.append(f"Of cord {name}, only its wire runs here: lay it into its groove.")
-    if all(cut_to[name].prestretch is None for name in step.cords):
-        lines.append("Close the joint dry first. Then glue the faces, and with them the cord into"
-                     " its groove all along.")  # fmt: skip
-    else:
-        lines.append("Close the joint dry first. Then glue the faces; keep glue out of the grooves:"
-                     " the cord must slide.")  # fmt: skip
+    lines.append("Close the joint dry first. Then glue the faces" + _gluing(step, cut_to))
     return lines
+
+
+def _gluing(step: JoinStep, cut_to: Mapping[str, CutCord]) -> str:
+    """What the glue of a joint has to do with its cords."""
+    if not step.cords:
+        return "."
+    if all(cut_to[name].prestretch is None for name in step.cords):
+        return ", and with them the cord into its groove all along."
+    return "; keep glue out of the grooves: the cord must slide."
 
 
 def _laying(cord: CutCord) -> list[str]:
     """What to do with a cord that lies in its groove whole, and its wires."""
     lines = []
-    if cord.prestretch is not None:
+    if not cord.prestretch:
+        lines.append("Lay it without stretching it.")
+    else:
         pull = cord.between_ferrules - cord.unstretched
         free = [w for e, w in zip(cord.ends, ("start", "end"), strict=True) if e.joint != "pocket"]
         lines.append(

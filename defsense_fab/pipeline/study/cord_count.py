@@ -55,7 +55,16 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     folder = device.source / "study"
     key = digest(
         keys(device, result.folder)["simulate"],
-        plain((device.cord, device.fabrication, device.outputs, device.decoder, device.planes)),
+        plain(
+            (
+                device.cord,
+                device.converter,
+                device.fabrication,
+                device.outputs,
+                device.decoder,
+                device.planes,
+            )
+        ),
     )
     with storage_errors(folder):
         folder.mkdir(exist_ok=True)

@@ -73,7 +73,7 @@ def simulated(device: Device, markers: Markers) -> Simulated:
         levels = {
             weights[pose.name]: k
             for k, weights in enumerate(found.weights)
-            if set(weights) == {pose.name}
+            if set(weights) == {pose.name} and 0 < weights[pose.name] <= 1
         }
         if levels:
             order = sorted(levels)

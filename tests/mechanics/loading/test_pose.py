@@ -21,6 +21,8 @@ from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.loading.boundary_conditions import (
     BoundaryConditions,
     RigidHandle,
+    State,
+    moved_on,
     rotation_matrix,
 )
 from defsense_fab.mechanics.loading.constraint_check import check_constraints
@@ -86,6 +88,14 @@ def test_a_region_that_is_free_in_one_pose_is_moved_on_by_another(bar):
     made = mix([bend, pull], {"bend": 1.0, "pull": 0.5}, REGIONS, bar)
     assert np.isnan(made.handles[0].translation).all()
     assert made.handles[0].further == pytest.approx([6, 0, 1.5])
+    along = pose(translation=[12, np.nan, np.nan], name="along")
+    free = mix([bend, along], {"bend": 1.0, "along": 0.5}, REGIONS, bar)
+    assert free.handles[0].further == pytest.approx([6, np.nan, np.nan], nan_ok=True)
+    ((pulled,),) = solve_all(bar, material, [Job(free, (1.0,))])
+    (handle,) = pulled.state.conditions.handles
+    assert np.isnan(handle.translation).tolist() == [False, True, True]
+    still = mix([bend, pose(translation=NONE, name="still")], {"bend": 1, "still": 1}, REGIONS, bar)
+    assert moved_on(State(np.zeros(0), np.zeros(0), np.zeros((1, 3)), still)) is None
     ((half, whole),) = solve_all(bar, material, [Job(made, (0.5, 1.0))])
     for state, share in ((half, 0.5), (whole, 1.0)):
         alone = mix([bend], {"bend": share}, REGIONS, bar)

@@ -224,7 +224,7 @@ def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
     free, length = best(LIMITS)
     assert not bounds.shortest < length < bounds.longest
     problems = verify(free.sensors, problem.surface, bounds).problems
-    assert any("140.0 to 150.8 mm are allowed by [cord] length without" in p for p in problems)
+    assert any("140.0 to 150.8 mm are allowed by [cord] length and" in p for p in problems)
     found, length = best(bounds)
     assert bounds.shortest < length < bounds.longest
     assert free.rmse < found.rmse < 0.8 * layout_error(problem, drawn)

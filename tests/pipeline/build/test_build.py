@@ -112,9 +112,9 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
         assert c["resistance"] == pytest.approx(c["resistance_before"] + gained)
         assert c["range"][0] <= c["resistance"] <= c["range"][1]
     page = (device / "build" / "report.html").read_text()
-    assert (
-        page.count("data:image/png;base64,") == 2 + 2 * 6
-    )  # three poses, two mixtures, the worst unseen
+    # Three poses, two mixtures and the worst unseen state; cords, parts, and error against parts.
+    assert page.count("data:image/png;base64,") == 3 + 2 * 6
+    assert 'alt="error against parts"' in page
     least, most = (100 * layout["sensors"][0][k] for k in ("least_strain", "peak_strain"))
     assert f"<td>{least:.1f} to {most:.1f} %</td>" in page
     assert "://" not in page  # no base64 picture can hold a colon
