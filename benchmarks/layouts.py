@@ -29,6 +29,7 @@ from defsense_fab.optimize.limits.thin_parts import ThinParts
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.cord_kinematics import cord_at
 from defsense_fab.optimize.problem.cord_parameters import CordParameters
+from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.problem.problem import Problem
 from defsense_fab.optimize.refinement.descent import descend
