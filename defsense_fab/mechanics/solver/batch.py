@@ -11,7 +11,7 @@ from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh
 from ..elements.threads import cores
 from ..loading.boundary_conditions import BoundaryConditions, rest
-from .load_stepping import Equilibrium, follow, move_on
+from .load_stepping import Equilibrium, confirmed, follow, move_on
 from .newton import System
 
 
@@ -63,6 +63,7 @@ def solve_all(
                 start = rest(job.conditions, len(mesh.nodes))
                 tell = (lambda at, i=i: on_step(i, at)) if on_step else None
                 found = follow(system, start, job.conditions, job.fractions, tell, ended.is_set)
+                found = confirmed(system, start, job.conditions, found, job.fractions, ended.is_set)
                 share = max(1, total // workers)
                 results[i] = move_on(mesh, material, found, share, ended.is_set)
         except BaseException:

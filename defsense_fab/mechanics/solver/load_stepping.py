@@ -22,13 +22,15 @@ SMALLEST_STEP = 1 / 16
 EASY = 5
 #: No step turns a handle further (rad), or the solver could land in another equilibrium.
 LARGEST_TURN = np.deg2rad(100)
+#: Of the body's size: displacements that differ by less are one equilibrium.
+_SAME = 0.01
 
 
 class Status(StrEnum):
     """How a solve ended. NOT_REACHED and CANCELLED come without a field."""
 
     OK = "ok"
-    UNSOUND = "unsound"  # in equilibrium, but inverted or through itself: see `problem`
+    UNSOUND = "unsound"  # in equilibrium, but inverted, through itself, or one of several
     UNSTABLE = "unstable"  # in equilibrium, but at a saddle of the energy: the body would buckle
     NOT_REACHED = "not reached"
     CANCELLED = "cancelled"
@@ -99,19 +101,20 @@ def follow(
     stop: Callable[[], bool] | None = None,
     check: bool = True,
     guess: Float | None = None,
+    largest_turn: float = LARGEST_TURN,
 ) -> list[Equilibrium]:
     """Equilibria at the `fractions` of the way from `start` (an equilibrium) to `goal`.
 
     `start` may be any pose of the same structure: a neighbouring one saves steps. After a fraction
-    that was not reached or a `stop` the list ends with a record without a state. `check` looks
-    for inverted tets and for a surface that passes through itself, and whether the state is
-    a minimum of the energy. `guess` (n, 3) mm is
-    how far the body is expected to move to the goal, as a coarser mesh tells.
+    that was not reached or a `stop` the list ends with a record without a state. `check` looks for
+    inverted tets and for a surface that passes through itself, and whether the state is a minimum
+    of the energy. `guess` (n, 3) mm is how far the body is expected to move to the goal, as a
+    coarser mesh tells. No step turns a handle by more than `largest_turn`, rad.
     """
     if goal.structure != system.structure:
         raise ValueError("the goal's boundary conditions differ in structure from the system's")
     home, state, at = start.conditions, start, 0.0
-    largest = _largest_step(home, goal)
+    largest = 1.0 / math.ceil(max(_turn(home, goal) / largest_turn - 1e-9, 1.0))
     step = largest
     if largest < 1 or list(fractions) != [1.0]:
         guess = None
@@ -197,12 +200,47 @@ def move_on(
     return out
 
 
-def _largest_step(home: BoundaryConditions, goal: BoundaryConditions) -> float:
-    turn: float = max(
+def confirmed(
+    system: System,
+    start: State,
+    goal: BoundaryConditions,
+    found: Sequence[Equilibrium],
+    fractions: Sequence[float],
+    stop: Callable[[], bool] | None = None,
+) -> list[Equilibrium]:
+    """What `follow` found at the fractions, those of large rotations compared with what half the
+    steps come to: where that is elsewhere, or nowhere, there is more than one equilibrium, and the
+    one that was found is UNSOUND."""
+    if _turn(start.conditions, goal) <= LARGEST_TURN:
+        return list(found)
+    fewer = follow(
+        system, start, goal, fractions, None, stop, check=False, largest_turn=LARGEST_TURN / 2
+    )
+    size = float(np.linalg.norm(np.ptp(system.mesh.nodes, axis=0)))
+    out = list(found)
+    for k, one in enumerate(found):
+        other = fewer[k] if k < len(fewer) else fewer[-1]
+        if one.u is None or other.status is Status.CANCELLED:
+            continue
+        if k >= len(fewer) or other.u is None:
+            problem = "half the steps do not reach it"
+        else:
+            apart = float(np.linalg.norm(one.u - other.u, axis=1).max())
+            if apart <= _SAME * size:
+                continue
+            problem = f"half the steps end {apart:.3g} mm elsewhere"
+        problem += ": there is more than one equilibrium, and a body may take another"
+        both = problem if one.problem is None else f"{one.problem}; {problem}"
+        out[k] = replace(one, status=Status.UNSOUND, problem=both)
+    return out
+
+
+def _turn(home: BoundaryConditions, goal: BoundaryConditions) -> float:
+    """How far the handle is turned that is turned the most, rad."""
+    return max(
         (
             float(np.linalg.norm(b.rotation - a.rotation))
             for a, b in zip(home.handles, goal.handles, strict=True)
         ),
         default=0.0,
     )
-    return 1.0 / float(math.ceil(max(turn / LARGEST_TURN - 1e-9, 1.0)))

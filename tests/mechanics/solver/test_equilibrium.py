@@ -1,6 +1,7 @@
 """Solved poses: equilibrium, free handles, failure as a status, cancelling, warm starts."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     rest,
 )
 from defsense_fab.mechanics.loading.loads import Loads
-from defsense_fab.mechanics.solver import newton
+from defsense_fab.mechanics.solver import load_stepping, newton
 from defsense_fab.mechanics.solver.batch import Job, solve_all
 from defsense_fab.mechanics.solver.field_validity import inspect
 from defsense_fab.mechanics.solver.linear_solver import (
@@ -25,7 +26,13 @@ from defsense_fab.mechanics.solver.linear_solver import (
     SuperLU,
     make_solver,
 )
-from defsense_fab.mechanics.solver.load_stepping import Status, follow, solve_ramp
+from defsense_fab.mechanics.solver.load_stepping import (
+    Equilibrium,
+    Status,
+    confirmed,
+    follow,
+    solve_ramp,
+)
 from defsense_fab.mechanics.solver.newton import Cancelled, System
 from defsense_fab.mechanics.solver.stuck_patch import stuck_patch
 from tests.conftest import structured_bar
@@ -105,6 +112,51 @@ def test_a_twist_of_270_degrees_stays_270(mesh, clamp):
     x, u = mesh.nodes[middle], result.u[middle]
     angle = np.arctan2(*(x + u)[[2, 1]]) - np.arctan2(*x[[2, 1]])
     assert np.rad2deg(angle) % 360 == pytest.approx(270 * (x[0] - 10) / 130, abs=4)
+
+
+def test_one_of_several_equilibria_is_not_sound(clamp):
+    """A bar bent by 270 degrees leaves its plane, to either side, if it gets there at all; one that
+    is twisted as far, or bent half as far, does not."""
+    mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], (15, 3, 3)))
+    bend, twist = (clamp(mesh, a) for a in ([0, -1.5 * np.pi, 0], [1.5 * np.pi, 0, 0]))
+    jobs = [Job(bend, (0.5, 1.0)), Job(twist, (1.0,))]
+    (half, whole), (twisted,) = solve_all(mesh, rubber(0.48), jobs)
+    assert whole.status in (Status.UNSOUND, Status.NOT_REACHED)
+    assert (half.status, half.problem) == (Status.OK, None)
+    assert (twisted.status, twisted.problem) == (Status.OK, None)
+
+
+@pytest.mark.parametrize(
+    ("moved", "status", "says"),
+    [
+        (0.5, Status.OK, None),
+        (20.0, Status.UNSOUND, "20 mm elsewhere"),
+        (None, Status.UNSOUND, "do not"),
+    ],
+)
+def test_large_rotations_are_compared_with_half_the_steps(
+    mesh, clamp, monkeypatch, moved, status, says
+):
+    conditions = clamp(mesh, [0.6 * np.pi, 0, 0])
+    start = rest(conditions, len(mesh.nodes))
+    found = Equilibrium(Status.OK, replace(start, u=start.u), 1.0, None)
+    turns = []
+
+    def again(*_, largest_turn, **__):
+        turns.append(largest_turn)
+        if moved is None:
+            return [Equilibrium(Status.NOT_REACHED, None, 0.8, None)]
+        return [replace(found, state=replace(start, u=start.u + np.array([0, moved, 0])))]
+
+    monkeypatch.setattr(load_stepping, "follow", again)
+    system = SimpleNamespace(mesh=mesh)
+    (got,) = confirmed(system, start, conditions, [found], (1.0,))
+    assert got.status == status
+    assert says is None or says in got.problem
+    assert turns == [load_stepping.LARGEST_TURN / 2]
+    small = clamp(mesh, [0.5 * np.pi, 0, 0])
+    assert confirmed(system, start, small, [found], (1.0,)) == [found]
+    assert len(turns) == 1  # what takes one step is not compared
 
 
 def test_impossible_pose_is_a_status_without_a_field(mesh):
