@@ -15,12 +15,13 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
+from scipy.spatial import cKDTree
 from scipy.special import roots_jacobi
 
 from ...core.arrays import Float, Int
 from ..elements import tet10
 from ..elements.material import Material
-from ..elements.tet10 import QuadraticMesh, shape
+from ..elements.tet10 import QuadraticMesh, boundary_faces, shape
 from ..loading.boundary_conditions import BoundaryConditions, State, rest
 from ..loading.reduction import Reduction
 from .linear_solver import make_solver
@@ -30,6 +31,9 @@ END = 0.08
 SLICES = 12
 TURN = np.deg2rad(30)
 PULL = 0.15  # of the length
+#: A body is its own mirror image where that lies within so many edges of it; bends of such a one
+#: lean by less than this, rad, if only for its mesh.
+_MIRRORED, _LEANS = 0.75, np.deg2rad(10)
 
 Kind = Literal["bend", "twist", "stretch"]
 
@@ -127,6 +131,7 @@ def propose(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[Proposed
     end = along > along.max() - max(END * length, 1.5 * mesh.edge_length)
     origin = start + axis * (along[end].min())
     center = (x[end].min(0) + x[end].max(0)) / 2
+    mirrors = _mirrors(mesh)
     out: list[ProposedPose] = []
     names: dict[str, int] = {}
     free = np.full(3, np.nan)
@@ -141,7 +146,7 @@ def propose(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[Proposed
             rotation = TURN * axis * np.sign(turn @ axis or 1.0)
         else:
             across = turn - (turn @ axis) * axis
-            rotation = TURN * _upright(across / np.linalg.norm(across))
+            rotation = TURN * _mirrored(_upright(across / np.linalg.norm(across)), mirrors)
         names[mode.kind] = names.get(mode.kind, 0) + 1
         name = mode.kind if names[mode.kind] == 1 else f"{mode.kind}_{names[mode.kind]}"
         out.append(ProposedPose(name, mode, origin, axis, rotation, translation))
@@ -166,6 +171,28 @@ def _upright(direction: Float) -> Float:
     if abs(direction[main]) < np.cos(np.deg2rad(2)):
         return direction
     return np.asarray(np.sign(direction[main]) * np.eye(3)[main])
+
+
+def _mirrors(mesh: QuadraticMesh) -> list[Float]:
+    """Coordinate axes across which the body is its own mirror image, as far as its mesh shows."""
+    boundary = np.unique(boundary_faces(mesh)[:, :3])
+    points = mesh.nodes[boundary]
+    tree, middle = cKDTree(points), (points.min(0) + points.max(0)) / 2
+    near = _MIRRORED * mesh.edge_length
+    return [
+        axis
+        for axis in np.eye(3)
+        if tree.query(points - 2 * ((points - middle) @ axis)[:, None] * axis)[0].max() < near
+    ]
+
+
+def _mirrored(direction: Float, mirrors: list[Float]) -> Float:
+    """The axis of a bend (3,) as a symmetric body has it: across its mirror planes, however its
+    mesh lies. What lies between two stays."""
+    for axis in mirrors:
+        if abs(direction @ axis) > np.cos(_LEANS):
+            return np.asarray(np.sign(direction @ axis) * axis)
+    return direction
 
 
 def _rigid(arm: Float, u: Float) -> tuple[Float, Float]:

@@ -1,5 +1,7 @@
 """Reading fields: located points, gradients, stretches; the interactive editor; modes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from defsense_fab.mechanics.solver.fields import (
 )
 from defsense_fab.mechanics.solver.interactive import Interactive
 from defsense_fab.mechanics.solver.load_stepping import Status, solve_ramp
-from defsense_fab.mechanics.solver.modes import modes, propose
+from defsense_fab.mechanics.solver.modes import _mirrored, _mirrors, modes, propose
 from tests.conftest import structured_bar
 
 MATERIAL = neo_hookean(0.2, 5.0)
@@ -119,6 +121,20 @@ def test_modes_become_poses(shaken):
         [1.0],
     )[-1]
     assert result.status == Status.OK
+
+
+def test_poses_follow_the_symmetry_of_the_body_not_of_its_mesh(bar_mesh):
+    """A square bar of unordered tets bends about its own axes; one with a wedge cut off leans."""
+    mesh = QuadraticMesh.from_linear(bar_mesh)
+    assert [axis.tolist() for axis in _mirrors(mesh)] == np.eye(3).tolist()
+    fixed = np.flatnonzero(mesh.nodes[:, 0] < 8)
+    found = propose(mesh, fixed, modes(mesh, MATERIAL, fixed, 1.2, 3))
+    bends = [p.rotation / np.linalg.norm(p.rotation) for p in found if p.mode.kind == "bend"]
+    assert len(bends) == 2
+    assert {tuple(np.abs(axis)) for axis in bends} == {(0, 1, 0), (0, 0, 1)}
+    skewed = replace(bar_mesh, nodes=bar_mesh.nodes @ [[1, 0, 0], [0, 1, 0], [0, 0.4, 1]])
+    assert [a.tolist() for a in _mirrors(QuadraticMesh.from_linear(skewed))] == [[1, 0, 0]]
+    assert _mirrored(np.array([0, np.cos(0.3), np.sin(0.3)]), list(np.eye(3)))[2] > 0.2
 
 
 def _handle(mesh, inside, pose):
