@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Float, xyz
 from ...core.device import Device, Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
@@ -68,10 +68,14 @@ def fabricate(
     for channel in made.channels:
         stretched = float(arc_lengths(channel.sensing)[-1])
         if stretched < device.cord.min_stretch - _TOLERANCE:
+            f = device.fabrication
+            if f.strain_relief is None and any(e.lead for c in made.channels for e in c.ends):
+                straight = replace(device, fabrication=replace(f, strain_relief=False))
+                return fabricate(straight, surface, sensors, report, solid, bay)
             raise FabricationError(
                 f"cord {channel.name!r}: only {stretched:.1f} mm of it are stretched between its"
                 f" ends, less than the {device.cord.min_stretch:g} mm of [cord] min_stretch; make"
-                " its path longer"
+                f" its path longer near {xyz(channel.ends[0].mouth)}"
             )
     return made
 

@@ -9,6 +9,7 @@ from defsense_fab.core.path_sampling import sample_path
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.problem.cord_signals import SignalModel
 from defsense_fab.optimize.refinement.refine import optimise
 from defsense_fab.sensing.response import response_of
 from tests.conftest import structured_bar
@@ -76,7 +77,9 @@ def test_a_fitted_response_gives_layouts_as_good_as_the_true_one(make):
     true, fitted = (
         replace(
             make(exact.MIXTURES, noise=0.002),
-            response=response_of(ResponseSpec("quadratic", spec[t], (-0.07, 0.07))),
+            sense=SignalModel(
+                response_of(ResponseSpec("quadratic", spec[t], (-0.07, 0.07))), local=True
+            ),
         )
         for t in (True, False)
     )

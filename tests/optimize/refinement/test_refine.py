@@ -232,7 +232,9 @@ def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
         best(replace(LIMITS, longest=120.0))
     drawn = []
     search["extra"] = 1
-    with pytest.raises(LayoutError, match=r"channels of 500 to 600 mm as .cord. length"):
+    with pytest.raises(
+        LayoutError, match=r"channels of which 500.0 to 600.0 mm are allowed by .cord. length"
+    ):
         best(replace(LIMITS, shortest=500.0, longest=600.0))
 
 

@@ -102,7 +102,7 @@ def check_places(markers, surface, tags):
 def with_seats(seats):
     """A manifest of nothing else."""
     return Manifest(
-        "box", "mm", (), (), (), (), (), (), tuple(seats), (), None, 0.0, 1.0, warnings=()
+        "box", "mm", (), (), (), (), "held", (), (), tuple(seats), (), None, 0.0, 1.0, warnings=()
     )
 
 
