@@ -145,5 +145,7 @@ def _step(
     found, _, flag, info = daqp.solve(
         H, np.append(gradient, penalty), A, high, low, np.zeros(len(low), np.int32)
     )
-    pressure = float(np.abs(info["lam"][n + 1 :]).sum())
-    return found[:n], float(found[n]), pressure, flag >= 1 and bool(np.isfinite(found).all())
+    if flag < 1 or not np.isfinite(found).all():
+        # The arrays of a programme that was not solved are memory that nobody has written to.
+        return np.zeros(n), 0.0, 0.0, False
+    return found[:n], float(found[n]), float(np.abs(info["lam"][n + 1 :]).sum()), True
