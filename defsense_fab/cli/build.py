@@ -72,7 +72,8 @@ def _weighed(trials: list[dict[str, Any]]) -> list[str]:
     if len(trials) < 2:
         return []
     said = [
-        f"{t['built']:.2f} mm in {t['parts']} parts{' (taken)' if t['chosen'] else ''}"
+        f"{t['built']:.2f} mm in {t['parts']} parts"
+        f"{'' if t['slanted'] else ', cut along faces'}{' (taken)' if t['chosen'] else ''}"
         if t["problem"] is None
         else f"{t['designed']:.2f} mm, which cannot be made"
         for t in trials

@@ -198,6 +198,13 @@ class FabricationSpec:
     prestretch: float | None = None
 
 
+#: What the optimiser may change of a cord's plane: where it lies and how it is turned, or where it
+#: lies and not its direction.
+PLANE_FREEDOMS = frozenset({"plane", "offset"})
+#: What it may change of a cord.
+FREEDOMS = ("path", "plane", "offset")
+
+
 @dataclass(frozen=True)
 class Sensor:
     """One cord: its plane, its path in the plane, and what the optimiser may change."""

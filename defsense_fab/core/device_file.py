@@ -15,6 +15,7 @@ from .device import (
     COMPRESSION,
     CONVERTERS,
     DECODERS,
+    FREEDOMS,
     PREFERENCES,
     BaySpec,
     BodyKind,
@@ -380,7 +381,7 @@ def _sensors(top: Table) -> tuple[Sensor, ...]:
             t.fail("tangents", "a tangent is zero; give it a direction")
         free = t.strings("free", [])
         for word in free:
-            t.choice("free", word, ("path", "plane"), "freedom")
+            t.choice("free", word, FREEDOMS, "freedom")
         t.done()
         try:
             plane = Plane.from_normal(origin, normal, x_axis)

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.arrays import Int
+from ...core.arrays import Float, Int
 from ...core.curve import Hermite, Plane, hermite_basis
-from ...core.device import Sensor
+from ...core.device import PLANE_FREEDOMS, Sensor
 from ...core.path_sampling import per_span_for_signal
 
-FRAME = 5  #: Parameters of a free plane: two moves, three turns.
+FRAME = 5  #: Parameters of a free plane: two moves, three turns, the last within itself.
+_TILTS = slice(-3, -1)  # of these, the two that change the plane's direction
 
 
 class CordParameters:
@@ -20,7 +21,8 @@ class CordParameters:
 
     The first and last two control points and the end tangents stay where they are in the plane's
     frame. The frame moves along its normal and, in the plane, across the path's chord, and turns
-    about the path's middle; a turn counts as the movement it causes at half the path's extent.
+    about the path's middle; a turn counts as the movement it causes at half the path's extent. Of a
+    plane that is free but for its direction, the turns that change it are to stay zero.
     """
 
     def __init__(self, sensor: Sensor, lead: CordParameters | None = None) -> None:
@@ -32,7 +34,8 @@ class CordParameters:
         self.stack = np.concatenate([curve.points, curve.tangents])
         rows = [*range(2, k - 2), *range(k + 1, 2 * k - 1)] if "path" in sensor.free else []
         self.rows = np.array(rows, int)
-        self.has_plane = "plane" in sensor.free
+        self.has_plane = not sensor.free.isdisjoint(PLANE_FREEDOMS)
+        self.tilts = "plane" in sensor.free
         self.size = 2 * len(rows) + FRAME * self.has_plane
         if lead is None:
             chord = curve.points[-1] - curve.points[0]
@@ -56,40 +59,69 @@ class CordParameters:
         self.drawn_speed = np.maximum(speed, 1e-3 * speed.max())
 
 
-def apart(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Int]:
+def apart(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Float]:
     """Like `together`, for cords that go their own ways."""
     cords = [CordParameters(s) for s in sensors]
-    return cords, np.arange(sum(c.size for c in cords))
+    starts = np.cumsum([0, *(c.size for c in cords)])
+    return cords, _spread([_own(c, k) for c, k in zip(cords, starts[:-1].tolist(), strict=True)])
 
 
-def together(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Int]:
-    """Freedoms of a layout whose coplanar cords stay coplanar where their plane is free, and for
-    each of their parameters (size,) which of the layout's own it is."""
+def together(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Float]:
+    """Freedoms of a layout whose coplanar cords stay coplanar where their plane is free, and the
+    matrix (sum of the cords' sizes, size) from the layout's parameters to theirs."""
     cords: list[CordParameters] = []
-    which: list[Int] = []
+    own: list[Int] = []
     count = 0
     for sensor in sensors:
-        if "plane" in sensor.free and any(
-            "plane" not in s.free and s.plane.coincides(sensor.plane) for s in sensors
-        ):  # a plane that another cord holds
-            sensor = replace(sensor, free=sensor.free - {"plane"})
-        lead = next((i for i, c in enumerate(cords) if _joined(c.sensor, sensor)), None)
+        sensor = replace(sensor, free=_freedom(sensor, sensors))
+        lead = next((i for i, c in enumerate(cords) if _joined(c, sensor)), None)
         if lead is None:
             cord = CordParameters(sensor)
-            own = count + np.arange(cord.size)
+            own.append(_own(cord, count))
             count += cord.size
         else:
             leader = cords[lead]
             cord = CordParameters(_in_frame(sensor, leader.sensor.plane), leader)
-            own = np.concatenate([count + np.arange(cord.size - FRAME), which[lead][-FRAME:]])
+            own.append(np.concatenate([_own(cord, count)[:-FRAME], own[lead][-FRAME:]]))
             count += cord.size - FRAME
         cords.append(cord)
-        which.append(own)
-    return cords, np.concatenate(which)
+    return cords, _spread(own)
 
 
-def _joined(a: Sensor, b: Sensor) -> bool:
-    return "plane" in a.free and "plane" in b.free and a.plane.coincides(b.plane)
+def _freedom(sensor: Sensor, sensors: Sequence[Sensor]) -> frozenset[str]:
+    """A cord's freedom less what others in its plane have not: a plane is as free as the least free
+    of its cords."""
+    same = [s.free for s in sensors if s.plane.coincides(sensor.plane)]
+    if not all(free & PLANE_FREEDOMS for free in same):
+        return sensor.free - PLANE_FREEDOMS
+    if not all("plane" in free for free in same):
+        return sensor.free - {"plane"} | {"offset"}
+    return sensor.free
+
+
+def _own(cord: CordParameters, start: int) -> Int:
+    """Numbers (size,) of a cord's parameters from `start`, below zero for those that stay zero."""
+    own = start + np.arange(cord.size)
+    if cord.has_plane and not cord.tilts:
+        own[_TILTS] = -1
+    return own
+
+
+def _spread(own: Sequence[Int]) -> Float:
+    numbers = np.concatenate([np.zeros(0, int), *own])
+    moves = numbers >= 0
+    known, which = np.unique(numbers[moves], return_inverse=True)
+    out = np.zeros((len(numbers), len(known)))
+    out[np.flatnonzero(moves), which] = 1.0
+    return out
+
+
+def _joined(cord: CordParameters, sensor: Sensor) -> bool:
+    return (
+        cord.has_plane
+        and not sensor.free.isdisjoint(PLANE_FREEDOMS)
+        and cord.sensor.plane.coincides(sensor.plane)
+    )
 
 
 def _in_frame(sensor: Sensor, plane: Plane) -> Sensor:

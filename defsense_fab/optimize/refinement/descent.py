@@ -21,9 +21,8 @@ from .sqp import minimise
 def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
     """A slight push off a drawing: symmetric drawings are saddle points. Cords in one plane stay in
     one if `tied`; otherwise they were only drawn there, and need not."""
-    cords, which = together(layout) if tied else apart(layout)
-    x = rng.normal(0, 1.5, which.max(initial=-1) + 1)
-    return _applied(cords, x[which], layout)
+    cords, spread = together(layout) if tied else apart(layout)
+    return _applied(cords, spread @ rng.normal(0, 1.5, spread.shape[1]), layout)
 
 
 def descend(
@@ -36,37 +35,36 @@ def descend(
 ) -> Layout:
     """The layout after so many iterations, or fewer where they gain less than `tolerance` each;
     `show` as in `minimise`. Coplanar cords stay so; no slivers come where none are."""
-    cords, which = together(sensors)
-    if not len(which):  # a plane that another, locked cord holds is no freedom
+    cords, spread = together(sensors)
+    if not spread.shape[1]:  # a plane that another, locked cord holds is no freedom
         return sensors
     objective = Objective(problem, cords)
     constraints = Constraints(problem.surface, problem.depth, problem.limits, cords)
-    tied = np.eye(int(which.max()) + 1)[which]
 
     def model(y: Float) -> Model:
-        at = objective.model(y[which])
-        return Model(at.value, at.gradient @ tied, tied.T @ at.hessian @ tied)
+        at = objective.model(spread @ y)
+        return Model(at.value, at.gradient @ spread, spread.T @ at.hessian @ spread)
 
     def limits(y: Float) -> tuple[Float, Float]:
-        room, rows = constraints(y[which])
-        return room, rows @ tied
+        room, rows = constraints(spread @ y)
+        return room, rows @ spread
 
     def guard(old: Float, new: Float) -> tuple[Float, Float] | None:
-        found = slivers.guard(cords, old[which], new[which])
-        return None if found is None else (found[0], found[1] @ tied)
+        found = slivers.guard(cords, spread @ old, spread @ new)
+        return None if found is None else (found[0], found[1] @ spread)
 
     found = minimise(
         model,
-        lambda y: objective.value(y[which]),
+        lambda y: objective.value(spread @ y),
         limits,
-        np.zeros(tied.shape[1]),
+        np.zeros(spread.shape[1]),
         iterations,
         tolerance=tolerance,
         loosest=0.95 * MARGIN,
         guard=guard if not slivers(sensors) else None,
         show=show,
     )
-    return _applied(cords, found.x[which], sensors)
+    return _applied(cords, spread @ found.x, sensors)
 
 
 def _applied(cords: Sequence[CordParameters], x: Float, layout: Layout) -> Layout:

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from ...core.arrays import Float
 from ...core.curve import distinct
 from ...core.device import Sensor
 from ...core.errors import LayoutError
@@ -67,13 +68,15 @@ def optimise(
     *,
     extra: int = 0,
     planes: int | None = None,
+    normals: Float | None = None,
     starts: int = 6,
     finalists: int = 2,
     candidates: int = 12000,
     watch: Watch | None = None,
 ) -> Optimised:
     """Improve the drawn cords that are free, and add `extra` ones, in at most `planes` planes if
-    given (or as many as are drawn). Cords that are selected in one plane stay in it.
+    given (or as many as are drawn), and those free in path and plane in planes square to one of the
+    unit `normals` (k, 3) if given. Cords that are selected in one plane stay in it.
 
     Thousands of candidates for each cord are screened, and `starts` layouts selected from shares
     of them; with a limit on planes and no extra cords, pushed copies of the drawing take their
@@ -101,7 +104,7 @@ def optimise(
     reached: list[float] = []
     try:
         show = partial(part, report, 0.0, 0.25)
-        begun = _begin(problem, drawn, rng, show, extra, planes, starts, candidates, best)
+        begun = _begin(problem, drawn, rng, show, extra, planes, normals, starts, candidates, best)
         initial = initial or (begun[0] if begun else ())
         show = partial(part, report, 0.25, 1.0)
         reached.extend(_improve(problem, begun, finalists, best, show))
@@ -121,6 +124,7 @@ def _begin(
     report: Report,
     extra: int,
     planes: int | None,
+    normals: Float | None,
     starts: int,
     candidates: int,
     best: _Best,
@@ -129,11 +133,11 @@ def _begin(
     if planes is not None and not extra:  # the planes are few already; candidates lie in others
         return [drawn, *(jitter(drawn, rng, tied=True) for _ in range(starts - 1))]
     report(0.0, "candidates")
-    cords = choices(problem, drawn, extra, candidates, rng, planes)
+    cords = choices(problem, drawn, extra, candidates, rng, planes, normals)
     begun = seeds(problem, cords, starts, planes, best.slivers, rng, partial(part, report, 0.4, 1))
     for layout in begun:
         best.offer(layout)
-    if not extra:
+    if not extra and normals is None:
         begun.append(jitter(drawn, rng, tied=False))
     return begun
 

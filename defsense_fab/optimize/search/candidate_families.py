@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
 from ...core.curve import Hermite, Plane, catmull_rom, curvature
-from ...core.device import Sensor
+from ...core.device import PLANE_FREEDOMS, Sensor
 from ..limits.interior_points import evenly, lively
 from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Problem
@@ -25,9 +25,9 @@ _KNOTS = 8  # control points of a path through the body
 def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) -> Batch:
     """The sensor itself and `count` variations; `spread` mm is the size of the largest ones.
 
-    Planes are moved, rolled about the path's chord by up to 90 degrees either way, and tilted;
-    paths take a sum of sine waves over their chord. First and last control points and the end
-    tangents stay in the plane.
+    Planes are moved and, unless they keep their direction, rolled about the path's chord by up to
+    90 degrees either way, and tilted; paths take a sum of sine waves over their chord. First and
+    last control points and the end tangents stay in the plane.
     """
     k = len(sensor.curve.points)
     count = count if sensor.free else 0
@@ -38,11 +38,13 @@ def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) ->
     tangents = np.repeat(sensor.curve.tangents[None], n, axis=0)
     origins = np.repeat(sensor.plane.origin[None], n, axis=0)
     axes = np.repeat(sensor.plane.axes[None], n, axis=0)
-    if "plane" in sensor.free:
+    if not sensor.free.isdisjoint(PLANE_FREEDOMS):
         freedom = CordParameters(sensor)
         angles = np.stack([rng.uniform(-np.pi / 2, np.pi / 2, n), rng.normal(0, 0.5, n)], axis=1)
         angles[0] = 0
         angles[:, 1] *= size / freedom.reach
+        if "plane" not in sensor.free:
+            angles[:] = 0
         chord = sensor.curve.points[-1] - sensor.curve.points[0]
         turn = Rotation.from_euler("Z", np.arctan2(chord[1], chord[0]))
         roll = (turn * Rotation.from_euler("XY", angles) * turn.inv()).as_matrix()
@@ -56,11 +58,13 @@ def vary(sensor: Sensor, count: int, spread: float, rng: np.random.Generator) ->
     return batch
 
 
-def through(problem: Problem, count: int, rng: np.random.Generator) -> Batch:
-    """Waves about straight lines from surface to surface, free in path and plane; mostly along the
-    body, and where its strain is lively."""
-    middle, direction = _lines(problem, count, rng)
-    return _waved(problem, middle, direction, _frames(direction, rng), rng)
+def through(
+    problem: Problem, count: int, rng: np.random.Generator, normals: Float | None = None
+) -> Batch:
+    """Waves about straight lines from surface to surface, mostly along the body, and where its
+    strain is lively, in planes of any direction or square to one of the unit `normals` (k, 3)."""
+    middle, direction = _lines(problem, count, rng, normals)
+    return _waved(problem, middle, direction, _frames(direction, rng, normals), rng)
 
 
 def within(problem: Problem, plane: Plane, count: int, rng: np.random.Generator) -> Batch:
@@ -97,10 +101,12 @@ def straight(problem: Problem, middle: Float, direction: Float, axes: Float) -> 
     return Batch(_like(_KNOTS), origins, axes[good], points, catmull_rom(points))
 
 
-def there_and_back(problem: Problem, count: int, rng: np.random.Generator) -> Batch:
-    """Two legs side by side from the end of the body that moves least, joined by a half circle,
-    free in path and plane."""
-    middle, direction = _lines(problem, count, rng)
+def there_and_back(
+    problem: Problem, count: int, rng: np.random.Generator, normals: Float | None = None
+) -> Batch:
+    """Two legs side by side from the end of the body that moves least, joined by a half circle;
+    `normals` as in `through`."""
+    middle, direction = _lines(problem, count, rng, normals)
     back, ahead = _ways(problem, middle, direction)
     inside = np.isfinite(back + ahead)
     middle, direction, back, ahead = (a[inside] for a in (middle, direction, back, ahead))
@@ -109,7 +115,7 @@ def there_and_back(problem: Problem, count: int, rng: np.random.Generator) -> Ba
     direction = np.where((moved[1] < moved[0])[:, None], -direction, direction)
     turned = moved[1] < moved[0]
     back, ahead = np.where(turned, ahead, back), np.where(turned, back, ahead)
-    axes = _frames(direction, rng)
+    axes = _frames(direction, rng, normals)
     across = axes[:, :, 1]
     up, down = (problem.grid.exits(middle, s * across, 4 * _width(problem)) for s in (1, -1))
     widest = (up + down) / 2 - problem.limits.depth
@@ -179,8 +185,11 @@ def _waved(
     return paths.waved(waves, size)
 
 
-def _lines(problem: Problem, count: int, rng: np.random.Generator) -> tuple[Float, Float]:
-    """Points inside (c, 3) and unit directions (c, 3)."""
+def _lines(
+    problem: Problem, count: int, rng: np.random.Generator, normals: Float | None
+) -> tuple[Float, Float]:
+    """Points inside (c, 3) and unit directions (c, 3), each in a plane square to one of the
+    `normals` if given."""
     points = evenly(problem, 4000, rng)
     values, vectors = np.linalg.eigh(np.cov(points.T))
     deep = points[problem.grid(points) > problem.limits.depth]
@@ -193,6 +202,11 @@ def _lines(problem: Problem, count: int, rng: np.random.Generator) -> tuple[Floa
     choice = rng.choice(3, count, p=values / values.sum())
     off = rng.normal(0, 1, (count, 3)) * rng.choice(_SPREADS, (count, 1))
     direction = vectors[:, choice].T + off
+    if normals is not None:
+        n = normals[rng.integers(len(normals), size=count)]
+        direction -= np.einsum("ci,ci->c", direction, n)[:, None] * n
+        some = np.linalg.norm(direction, axis=1) > 0.1
+        middle, direction = middle[some], direction[some]
     return middle, direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
@@ -203,9 +217,15 @@ def _ways(problem: Problem, middle: Float, direction: Float) -> tuple[Float, Flo
     return back, ahead
 
 
-def _frames(direction: Float, rng: np.random.Generator) -> Float:
-    """Planes' axes (c, 3, 3) with x along the directions (c, 3), and a normal at random or, for
-    half of them, square to one of the coordinate axes, which symmetric bodies follow."""
+def _frames(direction: Float, rng: np.random.Generator, normals: Float | None) -> Float:
+    """Planes' axes (c, 3, 3) with x along the directions (c, 3), and as normal one of the `normals`
+    that is square to that. Where none are given, a normal at random or, for half of them, square to
+    one of the coordinate axes, which symmetric bodies follow."""
+    if normals is not None:
+        square = np.abs(direction @ normals.T) < 1e-9
+        which = (square * rng.random(square.shape)).argmax(axis=1)
+        normal = normals[which]
+        return np.stack([direction, np.cross(normal, direction), normal], axis=2)
     normal = rng.normal(size=direction.shape)
     square = rng.random(len(direction)) < 0.5
     normal[square] = np.eye(3)[rng.integers(3, size=int(square.sum()))]

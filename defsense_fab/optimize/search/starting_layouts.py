@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ...core.arrays import Float
 from ...core.curve import distinct
 from ...core.device import Sensor
 from ...core.errors import LayoutError
@@ -19,6 +20,7 @@ from .selection import select
 
 Layout = tuple[Sensor, ...]
 FREE = frozenset({"path", "plane"})
+_ALIGNED = frozenset({"path", "offset"})
 _SHARE = 0.3  # of the candidates that a start sees, so that starts differ
 _TRIES = 5  # planes, or sets of them, for a start
 _IN_PLANE = 3000  # candidates in a plane
@@ -48,10 +50,12 @@ def choices(
     candidates: int,
     rng: np.random.Generator,
     planes: int | None = None,
+    normals: Float | None = None,
 ) -> list[StartingLayouts]:
     """For each drawn cord its variations and, where path and plane are free, paths of all
     families; the latter alone for `extra` cords. With a limit on `planes` drawn cords stay as they
-    are: descents come later, and their planes are few already.
+    are: descents come later, and their planes are few already. With `normals` (k, 3) cords that are
+    free in path and plane take paths in planes square to one of these, and keep that direction.
 
     Raises LayoutError where no candidate fits.
     """
@@ -60,11 +64,15 @@ def choices(
     wanted = (extra and (planes is None or planes > taken)) or (
         planes is None and FREE in {s.free for s in drawn}
     )
-    families = _families(problem, candidates, rng) if wanted else Pool.empty(problem)
+    families = _families(problem, candidates, rng, normals) if wanted else Pool.empty(problem)
+    free = FREE if normals is None else _ALIGNED
     out = []
     for s in drawn:
         if planes is not None or not s.free:
             out.append(StartingLayouts.of(problem, s))
+            continue
+        if normals is not None and s.free == FREE:
+            out.append(StartingLayouts(s.name, free, families))
             continue
         count = candidates // (8 if s.free == FREE else 2)
         own = build_pool(problem, [partial(vary, s, count, size / 2, rng)], keep_first=True)
@@ -75,15 +83,18 @@ def choices(
         used = {s.name for s in drawn}
         names = (f"cord-{i}" for i in range(1, len(drawn) + extra + 1 + len(used)))
         fresh = [n for n in names if n not in used][:extra]
-        out += [StartingLayouts(n, FREE, families) for n in fresh]
+        out += [StartingLayouts(n, free, families) for n in fresh]
     return out
 
 
-def _families(problem: Problem, count: int, rng: np.random.Generator) -> Pool:
+def _families(
+    problem: Problem, count: int, rng: np.random.Generator, normals: Float | None
+) -> Pool:
     """Candidates of all families; several makers of one family for several cores."""
     *four, last = rng.spawn(5)
-    makers = [partial(through, problem, count // 4, r) for r in four]
-    return build_pool(problem, [*makers, partial(there_and_back, problem, count // 4, last)])
+    makers = [partial(through, problem, count // 4, r, normals) for r in four]
+    back = partial(there_and_back, problem, count // 4, last, normals)
+    return build_pool(problem, [*makers, back])
 
 
 def no_room(problem: Problem, count: int) -> LayoutError:

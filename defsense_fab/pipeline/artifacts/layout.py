@@ -109,12 +109,14 @@ class BandRecord:
 @dataclass(frozen=True)
 class WeighedRecord:
     """A layout that was made on trial: RMSE (mm) on unseen states as designed and as built, planes,
-    parts, the smallest one's volume (mm^3), ends of cords that no pocket holds, what is to be said
-    of it, the problem for which it cannot be made; whether it is the one that was chosen."""
+    the directions of these that are no flat face's, parts, the smallest one's volume (mm^3), ends
+    of cords that no pocket holds, what is to be said of it, the problem for which it cannot be
+    made; whether it is the one that was chosen."""
 
     designed: float
     built: float | None
     planes: int
+    slanted: int
     parts: int | None
     smallest: float | None
     free_ends: int
@@ -129,7 +131,7 @@ class LayoutRecord:
     RMSE (mm) of each decoder on states left out of its training in turn, `weighed` the layouts that
     it was chosen from, `initial` the prediction for the paths as `drawn`, each (p, 3) mm."""
 
-    SCHEMA: ClassVar[int] = 3
+    SCHEMA: ClassVar[int] = 4
 
     device: str
     mesh: str

@@ -18,6 +18,8 @@ from ...core.path_sampling import sample_path
 from ...decoding.features import KINDS
 from ...optimize.limits.verification import LayoutCheck, verify
 from ...optimize.refinement.refine import Optimised, optimise, part, unimproved
+from ...optimize.search.plane_directions import face_directions
+from ...optimize.search.starting_layouts import FREE
 from ...optimize.studies.risks import risks
 from ...optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band
 from ...sensing.built_cord import BuiltCord
@@ -89,6 +91,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
                 t.designed,
                 None if t.problem else t.built,
                 t.planes,
+                t.slanted,
                 t.parts,
                 t.smallest,
                 t.free_ends,
@@ -126,27 +129,43 @@ def run(device: Device, folder: Path, report: Report) -> None:
 
 
 def _search(
-    device: Device, task: DesignTask, seed: int, planes: int | None, report: Report
+    device: Device,
+    task: DesignTask,
+    seed: int,
+    planes: int | None,
+    report: Report,
+    normals: Float | None = None,
 ) -> Optimised:
     rng = np.random.default_rng((SEED, seed))
-    return optimise(task.design, device.sensors, rng, report, extra=device.propose, planes=planes)
+    return optimise(
+        task.design,
+        device.sensors,
+        rng,
+        report,
+        extra=device.propose,
+        planes=planes,
+        normals=normals,
+    )
 
 
 def _again(device: Device, task: DesignTask, first: Optimised, report: Report) -> list[Optimised]:
-    """The layout, what it set out from if that keeps the limits, and layouts of other seeds and of
-    fewer planes, where there is anything to search."""
+    """The layout, what it set out from if that keeps the limits, and layouts of other seeds, of
+    fewer planes and of planes along the body's faces, where there is anything to search."""
     out = [first]
     if not (device.propose or any(s.free for s in device.sensors)):
         return out
     begun = unimproved(task.design, tuple(first.initial))
     out += [begun] if begun else []
     fewer = range(1, len(distinct([s.plane for s in first.sensors])))
-    todo = [(seed, device.planes) for seed in range(1, SEEDS)]
-    todo += [(0, n) for n in fewer if device.planes is None or n < device.planes]
-    for k, (seed, planes) in enumerate(todo):
+    todo: list[tuple[int, int | None, Float | None]]
+    todo = [(seed, device.planes, None) for seed in range(1, SEEDS)]
+    todo += [(0, n, None) for n in fewer if device.planes is None or n < device.planes]
+    if device.propose or any(s.free == FREE for s in device.sensors):
+        todo.append((0, device.planes, face_directions(task.design.surface)))
+    for k, (seed, planes, normals) in enumerate(todo):
         show = partial(part, report, k / len(todo), (k + 1) / len(todo))
         with suppress(LayoutError):  # no room in so few planes
-            out.append(_search(device, task, seed, planes, show))
+            out.append(_search(device, task, seed, planes, show, normals))
     return out
 
 

@@ -10,12 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ...core.arrays import Float
 from ...core.curve import distinct
 from ...core.device import Device
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...geometry.kernels.cutting_tools import Prism
 from ...optimize.refinement.refine import Optimised
+from ...optimize.search.plane_directions import face_directions, slanted
 from .as_built import as_made, assumed_cords, fabricate, with_relief
 from .design_task import DesignTask
 from .predict import Scored, predict
@@ -33,13 +35,14 @@ Report = Callable[[float, str], None]
 @dataclass(frozen=True)
 class Trial:
     """A layout made on trial: RMSE (mm) on unseen states by design, and what it is predicted to
-    sense as built; its parts, the smallest one's volume (mm^3), ends of cords without the pocket
-    that holds them, and what is to be said of the parts; or the `problem` for which it cannot be
-    made, and no parts."""
+    sense as built; how many directions of planes are no flat face's; its parts, the smallest one's
+    volume (mm^3), ends of cords without the pocket that holds them, and what is to be said of the
+    parts; or the `problem` for which it cannot be made, and no parts."""
 
     found: Optimised
     designed: float
     scored: Scored
+    slanted: int
     parts: int | None = None
     smallest: float | None = None
     free_ends: int = 0
@@ -57,10 +60,11 @@ class Trial:
         return len(distinct([s.plane for s in self.found.sensors]))
 
     @property
-    def effort(self) -> tuple[bool, int, int]:
-        """Less is simpler: whether anything is to be said, parts and ends without pockets, how much
-        is to be said."""
-        return bool(self.warnings), (self.parts or 0) + self.free_ends, len(self.warnings)
+    def effort(self) -> tuple[bool, int, int, int]:
+        """Less is simpler: whether anything is to be said, parts and ends without pockets,
+        directions of planes that are no face's, how much is to be said."""
+        pieces = (self.parts or 0) + self.free_ends
+        return bool(self.warnings), pieces, self.slanted, len(self.warnings)
 
 
 def different(found: Sequence[Optimised]) -> list[Optimised]:
@@ -79,6 +83,10 @@ def _planes(found: Optimised) -> int:
     return len(distinct([s.plane for s in found.sensors]))
 
 
+def _slanted(found: Optimised, directions: Float) -> int:
+    return slanted([s.plane for s in found.sensors], directions)
+
+
 def choose_layout(
     device: Device,
     task: DesignTask,
@@ -91,22 +99,25 @@ def choose_layout(
 
     Of those as good as the best that can be made, by their errors as built, the simplest; with
     `[design] prefer = "accuracy"` the best. Layouts that are worse are tried only where none of
-    these can be made, and fewer planes always, to show what they cost. Where none can be made, the
-    best by design is returned with its problem.
+    these can be made, and fewer planes or fewer slanted ones always, to show what they cost. Where
+    none can be made, the best by design is returned with its problem.
     """
     expected = [(f, _designed(task, f).prediction.unseen) for f in different(found)]
     ranked = sorted(expected, key=lambda e: (e[0].slivers, e[1]))
     least, bound = ranked[0][0].slivers, _HOPEFUL * ranked[0][1]
     hopeful = [e for e in ranked if e[1] <= bound and e[0].slivers == least][:_MOST]
+    directions = face_directions(surface)
     trials = []
     for k, (one, error) in enumerate(hopeful):
         report(k / len(hopeful), f"making layout {k + 1} of {len(hopeful)} on trial")
-        trials.append(_make(device, task, one, error, surface, bay))
-    fewest = min((t.planes for t in trials), default=0)
+        trials.append(_make(device, task, one, error, surface, bay, directions))
     for one, error in ranked[len(hopeful) :]:
-        if all(t.problem for t in trials) or _planes(one) < fewest:
-            trials.append(_make(device, task, one, error, surface, bay))
-            fewest = min(fewest, _planes(one))
+        if (
+            all(t.problem for t in trials)
+            or _planes(one) < min(t.planes for t in trials)
+            or _slanted(one, directions) < min(t.slanted for t in trials)
+        ):
+            trials.append(_make(device, task, one, error, surface, bay, directions))
     made = [t for t in trials if t.problem is None]
     if not made:
         return trials[0], tuple(trials)
@@ -130,12 +141,14 @@ def _make(
     designed: float,
     surface: Surface,
     bay: Prism | None,
+    directions: Float,
 ) -> Trial:
+    slants = _slanted(found, directions)
     try:
         device, _ = with_relief(device, task, surface, found.sensors, bay)
         made = fabricate(device, surface, found.sensors, lambda *_: None, None, bay)
     except FabricationError as error:
-        return Trial(found, designed, _designed(task, found), problem=str(error))
+        return Trial(found, designed, _designed(task, found), slants, problem=str(error))
     built = as_made(task, made.channels)
     smallest = min(p.volume for p in made.parts)
     free = sum(not e.pocket for c in made.channels for e in c.ends)
@@ -143,6 +156,7 @@ def _make(
         found,
         designed,
         built,
+        slants,
         len(made.parts),
         smallest,
         free if device.fabrication.pockets else 0,

@@ -1,9 +1,12 @@
 """Of the layouts that a search found, the one to build."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from scipy.spatial.transform import Rotation
 
+from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.optimize.refinement.refine import Optimised
 from defsense_fab.pipeline.design import choose_layout as module
@@ -16,8 +19,15 @@ def layout(straight, rmse, planes, slivers=False):
     return Optimised(cords, rmse, slivers, (), cords)
 
 
+def tilted(found):
+    """The same layout with all planes turned by 30 degrees about x."""
+    turn = Rotation.from_euler("x", 30, degrees=True).as_matrix()
+    cords = [replace(s, plane=Plane(s.plane.origin, turn @ s.plane.axes)) for s in found.sensors]
+    return replace(found, sensors=tuple(cords))
+
+
 @pytest.fixture
-def weigh(monkeypatch):
+def weigh(monkeypatch, bar):
     """Chooses among layouts (with one plane more than what follows) whose `made` tells the error as
     built, the number of parts and the warnings, or why they cannot be made."""
 
@@ -54,7 +64,7 @@ def weigh(monkeypatch):
             lambda task, one: SimpleNamespace(prediction=SimpleNamespace(unseen=one.rmse)),
         )
         device = SimpleNamespace(prefer=prefer, fabrication=SimpleNamespace(pockets=True))
-        return (*choose_layout(device, None, found, None, None, lambda f, m: None), tried)
+        return (*choose_layout(device, None, found, bar, None, lambda f, m: None), tried)
 
     return run
 
@@ -112,3 +122,12 @@ def test_slivers_come_last_and_one_layout_counts_once(straight):
         (0.5, False),
         (0.4, True),
     ]
+
+
+def test_planes_along_the_faces_are_simpler_and_always_shown(straight, weigh):
+    found = [tilted(layout(straight, e, 2)) for e in (0.50, 0.52)] + [layout(straight, 0.9, 2)]
+    made = [(0.50, 3, 0), (0.52, 3, 0), (0.90, 3, 0)]
+    chosen, trials, _ = weigh(found, made)
+    assert (chosen.built, [t.slanted for t in trials]) == (0.50, [1, 1, 0])
+    chosen, trials, _ = weigh([found[0], replace(found[2], rmse=0.52)], [made[0], (0.52, 3, 0)])
+    assert (chosen.built, chosen.slanted) == (0.52, 0)
