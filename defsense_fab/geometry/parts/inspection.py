@@ -7,6 +7,7 @@ the values that the parts were made with.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -289,13 +290,11 @@ def _insertion(made: Made, pieces: Sequence[Any], rules: Rules) -> Check:
         for piece in pieces:
             worst = max(worst, _touch(cord, piece, f"cord {channel.name!r} in its closed groove"))
     for cut in made.cuts:
-        low, high = (triangle_kernel.union([pieces[i] for i in side]) for side in cut.sides)
         for c in cut.cords:
             what = f"cord {made.channels[c].name!r} as its groove is closed"
-            for lift in _OPENED:
-                away = lift * cut.plane.normal
-                worst = max(worst, _touch(cords[c], high.translate(away), what))
-                worst = max(worst, _touch(cords[c], low.translate(-away), what))
+            for side, way in zip(cut.sides, (-cut.plane.normal, cut.plane.normal), strict=True):
+                for i, lift in itertools.product(side, _OPENED):
+                    worst = max(worst, _touch(cords[c], pieces[i].translate(lift * way), what))
     return Check("cord in solid, closed and opened", worst, _TOUCH, "mm3", "")
 
 

@@ -1,0 +1,87 @@
+"""What a build costs from an empty cache, stage by stage, in CPU seconds and on the clock.
+
+    python -m benchmarks.stages fixtures/devices/bar
+    python -m benchmarks.stages fixtures/devices/* --compile
+
+Each device is copied to a folder of its own and built there by a process of its own, with no mesh
+kept. Compiled code is kept from a first build unless `--compile` is given. CPU seconds are those of
+the process and of its children, which mesh and run scripts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+
+def cpu() -> float:
+    """Seconds of this process and of its children that have ended."""
+    used = [resource.getrusage(w) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(u.ru_utime + u.ru_stime for u in used)
+
+
+def built(folder: Path) -> list[tuple[str, float, float]]:
+    """Builds the device, and returns for each stage its name, CPU seconds and seconds; the first is
+    what importing takes."""
+    begun = cpu(), time.perf_counter()
+    from defsense_fab.core.device_file import load_device
+    from defsense_fab.pipeline.build.build import build
+
+    device = load_device(folder)
+    marks = [("imports", *begun)]
+
+    def progress(stage: str, fraction: float, _: str) -> None:
+        if fraction == 0.0 and stage != marks[-1][0]:
+            marks.append((stage, cpu(), time.perf_counter()))
+
+    build(device, progress=progress)
+    ends = [*marks[1:], ("", cpu(), time.perf_counter())]
+    return [(m[0], e[1] - m[1], e[2] - m[2]) for m, e in zip(marks, ends, strict=True)]
+
+
+def in_process(folder: Path, environment: dict[str, str]) -> list[tuple[str, float, float]]:
+    """The same by a fresh process."""
+    command = [sys.executable, "-m", "benchmarks.stages", "--one", str(folder)]
+    out = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return [tuple(row) for row in json.loads(out.stdout.splitlines()[-1])]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", nargs="+", type=Path)
+    parser.add_argument("--compile", action="store_true", help="count compiling, too")
+    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one:
+        print(json.dumps(built(options.folder[0])))
+        return
+    for source in options.folder:
+        with tempfile.TemporaryDirectory() as made:
+            copy, cache = Path(made) / source.name, Path(made) / "cache"
+            environment = {**os.environ, "DEFSENSE_CACHE": str(cache)}
+            if options.compile:
+                environment["NUMBA_CACHE_DIR"] = str(Path(made) / "code")
+            shutil.copytree(source, copy, ignore=shutil.ignore_patterns("build", ".build*"))
+            if not options.compile:
+                in_process(copy, environment)
+                shutil.rmtree(copy / "build")
+                shutil.rmtree(cache)
+            rows = in_process(copy, environment)
+        total = [sum(r[k] for r in rows) for k in (1, 2)]
+        print(f"{source.name}: {total[0]:.1f} CPU s, {total[1]:.1f} s on the clock")
+        for name, used, wall in rows:
+            print(f"  {name:<10} {used:6.1f} CPU s  {used / total[0]:4.0%}  {wall:6.1f} s")
+
+
+if __name__ == "__main__":
+    main()
