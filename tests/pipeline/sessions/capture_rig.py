@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -74,25 +75,37 @@ def places(seconds: float) -> np.ndarray:
 
 
 class Pictures:
-    """Rendered `Images` at a steady rate; at the time `gone`, s, they cease for a while."""
+    """Rendered `Images` at a steady rate; at the time `gone`, s, they cease for a while, and until
+    that is `told`."""
 
-    def __init__(self, camera: Camera, began_ns: int, gone: float = float("inf")) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        began_ns: int,
+        gone: float = float("inf"),
+        told: Callable[[], bool] = lambda: True,
+    ) -> None:
         self.name, self.size = camera.name, camera.size
         self._renderer = Renderer(
             camera, Optics(blur=0.6, exposure=0, read=1.0), np.random.default_rng(0)
         )
-        self._began, self._gone, self._next = began_ns, gone, 0
+        self._began, self._gone, self._told, self._next = began_ns, gone, told, 0
+
+    def _away(self, at: float) -> bool:
+        if at > self._gone + 0.6 and self._told():
+            self._gone = float("inf")
+        return at > self._gone
 
     def start(self) -> None:
         now = (time.monotonic_ns() - self._began) / 1e9
-        if self._gone < now < self._gone + 0.6:
+        if self._away(now):
             raise CaptureError("not there")
         self._next = int(now * RATE) + 1
 
     def read(self, timeout: float) -> tuple[np.ndarray, int] | None:
         at = self._next / RATE
         time.sleep(max(at - (time.monotonic_ns() - self._began) / 1e9, 0))
-        if self._gone < at < self._gone + 0.6:
+        if self._away(at):
             raise CaptureError("unplugged")
         now = (time.monotonic_ns() - self._began) / 1e9
         self._next = max(self._next + 1, int(now * RATE))
@@ -148,11 +161,14 @@ def record(
     board = ReadoutTwin(cords, 1500.0)
     board.began_ns = began
     source = Reader(lambda: board, "twin", Settings(channels=2, rate=100))
-    openers = [lambda c=c: Pictures(c, began, gone if c.name == "cam_1" else float("inf"))
-               for c in session.rig.cameras]  # fmt: skip
-    return GuidedRecording(
-        session, openers, source, screen or Silent(), None, auto=True, video=video
-    ).run()
+    screen = screen or Silent()
+
+    def pictures(camera: Camera) -> Pictures:
+        leaves = gone if camera.name == "cam_1" else float("inf")
+        return Pictures(camera, began, leaves, lambda: any("is gone" in n for n in screen.notes))
+
+    openers = [lambda c=c: pictures(c) for c in session.rig.cameras]
+    return GuidedRecording(session, openers, source, screen, None, auto=True, video=video).run()
 
 
 def board_alone(session: sessions.CaptureSession, seconds: float) -> None:
