@@ -10,7 +10,7 @@ random ones of one to three poses that go together, each 0.2 to 1.2 of its ampli
 have cords shifted as a whole by up to 0.3 mm, gauge factors 5 % off, another pre-stretch and noise;
 each is trained on its own readings of its own training states. Their RMSE on the random states is
 compared with the promised band; `inside` are states within the amplitudes that were designed for,
-`beyond` the others.
+`beyond` the others; `in band` is the share of devices whose error on those inside lies in the band.
 """
 
 from __future__ import annotations
@@ -119,6 +119,7 @@ def main() -> None:
     options = parser.parse_args()
     print(
         "device            decoder    promised (90 %)        all   inside  beyond  singles mixtures"
+        " in band"
     )
     for path in options.folder:
         device = load_device(path)
@@ -129,14 +130,18 @@ def main() -> None:
         single = np.array([len(s.weights) == 1 for s in states])
 
         def rms(which: np.ndarray, errors: Float = errors) -> float:
-            return float(np.median(np.sqrt((errors[:, which] ** 2).mean(axis=1))))
+            own = np.sqrt((errors[:, which] ** 2).mean(axis=1)) if which.any() else np.nan
+            return float(np.median(own))
 
         band = layout.band
         found = [rms(np.ones(len(states), bool)), *map(rms, (inside, ~inside, single, ~single))]
+        built = np.sqrt((errors[:, inside] ** 2).mean(axis=1))
+        share = float(((built >= band.low) & (built <= band.high)).mean())
         told = f"{band.median:.2f} ({band.low:.2f}-{band.high:.2f})"
         print(f"{device.name:<17} {layout.prediction.decoder:<10} {told:<20}"
               + "".join(f"{value:8.2f}" for value in found)
-              + ("" if found[1] <= band.high else "   over"), flush=True)  # fmt: skip
+              + f"{share:8.0%}{'' if found[1] <= band.high else '   over'}",
+              flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -163,9 +163,10 @@ class Constraints:
         for cord, track, columns in zip(self._cords, tracks, self._columns, strict=True):
             if len(cord.rows):
                 room, by = track.placed.turning(_SLACK * radius)
-                wide = np.zeros((len(room), self._size))
-                wide[:, columns] = radius * by
-                values.append(radius * room)
+                worst = _worst_of_each(room, self._stride)
+                wide = np.zeros((len(worst), self._size))
+                wide[:, columns] = radius * by[worst]
+                values.append(radius * room[worst])
                 rows.append(wide)
         for i in range(len(tracks)):
             for j in range(i, len(tracks)):

@@ -12,6 +12,9 @@ from ...core.curve import Hermite, Plane
 from ...core.device import Sensor
 from .cord_parameters import FRAME, CordParameters
 
+#: Of the speed that a path is drawn with, its least.
+_SLOWEST = 0.2
+
 
 @dataclass(frozen=True, slots=True)
 class PlacedCord:
@@ -66,27 +69,31 @@ class PlacedCord:
         return float((point - self.pivot) @ self.axes[:, 2]), by
 
     def turning(self, radius: float) -> tuple[Float, Float]:
-        """How far from turning tighter than `radius` mm, (q,) at span ends and inside, and the
-        derivative (q, size).
+        """How far from turning tighter than `radius` mm, (q,) at span ends and inside, then how far
+        from standing still there, and the derivatives (2 q, size).
 
-        speed^3 - radius |x' y'' - y' x''|, over the drawing's speed^3: it has the sign of
-        1 - radius |curvature|, and stays smooth and small where the speed vanishes.
+        1 - radius |curvature|, and the speed over the least that a path may have, less one: where
+        the speed vanishes a path has a cusp, and its curvature means nothing.
         """
-        cord = self.cord
+        cord, k = self.cord, len(self.cord.first)
         d, dd = cord.first @ self.stack, cord.second @ self.stack
+        least = _SLOWEST * cord.drawn_speed
         speed = np.linalg.norm(d, axis=1)
+        scale = np.maximum(speed, least)
         cross = d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]
-        turn = radius * np.where(cross < 0, -1.0, 1.0)
-        value = (speed**3 - turn * cross) / cord.drawn_speed**3
+        turn = radius * np.where(cross < 0, -1.0, 1.0) / scale**3
+        value = np.concatenate([1 - turn * cross, speed / least - 1])
         f, s = cord.first[:, cord.rows], cord.second[:, cord.rows]
-        derivative = np.zeros((len(value), cord.size))
+        derivative = np.zeros((2 * k, cord.size))
         inside = derivative[:, : 2 * len(cord.rows)]
+        grown = np.where(speed > least, 3 * turn * cross / scale**2, 0.0)  # by the square of speed
         for axis, by_cross in enumerate(
             (f * dd[:, 1:] - d[:, 1:] * s, d[:, :1] * s - f * dd[:, :1])
         ):
-            by_speed = 3 * (speed * d[:, axis])[:, None] * f
-            inside[:, axis::2] = by_speed - turn[:, None] * by_cross
-        return value, derivative / cord.drawn_speed[:, None] ** 3
+            by_square = d[:, axis, None] * f
+            inside[:k, axis::2] = grown[:, None] * by_square - turn[:, None] * by_cross
+            inside[k:, axis::2] = by_square / np.maximum(speed * least, 1e-9)[:, None]
+        return value, derivative
 
 
 def cord_at(cord: CordParameters, x: Float) -> PlacedCord:

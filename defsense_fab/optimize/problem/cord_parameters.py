@@ -13,6 +13,8 @@ from ...core.device import PLANE_FREEDOMS, Sensor
 from ...core.path_sampling import per_span_for_signal
 
 FRAME = 5  #: Parameters of a free plane: two moves, three turns, the last within itself.
+#: Samples of a span at which its curvature is limited: between 8 it can be a tenth larger.
+PER_SPAN_FOR_TURNS = 24
 _TILTS = slice(-3, -1)  # of these, the two that change the plane's direction
 
 
@@ -54,7 +56,7 @@ class CordParameters:
         self.basis = hermite_basis(k, per_span_for_signal(curve))[0]
         self.basis_of_rows = np.ascontiguousarray(self.basis[:, self.rows])
         #: To first and second derivatives (q, 2 k) where the curvature is looked at.
-        _, self.first, self.second = hermite_basis(k, 8)
+        _, self.first, self.second = hermite_basis(k, PER_SPAN_FOR_TURNS)
         speed = np.linalg.norm(self.first @ self.stack, axis=1)
         self.drawn_speed = np.maximum(speed, 1e-3 * speed.max())
 

@@ -17,6 +17,9 @@ from ..problem.problem import Problem
 from ..search.starting_layouts import Layout
 from .sqp import minimise
 
+#: What a descent may use up of the margin of the limits, mm: the rest is for what samples miss.
+FORGIVEN = 0.6 * MARGIN
+
 
 def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
     """A slight push off a drawing: symmetric drawings are saddle points. Cords in one plane stay in
@@ -32,9 +35,11 @@ def descend(
     tolerance: float,
     slivers: ThinParts,
     show: Callable[[float, float], None],
+    forgiven: float = FORGIVEN,
 ) -> Layout:
     """The layout after so many iterations, or fewer where they gain less than `tolerance` each;
-    `show` as in `minimise`. Coplanar cords stay so; no slivers come where none are."""
+    `forgiven` mm of the limits' margin may be used up where the layout does so; `show` as in
+    `minimise`. Coplanar cords stay so; no slivers come where none are."""
     cords, spread = together(sensors)
     if not spread.shape[1]:  # a plane that another, locked cord holds is no freedom
         return sensors
@@ -60,7 +65,7 @@ def descend(
         np.zeros(spread.shape[1]),
         iterations,
         tolerance=tolerance,
-        loosest=0.95 * MARGIN,
+        loosest=forgiven,
         guard=guard if not slivers(sensors) else None,
         show=show,
     )

@@ -18,7 +18,7 @@ from ..limits.thin_parts import ThinParts
 from ..limits.verification import verify
 from ..problem.problem import Problem
 from ..search.starting_layouts import Layout, choices, no_room, seeds
-from .descent import descend, jitter
+from .descent import FORGIVEN, descend, jitter
 
 Report = Callable[[float, str], None]
 #: Gets the best layout so far and its expected RMSE, mm.
@@ -213,11 +213,13 @@ def _finish(
 
     Inlets shift as planes tilt, and only a new descent measures them anew.
     """
-    error = layout_error(problem, layout)
+    error, forgiven = layout_error(problem, layout), FORGIVEN
     for _ in range(_ROUNDS):
-        layout = descend(problem, layout, _LONG, _FINE, best.slivers, show)
+        layout = descend(problem, layout, _LONG, _FINE, best.slivers, show, forgiven)
         before, error = error, layout_error(problem, layout)
-        offered = best.offer(layout)
-        if abs(before - error) < _STILL * error and (offered or error > best.rank[1]):
+        settled = best.offer(layout) or error > best.rank[1]
+        if abs(before - error) < _STILL * error and settled:
             break
+        if not settled:  # it breaks a limit: by what was forgiven, perhaps
+            forgiven = 0.0
     return error

@@ -26,7 +26,7 @@ _DAMPING = 1e-4  # of the logarithm, 1/mm^2: directions that change nothing stay
 _STALE = 4  # cuts kept after a step
 _NEAR = 1.0  # of the worst that a step could do to an inequality: what a step looks at
 _MET = 1e-3  # mm
-_NEARLY = 0.05  # a violation that the margins of the inequalities forgive, mm
+_NEARLY = 0.05  # of a violation that the margins of the inequalities forgive, mm, the most
 _PENALTY = 10.0  # of the logarithm, per mm
 
 
@@ -56,12 +56,14 @@ def minimise(
     """The best x (size,) mm near the given one.
 
     Ends when a step promises less than `tolerance` of the value, at the last x that met the
-    inequalities, or nearly. What breaks them at first by up to `loosest` may go on doing
-    so. `guard(x, trial)` may refuse a trial that the constraints allow, with inequalities at the
-    trial that rule it out. `show` gets the share of iterations done and the value after each step.
+    inequalities, or nearly: what breaks them at first by up to `loosest` may go on doing so, and
+    in the end they are not broken by more. `guard(x, trial)` may refuse a trial that the
+    constraints allow, with inequalities at the trial that rule it out. `show` gets the share of
+    iterations done and the value after each step.
     """
     at, (room, rows) = model(x), constraints(x)
     given = float(np.clip(-room.min(), 0.0, loosest))
+    nearly = min(_NEARLY, loosest - given)
     room = room + given
     penalty, weight, done = _PENALTY, 1.0, 0
     kept = (x, at.value, max(0.0, -float(room.min())))
@@ -114,7 +116,7 @@ def minimise(
             weight = float(np.clip(weight * factor, 0.05, 1))
             x, at, room, rows = trial, model(trial), room_then, rows_then
             cuts = cuts[-_STALE:]
-            if broken_then <= max(_NEARLY, kept[2]):
+            if broken_then <= max(nearly, _MET, kept[2]):
                 kept = (x, at.value, broken_then)
             if ratio > 0.7 and length > 0.99 * radius:
                 radius = min(2 * radius, _LARGEST)

@@ -43,7 +43,7 @@ from ..design.predict import Scored, predict, unseen_error
 from .stages import Report
 
 #: Searches, whose random choices differ; the best are weighed against each other.
-SEEDS = 3
+SEEDS = 5
 
 
 def run(device: Device, folder: Path, report: Report) -> None:

@@ -350,3 +350,15 @@ def test_signals_and_slopes_of_any_response(problem, straight, model, coefficien
     assert (carried.pull(weights) * step).sum() == pytest.approx(
         (np.stack(got, axis=1) * weights).sum(), abs=1e-12
     )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_descents_come_to_keeps_the_limits(problem, straight, seed):
+    """Curvature is kept between the samples, too, and where a path slows down, or descents are in
+    vain."""
+    problem = replace(problem, limits=replace(LIMITS, min_radius=8.0))
+    drawn = [straight("a", y=6, free=["path"]), straight("b", z=-6, free=["path"])]
+    rng = np.random.default_rng(seed)
+    found = optimise(problem, drawn, rng, lambda f, m: None, starts=2, candidates=200)
+    assert found.rmse <= 1.001 * min(found.starts)
+    assert found.rmse < 0.25 * layout_error(problem, drawn)
