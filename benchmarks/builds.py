@@ -16,7 +16,9 @@ import argparse
 import json
 import shutil
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,9 +32,10 @@ from defsense_fab.pipeline.artifacts.mesh import load_mesh_record
 from defsense_fab.pipeline.build.build import build
 
 
-def outcome(device: Device, until: str) -> tuple[str, str, float]:
+def outcome(made: Callable[[], Device], until: str) -> tuple[str, str, float]:
     """`made`, `refused` or `broken`, what there is to say, and the RMSE (mm) on unseen states."""
     try:
+        device = made()
         folder = build(device, until).folder
     except DefsenseError as error:
         return "refused", str(error), np.nan
@@ -69,8 +72,8 @@ def on_meshes(source: Path, options: argparse.Namespace) -> None:
                 source, copy, ignore=shutil.ignore_patterns("build", ".build*", "*.mesh")
             )
             device = load_device(copy)
-            device = replace(device, mesh=replace(device.mesh, edge_length=float(own * factor)))
-            kind, said, error = outcome(device, options.until)
+            mesh = replace(device.mesh, edge_length=float(own * factor))
+            kind, said, error = outcome(partial(replace, device, mesh=mesh), options.until)
         kinds.append(kind)
         errors.append(error)
         print(f"  {source.name} {k + 1}, edge {own * factor:.2f} mm: {kind}: {said}", flush=True)
@@ -154,7 +157,7 @@ def of_bodies(options: argparse.Namespace) -> None:
             folder = Path(made) / f"body-{k}"
             folder.mkdir()
             write_random(folder, rng)
-            kind, said, _ = outcome(load_device(folder), options.until)
+            kind, said, _ = outcome(partial(load_device, folder), options.until)
         kinds.append(kind)
         print(f"  body {k}: {kind}: {said}", flush=True)
     print(f"{options.count} random bodies, seed {options.seed}: {_counted(kinds)}", flush=True)
@@ -173,7 +176,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=10)
     parser.add_argument("--spread", type=float, default=0.05, help="of the edges' length")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--until", default="fabricate")
+    parser.add_argument("--until", choices=("optimize", "fabricate", "report"), default="fabricate")
     options = parser.parse_args()
     if options.what == "bodies":
         of_bodies(options)

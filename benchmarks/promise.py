@@ -129,18 +129,19 @@ def main() -> None:
         inside = np.array([max(s.weights.values()) <= 1 for s in states])
         single = np.array([len(s.weights) == 1 for s in states])
 
-        def rms(which: np.ndarray, errors: Float = errors) -> float:
-            own = np.sqrt((errors[:, which] ** 2).mean(axis=1)) if which.any() else np.nan
-            return float(np.median(own))
+        def rms(which: np.ndarray, errors: Float = errors) -> Float:
+            """Of each device, on some states."""
+            return np.sqrt((errors[:, which] ** 2).mean(axis=1)) if which.any() else np.array([])
 
         band = layout.band
-        found = [rms(np.ones(len(states), bool)), *map(rms, (inside, ~inside, single, ~single))]
-        built = np.sqrt((errors[:, inside] ** 2).mean(axis=1))
-        share = float(((built >= band.low) & (built <= band.high)).mean())
+        every = np.ones(len(states), bool)
+        found = [rms(which) for which in (every, inside, ~inside, single, ~single)]
+        built = found[1]
+        share = f"{((built >= band.low) & (built <= band.high)).mean():.0%}" if len(built) else "-"
         told = f"{band.median:.2f} ({band.low:.2f}-{band.high:.2f})"
         print(f"{device.name:<17} {layout.prediction.decoder:<10} {told:<20}"
-              + "".join(f"{value:8.2f}" for value in found)
-              + f"{share:8.0%}{'' if found[1] <= band.high else '   over'}",
+              + "".join(f"{np.median(x):8.2f}" if len(x) else f"{'-':>8}" for x in found)
+              + f"{share:>8}{'   over' if len(built) and np.median(built) > band.high else ''}",
               flush=True)  # fmt: skip
 
 

@@ -71,11 +71,13 @@ def main() -> None:
             environment = {**os.environ, "DEFSENSE_CACHE": str(cache)}
             if options.compile:
                 environment["NUMBA_CACHE_DIR"] = str(Path(made) / "code")
-            shutil.copytree(source, copy, ignore=shutil.ignore_patterns("build", ".build*"))
+            skip = shutil.ignore_patterns("build", ".build*", "*.mesh")
+            shutil.copytree(source, copy, ignore=skip)
             if not options.compile:
                 in_process(copy, environment)
                 shutil.rmtree(copy / "build")
                 shutil.rmtree(cache)
+                (copy / "device.mesh").unlink(missing_ok=True)
             rows = in_process(copy, environment)
         total = [sum(r[k] for r in rows) for k in (1, 2)]
         print(f"{source.name}: {total[0]:.1f} CPU s, {total[1]:.1f} s on the clock")

@@ -73,7 +73,7 @@ def _weighed(trials: list[dict[str, Any]]) -> list[str]:
         return []
     said = [
         f"{t['built']:.2f} mm in {t['parts']} parts"
-        f"{'' if t['slanted'] else ', cut along faces'}{' (taken)' if t['chosen'] else ''}"
+        f"{'' if t['slanted'] else ', no plane slanted'}{' (taken)' if t['chosen'] else ''}"
         if t["problem"] is None
         else f"{t['designed']:.2f} mm, which cannot be made"
         for t in trials

@@ -382,6 +382,8 @@ def _sensors(top: Table) -> tuple[Sensor, ...]:
         free = t.strings("free", [])
         for word in free:
             t.choice("free", word, FREEDOMS, "freedom")
+        if {"plane", "offset"} <= set(free):
+            t.fail("free", "a plane that is free may shift, too; leave out either plane or offset")
         t.done()
         try:
             plane = Plane.from_normal(origin, normal, x_axis)

@@ -84,6 +84,11 @@ def test_the_fixture_is_read(edit):
         ("ramp = [0.25", "ramp = [0", r"states.ramp: must be fractions"),
         ("normal = [0, 0, 1]", "normal = [0, 0, 0]", r"the normal must not be zero"),
         ('free = ["path", "plane"]', 'free = ["paths"]', r"unknown freedom 'paths'"),
+        (
+            'free = ["path", "plane"]',
+            'free = ["path", "plane", "offset"]',
+            r"sensors.1.free: a plane that is free may shift, too; leave out either",
+        ),
         ("schema = 1", "schema = = 1", r"not valid TOML"),
         ("base = {", "base = { sphere = { center = [0,0,0], radius = 1 }, ", r"exactly one of box"),
     ],

@@ -12,9 +12,6 @@ from ...core.curve import Hermite, Plane
 from ...core.device import Sensor
 from .cord_parameters import FRAME, CordParameters
 
-#: Of the speed that a path is drawn with, its least.
-_SLOWEST = 0.2
-
 
 @dataclass(frozen=True, slots=True)
 class PlacedCord:
@@ -77,7 +74,7 @@ class PlacedCord:
         """
         cord, k = self.cord, len(self.cord.first)
         d, dd = cord.first @ self.stack, cord.second @ self.stack
-        least = _SLOWEST * cord.drawn_speed
+        least = cord.least_speed
         speed = np.linalg.norm(d, axis=1)
         scale = np.maximum(speed, least)
         cross = d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]

@@ -15,6 +15,7 @@ from ...core.path_sampling import per_span_for_signal
 FRAME = 5  #: Parameters of a free plane: two moves, three turns, the last within itself.
 #: Samples of a span at which its curvature is limited: between 8 it can be a tenth larger.
 PER_SPAN_FOR_TURNS = 24
+_SLOWEST = 0.2  # speed of a path, of its span's chord
 _TILTS = slice(-3, -1)  # of these, the two that change the plane's direction
 
 
@@ -57,8 +58,12 @@ class CordParameters:
         self.basis_of_rows = np.ascontiguousarray(self.basis[:, self.rows])
         #: To first and second derivatives (q, 2 k) where the curvature is looked at.
         _, self.first, self.second = hermite_basis(k, PER_SPAN_FOR_TURNS)
+        #: The least speed (q,) that a path may have there: a share of its span's chord, or what it
+        #: is drawn with.
         speed = np.linalg.norm(self.first @ self.stack, axis=1)
-        self.drawn_speed = np.maximum(speed, 1e-3 * speed.max())
+        chord = np.linalg.norm(np.diff(curve.points, axis=0), axis=1)
+        slowest = np.minimum(_SLOWEST * np.repeat(chord, PER_SPAN_FOR_TURNS + 1), speed)
+        self.least_speed = np.maximum(slowest, 1e-3 * speed.max())
 
 
 def apart(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Float]:

@@ -83,7 +83,8 @@ def optimise(
     place. All these and the drawing itself take a short descent, and the best `finalists` go on
     until they stand still. Only layouts that pass an independent check compete, and one
     whose planes leave slivers loses to any that leave none. A drawing, which must pass itself, is
-    the result where nothing better was found. `report` and `watch` may raise Cancelled.
+    the result where nothing better was found, unless there are `normals`. `report` and `watch`
+    may raise Cancelled.
 
     Raises LayoutError where the drawing breaks a limit, and where there is no room for more cords.
     """
@@ -98,8 +99,10 @@ def optimise(
     initial: Layout = ()
     if not extra:
         initial = drawn
-        best.offer(drawn, trusted=True)
-        if not any(s.free for s in drawn):
+        settled = not any(s.free for s in drawn)
+        if normals is None or settled:
+            best.offer(drawn, trusted=True)
+        if settled:
             return Optimised(drawn, *best.rank[::-1], (), drawn)
     reached: list[float] = []
     try:
@@ -191,14 +194,17 @@ class _Best:
         self.rank: tuple[bool, float] = (True, np.inf)
 
     def offer(self, layout: Layout, trusted: bool = False) -> bool:
-        """Whether the layout is the best now; `trusted` ones are known to pass the check."""
+        """Take the layout if it is the best now, and tell whether it would be but for a limit that
+        it breaks; `trusted` ones are known to pass the check."""
         rank = (self.slivers(layout), layout_error(self._problem, layout))
-        if rank >= self.rank or not (trusted or self._passes(layout)):
+        if rank >= self.rank:
             return False
+        if not (trusted or self._passes(layout)):
+            return True
         self.layout, self.rank = layout, rank
         if self._watch is not None:
             self._watch(layout, rank[1])
-        return True
+        return False
 
     def _passes(self, layout: Layout) -> bool:
         if self._planes is not None and len(distinct([s.plane for s in layout])) > self._planes:
@@ -217,9 +223,9 @@ def _finish(
     for _ in range(_ROUNDS):
         layout = descend(problem, layout, _LONG, _FINE, best.slivers, show, forgiven)
         before, error = error, layout_error(problem, layout)
-        settled = best.offer(layout) or error > best.rank[1]
-        if abs(before - error) < _STILL * error and settled:
+        refused = best.offer(layout)
+        if abs(before - error) < _STILL * error and not refused:
             break
-        if not settled:  # it breaks a limit: by what was forgiven, perhaps
+        if refused:  # by what was forgiven, perhaps
             forgiven = 0.0
     return error

@@ -14,24 +14,56 @@ from ...core.mesh import Surface
 _SHARE = 0.05
 #: Facets and planes up to this far apart are parallel, radians.
 _PARALLEL = 2e-3
+#: A flat face's facets differ by rounding alone: they lie in one cell of the grid, or where up to
+#: so many meet.
+_CELLS = 8
+#: A direction is open where no face's normal has more than this share in it.
+_OPEN = 0.1
 
 
 def face_directions(surface: Surface) -> Float:
-    """Unit normals (k, 3) of the directions that much of a body's surface is flat in, the largest
-    first; of a body without flat faces the axes of the coordinates that it was drawn in."""
+    """Unit normals (k, 3) of planes that are simple: the directions that much of a body's surface
+    is flat in, the largest first, and ones square to these where they leave directions of space
+    open: axes of the coordinates that the body was drawn in, if they are square to them."""
+    found = _flat(surface)
+    if not found:
+        return np.eye(3)
+    apart = np.linalg.norm(np.cross(found[0], found), axis=1)
+    if apart.max() < _OPEN:
+        axis = np.eye(3)[np.abs(found[0]).argmin()]
+        second = _unit(axis - (axis @ found[0]) * found[0])
+        return np.stack([*found, second, _unit(np.cross(found[0], second))])
+    third = _unit(np.cross(found[0], found[int(apart.argmax())]))
+    return np.stack([*found, third] if np.abs(found @ third).max() < _OPEN else found)
+
+
+def _unit(vector: Float) -> Float:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _flat(surface: Surface) -> list[Float]:
+    """The directions that enough of the surface is flat in."""
     corners = surface.vertices[surface.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normals, axis=1)
     normals, area = normals[area > 0] / area[area > 0, None], area[area > 0]
+    # Facets of one cell of a grid are alike, whichever way round; scans have 100,000 directions.
+    outer = (normals[:, :, None] * normals[:, None]).reshape(-1, 9)
+    _, first, cell = np.unique(
+        np.rint(outer / _PARALLEL).astype(int), axis=0, return_index=True, return_inverse=True
+    )
+    normals, area = normals[first], np.bincount(cell.ravel(), area)
     least, found = _SHARE * area.sum(), []
-    while area.sum() >= least:
-        normal = normals[area.argmax()]
-        same = _parallel(normals, normal)
-        if area[same].sum() >= least:
-            found.append((float(area[same].sum()), normal))
-        normals, area = normals[~same], area[~same]
+    for seed in np.argsort(-area, kind="stable"):
+        if area[seed] < least / _CELLS:
+            break
+        same = _parallel(normals, normals[seed])
+        total = float(area[same].sum())
+        if total >= least:
+            found.append((total, normals[seed]))
+        area[same] = 0.0
     found.sort(key=lambda f: -f[0])
-    return np.stack([n for _, n in found]) if found else np.eye(3)
+    return [n for _, n in found]
 
 
 def slanted(planes: Sequence[Plane], directions: Float) -> int:

@@ -160,7 +160,8 @@ def _again(device: Device, task: DesignTask, first: Optimised, report: Report) -
     todo: list[tuple[int, int | None, Float | None]]
     todo = [(seed, device.planes, None) for seed in range(1, SEEDS)]
     todo += [(0, n, None) for n in fewer if device.planes is None or n < device.planes]
-    if device.propose or any(s.free == FREE for s in device.sensors):
+    free = device.planes is None and any(s.free == FREE for s in device.sensors)
+    if device.propose or free:
         todo.append((0, device.planes, face_directions(task.design.surface)))
     for k, (seed, planes, normals) in enumerate(todo):
         show = partial(part, report, k / len(todo), (k + 1) / len(todo))

@@ -83,6 +83,37 @@ def test_constraint_derivatives_by_finite_differences(problem, straight, pocket)
         assert jacobian[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-5)
 
 
+def test_turns_where_a_path_nearly_stands_still(straight):
+    """Short tangents that turn, and none: below the least speed the curvature counts as there."""
+    cord = CordParameters(straight(free=["path"]))
+    tangents = len(cord.rows) // 2
+    x = np.zeros(cord.size).reshape(-1, 2)
+    x[tangents:] = -0.95 * cord.stack[cord.rows[tangents:]]
+    x[:tangents] += np.random.default_rng(2).normal(0, 1.0, (tangents, 2))
+    x[tangents:] += np.random.default_rng(3).normal(0, 0.5, x[tangents:].shape)
+    x = x.ravel()
+    value, by = cord_at(cord, x).turning(6.0)
+    count = len(value) // 2
+    slow = value[count:] < 0
+    assert 3 <= slow.sum() < count
+    for i in range(len(x)):
+        e = 1e-7 * np.eye(len(x))[i]
+        slope = (cord_at(cord, x + e).turning(6.0)[0] - cord_at(cord, x - e).turning(6.0)[0]) / 2e-7
+        assert by[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-4)
+
+
+def test_what_a_path_may_slow_down_to_is_that_again_for_its_result(straight):
+    """A descent that begins where another ended may not go below its least speed."""
+    cord = CordParameters(straight(free=["path"]))
+    tangents = len(cord.rows) // 2
+    x = np.zeros(cord.size).reshape(-1, 2)
+    x[tangents:] = -0.8 * cord.stack[cord.rows[tangents:]]
+    again = CordParameters(cord_at(cord, x.ravel()).sensor())
+    assert again.least_speed == pytest.approx(
+        np.minimum(cord.least_speed, np.linalg.norm(again.first @ again.stack, axis=1))
+    )
+
+
 def test_channels_lie_deeper_where_their_pockets_are():
     """In the cone of an inlet, beside the pocket, and beyond it."""
     limits = replace(LIMITS, pocket=(11.0, 4.0))

@@ -20,14 +20,49 @@ def test_directions_are_those_of_large_flat_faces():
     box = trimesh.creation.box([80.0, 50.0, 3.0])
     box.vertices = box.vertices @ turn.T
     found = face_directions(surface(box))
-    assert len(found) == 2  # the narrow sides along x hold less than 5 % of the surface
-    assert np.abs(found @ turn[:, 2]) == pytest.approx([1, 0], abs=1e-9)
-    assert np.abs(found @ turn[:, 1]) == pytest.approx([0, 1], abs=1e-9)
+    assert np.abs(found @ turn) == pytest.approx(np.eye(3)[[2, 1, 0]], abs=1e-9)
 
 
 def test_a_body_without_flat_faces_has_the_axes_of_its_coordinates():
     ball = trimesh.creation.icosphere(subdivisions=3, radius=20)
     assert (face_directions(surface(ball)) == np.eye(3)).all()
+
+
+def test_where_faces_leave_space_open_axes_square_to_them_are_added():
+    """Flat ends of a rod alone; two faces of a thin wedge."""
+    rod = trimesh.creation.cylinder(15.0, 100.0, sections=96)
+    assert np.abs(face_directions(surface(rod))) == pytest.approx(np.eye(3)[[2, 0, 1]], abs=1e-9)
+    turn = Rotation.from_euler("xyz", [20, 30, 40], degrees=True).as_matrix()
+    rod.vertices = rod.vertices @ turn.T
+    found = face_directions(surface(rod))
+    assert found @ found.T == pytest.approx(np.eye(3), abs=1e-9)
+    assert np.abs(found[0] @ turn[:, 2]) == pytest.approx(1.0)
+    corners = trimesh.creation.box([100.0, 100.0, 3.0]).vertices
+    corners[:, 2] *= np.where(corners[:, 0] > 0, 0.1, 1.0)  # sides of 3 % count for nothing
+    found = face_directions(surface(trimesh.convex.convex_hull(corners)))
+    assert len(found) == 4  # two faces nearly parallel to each other, two axes
+    assert np.abs(found[2:] @ found[0]) == pytest.approx([0, 0], abs=1e-9)
+
+
+def test_a_scan_of_many_directions_has_no_flat_faces():
+    ball = trimesh.creation.icosphere(subdivisions=6, radius=20)
+    ball.vertices[:, 2] *= 1.3
+    assert (face_directions(surface(ball)) == np.eye(3)).all()
+
+
+def test_a_drawing_does_not_take_the_place_of_planes_along_the_faces(problem):
+    """It may well be better; it is weighed beside them."""
+    drawn = optimise(
+        problem, (), np.random.default_rng(0), lambda *_: None, extra=1, candidates=2000
+    ).sensors
+    normals = np.array([[0.0, 0.6, 0.8]])
+    found = optimise(
+        problem, drawn, np.random.default_rng(0), lambda *_: None, normals=normals, starts=1,
+        candidates=500,
+    )  # fmt: skip
+    assert np.abs(normals @ found.sensors[0].plane.normal).max() > 1 - 1e-9
+    assert np.abs(normals @ drawn[0].plane.normal).max() < 1 - 1e-6
+    assert found.initial == drawn
 
 
 def test_slanted_planes_are_counted_by_their_directions():
