@@ -146,7 +146,8 @@ def _record_camera(
         file.write(",".join(sessions.FRAME_COLUMNS) + "\n")
         rows = np.column_stack([np.arange(len(t)), stamps, lamp])
         file.write(("%d,%d,%.2f\n" * len(t)) % tuple(rows.ravel().tolist()))
-    spread = ",".join([f"{NOISE**2:.3e}", f"{0:.3e}", f"{NOISE**2:.3e}"] * 4)
+    variances = [NOISE**2] * 4 + [NOISE**2 / 4]
+    spread = ",".join(f"{v:.3e},0,{v:.3e}" for v in variances)
     line = "%d,%d,%d," + "%.4f," * 8 + spread + "\n"
     with (run / f"{camera.name}.csv").open("w") as file:
         file.write(",".join(sessions.TAG_COLUMNS) + "\n")

@@ -33,7 +33,9 @@ def flat(view, corners):
 
 
 def spread(shape, sigma):
-    return np.broadcast_to(np.eye(2) * sigma**2, (*shape, 4, 2, 2)).copy()
+    out = np.broadcast_to(np.eye(2) * sigma**2, (*shape, 5, 2, 2)).copy()
+    out[..., 4, :, :] /= 4
+    return out
 
 
 def collect(time, views, ids):

@@ -59,7 +59,7 @@ def check_rig(
         for c, view in views.items():
             flat = cameras[c].to_plane(view.corners) * cameras[c].focal + cameras[c].matrix[:2, 2]
             corners[np.searchsorted(ids, view.ids), c] = flat[:, None]
-        noise = np.tile(np.eye(2) * 0.01, (len(ids), len(cameras), 4, 1, 1))
+        noise = np.tile(np.eye(2) * 0.01, (len(ids), len(cameras), 5, 1, 1))
         found = triangulate(cameras, corners, noise)
         # Those that disagree by more than can be located count as that.
         seen = np.isfinite(corners[:, :, 0, 0]).sum(axis=1) >= 2

@@ -31,8 +31,8 @@ class Observed(Protocol):
 @dataclass(frozen=True)
 class Observations:
     """t frames of one camera, m tags: `time` (t,) s, increasing; numbers `ids` (m,); `corners`
-    (t, m, 4, 2) px without distortion, NaN where not seen, and the `covariance` (t, m, 4, 2, 2)
-    px^2 of each."""
+    (t, m, 4, 2) px without distortion, NaN where not seen, and the `covariance` (t, m, 5, 2, 2)
+    px^2 of each, and last of their mean."""
 
     time: Float
     ids: Int
@@ -62,7 +62,7 @@ class StoredObservations:
         good = self.chosen[which]
         rows, position = self.tags.store.read(which)[good], position[good]
         k, m = len(frames), len(self.ids)
-        corners, covariance = np.full((k, m, 4, 2), np.nan), np.full((k, m, 4, 2, 2), np.nan)
+        corners, covariance = np.full((k, m, 4, 2), np.nan), np.full((k, m, 5, 2, 2), np.nan)
         column = _columns(self.ids, rows["id"])
         corners[position, column] = rows["corners"]
         covariance[position, column] = rows["covariance"]
@@ -126,11 +126,11 @@ def middles(seen: Observed) -> Float:
 
 
 def at(seen: Observed, time: Float, late: float = 0.0) -> tuple[Float, Float]:
-    """Corners (n, m, 4, 2) and covariances (n, m, 4, 2, 2) at other times (n,), s, of a camera to
+    """Corners (n, m, 4, 2) and covariances (n, m, 5, 2, 2) at other times (n,), s, of a camera to
     whose times `late` s are added: along a cubic through four frames, or a line where they lack the
     tag; NaN where the frames beside do."""
     n, m = len(time), len(seen.ids)
-    corners, covariance = np.full((n, m, 4, 2), np.nan), np.full((n, m, 4, 2, 2), np.nan)
+    corners, covariance = np.full((n, m, 4, 2), np.nan), np.full((n, m, 5, 2, 2), np.nan)
     clock = seen.time + late
     count = len(clock)
     if not count or not n:

@@ -39,9 +39,9 @@ def reconstruct(
 ) -> Reconstruction:
     """Tags of `size` mm by v cameras: those that two see by triangulation, those that one sees by
     their size, with `size_sigma` as in `locate_single`. `corners` (n, m, v, 4, 2) px without
-    distortion, `covariance` (n, m, v, 4, 2, 2) of each."""
+    distortion, `covariance` (n, m, v, 5, 2, 2) of each, and of their mean."""
     n, m, v = corners.shape[:3]
-    flat, spread = corners.reshape(-1, v, 4, 2), covariance.reshape(-1, v, 4, 2, 2)
+    flat, spread = corners.reshape(-1, v, 4, 2), covariance.reshape(-1, v, 5, 2, 2)
     points, cov = np.full((n * m, 3), np.nan), np.full((n * m, 3, 3), np.nan)
     count, miss = np.zeros(n * m, int), np.full(n * m, np.nan)
     sides = np.full(n * m, np.nan)

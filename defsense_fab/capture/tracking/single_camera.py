@@ -30,7 +30,8 @@ def locate_single(
 ) -> Triangulated:
     """Tags of `size` mm by one camera: as `locate` with v = 1.
 
-    `corners` (n, 4, 2) px without distortion, `covariance` (n, 4, 2, 2) px^2 of each. A wrong size
+    `corners` (n, 4, 2) px without distortion, `covariance` (n, 5, 2, 2) px^2 of each, and of their
+    mean. A wrong size
     scales all places from the camera together; its relative standard deviation `size_sigma` (0.002
     is what a caliper on paper allows) is added along the line of sight.
     """
@@ -42,7 +43,7 @@ def locate_single(
     )  # fmt: skip
     if not used.any():
         return out
-    seen, S = corners[used], covariance[used]
+    seen, S = corners[used], covariance[used, :4]
     R, t, known = _begin(camera, seen, size)
     W = np.asarray(np.linalg.inv(S), float)
     twice = np.repeat(np.arange(len(seen)), 2)

@@ -23,7 +23,7 @@ from ..tags.tag_detection import TagView
 _IN_MEMORY = 8_000_000  # bytes of a camera's tags that are kept without a file
 _TAGS = 20_000  # that are looked at together
 _ROW = np.dtype(
-    [("id", np.int64), ("corners", np.float64, (4, 2)), ("covariance", np.float32, (4, 2, 2))]
+    [("id", np.int64), ("corners", np.float64, (4, 2)), ("covariance", np.float32, (5, 2, 2))]
 )
 
 
@@ -52,8 +52,9 @@ class TagStore:
         self._count += len(rows)
 
     def read(self, which: Int) -> NDArray[Any]:
-        """Of the tags `which` (n,), rows (n,) with `id`, `corners` (4, 2) px without distortion and
-        their `covariance` (4, 2, 2) px^2. Those that follow each other are read at once."""
+        """Of the tags `which` (n,), rows (n,) with `id`, `corners` (4, 2) px without distortion,
+        and the `covariance` (5, 2, 2) px^2 of each and of their mean. Those that follow each other
+        are read at once."""
         out = np.empty(len(which), _ROW)
         ends = np.append(np.flatnonzero(np.diff(which) != 1) + 1, len(which))
         begin = 0

@@ -18,6 +18,7 @@ from ...core.camera import Camera
 _STEPS, _ENOUGH = 3, 1e-5  # at most; mm, a step after which there is no other
 #: px, root mean square: a tag whose corners miss by more is not the same in all views.
 _MISS = 2.0
+_TRUST = 4.0  # degrees of freedom that the stated covariances count against those of the residuals
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,8 @@ def triangulate(cameras: Sequence[Camera], corners: Float, covariance: Float) ->
     """Tags by at least two of v cameras that agree.
 
     `corners` (n, v, 4, 2) px without distortion, NaN where a camera does not see the tag;
-    `covariance` (n, v, 4, 2, 2) px^2 of each corner. With three cameras or more, one that disagrees
-    is left out; two that disagree locate nothing.
+    `covariance` (n, v, 5, 2, 2) px^2 of each corner and of the mean of the four. With three cameras
+    or more, one that disagrees is left out; two that disagree locate nothing.
     """
     used = np.asarray(np.isfinite(corners).all(axis=(2, 3)))
     out = _solve(cameras, corners, covariance, used)
@@ -89,7 +90,7 @@ def _solve(
         return out
     use = used[enough]
     seen = np.where(use[..., None, None], corners[enough], 0.0)
-    W = np.zeros((len(use), v, 4, 2, 2))
+    W = np.zeros((len(use), v, 5, 2, 2))
     W[use] = np.linalg.inv(covariance[enough][use])
     X = _begin(cameras, seen, use)
     square = np.zeros(len(use))
@@ -100,10 +101,10 @@ def _solve(
         for c, camera in enumerate(cameras):
             miss, J = _miss(camera, X, seen[:, c])
             miss = np.where(use[:, c, None, None], miss, 0.0)
-            JW = J.swapaxes(2, 3) @ W[:, c]
+            JW = J.swapaxes(2, 3) @ W[:, c, :4]
             N += JW @ J
             g += (JW @ miss[..., None])[..., 0]
-            chi += (miss * (W[:, c] @ miss[..., None])[..., 0]).sum(axis=(1, 2))
+            chi += (miss * (W[:, c, :4] @ miss[..., None])[..., 0]).sum(axis=(1, 2))
             square += (miss**2).sum(axis=(1, 2))
         if last or step == _STEPS:
             break
@@ -111,9 +112,14 @@ def _solve(
         X = X + move
         last = bool(np.abs(move).max() < _ENOUGH)
     free = 8 * use.sum(axis=1) - 12
-    cov = np.linalg.inv(N).sum(axis=1) / 16  # of the mean of four independent corners
+    middle = X.mean(axis=1, keepdims=True)
+    N = np.zeros((len(use), 3, 3))
+    for c, camera in enumerate(cameras):
+        J = _miss(camera, middle, middle[..., :2])[1][:, 0]
+        N += J.swapaxes(1, 2) @ W[:, c, 4] @ J
+    cov = np.linalg.inv(N)
     out.corners[enough] = X
-    out.covariance[enough] = cov * np.maximum(chi / free, 1.0)[:, None, None]
+    out.covariance[enough] = cov * ((chi + _TRUST) / (free + _TRUST))[:, None, None]
     out.miss[enough] = np.sqrt(square / (8 * use.sum(axis=1)))
     ahead = np.ones(len(use), bool)
     for c, camera in enumerate(cameras):

@@ -267,7 +267,7 @@ class GuidedRecording:
         m = self._session.markers
         v = len(glances)
         corners = np.full((1, len(m.ids), v, 4, 2), np.nan)
-        covariance = np.full((1, len(m.ids), v, 4, 2, 2), np.nan)
+        covariance = np.full((1, len(m.ids), v, 5, 2, 2), np.nan)
         order = {int(n): i for i, n in enumerate(m.ids)}
         for c, glance in enumerate(glances):
             if glance is None:

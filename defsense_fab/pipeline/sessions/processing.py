@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...capture.cameras.rig_file import Rig
 from ...capture.cameras.video import Video, timing
 from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronisation import by_motion
@@ -28,10 +29,10 @@ from ..tracking.video_detection import VideoDetections, detect_all
 from ..tracking.video_tracks import VideoTracks, assemble
 from .camera_recorder import FILM_RATE
 from .processed_session import ProcessedSession
-from .recorded_tags import read_camera_tags
+from .recorded_tags import CameraRecording, read_camera_tags
 from .report import write_report
 from .rest_resistance import rest_resistances
-from .session import BOARD, REST, CaptureSession, ending, load, read_log
+from .session import BOARD, CAMERAS, REST, CaptureSession, ending, load, read_log
 from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
 
 TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
@@ -92,25 +93,19 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     events = read_log(run)
     # Before the tags, as the text takes more memory than what is read from it.
     recording = read_recording(run / BOARD) if (run / BOARD).exists() else None
-    cameras = [read_camera_tags(run, c.name, session.markers.ids) for c in session.rig.cameras]
-    empty = [c.name for c, s in zip(session.rig.cameras, cameras, strict=True) if not len(s.time)]
-    if empty or not cameras:
-        raise CaptureError(f"no picture was recorded by {', '.join(empty) or 'any camera'}")
-    for camera, seen in zip(session.rig.cameras, cameras, strict=True):
-        if (np.diff(seen.time) <= 0).any():
-            raise CaptureError(f"the times of camera {camera.name} go back: its file is damaged")
-    start = min(int(c.time[0]) for c in cameras if len(c.time))
+    rig, cameras, absent = _recorded(session, run)
+    start = min(int(c.time[0]) for c in cameras)
     watched, lacking = [], {}
-    for camera, seen in zip(session.rig.cameras, cameras, strict=True):
+    for camera, seen in zip(rig.cameras, cameras, strict=True):
         time, tags = (seen.time - start) / 1e9, seen.tags
         if video:
             tags, lacks = _again(session, run, camera, len(time), progress)
             if lacks:
                 lacking[camera.name] = lacks
         watched.append(VideoDetections(time, tags, timing(time), 0))
-    names = [f"{run.name}/{c.name}" for c in session.rig.cameras]
-    processed = assemble(watched, session.rig, session.markers.size, names, None, progress)
-    processed.quality["warnings"] += [
+    names = [f"{run.name}/{c.name}" for c in rig.cameras]
+    processed = assemble(watched, rig, session.markers.size, names, None, progress)
+    processed.quality["warnings"] += absent + [
         f"{run.name}/{name}.mkv lacks {n} of the recorded frames: no tags are known in those"
         for name, n in lacking.items()
     ]
@@ -132,6 +127,30 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     return _ProcessedRun(
         processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}
     )
+
+
+def _recorded(session: CaptureSession, run: Path) -> tuple[Rig, list[CameraRecording], list[str]]:
+    """The cameras that recorded something in a run, what each did, and warnings of the others."""
+    if not session.rig.cameras:
+        raise CaptureError(
+            f"no picture was recorded: {session.folder / CAMERAS} is missing, which says how the"
+            " cameras see and where they stand; copy that file there, or give the tracks of a"
+            " motion-capture system with --tracks"
+        )
+    kept, cameras, absent = [], [], []
+    for camera in session.rig.cameras:
+        try:
+            seen = read_camera_tags(run, camera.name, session.markers.ids)
+            if not len(seen.time):
+                raise CaptureError(f"no picture was recorded by {camera.name}")
+        except CaptureError as error:
+            absent.append(f"{run.name} is processed without {camera.name}: {error}")
+            continue
+        kept.append(camera)
+        cameras.append(seen)
+    if not kept:
+        raise CaptureError("no camera's recording can be used: " + "; ".join(absent))
+    return replace(session.rig, cameras=tuple(kept)), cameras, absent
 
 
 def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:

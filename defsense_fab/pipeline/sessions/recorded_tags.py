@@ -5,6 +5,7 @@ An hour of one camera is a file of 400 MB: its tags go to a store as they are re
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +15,11 @@ import numpy as np
 from ...capture.tags.tag_detection import TagView
 from ...capture.tracking.tag_store import FrameTags, TagStore
 from ...core.append_log import is_damaged, was_cut
-from ...core.arrays import Float, Int
+from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
 from .session import FRAME_COLUMNS, TAG_COLUMNS
 
+_WITHOUT_MEAN = len(TAG_COLUMNS) - 3  # columns of older files
 _BLOCK = 1 << 22  # bytes read at once
 
 
@@ -34,15 +36,18 @@ class CameraRecording:
 
 
 def read_camera_tags(run: Path, name: str, ids: Int) -> CameraRecording:
-    """Of the tags `ids` (m,) alone. Raises CaptureError with file and line for what cannot be read,
-    StorageError where the tags cannot be kept in the run's folder."""
+    """Of the tags `ids` (m,) alone; lines with what is no number, and frames whose times go back,
+    are left out. Raises CaptureError for a file that cannot be read, StorageError where the tags
+    cannot be kept in the run's folder."""
     frames, cut = [np.zeros((0, len(FRAME_COLUMNS)))], 0
     for rows, lost in _blocks(run / f"{name}-frames.csv", FRAME_COLUMNS):
         frames.append(rows)
         cut += lost
     table = np.concatenate(frames)
+    forward = _forward(table[:, 1])
+    table, cut = table[forward], cut + int((~forward).sum())
     store, numbers = TagStore(run), [np.zeros(0)]
-    for rows, lost in _blocks(run / f"{name}.csv", TAG_COLUMNS):
+    for rows, lost in _blocks(run / f"{name}.csv", TAG_COLUMNS, older=_WITHOUT_MEAN):
         rows = rows[np.isin(rows[:, 2], ids)]
         store.add(_view(rows))
         numbers.append(rows[:, 0].copy())
@@ -56,10 +61,31 @@ def read_camera_tags(run: Path, name: str, ids: Int) -> CameraRecording:
     return CameraRecording(table[:, 1].astype(np.int64), table[:, 2], tags, cut)
 
 
+def _forward(time: Float) -> Bool:
+    """Which times (n,) are kept so that those increase: as many as can be."""
+    if (np.diff(time) > 0).all():
+        return np.ones(len(time), bool)
+    ends: list[float] = []  # the least time that a chain of each length ends with
+    last: list[int] = []
+    before = np.full(len(time), -1)
+    for k, t in enumerate(time.tolist()):
+        at = bisect_left(ends, t)
+        before[k] = last[at - 1] if at else -1
+        ends[at : at + 1], last[at : at + 1] = [t], [k]
+    keep = np.zeros(len(time), bool)
+    k = last[-1]
+    while k >= 0:
+        keep[k] = True
+        k = int(before[k])
+    return keep
+
+
 def _view(rows: Float) -> TagView:
     """Of rows (n, columns)."""
     corners = rows[:, 3:11].reshape(-1, 4, 2)
-    covariance = rows[:, 11:].reshape(-1, 4, 3)[..., [[0, 1], [1, 2]]]
+    covariance = rows[:, 11:].reshape(-1, 5, 3)[..., [[0, 1], [1, 2]]]
+    old = np.isnan(covariance[:, 4, 0, 0])
+    covariance[old, 4] = covariance[old, :4].mean(axis=1) / 4
     return TagView(rows[:, 2].astype(np.int64), corners, covariance, corners)
 
 
@@ -72,50 +98,51 @@ def _sorted(store: TagStore, order: Int, folder: Path) -> TagStore:
     return out
 
 
-def _blocks(path: Path, columns: Sequence[str]) -> Iterator[tuple[Float, int]]:
-    """Numbers (n, columns) of a stream, and how many lines were cut or damaged, block by block."""
+def _blocks(
+    path: Path, columns: Sequence[str], older: int | None = None
+) -> Iterator[tuple[Float, int]]:
+    """Numbers (n, columns) of a stream, and how many lines were cut or damaged, block by block. A
+    file may have the first `older` columns alone; the others are then NaN."""
     try:
         with path.open("rb") as file:
             head = file.readline()
             if not head.endswith(b"\n"):
                 yield np.zeros((0, len(columns))), int(bool(head))
                 return
-            if head.rstrip(b"\r\n").decode(errors="replace") != ",".join(columns):
+            told = tuple(head.rstrip(b"\r\n").decode(errors="replace").split(","))
+            if told not in (tuple(columns), tuple(columns[:older])):
                 raise CaptureError(f"{path}:1: the columns must be {','.join(columns)}")
-            number, left = 2, b""
+            left = b""
             while data := file.read(_BLOCK):
                 whole, end, left = (left + data).rpartition(b"\n")
                 if end:
                     lines = whole.decode(errors="replace").replace("\r\n", "\n").split("\n")
-                    yield _numbers(path, number, lines, len(columns))
-                    number += len(lines)
+                    rows, cut = _numbers(lines, len(told))
+                    lacking = np.full((len(rows), len(columns) - len(told)), np.nan)
+                    yield np.hstack([rows, lacking]), cut
             yield np.zeros((0, len(columns))), int(bool(left))
     except OSError as error:
         raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
 
 
-def _numbers(path: Path, first: int, lines: list[str], width: int) -> tuple[Float, int]:
-    """The cells of lines, of which the first has the number `first`, and how many were damaged."""
-    good = [
-        (k, line) for k, line in enumerate(lines, first) if not (was_cut(line) or is_damaged(line))
-    ]
-    cut = len(lines) - len(good)
-    if not good:
-        return np.zeros((0, width)), cut
+def _numbers(lines: Sequence[str], width: int) -> tuple[Float, int]:
+    """The cells of lines (n, width), and how many lines were cut or damaged: they are left out."""
+    good = [line for line in lines if not (was_cut(line) or is_damaged(line))]
     try:
-        if all(line for _, line in good):
-            table = np.loadtxt((line for _, line in good), delimiter=",", ndmin=2, comments=None)
+        if good and all(good):
+            table = np.loadtxt(good, delimiter=",", ndmin=2, comments=None)
             if table.shape[1] == width and np.isfinite(table[:, :2]).all():
-                return table, cut
+                return table, len(lines) - len(good)
     except ValueError:
         pass
-    out = np.empty((len(good), width))
-    for row, (number, line) in enumerate(good):
-        try:
-            cells = np.array(line.split(","), float)
-            if cells.shape != (width,) or not np.isfinite(cells[:2]).all():
-                raise ValueError
-        except ValueError:
-            raise CaptureError(f"{path}:{number}: not {width} numbers: {line[:50]!r}") from None
-        out[row] = cells
-    return out, cut
+    rows = [cells for line in good if (cells := _cells(line, width)) is not None]
+    return np.array(rows).reshape(-1, width), len(lines) - len(rows)
+
+
+def _cells(line: str, width: int) -> Float | None:
+    """The numbers of a line (width,), the first two of which must be finite."""
+    try:
+        cells = np.array(line.split(","), float)
+    except ValueError:
+        return None
+    return cells if cells.shape == (width,) and np.isfinite(cells[:2]).all() else None

@@ -29,7 +29,7 @@ from ..artifacts.session_manifest import FILE, CaptureManifest, load_capture, ma
 CAMERAS, MARKERS, BOARD, LOG = "cameras.toml", "markers.json", "frames.csv", "log.jsonl"
 REST, FREE = "rest", "free"
 _CORNERS = [f"{a}{k}" for k in range(4) for a in "xy"]
-_SPREAD = [f"{a}{k}" for k in range(4) for a in ("xx", "xy", "yy")]
+_SPREAD = [f"{a}{k}" for k in (0, 1, 2, 3, "m") for a in ("xx", "xy", "yy")]  # m: of the mean
 TAG_COLUMNS = ("frame", "host_ns", "id", *_CORNERS, *_SPREAD)
 FRAME_COLUMNS = ("frame", "host_ns", "lamp")  # the LED, in files that are out there
 

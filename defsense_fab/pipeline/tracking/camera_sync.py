@@ -133,7 +133,7 @@ def _begun(pair: list[Camera], first: Observed, second: Observed) -> float:
 
 
 def together(seen: Sequence[Observed], frames: Int) -> tuple[Float, Float]:
-    """Corners (k, m, v, 4, 2) and covariances (k, m, v, 4, 2, 2) of all cameras at the times of
+    """Corners (k, m, v, 4, 2) and covariances (k, m, v, 5, 2, 2) of all cameras at the times of
     frames (k,) of the first one."""
     ours = seen[0].part(frames)
     parts = [(ours.corners, ours.covariance), *(at(s, ours.time) for s in seen[1:])]
@@ -141,7 +141,7 @@ def together(seen: Sequence[Observed], frames: Int) -> tuple[Float, Float]:
 
 
 def views_of(seen: Sequence[Observed], rows: Int) -> tuple[Float, Float]:
-    """As `together`, of single tags: (n, v, 4, 2) and (n, v, 4, 2, 2) for `rows` (n, 2) of frames
+    """As `together`, of single tags: (n, v, 4, 2) and (n, v, 5, 2, 2) for `rows` (n, 2) of frames
     of the first camera and tags."""
     frames, place = np.unique(rows[:, 0], return_inverse=True)
     corners, covariance = together(seen, frames)

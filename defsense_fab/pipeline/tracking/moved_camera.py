@@ -25,7 +25,7 @@ def moved_camera(
 ) -> int | None:
     """The one without which the others fit together, where they do so without no other; None where
     all fit, or it cannot be told which. `views`: corners (n, v, 4, 2) px without distortion and
-    their covariance (n, v, 4, 2, 2) of `some_tags`, once as the cameras' clocks were brought in
+    their covariance (n, v, 5, 2, 2) of `some_tags`, once as the cameras' clocks were brought in
     step, where all may fit, and once as they were: views of a camera that was moved can look
     late."""
     taken = []

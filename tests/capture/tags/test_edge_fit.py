@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.pictures import CONDITIONS, measure
+from defsense_fab.capture.tags.edge_fit import refine
 from defsense_fab.capture.tags.tag_detection import Detector
 from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.core.camera import Camera
@@ -48,7 +50,7 @@ def look(scene, blur=0.8, noise=2.0, name="4X4_50", seed=0, **optics):
 def misses(view, patches):
     """Errors (n, 8) px and their squares by the covariance, per coordinate (n,)."""
     error = view.corners - flat(patches)[view.ids]
-    squares = np.einsum("nki,nkij,nkj->n", error, np.linalg.inv(view.covariance), error) / 8
+    squares = np.einsum("nki,nkij,nkj->n", error, np.linalg.inv(view.covariance[:, :4]), error) / 8
     return error.reshape(-1, 8), squares
 
 
@@ -133,4 +135,36 @@ def test_images_of_another_size_and_without_tags():
         DETECTORS["4X4_50"].find(np.zeros((100, 100), np.uint8))
     empty = DETECTORS["4X4_50"].find(np.zeros((480, 640, 3), np.uint8))
     assert empty.corners.shape == (0, 4, 2)
-    assert empty.covariance.shape == (0, 4, 2, 2)
+    assert empty.covariance.shape == (0, 5, 2, 2)
+
+
+def test_where_nothing_can_be_fitted_the_detectors_corners_stand_in():
+    """Tags in noise, beyond the image's border, and folded to a line."""
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (100, 120)).astype(np.uint8)
+    plane = np.stack(np.meshgrid(np.arange(120.0), np.arange(100.0)), axis=-1)
+    square = np.array([[0.0, 0], [30, 0], [30, 30], [0, 30]])
+    places = np.array([[40.0, 40], [-8, 5], [95, 80]])
+    seen = np.concatenate([square + places[:, None], square[None] * [1, 0] + 20])
+    corners, covariance, fitted = refine(image, plane, seen, 6)
+    assert (fitted == 0).all()
+    assert np.abs(corners - seen).max() < 0.6
+    sigma = np.sqrt(np.diagonal(covariance, axis1=2, axis2=3))
+    assert (sigma > 0.15).all()
+    assert (sigma < 1).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    ["clean", "sharpened-1.6", "sharpened-wide", "over-exposed", "mosaic", "gamma-0.55", "webcam",
+     "webcam-dim", "phone"],
+)  # fmt: skip
+def test_pictures_as_cameras_make_them(name):
+    """Against plain OpenCV, on pictures of another renderer with sharpening, clipped levels, a
+    colour mosaic, tone curves and compression."""
+    ours, plain = measure(CONDITIONS[name], frames=2, seed=11)
+    assert ours.found >= plain.found - 0.01
+    assert ours.rms < 0.3 * plain.rms
+    assert ours.rms < (0.01 if name == "clean" else 0.06)
+    assert ours.inside > 0.75  # errors of two frames are much alike

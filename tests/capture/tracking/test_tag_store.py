@@ -15,7 +15,7 @@ def views(frames, rng):
     out = []
     for _ in range(frames):
         n = int(rng.integers(0, 6))
-        root = rng.normal(size=(n, 4, 2, 2))
+        root = rng.normal(size=(n, 5, 2, 2))
         corners = rng.uniform(0, 1000, (n, 4, 2))
         out.append(TagView(rng.integers(0, 8, n), corners, root @ root.swapaxes(2, 3), corners))
     return out

@@ -297,7 +297,7 @@ def test_killed_at_any_moment(tmp_path):
 def test_tags_survive_their_file(tmp_path):
     rng = np.random.default_rng(0)
     corners = rng.uniform(0, 1000, (3, 4, 2)).round(4)
-    root = rng.normal(size=(3, 4, 2, 2)) * 0.02
+    root = rng.normal(size=(3, 5, 2, 2)) * 0.02
     views = TagView(np.array([4, 0, 9]), corners, root @ root.swapaxes(2, 3), corners)
     tags = sessions.Stream(tmp_path / "c.csv", sessions.TAG_COLUMNS)
     frames = sessions.Stream(tmp_path / "c-frames.csv", sessions.FRAME_COLUMNS)
@@ -332,9 +332,15 @@ def test_bad_sessions_are_one_clear_line(tmp_path):
     (run / sessions.LOG).write_text('{"event": "start"}\nnonsense\n')
     with pytest.raises(CaptureError, match=r"log\.jsonl:2"):
         sessions.read_log(run)
-    (run / "cam_0-frames.csv").write_text("frame,host_ns,lamp\n0,x,1\n")
+    (run / "cam_0-frames.csv").write_text(
+        "frame,host_ns,lamp\n0,x,1\n1,5,1\n2,4,1\n3,9,1\n4,10,1\n"
+    )
     (run / "cam_0.csv").write_text(",".join(sessions.TAG_COLUMNS) + "\n")
-    with pytest.raises(CaptureError, match=r"cam_0-frames\.csv:2"):
+    damaged = read_camera_tags(run, "cam_0", TAGS)
+    assert damaged.cut == 2
+    assert damaged.time[-2:].tolist() == [9, 10]
+    (run / "cam_0-frames.csv").write_text("frame,ns\n")
+    with pytest.raises(CaptureError, match=r"cam_0-frames\.csv:1: the columns must be"):
         read_camera_tags(run, "cam_0", TAGS)
     (session.folder / FILE).write_text("{}")
     with pytest.raises(CaptureError, match="has schema None"):
@@ -385,19 +391,25 @@ def test_only_what_is_empty_is_discarded(tmp_path):
     assert (other / "thesis.csv").exists()
 
 
-def test_a_run_without_pictures_of_one_camera_is_left_out(recorded, tmp_path):
+def test_what_one_camera_lacks_leaves_the_other(recorded, tmp_path):
     session, _ = recorded
-    shutil.copytree(session.folder, tmp_path / "s")
-    broken = tmp_path / "s" / "run-2"
-    shutil.copytree(tmp_path / "s" / "run-1", broken)
+    folder = tmp_path / "s"
+    shutil.copytree(session.folder, folder)
+    broken = folder / "run-2"
+    shutil.copytree(folder / "run-1", broken)
     (broken / "cam_1-frames.csv").write_text(",".join(sessions.FRAME_COLUMNS) + "\n")
-    result = process_session(tmp_path / "s")
+    result = process_session(folder)
+    assert [r["run"] for r in result.quality["runs"]] == ["run-1", "run-2"]
+    warnings = result.quality["runs"][1]["tracks"]["warnings"]
+    assert [w for w in warnings if "run-2 is processed without cam_1" in w]
+    (broken / "cam_0-frames.csv").unlink()
+    result = process_session(folder)
     assert [r["run"] for r in result.quality["runs"]] == ["run-1"]
     assert "no picture was recorded by cam_1" in result.quality["skipped"][0]["why"]
-    frames = broken / "cam_0-frames.csv"
-    frames.write_text(frames.read_text() + "5\n")
-    with pytest.raises(CaptureError, match="not 3 numbers"):
-        read_camera_tags(broken, "cam_0", TAGS)
+    assert "cam_0-frames.csv: cannot be read" in result.quality["skipped"][0]["why"]
+    (folder / sessions.CAMERAS).unlink()
+    with pytest.raises(CaptureError, match=r"cameras\.toml is missing"):
+        process_session(folder)
 
 
 def test_the_rig_of_these_tests_is_what_it_says():
