@@ -50,6 +50,7 @@ def even_frame_times(stamp: Float) -> FrameTimes:
             number = _number(place)
             if n - len(np.unique(number)) > _SAME + 0.02 * n:
                 return as_is
+            number = _in_order(number)
             x = number - number[0]
             rest = stamp[:n] - np.polyval(np.polyfit(x, stamp[:n], 1), x)
             # One that came so late that it seems the next one's would bend the line.
@@ -75,6 +76,12 @@ def _period(place: Float, about: float, reach: float) -> float:
     periods = about * np.linspace(1 - reach, 1 + reach, 241)
     turns = [abs(np.exp(2j * np.pi * place / p).mean()) for p in periods]
     return float(periods[int(np.argmax(turns))])
+
+
+def _in_order(number: Float) -> Float:
+    """Numbers that increase: a frame that came more than a period late seems to be the next one."""
+    x = np.arange(len(number))
+    return np.asarray(np.minimum.accumulate((number - x)[::-1])[::-1] + x)
 
 
 def _number(place: Float) -> Float:

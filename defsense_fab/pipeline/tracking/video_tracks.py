@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...capture.cameras.rig_file import Rig, read_rig
+from ...capture.clocks.frame_times import even_frame_times
 from ...capture.tags.tag_dictionary import dictionary
 from ...capture.tracking.observations import Observed, StoredObservations, observe
 from ...capture.tracking.outlier_filter import possible
@@ -100,7 +101,8 @@ def assemble(
     seen: list[StoredObservations] = []
     for w, s in zip(watched, told, strict=True):
         first = np.append(True, np.diff(w.time) > 0)  # a frame that came twice counts once
-        seen.append(observe(w.time[first] + s, w.tags.only(first), ids))
+        # Stamps come late by some ms, each by another time, which looks like motion.
+        seen.append(observe(even_frame_times(w.time[first]).time + s, w.tags.only(first), ids))
     time = seen[0].time
     progress("tracks", 0.1, "comparing clocks")
     clocks = sync_cameras(rig, seen, told=offsets is not None)

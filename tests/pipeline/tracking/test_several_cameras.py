@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.late_stamps import trial
 from defsense_fab.capture.cameras.rig_file import Rig
 from defsense_fab.capture.cameras.video import timing
 from defsense_fab.capture.tags.tag_detection import TagView
@@ -133,3 +134,15 @@ def test_what_two_see_after_one_was_bumped_is_left_out(by):
     warnings = " ".join(found.quality["warnings"])
     assert "camera moved" in warnings or "a camera was moved" in warnings
     assert "fell out of step" not in warnings
+
+
+@pytest.mark.parametrize(
+    ("late", "lost", "drift"), [(0.0, 0.0, 0.0), (3e-3, 0.0, 0.0), (10e-3, 0.15, 500e-6)]
+)
+def test_stamps_that_are_late_move_nothing(late, lost, drift):
+    """Two cameras that run freely: half-normal delays of their stamps, frames that are lost."""
+    left_out, lag, stated, error = trial(late, lost, drift, 15.0, seed=1)
+    assert left_out <= 3 + 0.1 * (lost > 0) * 450
+    assert abs(lag) < 1.0
+    assert error < 0.12
+    assert stated < 0.05
