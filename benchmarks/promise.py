@@ -41,6 +41,8 @@ from defsense_fab.pipeline.build.build import build
 from defsense_fab.pipeline.build.load_cases import Loading, jobs, loadings
 from defsense_fab.sensing.built_cord import CordReading
 
+_READINGS = 40  # of each state by each device: the band is that of the mean over its noise
+
 
 def law(device: Device) -> Material:
     """Mooney-Rivlin of the device's small-strain moduli."""
@@ -105,9 +107,12 @@ def measured(
             sigma.append(own.noise(cord))
         S, noise = np.stack(columns, axis=1), np.array(sigma)
         decoder = fit_decoder(layout.prediction.decoder, S[~tested], flat[~tested], noise)
-        read = S[tested] + noise * normal(0, 1, S[tested].shape)
-        off = (decoder(read) - flat[tested]).reshape(len(read), -1, 3)
-        errors.append(np.sqrt((off**2).sum(2).mean(1)))
+        square = np.zeros(int(tested.sum()))
+        for _ in range(_READINGS):
+            read = S[tested] + noise * normal(0, 1, S[tested].shape)
+            off = (decoder(read) - flat[tested]).reshape(len(read), -1, 3)
+            square += (off**2).sum(2).mean(1) / _READINGS
+        errors.append(np.sqrt(square))
     return np.array(errors), kept
 
 

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 _PAPER = "a4 (default), letter or a3"
 #: Options of a board's design, which a print that is measured has already.
-_DESIGN = ("square", "columns", "rows", "dictionary", "paper")
+_DESIGN = (
+    "square", "columns", "rows", "dictionary", "marker", "printed", "inverted", "legacy", "paper",
+)  # fmt: skip
 
 
 def add(steps: Commands, bars: Bars) -> None:
@@ -62,7 +64,9 @@ def add(steps: Commands, bars: Bars) -> None:
         " it, measure a square, and store that by the same command with --measured: all lengths"
         " that the cameras give scale by it.",
         epilog="examples:  defsense capture board my-cameras   "
-        "defsense capture board my-cameras --measured 29.95",
+        "defsense capture board my-cameras --measured 29.95   "
+        "defsense capture board other --columns 4 --rows 5 --square 54 --marker 40.5"
+        " --dictionary 4X4_1000 --inverted",
     )
     sub.add_argument(
         "folder", type=Path, nargs="?", default=Path(), metavar="OUT", help="a folder (this one)"
@@ -73,6 +77,20 @@ def add(steps: Commands, bars: Bars) -> None:
     sub.add_argument(
         "--dictionary", metavar="NAME",
         help="family of its tags (5X5_100): another than that of the device's tags",
+    )  # fmt: skip
+    sub.add_argument("--marker", type=float, metavar="MM", help="side of a tag (11/15 of a square)")
+    sub.add_argument(
+        "--printed", action="store_true",
+        help="a board that is there already: write board.json alone, nothing to print",
+    )  # fmt: skip
+    sub.add_argument(
+        "--inverted", action="store_true",
+        help="a board of another program, white where ours is black; implies --printed",
+    )  # fmt: skip
+    sub.add_argument(
+        "--legacy", action="store_true",
+        help="a board as OpenCV drew it before 4.6, which begins with white where the number of"
+        " rows is even; implies --printed",
     )  # fmt: skip
     sub.add_argument("--paper", metavar="NAME", help=_PAPER)
     sub.add_argument(
@@ -142,6 +160,9 @@ def _markers(options: argparse.Namespace, bars: Bars) -> int:
     return 0
 
 
+_PRINT_BOARD = "print it at 100 % (the rulers must be 100 mm), glue it flat on a stiff plate, "
+
+
 def _board(options: argparse.Namespace) -> int:
     from ..capture.tags.charuco_board import FILE, MARKER, CharucoBoard, load_board, save_board
     from ..capture.tags.print_sheets import write_board
@@ -149,7 +170,7 @@ def _board(options: argparse.Namespace) -> int:
 
     folder: Path = options.folder
     path = folder / FILE
-    given = {k: v for k in _DESIGN if (v := getattr(options, k)) is not None}
+    given = {k: v for k in _DESIGN if (v := getattr(options, k)) not in (None, False)}
     if options.measured is not None:
         if given:
             raise CaptureError(
@@ -166,20 +187,23 @@ def _board(options: argparse.Namespace) -> int:
         ]
     else:
         paper = given.pop("paper", "a4")
+        printed = given.pop("printed", False) or "inverted" in given or "legacy" in given
         square = given.get("square", CharucoBoard().square)
-        board = CharucoBoard(**given, marker=round(MARKER * square, 1))
+        board = CharucoBoard(**{"marker": round(MARKER * square, 1), **given})
         with storage_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
         forgotten = path.is_file() and _was_measured(path)
-        write_board(board, path.with_suffix(".pdf"), paper)
+        if not printed:
+            write_board(board, path.with_suffix(".pdf"), paper)
         save_board(board, path)
         lines = [
             f"{board.columns} x {board.rows} squares of {board.square:g} mm, tags of"
             f" {board.marker:g} mm, {board.family.name}",
             *(["note: what was measured of an earlier print is forgotten"] if forgotten else []),
-            f"Look at: {path.with_suffix('.pdf')}",
-            "Next:    print it at 100 % (the rulers must be 100 mm), glue it flat on a stiff plate,"
-            " measure squares with a caliper, and store the side of one:"
+            f"Written: {path}" if printed else f"Look at: {path.with_suffix('.pdf')}",
+            "Next:    "
+            + ("" if printed else _PRINT_BOARD)
+            + "measure squares with a caliper, and store the side of one:"
             f" defsense capture board {folder} --measured MM",
         ]
     if options.json:

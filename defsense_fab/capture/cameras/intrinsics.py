@@ -1,7 +1,8 @@
 """A camera's focal lengths, principal point and distortion, from views of a board (Zhang 2000).
 
 Views that fit much worse than the rest (blurred, or a board that was bent) are left out. The third
-radial coefficient is only taken where it is worth it (Bayesian information criterion).
+radial coefficient, and pixels that are not square, are only taken where they are worth it (Bayesian
+information criterion).
 """
 
 from __future__ import annotations
@@ -101,7 +102,10 @@ def _solve(
     seen = [v.corners.astype(np.float32) for v in chosen]
     count = sum(2 * len(v.ids) for v in chosen)
     best, least = None, np.inf
-    for flags, free in ((cv2.CALIB_FIX_K3, 8), (0, 9)):
+    square = cv2.CALIB_FIX_ASPECT_RATIO
+    for flags, free in (
+        (square | cv2.CALIB_FIX_K3, 7), (square, 8), (cv2.CALIB_FIX_K3, 8), (0, 9)
+    ):  # fmt: skip
         try:
             found = cv2.calibrateCameraExtended(
                 flat, seen, size, np.eye(3), np.zeros(5), flags=flags
@@ -120,9 +124,10 @@ def _solve(
     errors, tilt, normals = np.empty(len(views)), np.empty(len(views)), np.empty((len(views), 3))
     for k, view in enumerate(views):
         errors[k], tilt[k], normals[k] = _one(board, view, matrix, distortions)
+    spread = np.array(sigma, float).ravel()[:9]
+    spread[0] = spread[0] or spread[1]  # square pixels: one focal length is the other's
     return _Fit(
-        np.asarray(matrix, float), distortions, float(error), errors,
-        np.asarray(sigma, float).ravel()[:9], tilt, normals,
+        np.asarray(matrix, float), distortions, float(error), errors, spread, tilt, normals,
     )  # fmt: skip
 
 

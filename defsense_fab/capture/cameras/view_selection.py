@@ -13,7 +13,9 @@ from ..tags.charuco_board import CharucoBoard
 
 #: px that corners may move from frame to frame, for a view that counts as still.
 STILL = 0.6
-_SLOW = 0.4  # of the views, the slowest, are looked at where none is still
+#: Of the views, the slowest, that are looked at where few are still, and in turn while those give
+#: too few views for a calibration.
+_SLOW, _ENOUGH = (0.4, 0.7, 1.0), 30
 _NOVEL = 0.12  # distance between descriptors of views that are different
 #: Of the image, in cells of a grid: columns and rows.
 GRID = (6, 4)
@@ -59,23 +61,34 @@ def motion(views: Sequence[BoardView | None]) -> Float:
 
 def choose(descriptors: Float, moves: Float, most: int, *, stills: bool = False) -> Int:
     """At most so many of n views, in their order: slow ones (all, where they are `stills`), by
-    farthest-point sampling of their `descriptors` (n, 5)."""
+    farthest-point sampling of their `descriptors` (n, 5). Faster ones are taken where the slow ones
+    are few and alike: a board that is always in motion, before a short exposure, tells as well."""
     if not len(descriptors):
         return np.zeros(0, np.int64)
     slow = np.ones(len(moves), bool) if stills else moves <= STILL
-    if slow.sum() < min(most, len(moves)) / 2:
-        finite = np.where(
-            np.isfinite(moves), moves, np.nanmax(moves[np.isfinite(moves)], initial=1)
-        )
-        slow = finite <= max(STILL, float(np.quantile(finite, _SLOW)))
-    rows = np.flatnonzero(slow)
+    if slow.sum() >= min(most, len(moves)) / 2:
+        chosen = _spread(descriptors, np.flatnonzero(slow), most, stills)
+        if stills or len(chosen) >= _ENOUGH:
+            return chosen
+    finite = np.where(np.isfinite(moves), moves, np.nanmax(moves[np.isfinite(moves)], initial=1))
+    for share in _SLOW:
+        limit = max(STILL, float(np.quantile(finite, share)))
+        chosen = _spread(descriptors, np.flatnonzero(finite <= limit), most, stills)
+        if len(chosen) >= _ENOUGH:
+            break
+    return chosen
+
+
+def _spread(descriptors: Float, rows: Int, most: int, stills: bool) -> Int:
+    """At most so many of the views `rows` (k,), as different from each other as can be."""
     middle = descriptors[rows].mean(axis=0)
     chosen = [int(rows[np.linalg.norm(descriptors[rows] - middle, axis=1).argmin()])]
     gap = np.full(len(rows), np.inf)
     while len(chosen) < min(most, len(rows)):
         gap = np.minimum(gap, np.linalg.norm(descriptors[rows] - descriptors[chosen[-1]], axis=1))
         best = int(gap.argmax())
-        if gap[best] < 1e-9 or (gap[best] < _NOVEL / 4 and not stills):
+        alike = gap[best] < _NOVEL / 4 and len(chosen) >= _ENOUGH
+        if gap[best] < 1e-9 or (alike and not stills):
             break
         chosen.append(int(rows[best]))
     return np.sort(np.array(chosen))

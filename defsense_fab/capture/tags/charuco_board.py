@@ -28,7 +28,9 @@ _OFF = 0.05  # a print that is off by more was scaled to the page, or measured w
 class CharucoBoard:
     """`columns` x `rows` squares of `square` mm as drawn, the first (top left) black, with tags of
     `marker` mm in the white ones; `measured`, mm, is a square as printed, None until someone
-    measured it. Everything in mm that is made of a board scales by it."""
+    measured it. Everything in mm that is made of a board scales by it. Boards of other programs may
+    be `inverted`, black and white exchanged, or `legacy`, as OpenCV drew them before 4.6: with an
+    even number of rows they begin with white."""
 
     columns: int = 7
     rows: int = 5
@@ -36,6 +38,8 @@ class CharucoBoard:
     marker: float = 22.0
     dictionary: str = "5X5_100"
     measured: float | None = None
+    inverted: bool = False
+    legacy: bool = False
 
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 100:
@@ -81,7 +85,7 @@ class CharucoBoard:
             float(self.scale * self.marker),
             self.family.table,
         )
-        made.setLegacyPattern(False)  # before OpenCV 4.6 boards of even rows began with white
+        made.setLegacyPattern(self.legacy)
         return made
 
     @property
@@ -111,6 +115,7 @@ def load_board(path: Path) -> CharucoBoard:
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise CaptureError(f"{path}: not a board of schema {SCHEMA}; write it anew")
     wanted = CharucoBoard.__dataclass_fields__
+    data = {"inverted": False, "legacy": False, **data}  # which older files do not have
     for key in {*wanted, "schema"} ^ set(data):
         said = "is missing" if key in wanted else "is not known"
         raise CaptureError(f"{path}: {key!r} {said}; there are {', '.join(wanted)}")
@@ -119,6 +124,8 @@ def load_board(path: Path) -> CharucoBoard:
             good = isinstance(value, int) and not isinstance(value, bool)
         elif key == "dictionary":
             good = isinstance(value, str)
+        elif key in ("inverted", "legacy"):
+            good = isinstance(value, bool)
         else:
             number = isinstance(value, int | float) and not isinstance(value, bool)
             good = number or (key == "measured" and value is None)

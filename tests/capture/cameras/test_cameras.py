@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -11,7 +12,7 @@ from defsense_fab.capture.cameras.intrinsics import calibrate
 from defsense_fab.capture.cameras.rig_check import check_rig
 from defsense_fab.capture.cameras.view_selection import choose, coverage, descriptor, motion
 from defsense_fab.capture.tags.board_detection import BoardFinder, BoardView
-from defsense_fab.capture.tags.charuco_board import CharucoBoard
+from defsense_fab.capture.tags.charuco_board import CharucoBoard, load_board, save_board
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.renderer import Optics, render
@@ -215,3 +216,33 @@ def test_a_board_in_an_image_is_found_where_it_is_and_another_is_not():
     assert np.sqrt(((view.corners - true) ** 2).sum(axis=1).mean()) < 0.1
     assert BoardFinder(CharucoBoard(dictionary="4X4_100")).find(image) is None
     assert BoardFinder(board).find(np.full((240, 320, 3), 90, np.uint8)) is None
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize("legacy", [False, True])
+def test_boards_of_other_programs_are_found(tmp_path, inverted, legacy):
+    """White on black, and with an even number of rows that begin with white."""
+    board = CharucoBoard(4, 6, 54, 40.5, "4X4_1000", inverted=inverted, legacy=legacy)
+    save_board(board, tmp_path / "board.json")
+    assert load_board(tmp_path) == board
+    picture = board.charuco.generateImage((400, 600), marginSize=0)
+    image = np.full((720, 640), 255, np.uint8)
+    image[60:660, 120:520] = picture
+    image = cv2.GaussianBlur(255 - image if inverted else image, (0, 0), 0.8)
+    found = BoardFinder(board).find(image)
+    assert found.ids.tolist() == list(range(15))
+    expected = board.corners[:, :2] / 54 * 100 + [119.5, 59.5]
+    assert np.abs(found.corners - expected).max() < 0.1
+    other = BoardFinder(replace(board, inverted=not inverted)).find(image)
+    assert other is None
+
+
+def test_a_board_that_never_rests_gives_enough_views():
+    """Always in motion, and often at much the same place."""
+    rng = np.random.default_rng(9)
+    views = alone(45, rng)
+    d = np.array([descriptor(v, BOARD, LENSED.size) for v in views])
+    moves = rng.uniform(4, 15, 45)
+    assert len(choose(d, moves, 60)) >= 30
+    few = choose(d[:1] + rng.normal(0, 1e-3, (45, 5)), moves, 60)
+    assert len(few) >= 30
