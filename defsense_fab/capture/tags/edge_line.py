@@ -52,7 +52,8 @@ _CLEAN, _HIDDEN, _HIDES, _MORE = 0.02, 0.35, 0.5, 2
 _PIECES, _PART, _CLUSTERS = 16, 0.12, 6
 _LEAST_NOISE = 1.0  # grey levels
 MOST = 6000  # pixels beside an edge
-_ENOUGH = 1e-3  # px, change of the line at its ends below which a round has converged
+#: px, change of the line at its ends below which a round has converged: the first ones, and others.
+_ENOUGH = (0.1, 0.02, 2e-3)
 _FAR, _PER = 6.0, 256.0  # of the table of Phi and its derivative: its end, entries in a unit
 
 
@@ -178,9 +179,8 @@ def fit_line(  # type: ignore[no-untyped-def]
             limit = _ODD_STEP * q[3] + _ODD_GREY
         elif turn > 1:
             limit = max(min(_ODD_SIGMAS * math.sqrt(variance), middling), _ODD_PART * q[3])
-        loose = _OVERSHOOT if turn else _SMALL
         told, total, variance = _converge(
-            xs, ys, grey, shown, nx, ny, length, q, expected, loose, variance, limit, rows, A, B
+            xs, ys, grey, shown, nx, ny, length, q, expected, turn, variance, limit, rows, A, B
         )
         if told < _FEW:
             return False
@@ -250,7 +250,7 @@ def _hide(xs, ys, grey, count, nx, ny, half, q, limit, hidden):  # type: ignore[
 
 @compiled()
 def _converge(  # type: ignore[no-untyped-def]
-    xs, ys, grey, count, nx, ny, length, q, expected, loose, variance, limit, rows, A, B
+    xs, ys, grey, count, nx, ny, length, q, expected, turn, variance, limit, rows, A, B
 ):
     """Levenberg-Marquardt on q (FREE,), with the normal equations in A. How many pixels tell
     something (0 where that came to nothing), how many are not left out, and the variance of the
@@ -258,6 +258,7 @@ def _converge(  # type: ignore[no-untyped-def]
     g, delta, best = np.empty(FREE), np.empty(FREE), q.copy()
     damped, least, damping, told, kept = np.empty((FREE, FREE)), np.inf, 0.0, 0, 0
     steps, failures = 0, 0
+    enough = _ENOUGH[min(turn, len(_ENOUGH) - 1)]
     while True:
         now, here, cost = _equations(xs, ys, grey, count, nx, ny, q, limit, rows, B)
         if now < _FEW or not cost <= _WORSE * least:
@@ -266,7 +267,7 @@ def _converge(  # type: ignore[no-untyped-def]
                 break
             damping = max(_TRIES * damping, _DAMPED)
         else:
-            converged = steps and abs(delta[0]) + abs(delta[1]) * length / 2 < _ENOUGH
+            converged = steps and abs(delta[0]) + abs(delta[1]) * length / 2 < enough
             best[:], least, told, kept = q, cost, now, here
             A[:], g[:] = B[:FREE, :FREE], B[:FREE, FREE]
             for a in range(FREE):
@@ -277,7 +278,7 @@ def _converge(  # type: ignore[no-untyped-def]
                 (3, q[3] - expected, _BEYOND * expected),
                 (4, q[4] - _USUAL, _UNUSUAL),
                 (5, q[5], _UNEVEN),
-                (6, q[6], loose),
+                (6, q[6], _OVERSHOOT if turn else _SMALL),
             ):
                 A[a, a] += variance / sigma**2
                 g[a] -= away * variance / sigma**2
