@@ -145,22 +145,3 @@ def test_even_stamps():
     uneven = np.cumsum(rng.uniform(0.02, 0.05, 500))
     assert not even_frame_times(uneven).even
     assert (even_frame_times(uneven).time == uneven).all()
-
-
-@pytest.mark.parametrize("rate", [29, 27, 25, 24, 22, 20])
-@pytest.mark.parametrize("part", [0.1, 0.3])
-def test_a_camera_that_changes_its_rate_is_not_even(rate, part):
-    """As where it exposes for longer: its stamps stay as they are."""
-    count, rng = 900, np.random.default_rng(rate)
-    step = np.where(np.arange(count) >= count * (1 - part), 1 / rate, 1 / 30)
-    true = np.cumsum(step)
-    stamp = true + np.abs(rng.normal(0, 1e-3, count))
-    assert np.abs(even_frame_times(stamp).time - true).max() < 5e-3
-
-
-def test_one_stamp_too_many_moves_no_frame():
-    rng = np.random.default_rng(0)
-    true = np.arange(1000) / 30
-    true = np.insert(true, 985, true[985] - 0.01)
-    stamp = true + np.abs(rng.normal(0, 1e-3, 1001))
-    assert np.abs(even_frame_times(stamp).time - true).max() < 6e-3
