@@ -170,7 +170,7 @@ def _board(options: argparse.Namespace) -> int:
 
     folder: Path = options.folder
     path = folder / FILE
-    given = {k: v for k in _DESIGN if (v := getattr(options, k)) not in (None, False)}
+    given = {k: v for k in _DESIGN if (v := getattr(options, k)) is not None and v is not False}
     if options.measured is not None:
         if given:
             raise CaptureError(
