@@ -216,9 +216,12 @@ def measure(
             image = expose(camera, patches, condition, rng)
             shown += TAGS
             view = ours[c].find(image)
+            view = view.only(view.ids < TAGS)
             views[0][view.ids, c], spread[view.ids, c] = view.corners, view.covariance
             quads, ids, _ = plain.detectMarkers(image)
             for quad, number in zip(quads, () if ids is None else ids.ravel(), strict=True):
+                if number >= TAGS:
+                    continue
                 flat = camera.to_plane(quad[0].astype(float)) * camera.focal
                 views[1][number, c] = flat + camera.matrix[:2, 2]
         even = np.broadcast_to(0.25 * np.eye(2), spread.shape)

@@ -59,22 +59,25 @@ def motion(views: Sequence[BoardView | None]) -> Float:
     return np.asarray(np.minimum(step[:-1], step[1:]))
 
 
-def choose(descriptors: Float, moves: Float, most: int, *, stills: bool = False) -> Int:
+def choose(
+    descriptors: Float, moves: Float, most: int, *, stills: bool = False, moving: bool = False
+) -> Int:
     """At most so many of n views, in their order: slow ones (all, where they are `stills`), by
-    farthest-point sampling of their `descriptors` (n, 5). Faster ones are taken where the slow ones
-    are few and alike: a board that is always in motion, before a short exposure, tells as well."""
+    farthest-point sampling of their `descriptors` (n, 5). With `moving`, faster ones are taken
+    where the slow ones are few and alike: a board that is always in motion, before a short
+    exposure, tells as much of a camera by itself."""
     if not len(descriptors):
         return np.zeros(0, np.int64)
     slow = np.ones(len(moves), bool) if stills else moves <= STILL
     if slow.sum() >= min(most, len(moves)) / 2:
         chosen = _spread(descriptors, np.flatnonzero(slow), most, stills)
-        if stills or len(chosen) >= _ENOUGH:
+        if not moving or len(chosen) >= min(_ENOUGH, most):
             return chosen
     finite = np.where(np.isfinite(moves), moves, np.nanmax(moves[np.isfinite(moves)], initial=1))
-    for share in _SLOW:
+    for share in _SLOW if moving else _SLOW[:1]:
         limit = max(STILL, float(np.quantile(finite, share)))
         chosen = _spread(descriptors, np.flatnonzero(finite <= limit), most, stills)
-        if len(chosen) >= _ENOUGH:
+        if len(chosen) >= min(_ENOUGH, most):
             break
     return chosen
 

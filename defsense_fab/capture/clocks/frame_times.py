@@ -22,6 +22,9 @@ _NEAR = 0.1  # periods by which that one is late at most
 _SPREAD = 0.6  # periods by which nine of ten are late at most
 _BACK = 0.05  # periods that a stamp may be before its time
 _EARLY = 0.03  # periods before the earliest fiftieth of the stamps: misnumbered
+_MIDDLE = 0.33  # periods by which the median of any _BLOCK frames is late at most: the rate is one
+_APART = 0.3  # periods, of the median step of those from whole ones
+_STRAY = 0.01  # of the frames, that may seem to come before their time
 _ONSET = 0.4  # periods within which most stamps are
 
 
@@ -65,7 +68,20 @@ def even_frame_times(stamp: Float) -> FrameTimes:
     late = stamp - line
     parts = np.array_split(late, max(len(late) // _BLOCK, 1))
     worst = max(float(part.min()) for part in parts)
-    if worst > _NEAR * period or np.quantile(late, 0.9) > _SPREAD * period:
+    # A camera that changes its rate, as where it exposes for longer, is not even.
+    ends = (late[:_BLOCK], late[-_BLOCK:])
+    middle = max(float(np.median(part)) for part in (*parts, *ends))
+    step = np.diff(stamp) / period
+    usual = [float(np.median(p)) for p in (*np.array_split(step, len(parts)), step[-_BLOCK:])]
+    apart = max(abs(s - round(s)) for s in usual)
+    early = (late < -_NEAR * period).sum() > _STRAY * len(late)
+    if (
+        worst > _NEAR * period
+        or middle > _MIDDLE * period
+        or apart > _APART
+        or np.quantile(late, 0.9) > _SPREAD * period
+        or early
+    ):
         return as_is
     return FrameTimes(line, True, float(np.median(late)))
 

@@ -26,6 +26,7 @@ _APART = (0.16, 0.6)  # s: what slow motion is blurred by at least, and fast mot
 _MOST = 6  # main components of motion and of signals
 _SQUARES = 2  # of them enter squared as well: signals bend
 _RIDGE = 1e-3
+_RIDGE_FORETELLS = 0.1  # of a variance of one: what hardly moves in one half foretells nothing
 _AROUND = 15  # steps about the best lag
 _DRIFT_FROM = 40.0  # s; of less no drift is told
 _NO_DRIFT = 1e-4  # standard deviation of a drift that is not told
@@ -188,7 +189,7 @@ def _foretells(learnt: Float, tested: Float, p: int) -> float:
     """What part of the variance of the others the first p variables foretell, in other moments
     than they were learnt from."""
     one, other = slice(0, 1 + p), slice(1 + p, None)
-    ridge = _RIDGE * learnt[0, 0] * np.eye(1 + p)
+    ridge = _RIDGE_FORETELLS * learnt[0, 0] * np.eye(1 + p)
     b = np.linalg.solve(learnt[one, one] + ridge, learnt[one, other])
     left = tested[other, other] - b.T @ tested[one, other]
     left = np.trace(left - tested[other, one] @ b + b.T @ tested[one, one] @ b)

@@ -300,6 +300,8 @@ def _converge(  # type: ignore[no-untyped-def]
         q[5] += delta[5]
         q[6] += min(max(delta[6], -0.4), 0.4)
     q[:] = best
+    if failures:  # the rows are those of a step that failed
+        _equations(xs, ys, grey, count, nx, ny, q, limit, rows, B)
     return told, kept, variance
 
 

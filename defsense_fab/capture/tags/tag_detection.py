@@ -63,7 +63,9 @@ class Detector:
         ids = np.asarray(numbers).reshape(-1).astype(np.int64)
         seen = np.stack([np.asarray(q, float).reshape(4, 2) for q in quads])
         corners, covariance, _ = refine(grey, self._plane, seen, self._cells)
-        return TagView(ids, corners, covariance, seen)
+        view = TagView(ids, corners, covariance, seen)
+        # Others are beyond what the model of the lens reaches.
+        return view.only(np.asarray(np.isfinite(corners).all(axis=(1, 2))))
 
 
 def _plane(camera: Camera) -> Float:

@@ -22,6 +22,7 @@ _TAGS = 8  # looked at in each frame at most: those that the second camera sees 
 _NOISE = 0.05  # px, least that rays miss each other by
 _NOISIEST = 1.0  # px, above which nothing can be told
 _CAP = 9.0  # squares of that which a frame counts at most
+_GAP = 2.5  # periods, over which places are not interpolated
 _PRICE = 16.0  # of a change
 _SURE = 8.0  # by which another place of a change must be worse, to be ruled out
 _STILL = 0.15  # px: what moves less is the same at both offsets
@@ -131,7 +132,8 @@ def _shown(places: Float, time: Float, at: Float) -> Float:
     """Places (t, m, 2) px at other times, linear between frames; NaN beyond and beside gaps."""
     k = np.clip(np.searchsorted(time, at) - 1, 0, len(time) - 2)
     w = ((at - time[k]) / (time[k + 1] - time[k]))[:, None, None]
-    w = np.where((w < -1e-6) | (w > 1 + 1e-6), np.nan, w)
+    far = np.diff(time)[k][:, None, None] > _GAP * np.median(np.diff(time))
+    w = np.where((w < -1e-6) | (w > 1 + 1e-6) | far, np.nan, w)
     return np.asarray((1 - w) * places[k] + w * places[k + 1])
 
 

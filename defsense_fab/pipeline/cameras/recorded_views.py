@@ -124,7 +124,7 @@ def calibrate_cameras(
         views = [seen.views[k] for k in there]
         kept = [v for v in views if v is not None]
         d = np.array([descriptor(v, board, seen.size) for v in kept])
-        chosen = choose(d, motion(seen.views)[there], MOST, stills=seen.stills)
+        chosen = choose(d, motion(seen.views)[there], MOST, stills=seen.stills, moving=True)
         progress("solve", 0.0, name)
         done.append(calibrate_views(name, seen.size, board, [kept[k] for k in chosen]))
     progress("solve", 1.0, "done")

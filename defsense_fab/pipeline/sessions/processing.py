@@ -18,7 +18,7 @@ from ...capture.readout.recording import read_recording
 from ...capture.tracking.alignment import Aligned, align
 from ...capture.tracking.rest_pose import rest_pose
 from ...capture.tracking.tag_store import FrameTags
-from ...core.arrays import Bool, Float
+from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ...core.files import storage_errors, write_json, write_text
@@ -99,12 +99,17 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     for camera, seen in zip(rig.cameras, cameras, strict=True):
         time, tags = (seen.time - start) / 1e9, seen.tags
         if video:
-            tags, lacks = _again(session, run, camera, len(time), progress)
+            tags, lacks = _again(session, run, camera, seen.frame, progress)
             if lacks:
                 lacking[camera.name] = lacks
         watched.append(VideoDetections(time, tags, timing(time), 0))
     names = [f"{run.name}/{c.name}" for c in rig.cameras]
-    processed = assemble(watched, rig, session.markers.size, names, None, progress)
+    try:
+        processed = assemble(
+            watched, rig, session.markers.size, names, None, progress, session.rig.cameras[0]
+        )
+    except CaptureError as error:
+        raise CaptureError("; ".join([str(error), *absent])) from None
     processed.quality["warnings"] += absent + [
         f"{run.name}/{name}.mkv lacks {n} of the recorded frames: no tags are known in those"
         for name, n in lacking.items()
@@ -203,15 +208,18 @@ def _ends_early(names: Sequence[str], watched: Sequence[VideoDetections]) -> lis
 
 
 def _again(
-    session: CaptureSession, run: Path, camera: Camera, count: int, progress: Progress
+    session: CaptureSession, run: Path, camera: Camera, frame: Int, progress: Progress
 ) -> tuple[FrameTags, int]:
-    """The device's tags in `count` frames from the run's video, and how many of those it lacks: a
-    video that was cut off, or that a full disk has left gaps in, says by its times which it has."""
+    """The device's tags in the frames of the numbers `frame` (f,) from the run's video, and how
+    many of all it lacks: a video that was cut off, or that a full disk has left gaps in, says by
+    its times which it has."""
     path = run / f"{camera.name}.mkv"
     if not path.exists():
         raise CaptureError(f"{path}: there is no video; the session was recorded without --video")
     time, found = detect_all(Video(path), camera, session.markers, progress)
     number = np.round(time * FILM_RATE).astype(int)
+    known = frame[(frame >= 0) & (frame < 2 * len(frame) + 100)]  # others are damaged
+    count = max(int(known.max(initial=-1)) + 1, len(frame))
     there = (number >= 0) & (number < count)
     if there.sum() < 0.5 * count or not there.all() or len(np.unique(number)) < len(number):
         raise CaptureError(
@@ -220,7 +228,9 @@ def _again(
         )
     first, last = np.zeros((2, count), np.int64)
     first[number], last[number] = found.first, found.last
-    return FrameTags(found.store, first, last), count - len(time)
+    rows = np.where((frame >= 0) & (frame < count), frame, 0)
+    tags = FrameTags(found.store, first, last).only(rows)
+    return tags.without(rows != frame), count - len(time)
 
 
 def _resting(events: Sequence[dict[str, Any]], time: Float, start: int) -> Bool:

@@ -20,15 +20,17 @@ from ...core.errors import CaptureError
 from .session import FRAME_COLUMNS, TAG_COLUMNS
 
 _WITHOUT_MEAN = len(TAG_COLUMNS) - 3  # columns of older files
+_FAR = 1e5  # px, and px^2: no image is as large
 _BLOCK = 1 << 22  # bytes read at once
 
 
 @dataclass(frozen=True)
 class CameraRecording:
-    """What one camera recorded in a run: of f pictures when they were taken, `time` (f,) ns, and
-    how bright the LED was, `led` (f,), NaN where not known; the tags in each; lines that were
-    cut."""
+    """What one camera recorded in a run: of f pictures their numbers `frame` (f,), when they were
+    taken, `time` (f,) ns, and how bright the LED was, `led` (f,), NaN where not known; the tags in
+    each; lines that were cut."""
 
+    frame: Int
     time: Int
     led: Float
     tags: FrameTags
@@ -49,6 +51,8 @@ def read_camera_tags(run: Path, name: str, ids: Int) -> CameraRecording:
     store, numbers = TagStore(run), [np.zeros(0)]
     for rows, lost in _blocks(run / f"{name}.csv", TAG_COLUMNS, older=_WITHOUT_MEAN):
         rows = rows[np.isin(rows[:, 2], ids)]
+        good = _plausible(rows)
+        rows, lost = rows[good], lost + int((~good).sum())
         store.add(_view(rows))
         numbers.append(rows[:, 0].copy())
         cut += lost
@@ -58,7 +62,8 @@ def read_camera_tags(run: Path, name: str, ids: Int) -> CameraRecording:
         store, of = _sorted(store, order, run), of[order]
     first, last = (np.searchsorted(of, table[:, 0], side) for side in ("left", "right"))
     tags = FrameTags(store, np.asarray(first), np.asarray(last))
-    return CameraRecording(table[:, 1].astype(np.int64), table[:, 2], tags, cut)
+    frame = np.where(np.isfinite(table[:, 0]), table[:, 0], -1).astype(np.int64)
+    return CameraRecording(frame, table[:, 1].astype(np.int64), table[:, 2], tags, cut)
 
 
 def _forward(time: Float) -> Bool:
@@ -78,6 +83,16 @@ def _forward(time: Float) -> Bool:
         keep[k] = True
         k = int(before[k])
     return keep
+
+
+def _plausible(rows: Float) -> Bool:
+    """Which rows (n, columns) have corners that an image may hold, and variances."""
+    spread = rows[:, 11:].reshape(-1, 5, 3)
+    xx, xy, yy = spread[..., 0], spread[..., 1], spread[..., 2]
+    with np.errstate(invalid="ignore"):
+        positive = (xx > 0) & (yy > 0) & (xx * yy > xy * xy) & (xx + yy < _FAR)
+        positive[:, 4] |= np.isnan(xx[:, 4])  # which older files do not have
+        return np.asarray((np.abs(rows[:, 3:11]) < _FAR).all(axis=1) & positive.all(axis=1))
 
 
 def _view(rows: Float) -> TagView:

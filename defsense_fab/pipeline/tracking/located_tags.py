@@ -17,7 +17,7 @@ from .camera_sync import together
 
 @dataclass(frozen=True)
 class LocatedTags:
-    """t frames, m tags: `points` (t, m, 3) mm in the first camera's frame and their standard
+    """t frames, m tags: `points` (t, m, 3) mm in a camera's frame and their standard
     deviations `sigma` (t, m, 3) mm along its axes, NaN where not located; `cameras`, `miss`,
     `sides` and `seen` (t, m) as in `Reconstruction`."""
 
@@ -29,17 +29,20 @@ class LocatedTags:
     seen: Int
 
 
-def locate_tags(cameras: Sequence[Camera], seen: Sequence[Observed], size: float) -> LocatedTags:
-    """Tags of `size` mm by what all cameras see at the times of the first one's frames."""
+def locate_tags(
+    cameras: Sequence[Camera], seen: Sequence[Observed], size: float, frame: Camera
+) -> LocatedTags:
+    """Tags of `size` mm by what all cameras see at the times of the first one's frames, in the
+    frame of a camera."""
     shape = len(seen[0].time), len(seen[0].ids)
     out = LocatedTags(
         np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape, int), np.empty(shape),
         np.empty(shape), np.empty(shape, int),
     )  # fmt: skip
-    turn = cameras[0].rotation
+    turn = frame.rotation
     for frames in blocks(*shape):
         found = reconstruct(cameras, *together(seen, frames), size)
-        out.points[frames] = cameras[0].to_camera(found.points)
+        out.points[frames] = frame.to_camera(found.points)
         turned = turn @ found.covariance @ turn.T
         out.sigma[frames] = np.sqrt(np.diagonal(turned, axis1=-2, axis2=-1))
         out.cameras[frames], out.miss[frames] = found.cameras, found.miss

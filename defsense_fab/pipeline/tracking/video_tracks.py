@@ -17,6 +17,7 @@ from ...capture.tracking.observations import Observed, StoredObservations, obser
 from ...capture.tracking.outlier_filter import possible
 from ...capture.tracking.reconstruction import reconstruct
 from ...core.arrays import Bool, Float, Int
+from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
@@ -92,9 +93,11 @@ def assemble(
     names: Sequence[str],
     offsets: Sequence[float] | None = None,
     progress: Progress = silent,
+    frame: Camera | None = None,
 ) -> VideoTracks:
-    """Tracks from what the cameras saw, at the times of the first one; where no offsets are given
-    they are found. Raises CaptureError where the cameras do not agree."""
+    """Tracks from what the cameras saw, at the times of the first one and in its frame, or in that
+    of the camera `frame`; where no offsets are given they are found. Raises CaptureError where the
+    cameras do not agree."""
     told = check_offsets(offsets, len(watched))
     numbers = [w.tags.survey() for w in watched]
     ids = np.unique(np.concatenate([n for n, _ in numbers]))
@@ -107,7 +110,7 @@ def assemble(
     progress("tracks", 0.1, "comparing clocks")
     clocks = sync_cameras(rig, seen, told=offsets is not None)
     progress("tracks", 0.2, "triangulating")
-    found = locate_tags(rig.cameras, clocks.seen, size)
+    found = locate_tags(rig.cameras, clocks.seen, size, frame or rig.cameras[0])
     moved = None
     if len(rig.cameras) > 2:
         count = found.seen
@@ -118,7 +121,7 @@ def assemble(
         moved = moved_camera(rig.cameras, views, size)
     if moved is not None:
         clocks = sync_cameras(rig, seen, told=offsets is not None, without=moved)
-        found = locate_tags(rig.cameras, clocks.seen, size)
+        found = locate_tags(rig.cameras, clocks.seen, size, frame or rig.cameras[0])
     _check(found, rig, clocks.seen, size, names)
     progress("tracks", 0.7, "looking for what cannot be")
     odd = _odd(found)
@@ -195,7 +198,10 @@ def _odd(found: LocatedTags) -> Bool:
     if several.sum() < _MANY:
         return np.zeros(several.shape, bool)
     limit = max(_ODD, _ODDER * float(np.median(found.miss[several])))
-    return np.asarray(several & (found.miss > limit))
+    # A tag whose corners are told to be less exact than those of others may miss by more.
+    sigma = np.linalg.norm(found.sigma, axis=2)
+    less = np.maximum(sigma / max(float(np.median(sigma[several])), 1e-12), 1.0)
+    return np.asarray(several & (found.miss > limit * np.where(np.isfinite(less), less, 1.0)))
 
 
 def _apart(found: LocatedTags, odd: Bool) -> Bool:

@@ -243,6 +243,7 @@ def test_a_board_that_never_rests_gives_enough_views():
     views = alone(45, rng)
     d = np.array([descriptor(v, BOARD, LENSED.size) for v in views])
     moves = rng.uniform(4, 15, 45)
-    assert len(choose(d, moves, 60)) >= 30
-    few = choose(d[:1] + rng.normal(0, 1e-3, (45, 5)), moves, 60)
+    assert len(choose(d, moves, 60, moving=True)) >= 30
+    few = choose(d[:1] + rng.normal(0, 1e-3, (45, 5)), moves, 60, moving=True)
     assert len(few) >= 30
+    assert len(choose(d, moves, 60)) < 25  # cameras are arranged by slow ones alone

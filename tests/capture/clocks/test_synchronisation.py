@@ -79,6 +79,23 @@ def test_by_motion(rate):
     assert worst(sync, device + START) < 2 * sync.error
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_motion_that_one_camera_saw_for_a_while(seed):
+    """Its depth is off for a second, so that a component of motion is of that second alone."""
+    rng = np.random.default_rng(seed)
+    stamp, time, _ = frames(15, rng, rate=25.0)
+    device = np.arange(0, 15, 0.01)
+    both = walk(rng, np.concatenate([time, device]))[:, :1]
+    # Distances from markers at rest: not linear in how far a marker is out, as signals are.
+    motion = np.hypot(6 * both[: len(time)] + 6, [[20.0, 30.0, 40.0, 50.0]])
+    alone = ((time > 4) & (time < 5.1))[:, None]
+    motion = motion + 0.01 * rng.standard_normal(motion.shape)
+    motion = motion + alone * 0.3 * rng.standard_normal(4)
+    signals = both[len(time) :] @ rng.standard_normal((1, 2))
+    sync = by_motion(stamp, motion, device + START, signals, rough=Clocks(-0.2, 0.0, 0.0))
+    assert worst(sync, device + START) < 0.03
+
+
 def test_what_cannot_be_synchronised():
     rng = np.random.default_rng(1)
     device, led, toggles = board(30, 50, rng)
@@ -145,3 +162,22 @@ def test_even_stamps():
     uneven = np.cumsum(rng.uniform(0.02, 0.05, 500))
     assert not even_frame_times(uneven).even
     assert (even_frame_times(uneven).time == uneven).all()
+
+
+@pytest.mark.parametrize("rate", [29, 27, 25, 24, 22, 20])
+@pytest.mark.parametrize("part", [0.1, 0.3])
+def test_a_camera_that_changes_its_rate_is_not_even(rate, part):
+    """As where it exposes for longer: its stamps stay as they are."""
+    count, rng = 900, np.random.default_rng(rate)
+    step = np.where(np.arange(count) >= count * (1 - part), 1 / rate, 1 / 30)
+    true = np.cumsum(step)
+    stamp = true + np.abs(rng.normal(0, 1e-3, count))
+    assert np.abs(even_frame_times(stamp).time - true).max() < 5e-3
+
+
+def test_one_stamp_too_many_moves_no_frame():
+    rng = np.random.default_rng(0)
+    true = np.arange(1000) / 30
+    true = np.insert(true, 985, true[985] - 0.01)
+    stamp = true + np.abs(rng.normal(0, 1e-3, 1001))
+    assert np.abs(even_frame_times(stamp).time - true).max() < 6e-3

@@ -17,6 +17,7 @@ from defsense_fab.capture.cameras.rig_file import write_rig
 from defsense_fab.capture.readout.reader import Reader, Settings
 from defsense_fab.capture.readout.recording import Recorder
 from defsense_fab.capture.readout.source import Event, StampedSample
+from defsense_fab.capture.tags.tag_detection import Detector
 from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
@@ -153,6 +154,8 @@ def record(
     session: sessions.CaptureSession, screen=None, gone: float = float("inf"), video: bool = False
 ) -> bool:
     """One run of it."""
+    for camera in session.rig.cameras:
+        Detector(camera, dictionary("4X4_50"))  # compiles before the time begins
     began = time.monotonic_ns()
     cords = DeviceCords(
         ("a", "b"), np.array([100.0, 100.0]), lambda s: np.array([0.1, -0.06]) * level(s), TRAITS,

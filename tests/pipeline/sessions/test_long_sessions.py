@@ -109,6 +109,12 @@ def test_recorded_tags_are_those_of_their_frames(tmp_path, monkeypatch):
     damaged = read_camera_tags(run, "cam_0", ids)
     assert damaged.cut == 1
     assert damaged.tags.count.sum() == found.tags.count.sum() - 1
+    cells = lines[80].split(",")
+    for k, wrong in ((3, "1e9"), (11, "0"), (23, "0")):
+        path.write_text(
+            "\n".join([*lines[:80], ",".join([*cells[:k], wrong, *cells[k + 1 :]]), *lines[81:]])
+        )
+        assert read_camera_tags(run, "cam_0", ids).cut in (1, 2)  # of another tag: not looked at
     # Files of older versions do not have the covariance of the mean.
     older = [",".join(line.split(",")[:-3]) for line in lines]
     path.write_text("\n".join(older))
