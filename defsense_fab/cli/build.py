@@ -59,11 +59,11 @@ def _percent(error: float | None) -> str:
 
 def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
     """What it costs to keep the affine map where another decoder was tried and does better."""
-    tried = layout["cross_validated"]
+    tried = layout["unseen"]
     kept, best = layout["prediction"]["decoder"], min(tried, key=lambda k: tried[k])
     if kept != "affine" or best == kept:
         return []
-    return [f"note: cross-validated, the affine map has {tried[kept]:.2f} mm and {best}"
+    return [f"note: on unseen states the affine map has {tried[kept]:.2f} mm and {best}"
             f" {tried[best]:.2f} mm; [design] decoder chooses"]  # fmt: skip
 
 

@@ -159,8 +159,9 @@ def divide(body: Any, channels: Sequence[Channel], planned: Plan) -> Division:
         )
         for c in planned.cuts
     )
-    gaps = [c.gap for c in planned.cuts if c.gap is not None]
-    removed = float((body ^ triangle_kernel.union([hollow, *gaps])).volume())
+    # One by one: a union of channels and gaps, whose walls are alike, may lose some.
+    gaps = [c.gap - hollow for c in planned.cuts if c.gap is not None]
+    removed = sum(float(v.volume()) for v in (body ^ hollow, *gaps))
     return Division(tuple(parts), tuple(planned.leaves), cuts, removed)
 
 

@@ -127,11 +127,11 @@ class WeighedRecord:
 
 @dataclass(frozen=True)
 class LayoutRecord:
-    """`layout.json`. `mesh` is the hash of the mesh that it was designed on, `cross_validated` the
-    RMSE (mm) of each decoder on states left out of its training in turn, `weighed` the layouts that
-    it was chosen from, `initial` the prediction for the paths as `drawn`, each (p, 3) mm."""
+    """`layout.json`. `mesh` is the hash of the mesh that it was designed on, `unseen` and
+    `cross_validated` the RMSE (mm) of each decoder on unseen states, and on those designed for,
+    left out of its training in turn, `weighed` the layouts that it was chosen from, `initial` the prediction for the paths as `drawn`, each (p, 3) mm."""
 
-    SCHEMA: ClassVar[int] = 4
+    SCHEMA: ClassVar[int] = 5
 
     device: str
     mesh: str
@@ -141,6 +141,7 @@ class LayoutRecord:
     warnings: tuple[str, ...]
     weighed: tuple[WeighedRecord, ...]
     prediction: Prediction
+    unseen: Mapping[str, float]
     cross_validated: Mapping[str, float]
     band: BandRecord
     initial: Prediction

@@ -39,7 +39,7 @@ from ..artifacts.mesh import load_mesh_record
 from ..design.as_built import assumed_cords
 from ..design.choose_layout import choose_layout
 from ..design.design_task import SEED, DesignTask, load_task
-from ..design.predict import Scored, predict, unseen_error
+from ..design.predict import Scored, left_out_error, predict
 from .stages import Report
 
 #: Searches, whose random choices differ; the best are weighed against each other.
@@ -57,7 +57,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
         like = next((k for k in tried if KINDS[k] is KINDS[kind]), None)  # designed alike
         show = partial(part, report, 0.4 * n / len(kinds), 0.4 * (n + 1) / len(kinds))
         found = tried[like][1] if like else _search(device, task, 0, device.planes, show)
-        tried[kind] = (unseen_error(task, assumed_cords(task, found.sensors)), found)
+        scored = predict(task, assumed_cords(task, found.sensors))
+        tried[kind] = (scored.prediction.unseen, found)
     decoder = min(tried, key=lambda k: tried[k][0])
     task = task.decoded_by(decoder)
     every = _again(device, task, tried[decoder][1], partial(part, report, 0.4, 0.8))
@@ -66,9 +67,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     )
     found = chosen.found
     final = chosen.scored
-    errors = {  # of those not designed for: what they would make of the cords chosen
-        kind: unseen_error(task.decoded_by(kind), final.cords) for kind in DECODERS
-    }
+    # Of those not designed for: what they would make of the cords chosen.
+    decoded = {kind: task.decoded_by(kind) for kind in DECODERS}
     problem, tolerances = task.design, Tolerances()
     if device.cord.compression == "measured":
         tolerances = replace(tolerances, compression=0.0)
@@ -102,7 +102,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
             for t in trials
         ),
         prediction=final.prediction,
-        cross_validated=errors,
+        unseen={k: predict(t, final.cords).prediction.unseen for k, t in decoded.items()},
+        cross_validated={k: left_out_error(t, final.cords) for k, t in decoded.items()},
         band=BandRecord(
             **asdict(
                 tolerance_band(

@@ -17,9 +17,9 @@ from ...sensing.built_cord import BuiltCord
 from .design_task import DesignTask
 
 
-def unseen_error(task: DesignTask, cords: Sequence[BuiltCord]) -> float:
-    """Expected RMSE (mm) of decoders on states that they were not trained on, of those that the
-    cords are designed for: by it decoders are compared, for held-out states are to stay unseen."""
+def left_out_error(task: DesignTask, cords: Sequence[BuiltCord]) -> float:
+    """Cross-validated RMSE (mm): on states that the cords are designed for, each left out of the
+    decoder's training in turn."""
     signals, noise = read(task, cords)
     states = [w for w, held in zip(task.weights, task.held_out, strict=True) if not held]
     left_out = unseen_states(states, np.zeros(len(states), bool))

@@ -18,7 +18,7 @@ from ..build.build import build
 from ..build.stages import keys, plain
 from ..design.as_built import assumed_cords
 from ..design.design_task import SEED, load_task
-from ..design.predict import predict, unseen_error
+from ..design.predict import predict
 from .study_file import Row, chain, read_rows, write_rows
 
 FILE, PICTURE = "study.json", "study.png"
@@ -86,8 +86,8 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
             for count, layout in search:
                 kinds = DECODERS if auto else (device.decoder,)
                 cords = assumed_cords(task, layout)
-                best = min(kinds, key=lambda k: unseen_error(task.decoded_by(k), cords))
-                prediction = predict(task.decoded_by(best), cords).prediction
+                scored = [predict(task.decoded_by(k), cords).prediction for k in kinds]
+                prediction = min(scored, key=lambda p: p.unseen)
                 found.append(
                     Row(
                         count,
@@ -95,7 +95,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
                         prediction.rmse,
                         prediction.rmse_noise_free,
                         prediction.floor,
-                        best,
+                        prediction.decoder,
                         begun,
                         layout,
                     )

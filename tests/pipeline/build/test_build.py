@@ -88,6 +88,8 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
     assert layout["prediction"]["how"] == "held out"
     assert layout["prediction"]["tested"] == len(layout["prediction"]["held_out"]) == 4
     assert set(layout["cross_validated"]) == {"affine", "quadratic", "kernel"}
+    unseen, decoder = layout["unseen"], layout["prediction"]["decoder"]
+    assert unseen[decoder] == pytest.approx(layout["prediction"]["unseen"]) == min(unseen.values())
     assert 0 < layout["band"]["low"] < layout["band"]["median"] < layout["band"]["high"]
     # Each device is trained on states that are not quite those of the design.
     assert 0.8 < layout["band"]["median"] / layout["prediction"]["unseen"] < 2.5
