@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from ...core.arrays import Float
 from ...core.camera import Camera, distort
 from ...core.errors import CaptureError
+from ...core.rotation_vectors import cross_matrices
 from ..tags.board_detection import BoardView
 from ..tags.charuco_board import CharucoBoard
 
@@ -236,12 +237,16 @@ class _Problem:
             R, _ = self._camera(x, c)
             if c:
                 left = _left(x[6 * c - 6 : 6 * c - 3])
-                J[part, 6 * c - 6 : 6 * c - 3] = (-D @ _cross(first @ R.T) @ left).reshape(-1, 3)
+                J[part, 6 * c - 6 : 6 * c - 3] = (-D @ cross_matrices(first @ R.T) @ left).reshape(
+                    -1, 3
+                )
                 J[part, 6 * c - 3 : 6 * c] = D.reshape(-1, 3)
             b = self._boards + 6 * k
             Rb, _ = self._board(x, k)
             DR = D @ R
-            J[part, b : b + 3] = (-DR @ _cross(points @ Rb.T) @ _left(x[b : b + 3])).reshape(-1, 3)
+            J[part, b : b + 3] = (
+                -DR @ cross_matrices(points @ Rb.T) @ _left(x[b : b + 3])
+            ).reshape(-1, 3)
             J[part, b + 3 : b + 6] = DR.reshape(-1, 3)
             if self._sigma is not None:
                 o = self._inner + _OWN * c
@@ -280,17 +285,10 @@ class _Problem:
         return bent * focal + K[:2, 2], by * focal[:, None], own, first, at
 
 
-def _cross(a: Float) -> Float:
-    """Matrices (n, 3, 3) of the cross product with a (n, 3)."""
-    out = np.zeros((*a.shape, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -a[..., 2], a[..., 1], -a[..., 0]
-    return out - np.swapaxes(out, -1, -2)
-
-
 def _left(r: Float) -> Float:
     """Left Jacobian (3, 3) of the rotation by the vector r (3,) rad (Barfoot 2017, 7.1.3)."""
     angle = float(np.linalg.norm(r))
-    K = _cross(r[None])[0]
+    K = cross_matrices(r[None])[0]
     if angle < 1e-6:
         return np.asarray(np.eye(3) + K / 2)
     a, b = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3

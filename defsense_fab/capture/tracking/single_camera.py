@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.camera import Camera
+from ...core.rotation_vectors import cross_matrices, rotations
 from .triangulation import Triangulated
 
 _STEPS = 8
@@ -107,7 +108,7 @@ def _fit(
             D[..., 0, 0] = D[..., 1, 1] = 1.0
             D[..., 2] = -plane
             D = D / X[..., 2:, None] * camera.focal[:, None]
-            J = np.concatenate([-D @ _cross(turned), D], axis=-1)
+            J = np.concatenate([-D @ cross_matrices(turned), D], axis=-1)
             WJ = (W @ J).reshape(-1, 8, 6)
             N = np.swapaxes(J.reshape(-1, 8, 6), -1, -2) @ WJ
             N = np.where(np.isfinite(N).all(axis=(1, 2), keepdims=True), N, np.eye(6))
@@ -119,22 +120,6 @@ def _fit(
             d = np.linalg.solve(N, g[..., None])[..., 0]
             angle = np.linalg.norm(d[:, :3], axis=1, keepdims=True)
             d[:, :3] *= np.minimum(1.0, 0.3 / np.maximum(angle, 1e-12))
-            R = _turn(d[:, :3]) @ R
+            R = rotations(d[:, :3]) @ R
             t = t + d[:, 3:]
     return X, np.linalg.inv(N)[:, 3:, 3:], chi, (miss**2).sum(axis=(1, 2))
-
-
-def _cross(a: Float) -> Float:
-    """Matrices (..., 3, 3) of the cross product with a (..., 3)."""
-    out = np.zeros((*a.shape, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -a[..., 2], a[..., 1], -a[..., 0]
-    return out - np.swapaxes(out, -1, -2)
-
-
-def _turn(r: Float) -> Float:
-    """Rotations (n, 3, 3) by rotation vectors (n, 3) rad (Rodrigues)."""
-    angle = np.linalg.norm(r, axis=-1)[:, None, None]
-    K = _cross(r)
-    s = np.sinc(angle / np.pi)
-    c = np.sinc(angle / (2 * np.pi)) ** 2 / 2
-    return np.asarray(np.eye(3) + s * K + c * K @ K)

@@ -129,7 +129,8 @@ class WeighedRecord:
 class LayoutRecord:
     """`layout.json`. `mesh` is the hash of the mesh that it was designed on, `unseen` and
     `cross_validated` the RMSE (mm) of each decoder on unseen states, and on those designed for,
-    left out of its training in turn, `weighed` the layouts that it was chosen from, `initial` the prediction for the paths as `drawn`, each (p, 3) mm."""
+    left out of its training in turn, `weighed` the layouts that it was chosen from, `initial` the
+    prediction for the paths as `drawn`, each (p, 3) mm."""
 
     SCHEMA: ClassVar[int] = 5
 

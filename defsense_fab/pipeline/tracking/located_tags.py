@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -48,3 +48,11 @@ def locate_tags(
         out.cameras[frames], out.miss[frames] = found.cameras, found.miss
         out.sides[frames], out.seen[frames] = found.sides, found.seen
     return out
+
+
+def joined(parts: Iterable[LocatedTags]) -> LocatedTags:
+    """Parts, one after the other."""
+    every = list(parts)
+    return LocatedTags(
+        *(np.concatenate([getattr(p, f.name) for p in every]) for f in fields(LocatedTags))
+    )

@@ -21,9 +21,9 @@ from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
-from .camera_sync import sync_cameras, views_of
-from .located_tags import LocatedTags, locate_tags
-from .moved_camera import cameras_that_see, moved_camera, some_tags
+from .camera_sync import views_of
+from .located_tags import LocatedTags
+from .standing_cameras import locate
 from .video_detection import VideoDetections, detect_video
 
 #: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
@@ -107,28 +107,16 @@ def assemble(
         # Stamps come late by some ms, each by another time, which looks like motion.
         seen.append(observe(even_frame_times(w.time[first]).time + s, w.tags.only(first), ids))
     time = seen[0].time
-    progress("tracks", 0.1, "comparing clocks")
-    clocks = sync_cameras(rig, seen, told=offsets is not None)
-    progress("tracks", 0.2, "triangulating")
-    found = locate_tags(rig.cameras, clocks.seen, size, frame or rig.cameras[0])
-    moved = None
-    if len(rig.cameras) > 2:
-        count = found.seen
-        views = (
-            some_tags(s, count if s is clocks.seen else cameras_that_see(s))
-            for s in (clocks.seen, seen)
-        )
-        moved = moved_camera(rig.cameras, views, size)
-    if moved is not None:
-        clocks = sync_cameras(rig, seen, told=offsets is not None, without=moved)
-        found = locate_tags(rig.cameras, clocks.seen, size, frame or rig.cameras[0])
-    _check(found, rig, clocks.seen, size, names)
+    standing = locate(rig, seen, size, frame or rig.cameras[0], offsets is not None, progress)
+    found = standing.located
+    _check(found, rig, standing.seen, size, names)
     progress("tracks", 0.7, "looking for what cannot be")
     odd = _odd(found)
     apart = _apart(found, odd)
     odd |= apart[:, None] & (found.cameras >= 2)
     points, sigma = found.points, found.sigma
     points[odd] = np.nan
+    points[standing.shaken(time)] = np.nan
     keep = possible(time, points, sigma)
     wrong = int((np.isfinite(points[..., 0]) & ~keep).sum())
     points[~keep], sigma[~keep] = np.nan, np.nan
@@ -143,15 +131,10 @@ def assemble(
     progress("tracks", 1.0, "done")
     twice = [again for _, again in numbers]
     quality = _quality(watched, twice, found, keep, wrong, tracks, cameras, size, names)
-    quality["offsets"] = [a + b for a, b in zip(told, clocks.shift, strict=True)]
+    quality["offsets"] = [a + b for a, b in zip(told, standing.shift, strict=True)]
     quality["disagreeing"] = int(odd.sum())
-    quality["warnings"] += clocks.warnings(names, offsets is not None)
-    if moved is not None:
-        quality["warnings"].append(
-            f"{names[moved]}: its views do not fit those of the other cameras, which fit together:"
-            " it was moved since they were arranged, or is not in step; it was left out. Run"
-            " 'defsense capture camera check'"
-        )
+    quality["moved"] = [move.record for move in standing.moves]
+    quality["warnings"] += standing.warnings(names, offsets is not None)
     shared = found.seen >= 3
     out = shared & (found.cameras >= 2) & (found.cameras < found.seen)
     if out.sum() > (1 - _USED) * max(shared.sum(), 1):
