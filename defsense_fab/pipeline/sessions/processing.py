@@ -15,8 +15,6 @@ from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronisation import by_motion
 from ...capture.files.formats import read_any, write_any
 from ...capture.readout.recording import read_recording
-from ...capture.tracking.alignment import Aligned, align
-from ...capture.tracking.rest_pose import rest_pose
 from ...capture.tracking.tag_store import FrameTags
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
@@ -31,6 +29,7 @@ from .camera_recorder import FILM_RATE
 from .processed_session import ProcessedSession
 from .recorded_tags import CameraRecording, read_camera_tags
 from .report import write_report
+from .rest_frame import lay_on_rest
 from .rest_resistance import rest_resistances
 from .session import BOARD, CAMERAS, REST, CaptureSession, ending, load, read_log
 from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
@@ -40,7 +39,6 @@ TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
 )  # fmt: skip
 _PAUSE = 1.0  # s, between runs, in the tracks' time
 _ALONE = 5.0  # s without tags that are worth a word
-_OFTEN = 0.8  # of the frames that the anchor must give, to be used
 
 
 @dataclass(frozen=True)
@@ -269,7 +267,8 @@ def _join(
         begin = float(time[-1][-1]) + _PAUSE
     T, R = np.concatenate(time), np.concatenate(ohm)
     tracks = Tracks(T, ids, P, S, np.arange(count))
-    aligned, by, placed, warnings = _aligned(session, tracks, resting, anchor)
+    laid = lay_on_rest(session.markers, tracks, resting, anchor)
+    aligned, warnings = laid.aligned, list(laid.warnings)
     names = [str(r.told["run"]) for r in runs]
     R0, told = rest_resistances(names, session.channels, ohm, [r.rest for r in runs])
     warnings += told
@@ -281,11 +280,12 @@ def _join(
             "session": str(session.folder), "device": session.device,
             "runs": [r.told | {"sync": r.sync, "tracks": r.processed.quality} for r in runs],
             "skipped": list(skipped), "frames": len(T), "seconds": float(T[-1] - T[0]),
-            "aligned_by": by, "aligned_frames": float(aligned.ok.mean()),
+            "aligned_by": laid.by, "aligned_frames": float(aligned.ok.mean()),
+            "by_all": laid.by_all, "by_all_off": laid.off,
             "residual": _quantiles(aligned.residual), "sigma": _quantiles(
                 np.linalg.norm(back.sigma, axis=-1)[back.seen]),
             "seen": dict(zip(map(str, ids.tolist()), back.seen.mean(axis=0).tolist(), strict=True)),
-            "glued": placed, "warnings": warnings,
+            "glued": laid.glued, "warnings": warnings,
             "R0": {
                 n: [float(r) if np.isfinite(r) else None for r in of]
                 for n, of in zip(names, R0, strict=True)
@@ -293,53 +293,6 @@ def _join(
         }  # fmt: skip
         signals = [relative_change(of, r0) for of, r0 in zip(ohm, R0, strict=True)]
         return ProcessedSession(tracks, back, np.concatenate(signals), R, aligned.residual, quality)
-
-
-def _aligned(
-    session: CaptureSession, tracks: Tracks, resting: Bool, anchor: str
-) -> tuple[Aligned, str, list[Any], list[str]]:
-    """Tracks in the rest frame, by which markers, those that were glued elsewhere, warnings."""
-    m = session.markers
-    frames = resting if resting.sum() >= 5 else np.ones(len(tracks.time), bool)
-    rest = rest_pose(tracks.points[frames], tracks.sigma[frames], m.centers, ids=m.ids)
-    # Markers that were hidden at rest are where the design has them.
-    pose = np.where(np.isfinite(rest.points), rest.points, m.centers)
-    warnings = []
-    weights = _weights(tracks.sigma)
-    placed = [
-        {"tag": int(i), "away": float(d)}
-        for i, d, far in zip(m.ids, rest.away, rest.moved, strict=True)
-        if far
-    ]
-    warnings += [
-        f"tag {p['tag']} is {p['away']:.1f} mm from where the design has it: its place as measured"
-        " is used"
-        for p in placed
-    ]
-    if anchor == "anchor" or (anchor == "auto" and m.anchor.any()):
-        try:
-            found = align(tracks.points, pose, weights, m.anchor, sigma=tracks.sigma, ids=m.ids)
-            if anchor == "anchor" or found.ok.mean() >= _OFTEN:
-                return found, "anchor", placed, warnings
-            warnings.append(
-                f"the anchor's tags are seen in {found.ok.mean():.0%} of the frames only: aligned"
-                " by all markers"
-            )
-        except CaptureError as error:
-            if anchor == "anchor":
-                raise
-            warnings.append(f"aligned by all markers: {error}")
-    found = align(tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids)
-    return found, "all", placed, warnings
-
-
-def _weights(sigma: Float) -> Float | None:
-    """(t, m), by which places that several cameras saw count more than those of one; None where
-    nothing is known of them."""
-    with np.errstate(all="ignore"):
-        weights = 1 / (sigma**2).mean(axis=2)
-    known = np.isfinite(weights)
-    return np.where(known, weights, 0.0) if known.any() else None
 
 
 def _quantiles(values: Float) -> dict[str, float | None]:

@@ -1,0 +1,139 @@
+"""A session's tracks in the rest frame: by the anchor's markers, frame by frame by all where these
+are not seen."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...capture.tracking.alignment import Aligned, align
+from ...capture.tracking.rest_pose import rest_pose
+from ...core.arrays import Bool, Float
+from ...core.errors import CaptureError
+from ...core.markers import Markers
+from ...core.tracks import Tracks
+
+_FEW = 10  # frames by the anchor, in which what all markers make of them can be compared
+_COMPARED, _SETS = 300, 8  # frames by the anchor, and sets of other markers, that are compared
+_RARE = 0.05  # of the frames, that must show the anchor
+
+
+@dataclass(frozen=True)
+class LaidOnRest:
+    """The tracks as `aligned`, `by` the anchor's markers or all, and the share `by_all` of frames
+    that the anchor could not align; `off` mm, root mean square, by which that puts places
+    elsewhere, as frames tell that the anchor does align, None where all are by all; markers
+    `glued` elsewhere than designed, and warnings."""
+
+    aligned: Aligned
+    by: str
+    by_all: float
+    off: float | None
+    glued: list[dict[str, Any]]
+    warnings: list[str]
+
+
+def lay_on_rest(m: Markers, tracks: Tracks, resting: Bool, anchor: str) -> LaidOnRest:
+    """Tracks of the markers `m`, which is at rest in the frames `resting` (t,), by the `anchor`,
+    `all`, or `auto`. Raises CaptureError where the markers asked for do not do."""
+    frames = resting if resting.sum() >= 5 else np.ones(len(tracks.time), bool)
+    rest = rest_pose(tracks.points[frames], tracks.sigma[frames], m.centers, ids=m.ids)
+    # Markers that were hidden at rest are where the design has them.
+    pose = np.where(np.isfinite(rest.points), rest.points, m.centers)
+    glued = [
+        {"tag": int(i), "away": float(d)}
+        for i, d, far in zip(m.ids, rest.away, rest.moved, strict=True)
+        if far
+    ]
+    warnings = [
+        f"tag {p['tag']} is {p['away']:.1f} mm from where the design has it: its place as measured"
+        " is used"
+        for p in glued
+    ]
+    weights = _weights(tracks.sigma)
+
+    def by_all() -> Aligned:
+        return align(tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids)
+
+    if anchor == "anchor" or (anchor == "auto" and m.anchor.any()):
+        try:
+            found = align(tracks.points, pose, weights, m.anchor, sigma=tracks.sigma, ids=m.ids)
+        except CaptureError as error:
+            if anchor == "anchor":
+                raise
+            warnings.append(f"aligned by all markers: {error}")
+        else:
+            if anchor == "anchor" or found.ok.all():
+                return LaidOnRest(found, "anchor", 0.0, None, glued, warnings)
+            if found.ok.sum() >= max(_FEW, _RARE * len(found.ok)):
+                both, by = _filled(found, by_all(), tracks.points, pose, weights)
+                share = float(np.isfinite(by).mean())
+                off = float(np.sqrt(np.nanmean(by**2))) if share else 0.0
+                if share:
+                    warnings.append(
+                        f"the anchor's tags do not align {1 - found.ok.mean():.0%} of the frames:"
+                        f" {share:.0%} are aligned by all markers, which puts places {off:.2f} mm"
+                        " elsewhere (root mean square, by the other frames); their standard"
+                        " deviations include it. --align anchor leaves them out"
+                    )
+                return LaidOnRest(both, "anchor", share, off, glued, warnings)
+            warnings.append(
+                f"the anchor's tags align {found.ok.mean():.0%} of the frames only: aligned by all"
+                " markers"
+            )
+    return LaidOnRest(by_all(), "all", 1.0, None, glued, warnings)
+
+
+def _filled(
+    anchored: Aligned, by_all: Aligned, points: Float, pose: Float, weights: Float | None
+) -> tuple[Aligned, Float]:
+    """Frames by the anchor, and by all where it aligns none; of those frames (t,) how far that puts
+    places elsewhere, mm, NaN for the others."""
+    use = np.asarray(~anchored.ok & by_all.ok)
+    off = _off(anchored, use, points, pose, weights)
+    values = {
+        name: np.where(
+            use.reshape(-1, *[1] * (getattr(anchored, name).ndim - 1)),
+            getattr(by_all, name),
+            getattr(anchored, name),
+        )
+        for name in ("points", "rotation", "translation", "residual", "turn", "used", "ok")
+    }
+    covariance = np.array(anchored.covariance)
+    covariance[use] = by_all.covariance[use] + (off[use] ** 2 / 3)[:, None, None, None] * np.eye(3)
+    return replace(anchored, **values, covariance=covariance), off
+
+
+def _off(anchored: Aligned, use: Bool, points: Float, pose: Float, weights: Float | None) -> Float:
+    """How far (t,) mm, root mean square, the markers that are seen in each of the frames `use`
+    would put places elsewhere in frames that the anchor aligns, NaN for the others; the worst where
+    their set of markers is rare."""
+    out = np.full(len(use), np.nan)
+    there = np.isfinite(points).all(axis=2)
+    good = np.flatnonzero(anchored.ok)
+    good = good[:: max(len(good) // _COMPARED, 1)]
+    sets, which, count = np.unique(there[use], axis=0, return_inverse=True, return_counts=True)
+    told = np.full(len(sets), np.nan)
+    for k in np.argsort(-count)[:_SETS]:
+        with suppress(CaptureError):  # too few in common
+            w = None if weights is None else weights[good]
+            again = align(points[good], pose, w, sets[k])
+            apart = ((again.points - anchored.points[good]) ** 2).sum(axis=2)
+            if np.isfinite(apart).any():
+                told[k] = np.sqrt(np.nanmean(apart))
+    known = told[np.isfinite(told)]
+    told = np.where(np.isfinite(told), told, known.max() if len(known) else 0.0)
+    out[use] = told[which.reshape(-1)]
+    return out
+
+
+def _weights(sigma: Float) -> Float | None:
+    """(t, m), by which places that several cameras saw count more than those of one; None where
+    nothing is known of them."""
+    with np.errstate(all="ignore"):
+        weights = 1 / (sigma**2).mean(axis=2)
+    known = np.isfinite(weights)
+    return np.where(known, weights, 0.0) if known.any() else None
