@@ -112,7 +112,7 @@ def _off(anchored: Aligned, use: Bool, points: Float, pose: Float, weights: Floa
     would put places elsewhere in frames that the anchor aligns, NaN for the others; the worst where
     their set of markers is rare."""
     out = np.full(len(use), np.nan)
-    there = np.isfinite(points).all(axis=2)
+    there = np.asarray(np.isfinite(points).all(axis=2))
     good = np.flatnonzero(anchored.ok)
     good = good[:: max(len(good) // _COMPARED, 1)]
     sets, which, count = np.unique(there[use], axis=0, return_inverse=True, return_counts=True)
