@@ -14,7 +14,7 @@ from ..sensing.signal import relative_change
 from . import neutral
 from .fit import Data, Fitted, free_gains
 from .interval import Doubt, doubt
-from .model_selection import Tried, choose, compare
+from .model_selection import Tried, alike, choose, compare
 from .neutral import Drift, Policy
 from .plausibility import check
 from .readings import Piece, Readings
@@ -97,7 +97,8 @@ def calibrate(
     names = [(p.specimen, p.place) for p in outer.pieces]
     rng = rng or np.random.default_rng(1)
     extra = {} if draws is None else {"draws": draws}
-    doubted = doubt(data, fitted, names, outer.turn, spread, rng, **extra)
+    others = alike(tried, chosen, both)
+    doubted = doubt(data, fitted, others, names, outer.turn, spread, rng, **extra)
     strains = (float(data.strain.min()), float(data.strain.max()))
     gains = free_gains(data, fitted)
     k_res = fitted.model.slope_at_rest(fitted.theta)

@@ -1,11 +1,12 @@
 """How far the response can be trusted: a 95 % interval of the slope at rest.
 
-Three doubts. Within pieces, noise, hysteresis and relaxation: a bootstrap over the rounds of each
+Four doubts. Within pieces, noise, hysteresis and relaxation: a bootstrap over the rounds of each
 specimen (over its readings where there was one round). Between pieces: pieces of one cord differ,
 and the response of a device's cords is that of yet other pieces' mean; Student's t over the pieces'
 own gains. And few pieces can agree by chance: until specimens are many, a spread between specimens
-is taken for granted. A percentile bootstrap over two specimens has three different draws, and
-misses the truth far too often.
+is taken for granted. Last, models that the readings hardly tell apart have other slopes at rest. A
+percentile bootstrap over two specimens has three different draws, and misses the truth far too
+often.
 """
 
 from __future__ import annotations
@@ -32,26 +33,30 @@ _NORMAL = 1.96
 @dataclass(frozen=True)
 class Doubt:
     """Of the slope at rest: its `interval`, the half widths, relative to it, that come of readings
-    (`within`), of the pieces' spread (`pieces`), and of the spread taken for granted (`assumed`);
-    standard errors of the model's coefficients (size,) by the bootstrap."""
+    (`within`), of the pieces' spread (`pieces`), of the spread taken for granted (`assumed`), and
+    of the choice of the model (`model`); standard errors of the model's coefficients (size,) by the
+    bootstrap."""
 
     interval: tuple[float, float]
     within: float
     pieces: float
     assumed: float
+    model: float
     errors: Float
 
 
 def doubt(
     data: Data,
     fitted: Fitted,
+    others: Sequence[Fitted],
     names: Sequence[tuple[str, str]],
     turn: Int,
     spread: float,
     rng: np.random.Generator,
     draws: int = DRAWS,
 ) -> Doubt:
-    """For readings in the rounds `turn` (n,); `names` (pieces,) are the pieces' specimens and
+    """For readings in the rounds `turn` (n,); `others` are fits that explain them about as well;
+    `names` (pieces,) are the pieces' specimens and
     places; `spread` is the standard deviation between specimens that is taken for granted."""
     slope = fitted.model.slope_at_rest(fitted.theta)
     if abs(slope) < _DEAD:
@@ -82,10 +87,11 @@ def doubt(
     between = _pooled(pieces, spread if assumed else 0.0)
     if len(means) > 2:
         between = max(between, _student(means))
-    half = max(between, float(np.hypot(assumed, within))) * abs(slope)
-    return Doubt(
-        (slope - half, slope + half), within, between, assumed, np.std(thetas, axis=0, ddof=1)
-    )
+    apart = [f.model.slope_at_rest(f.theta) / slope - 1 for f in others]
+    choice = _NORMAL * float(np.sqrt(np.mean(np.square(apart)))) if apart else 0.0
+    half = float(np.hypot(max(between, float(np.hypot(assumed, within))), choice)) * abs(slope)
+    errors = np.std(thetas, axis=0, ddof=1)
+    return Doubt((slope - half, slope + half), within, between, assumed, choice, errors)
 
 
 def _student(gains: Sequence[float]) -> float:

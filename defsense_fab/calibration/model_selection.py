@@ -91,6 +91,13 @@ def choose(tried: dict[str, Tried], both: bool = True) -> tuple[str, str]:
     return chosen, f"{chosen}: {why} (error of (R - R0)/R0 on radii left out: {errors})"
 
 
+def alike(tried: dict[str, Tried], chosen: str, both: bool = True) -> list[Fitted]:
+    """Fits of the models that readings hardly tell from the one that was chosen: their deviance is
+    greater by half the price of a coefficient at most."""
+    limit = tried[chosen].deviance + _price(tried[chosen], both) / 2
+    return [t.fitted for t in tried.values() if t.deviance <= limit]
+
+
 def _price(tried: Tried, both: bool) -> float:
     return max(_PRICE, _PART * tried.count) * (1 if both else 2)
 

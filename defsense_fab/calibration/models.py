@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.response import ResponseSpec
+from ..core.response import MODELS, ResponseSpec
 from ..sensing.response import response_of
 
 #: From the simplest to the one that follows anything.
-ORDER = ("line", "quadratic", "two-slopes", "piecewise")
+ORDER = ("line", "quadratic", "two-slopes", "cubic", "piecewise")
+_SIZES = {"line": 1, "two-slopes": 2, "quadratic": 2, "cubic": 3}
 _KNOTS = 3  # of the piecewise model, on either side of rest
 _APART = 1e-4  # strain between two knots
 
@@ -31,19 +32,15 @@ class Model:
     @property
     def size(self) -> int:
         """How many coefficients it has."""
-        return {"line": 1, "two-slopes": 2, "quadratic": 2, "piecewise": len(self.knots) - 1}[
-            self.name
-        ]
+        return _SIZES.get(self.name, len(self.knots) - 1)
 
     def design(self, strain: Float) -> Float:
         """(n, size) for strains (n,)."""
         e = np.asarray(strain, float)
-        if self.name == "line":
-            return e[:, None]
         if self.name == "two-slopes":
             return np.stack([np.maximum(e, 0), np.minimum(e, 0)], axis=1)
-        if self.name == "quadratic":
-            return np.stack([e, e**2], axis=1)
+        if not self.rising:
+            return np.stack([e**power for power in range(1, self.size + 1)], axis=1)
         low, high = self.knots[:-1], self.knots[1:]
         climbed = np.clip((e[:, None] - low) / (high - low), 0, 1)
         return np.asarray(climbed - np.clip(-low / (high - low), 0, 1))
@@ -58,9 +55,7 @@ class Model:
                 "changes": (changes - changes[rest]).tolist(),
             }
         else:
-            names = {"line": ("k",), "two-slopes": ("tension", "compression")}
-            keys = names.get(self.name, ("k", "q"))
-            values = dict(zip(keys, map(float, theta), strict=True))
+            values = dict(zip(MODELS[self.name], map(float, theta), strict=True))
         return ResponseSpec(self.name, values, strain_range)
 
     def predict(self, theta: Float, strain: Float) -> Float:

@@ -67,6 +67,17 @@ def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
             f" {tried[best]:.2f} mm; [design] decoder chooses"]  # fmt: skip
 
 
+def _measured(response: dict[str, Any] | None) -> list[str]:
+    """The cords' response that was used, where it was measured."""
+    if response is None:
+        return []
+    low, high = response["interval"]
+    return [
+        f"cords' response: {response['file']}, k_res {response['k_res']:.2f} (95 %: {low:.2f} to"
+        f" {high:.2f}), pieces differ by {response['spread']:.1%}"
+    ]
+
+
 def _weighed(trials: list[dict[str, Any]]) -> list[str]:
     """The layouts that were made on trial, where there were several."""
     if len(trials) < 2:
@@ -119,6 +130,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
         table.add_row("floor of affine maps, all states", "", f"{best['floor']:.3f}")
         out.print(table)
         say([f"note: {MEANING[best['how']]}"])
+        say(_measured(layout["response"]))
         say(_cost_of_affine(layout))
         say(_weighed(layout["weighed"]))
     if "manifest" in data:

@@ -97,7 +97,7 @@ def _add_fit(steps: Commands, bars: Bars) -> None:
         " others, or ignore it",
     )  # fmt: skip
     sub.add_argument(
-        "--model", choices=("line", "two-slopes", "quadratic", "piecewise"),
+        "--model", choices=("line", "two-slopes", "quadratic", "cubic", "piecewise"),
         help="in place of the one that the readings call for",
     )  # fmt: skip
     sub.add_argument(

@@ -12,7 +12,7 @@ import numpy as np
 from .arrays import Float
 from .curve import Hermite, Plane
 from .regions import Shape
-from .response import ResponseSpec
+from .response import MeasuredResponse, ResponseSpec
 
 BodyKind = Literal["script", "step", "mesh"]
 
@@ -146,7 +146,8 @@ COMPRESSION = {"same": 1.0, "half": 0.5, "none": 0.0, "rising": -1.0}
 @dataclass(frozen=True)
 class CordSpec:
     """A piezoresistive cord; its `response` to strain, and what it is taken to do under
-    `compression` where that was not measured (a name of COMPRESSION, or "measured"); `noise` is the
+    `compression` where that was not measured (a name of COMPRESSION, or "measured"); what is known
+    of the response where it was `measured`; `noise` is the
     standard deviation of (R - R0)/R0 however long the cord, `contact` that of the resistance of
     each joint with a wire, ohm; `lengths` the least and the greatest that a piece may have, free
     ends included, and `min_stretch` the least that is to lie between its ends and be stretched; the
@@ -166,6 +167,7 @@ class CordSpec:
     min_stretch: float = 0.0
     modulus: float = 0.0
     compression: str = "same"
+    measured: MeasuredResponse | None = None
 
 
 #: What reads the resistances: full scale of a conversion in counts, and conversions a sample.

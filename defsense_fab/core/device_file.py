@@ -31,7 +31,7 @@ from .device import (
 from .errors import CalibrationError
 from .pose_file import read_poses, read_states
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
-from .response import ResponseSpec, read_response
+from .response import ResponseSpec, read_measured, read_response
 from .shore import from_shore
 from .toml_table import Table, is_number, load_toml
 
@@ -296,12 +296,14 @@ def _cord(t: Table, lead: float, folder: Path) -> CordSpec:
     compression = t.string("compression", rows[name]["compression"])
     t.choice("compression", compression, list(COMPRESSION), "behaviour under compression")
     response = _from_data_sheet(row.pop("gauge_factor"), compression)
+    measured = None
     if t.has("response"):
         if t.has("compression"):
             t.fail("compression", "the response tells it; remove this key or 'response'")
         compression = "measured"
         try:
             response = read_response(folder / t.string("response"))
+            measured = read_measured(folder / t.string("response"))
         except CalibrationError as error:
             t.fail("response", str(error))
     shortest, longest = 0.0, float("inf")
@@ -321,6 +323,7 @@ def _cord(t: Table, lead: float, folder: Path) -> CordSpec:
         response=response,
         lengths=(shortest, longest),
         compression=compression,
+        measured=measured,
         **row,
     )
 

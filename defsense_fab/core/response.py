@@ -17,12 +17,14 @@ MODELS: dict[str, tuple[str, ...]] = {
     "line": ("k",),
     "two-slopes": ("tension", "compression"),
     "quadratic": ("k", "q"),
+    "cubic": ("k", "q", "c"),
     "piecewise": ("strains", "changes"),
 }
 
 #: Of `response.json`.
 SCHEMA = 1
 _LEAST_KNOTS = 2
+_PRIOR = 4  # pieces, that a spread taken for granted counts as much as
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,9 @@ class ResponseSpec:
     was measured, without unit.
 
     line: w = k eps. two-slopes: `tension` eps above rest, `compression` eps below. quadratic:
-    w = k eps + q eps^2. piecewise: monotone through the points (`strains`, `changes`), (0, 0) among
-    them. Raises CalibrationError for coefficients that are missing, not finite or out of order.
+    w = k eps + q eps^2. cubic: with c eps^3, too. piecewise: monotone through the points
+    (`strains`, `changes`), (0, 0) among them. Raises CalibrationError for coefficients that are
+    missing, not finite or out of order.
     """
 
     model: str
@@ -86,6 +89,38 @@ class ResponseSpec:
             "coefficients": plain,
             "strain_range": list(self.strain_range),
         }
+
+
+@dataclass(frozen=True)
+class MeasuredResponse:
+    """What `defsense calibrate fit` found of a cord, by the `file` it is in: the slope `k_res` at
+    rest with its 95 % `interval`, and the standard deviation `spread` of a piece's gain, that of
+    the pieces measured pooled with the one that was taken for granted."""
+
+    file: str
+    k_res: float
+    interval: tuple[float, float]
+    spread: float
+
+
+def read_measured(path: Path) -> MeasuredResponse | None:
+    """Of `response.json`; None of one that was written by hand, without doubts. Raises
+    CalibrationError."""
+    data = load_json(path, CalibrationError, "'defsense calibrate fit' writes such a file")
+    if not {"k_res", "interval", "doubt", "pieces"} <= set(data):
+        return None
+    try:
+        low, high = (float(x) for x in data["interval"])
+        gains = np.array([float(p["gain"]) for p in data["pieces"]])
+        assumed, k_res = float(data["doubt"]["spread_assumed"]), float(data["k_res"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise CalibrationError(
+            f"{path}: not a response as 'defsense calibrate fit' writes it: {error!r}"
+        ) from None
+    own = float(((gains - gains.mean()) ** 2).sum()) if len(gains) else 0.0
+    free = _PRIOR + max(len(gains) - 1, 0)
+    spread = float(np.sqrt((_PRIOR * assumed**2 + own) / free))
+    return MeasuredResponse(path.name, k_res, (low, high), spread)
 
 
 def read_response(path: Path) -> ResponseSpec:

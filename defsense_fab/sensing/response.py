@@ -2,7 +2,7 @@
 
 Every model of `core/response.py` becomes a piecewise cubic, so that the loops of the optimiser need
 to know only one. Outside of the strains in which it was measured a model goes on along its tangent:
-a quadratic would turn round there.
+a polynomial would turn round there.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Response:
 
 def response_of(spec: ResponseSpec) -> Response:
     """What the record says, as a function."""
-    made = {"line": _line, "two-slopes": _two_slopes, "quadratic": _quadratic, "piecewise": _steps}
-    return made[spec.model](spec)
+    made = {"line": _line, "two-slopes": _two_slopes, "piecewise": _steps}
+    return made.get(spec.model, _polynomial)(spec)
 
 
 def _line(spec: ResponseSpec) -> Response:
@@ -66,9 +66,9 @@ def _two_slopes(spec: ResponseSpec) -> Response:
     return Response(np.zeros(1), np.zeros(2), np.array([[0.0, s, 0.0, 0.0] for s in slopes]))
 
 
-def _quadratic(spec: ResponseSpec) -> Response:
-    k, q = (float(spec.coefficients[n]) for n in ("k", "q"))
-    whole = Response(np.zeros(0), np.zeros(1), np.array([[0.0, k, q, 0.0]]))
+def _polynomial(spec: ResponseSpec) -> Response:
+    k, q, c = (float(spec.coefficients.get(n, 0.0)) for n in ("k", "q", "c"))
+    whole = Response(np.zeros(0), np.zeros(1), np.array([[0.0, k, q, c]]))
     return _with_tails(whole, *spec.strain_range)
 
 

@@ -19,6 +19,7 @@ from tests.calibration.sessions import readings
 LINE = (lambda e: 2 * e, "line")
 QUADRATIC = (lambda e: 2 * e + 8 * e * e, "quadratic")
 TWO_SLOPES = (lambda e: (2.4 if e > 0 else 1.6) * e, "two-slopes")
+CUBIC = (lambda e: 2 * e + 4 * e * e - 100 * e**3, "cubic")
 #: Saturates in tension: rises to 12 % and bends over.
 STEP = (lambda e: 0.12 * np.tanh(2.5 * e / 0.1) + 0.02 * np.sin(90 * e), "piecewise")
 
@@ -31,7 +32,7 @@ def test_strains_are_those_of_the_paper():
     assert g.strain(75, 0) == g.strain(float("nan"), 1) == 0
 
 
-@pytest.mark.parametrize(("true", "name"), [LINE, QUADRATIC, TWO_SLOPES])
+@pytest.mark.parametrize(("true", "name"), [LINE, QUADRATIC, TWO_SLOPES, CUBIC])
 def test_exact_readings_give_the_response_back(true, name):
     found = calibrate(readings(true, noise=0), draws=30)
     assert found.response.model == name
@@ -41,7 +42,7 @@ def test_exact_readings_give_the_response_back(true, name):
 
 
 @pytest.mark.parametrize("both", [False, True])
-@pytest.mark.parametrize(("true", "name"), [LINE, QUADRATIC, TWO_SLOPES, STEP])
+@pytest.mark.parametrize(("true", "name"), [LINE, QUADRATIC, TWO_SLOPES, CUBIC, STEP])
 def test_the_choice_of_the_model(true, name, both):
     """In three of four sessions or more, with noise and pieces that differ."""
     rounds = 3 if name == "piecewise" else 1

@@ -298,7 +298,16 @@ def test_a_calibrated_response(tmp_path):
         load_device(folder)
     spec = ResponseSpec("quadratic", {"k": 1.8, "q": 5.0}, (-0.06, 0.07))
     (folder / "response.json").write_text(json.dumps({"schema": 1, **spec.to_json()}))
-    assert load_device(folder).cord.response == spec
+    cord = load_device(folder).cord
+    assert (cord.response, cord.measured) == (spec, None)
+    told = {"k_res": 1.8, "interval": [1.7, 1.9], "doubt": {"spread_assumed": 0.03}}
+    pieces = [{"gain": g} for g in (0.9, 1.1, 0.9, 1.1)]
+    (folder / "response.json").write_text(
+        json.dumps({"schema": 1, **spec.to_json(), **told, "pieces": pieces})
+    )
+    measured = load_device(folder).cord.measured
+    assert (measured.file, measured.k_res, measured.interval) == ("response.json", 1.8, (1.7, 1.9))
+    assert measured.spread == pytest.approx(((4 * 0.03**2 + 4 * 0.1**2) / 7) ** 0.5)
     (folder / "response.json").write_text('{"schema": 1, "model": "line"}')
     with pytest.raises(DeviceError, match=r"device.toml:\d+: cord.response: .*not a response"):
         load_device(folder)

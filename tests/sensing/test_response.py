@@ -15,6 +15,7 @@ SPECS = {
     "line": ResponseSpec("line", {"k": 1.8}, RANGE),
     "two-slopes": ResponseSpec("two-slopes", {"tension": 2.2, "compression": 1.4}, RANGE),
     "quadratic": ResponseSpec("quadratic", {"k": 2.0, "q": 9.0}, RANGE),
+    "cubic": ResponseSpec("cubic", {"k": 2.0, "q": 9.0, "c": -40.0}, RANGE),
     "piecewise": ResponseSpec(
         "piecewise",
         {"strains": [-0.06, -0.03, 0, 0.02, 0.05], "changes": [-0.1, -0.06, 0, 0.03, 0.2]},
@@ -77,7 +78,7 @@ def test_signal_is_the_mean_response():
 @pytest.mark.parametrize(
     ("model", "coefficients", "says"),
     [
-        ("cubic", {"k": 1}, "unknown model"),
+        ("quartic", {"k": 1}, "unknown model"),
         ("line", {}, "coefficients k"),
         ("line", {"k": "two"}, "k must be numbers"),
         ("line", {"k": float("nan")}, "finite"),

@@ -13,6 +13,7 @@ from ...core.curve import Hermite, Plane
 from ...core.device import Sensor
 from ...core.errors import DefsenseError, StorageError
 from ...core.prediction import Prediction
+from ...core.response import MeasuredResponse
 from ...sensing.built_cord import BuiltCord
 from . import typed_json
 from .build_folder import BUILD_AGAIN
@@ -129,14 +130,16 @@ class WeighedRecord:
 class LayoutRecord:
     """`layout.json`. `mesh` is the hash of the mesh that it was designed on, `unseen` and
     `cross_validated` the RMSE (mm) of each decoder on unseen states, and on those designed for,
-    left out of its training in turn, `weighed` the layouts that it was chosen from, `initial` the
-    prediction for the paths as `drawn`, each (p, 3) mm."""
+    left out of its training in turn, `response` what is known of the cords' response where it was
+    measured, `weighed` the layouts that it was chosen from, `initial` the prediction for the paths
+    as `drawn`, each (p, 3) mm."""
 
     SCHEMA: ClassVar[int] = 5
 
     device: str
     mesh: str
     limits: LimitsRecord
+    response: MeasuredResponse | None
     sensors: tuple[CordRecord, ...]
     min_clearance: float | None
     warnings: tuple[str, ...]

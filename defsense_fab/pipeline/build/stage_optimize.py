@@ -72,6 +72,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     problem, tolerances = task.design, Tolerances()
     if device.cord.compression == "measured":
         tolerances = replace(tolerances, compression=0.0)
+    if device.cord.measured is not None:
+        tolerances = replace(tolerances, gauge=device.cord.measured.spread)
     initial = predict(task, assumed_cords(task, found.initial))
     check = verify(found.sensors, surface, problem.limits)
     if check.problems:
@@ -83,6 +85,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         limits=LimitsRecord(
             problem.limits.wall, problem.limits.min_radius, problem.limits.clearance
         ),
+        response=device.cord.measured,
         sensors=sensors,
         min_clearance=check.min_clearance,
         warnings=(*risks(problem, found.sensors), *_uncalibrated(device, sensors)),

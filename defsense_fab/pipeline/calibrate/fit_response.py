@@ -125,7 +125,7 @@ def describe(
         **found.response.to_json(),
         "k_res": found.k_res,
         "interval": list(d.interval),
-        "doubt": {"readings": d.within, "pieces": d.pieces, "assumed": d.assumed,
+        "doubt": {"readings": d.within, "pieces": d.pieces, "assumed": d.assumed, "model": d.model,
                   "spread_assumed": spread},
         "standard_errors": d.errors.tolist(),
         "noise": found.noise,

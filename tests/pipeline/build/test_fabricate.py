@@ -88,7 +88,8 @@ def layout(cube, made):
         "affine", (0.003,) * 3, 1.2, 1.1, 3, "held out", 1.0, 0.9, 2.0, 1.5, 0.1, {"rest": 0.0}, {}
     )
     return LayoutRecord(
-        device.name, "hash", LimitsRecord(1.2, 5.0, 3.4), cords, 4.0, (), (), prediction, {}, {},
+        device.name, "hash", LimitsRecord(1.2, 5.0, 3.4), None, cords, 4.0, (), (), prediction, {},
+        {},
         BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 0.01, 0.5, 600), prediction, (), False, (), 1,
     )  # fmt: skip
 

@@ -1,0 +1,79 @@
+"""Whether the searches that a build makes come near the best that many more would find.
+
+    python -m benchmarks.seeds fixtures/devices/bar fixtures/devices/twist-bar --count 25
+
+A build searches from `SEEDS` random seeds. Here each device folder is built up to its fields, and
+searched from `--count` seeds with the decoder that its layout has. Told are the designed RMSE (mm,
+on the states designed for) of the best of the build's seeds and of all, and the same of the errors
+on held-out states; then, of all choices of as many seeds as a build has, the share whose best is
+within 2 % of the best of all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from defsense_fab.core.device import DECODERS
+from defsense_fab.core.device_file import load_device
+from defsense_fab.core.errors import LayoutError
+from defsense_fab.optimize.refinement.refine import optimise
+from defsense_fab.pipeline.artifacts.layout import load_layout
+from defsense_fab.pipeline.build.build import build
+from defsense_fab.pipeline.build.stage_optimize import SEEDS
+from defsense_fab.pipeline.design.as_built import assumed_cords
+from defsense_fab.pipeline.design.design_task import SEED, load_task
+from defsense_fab.pipeline.design.predict import predict
+
+
+def searched(folder: Path, count: int) -> tuple[str, np.ndarray]:
+    """The decoder, and RMSE on designed and on unseen states by seed (count, 2)."""
+    device = load_device(folder)
+    made = build(device, "optimize").folder
+    decoder = load_layout(made).prediction.decoder
+    task = load_task(device, made).decoded_by(decoder)
+    out = []
+    for seed in range(count):
+        try:
+            found = optimise(
+                task.design, device.sensors, np.random.default_rng((SEED, seed)),
+                lambda *_: None, extra=device.propose, planes=device.planes,
+            )  # fmt: skip
+        except LayoutError:
+            out.append((np.inf, np.inf))
+            continue
+        cords = assumed_cords(task, found.sensors)
+        out.append((found.rmse, predict(task, cords).prediction.unseen))
+    return decoder, np.array(out)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", nargs="+", type=Path)
+    parser.add_argument("--count", type=int, default=25)
+    options = parser.parse_args()
+    for folder in options.folder:
+        begun = time.process_time()
+        decoder, errors = searched(folder, options.count)
+        assert decoder in DECODERS
+        sets = np.array(list(combinations(range(options.count), SEEDS)))
+        sys.stdout.write(f"{folder.name}, {decoder}, {options.count} seeds,")
+        sys.stdout.write(f" {time.process_time() - begun:.0f} CPU s\n")
+        for title, of in zip(("designed", "unseen"), errors.T, strict=True):
+            share = (of[sets].min(axis=1) <= 1.02 * of.min()).mean()
+            sys.stdout.write(
+                f"  {title:9} build's {SEEDS}: {of[:SEEDS].min():.3f}, all: {of.min():.3f},"
+                f" median {np.median(of):.3f} mm; sets of {SEEDS} within 2 %: {share:.0%}\n"
+            )
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
