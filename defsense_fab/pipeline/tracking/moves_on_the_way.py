@@ -11,10 +11,10 @@ from ...capture.cameras.rig_file import Rig
 from ...capture.tracking.camera_motion import (
     CameraMotion,
     find_camera_motion,
-    shared_views,
     which_moved,
 )
 from ...capture.tracking.observations import Observed, StoredObservations
+from ...capture.tracking.pose_equations import shared_views
 from ...core.arrays import Bool, Float
 from .camera_sync import together
 

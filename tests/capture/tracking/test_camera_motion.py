@@ -8,9 +8,9 @@ import pytest
 from defsense_fab.capture.tracking.camera_motion import (
     CameraMotion,
     find_camera_motion,
-    shared_views,
     which_moved,
 )
+from defsense_fab.capture.tracking.pose_equations import shared_views
 from defsense_fab.core.rotation_vectors import rotations
 from tests.capture.rigs import flat, rig, spread, tags
 
