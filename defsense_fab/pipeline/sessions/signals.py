@@ -24,6 +24,7 @@ from .session import BOARD, CaptureSession
 _DRIFTS = 5e-4  # relative: no read-out board's clock is off by more
 _LATE = 0.01  # s: what delays do to a short part's drift
 _AHEAD = 0.2  # s, by which no sample comes before its time
+_DISTANCES = 10  # between markers, that tell how a device moves
 _FEW = 10  # samples that are not yet a recording
 _BESIDE = 1.0  # s of frames beside a part's samples that are compared with it
 
@@ -167,16 +168,23 @@ def told_of(sync: Sync, notes: Sequence[str]) -> dict[str, Any]:
 
 
 def motion(tracks: Tracks) -> Float:
-    """Distances (t, d) between markers that are seen often: they do not change as the whole
-    moves."""
+    """Distances (t, d) between markers that are seen often, those that change most: they do not
+    change as the whole moves."""
     share = tracks.seen.mean(axis=0)
     often = np.argsort(-share)[:8]
     often = often[share[often] > 0.5]
     if len(often) < 2:
         raise CaptureError("too few markers are seen often enough to tell how the device moves")
     a, b = np.triu_indices(len(often), 1)
-    points = tracks.points[:, often]
-    return np.asarray(np.linalg.norm(points[:, a] - points[:, b], axis=2))
+    apart = np.stack(
+        [
+            np.linalg.norm(tracks.points[:, i] - tracks.points[:, j], axis=1)
+            for i, j in zip(often[a], often[b], strict=True)
+        ],
+        axis=1,
+    )
+    most = np.argsort(-np.nanstd(apart, axis=0))[:_DISTANCES]
+    return np.asarray(apart[:, most])
 
 
 def at_times(when: Float, time: Float, values: Float) -> Float:
