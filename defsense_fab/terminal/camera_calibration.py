@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from rich.columns import Columns
 from rich.console import Group
 from rich.text import Text
@@ -19,13 +21,19 @@ class BoardTerminal(LiveScreen):
     def show(self, shown: BoardShown) -> None:
         if shown.flash:
             self._console.bell()
-        n = len(shown.images)
-        width = max(24, min(72, (self._console.width - 2 * n) // n))
+        self._draw(pages(shown, self._console.width))
+
+
+def pages(shown: BoardShown, width: int) -> Iterator[Group]:
+    """All of it, `width` characters wide, with smaller pictures for terminals that are not high."""
+    n = max(len(shown.images), 1)
+    wide = max(24, min(72, (width - 2 * n) // n))
+    for part in (1.0, 0.75, 0.55, 0.4):
         pictures = []
         for name, image, corners in zip(shown.names, shown.images, shown.corners, strict=True):
             marks = [(corner[None], GREEN) for corner in corners]
             found = f"{len(corners)} corners" if len(corners) else "no board"
-            rows = picture(image, width, marks)
+            rows = picture(image, max(round(part * wide), 20), marks)
             pictures.append(Group(Text(f"{name}: {found}", "bold"), *rows))
         words = Text(f"{shown.taken} of {shown.wanted} views", "bold green")
         parts: list[object] = [Columns(pictures), words]
@@ -36,4 +44,4 @@ class BoardTerminal(LiveScreen):
                 parts += [Text(f"  {shades}", "cyan")]
         parts += [Text(f"> {h}", "yellow") for h in shown.hints[:3]]
         parts.append(Text("Enter finish   q stop", "bold"))
-        self._draw(Group(*parts))  # type: ignore[arg-type]
+        yield Group(*parts)  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterator
 
 from rich.console import Group
 from rich.panel import Panel
@@ -20,13 +21,12 @@ from .screen import LiveScreen
 _STYLES = {"top": "red", "neutral": "green", "bottom": "blue"}
 _FACES = {"a": ("BOTTOM", "top"), "b": ("TOP", "bottom")}
 _KEYS = {
-    "place": "Enter measure   b back (measure the last one again)   s skip   q stop (resume later)",
-    "settling": "r repeat (it slipped)   t take now   b lay again   s skip   q stop (resume later)",
+    "place": "Enter measure   b back (the last one again)   s skip   q stop (resume later)",
+    "settling": "r repeat (slipped)   t take now   b lay again   s skip   q stop (resume later)",
     "unplugged": "waiting for the read-out board...   q stop (resume later)",
     "done": "",
 }
-_PICTURE = 64, 8  # characters
-_PLOT = 60, 14
+_PICTURE, _PLOT = 64, 60  # characters, of a picture of 8 rows and of the plot
 _BAR = 24
 
 
@@ -42,18 +42,24 @@ class MeasurementTerminal(LiveScreen):
         if view.phase == "place" and self._phase == "settling":
             self._console.bell()
         self._phase = view.phase
-        self._draw(self._page(view))
+        self._draw(self.pages(view))
 
-    def _page(self, view: MeasurementView) -> Group:
+    def pages(self, view: MeasurementView) -> Iterator[Group]:
+        """All of it, and less and less for terminals that are not high."""
+        for picture, plot in ((8, 14), (6, 9), (4, 6), (0, 6), (0, 0)):
+            yield self._page(view, picture, plot)
+
+    def _page(self, view: MeasurementView, picture: int, plot: int) -> Group:
+        """With a picture of the specimen and a plot of so many rows, none for 0."""
         parts: list[object] = [_progress(view)]
         if view.step is not None:
-            parts.append(Panel(self._task(view, view.step), padding=(0, 1)))
-        parts += [_bars(view), *_plot(view)]
+            parts.append(Panel(self._task(view, view.step, picture), padding=(0, 1)))
+        parts += [_bars(view), *(_plot(view, plot) if plot else [])]
         parts += [Text(f"! {note}", "yellow") for note in view.notes]
         parts.append(Text(_KEYS[view.phase], "bold"))
         return Group(*parts)  # type: ignore[arg-type]
 
-    def _task(self, view: MeasurementView, step: JigStep) -> Group:
+    def _task(self, view: MeasurementView, step: JigStep, picture: int) -> Group:
         down, up = _FACES[step.face]
         words = Text()
         if view.phase == "unplugged":
@@ -65,7 +71,7 @@ class MeasurementTerminal(LiveScreen):
             words.append(", its ")
             words.append(down, "bold " + _STYLES[down.lower()])
             words.append(f" side on the jig, the {up} cord up; strap it down.")
-        rows: list[object] = [words, *self._picture(step)]
+        rows: list[object] = [words, *(self._picture(step, picture) if picture else [])]
         if view.phase == "settling":
             rows.append(self._settling(view))
         else:
@@ -83,10 +89,15 @@ class MeasurementTerminal(LiveScreen):
             out.append(f" of {c.tolerance:.2%} that may be")
         return out
 
-    def _picture(self, step: JigStep) -> list[Text]:
-        """The specimen on its jig, from the side, to scale."""
+    def _picture(self, step: JigStep, rows: int) -> list[Text]:
+        """The specimen on its jig, from the side, to scale, so many rows high."""
         half, h = self._length / 2, self._thickness
-        canvas = Canvas(*_PICTURE, (-1.05 * half, 1.05 * half), (-0.5 * half, 1.3 * h))
+        size = round(_PICTURE * rows / 8), rows
+        canvas = Canvas(
+            *size,
+            (-1.05 * half, 1.05 * half),
+            (-0.5 * half, 1.3 * h),
+        )
         style = _STYLES["bottom" if step.face == "a" else "top"]
         levels = [(0.0, "white"), (h, "white"), (0.14 * h, style),
                   (0.86 * h, _STYLES["top" if step.face == "a" else "bottom"])]  # fmt: skip
@@ -140,16 +151,16 @@ def bars(ohm: dict[str, float], most: float | None = None) -> Table:
     return table
 
 
-def _plot(view: MeasurementView) -> list[Text]:
-    """(R - R0)/R0 by strain, so far."""
+def _plot(view: MeasurementView, height: int) -> list[Text]:
+    """(R - R0)/R0 by strain, so far, in so many rows."""
     if not view.points:
         return [Text("the plot begins with the first reading on the flat jig", "dim")]
     x = max(max(abs(p.strain) for p in view.points) * 1.1, 0.01)
     y = max(max(abs(p.change) for p in view.points) * 1.1, 0.005)
-    canvas = Canvas(*_PLOT, (-x, x), (-y, y))
+    canvas = Canvas(_PLOT, height, (-x, x), (-y, y))
     canvas.line((-x, 0), (x, 0), "dim")
     canvas.line((0, -y), (0, y), "dim")
-    square = [(i * x / _PLOT[0], j * y / _PLOT[1] / 2) for i in (0, 1) for j in (0, 1)]
+    square = [(i * x / _PLOT, j * y / height / 2) for i in (0, 1) for j in (0, 1)]
     for place in ("neutral", "bottom", "top"):
         found = [p for p in view.points if p.place == place]
         canvas.dots(
@@ -158,7 +169,7 @@ def _plot(view: MeasurementView) -> list[Text]:
     rows = canvas.lines()
     rows[0].append(f" {y:+.1%}", "dim")
     rows[-1].append(f" {-y:+.1%}", "dim")
-    legend = Text(f"{-x:+.1%} strain{' ' * (_PLOT[0] - 22)}{x:+.1%}  ", "dim")
+    legend = Text(f"{-x:+.1%} strain{' ' * (_PLOT - 22)}{x:+.1%}  ", "dim")
     for place in ("top", "neutral", "bottom"):
         legend.append(f" {place}", _STYLES[place])
     return [Text("(R - R0)/R0", "dim"), *rows, legend]

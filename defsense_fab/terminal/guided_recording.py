@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Iterator
 
 import numpy as np
 from rich.columns import Columns
@@ -23,6 +24,7 @@ _KEYS = {
     "showing": "r again   s next   q stop (resume later)",
     "done": "",
 }
+_NARROW = 20  # characters, of a picture at least
 _BAR, _TRACE, _COLORS = 20, (60, 5), ("red", "green", "blue", "magenta", "cyan", "yellow")
 
 
@@ -37,17 +39,25 @@ class CaptureTerminal(LiveScreen):
         if view.phase == "ready" and self._phase == "showing":
             self._console.bell()
         self._phase = view.phase
-        self._draw(page(view, self._console.width))
+        self._draw(pages(view, self._console.width))
 
 
-def page(view: CaptureView, width: int) -> Group:
-    """All of it, `width` characters wide."""
+def pages(view: CaptureView, width: int) -> Iterator[Group]:
+    """All of it, `width` characters wide, with less and less for terminals that are not high."""
     n = max(len(view.cameras), 1)
     wide = max(24, min(58, (width - 2 * n) // n))
+    for part, course in ((1.0, True), (0.75, True), (0.6, True), (0.6, False), (0.45, False)):
+        yield _page(view, max(round(part * wide), _NARROW), course)
+    yield _page(view, 0, course=False)
+
+
+def _page(view: CaptureView, wide: int, course: bool) -> Group:
+    """With pictures that are so wide, none for 0, and the signals' `course`."""
     rows: list[object] = [_head(view), Text(view.next, "bold")]
-    rows.append(Columns([_camera(c, wide) for c in view.cameras]))
+    if wide:
+        rows.append(Columns([_camera(c, wide) for c in view.cameras]))
     rows.append(_tags(view))
-    rows += _signals(view)
+    rows += _signals(view, course)
     rows += _poses(view)
     rows += [Text(f"! {note}", "yellow") for note in view.notes]
     rows.append(Text(_KEYS[view.phase], "bold"))
@@ -93,8 +103,8 @@ def _tags(view: CaptureView) -> Text:
     return out
 
 
-def _signals(view: CaptureView) -> list[object]:
-    """Bars of (R - R0)/R0, and their course."""
+def _signals(view: CaptureView, course: bool) -> list[object]:
+    """Bars of (R - R0)/R0, and their `course`."""
     table = Table.grid(padding=(0, 1))
     for width in (None, 8, _BAR):
         table.add_column(no_wrap=True, min_width=width)
@@ -106,16 +116,16 @@ def _signals(view: CaptureView) -> list[object]:
         filled = min(_BAR, round(abs(value) / 0.2 * _BAR))
         table.add_row(Text(name, color), Text(f"{value:+7.2%}"), Text("█" * filled, color))
     history = view.history
-    if history.ndim != 2 or len(history) < 10:
+    if not course or history.ndim != 2 or len(history) < 10:
         return [table]
     with np.errstate(all="ignore"):
         middle = np.nanmedian(history, axis=0)
-        course = relative_change(history, middle)
-    most = max(float(np.nanmax(np.abs(course), initial=0.0)), 0.02)
-    canvas = Canvas(*_TRACE, (0, len(course) - 1), (-most, most))
-    for k in range(course.shape[1]):
-        good = np.flatnonzero(np.isfinite(course[:, k]))
-        canvas.dots(((float(i), float(course[i, k])) for i in good), _COLORS[k % len(_COLORS)])
+        change = relative_change(history, middle)
+    most = max(float(np.nanmax(np.abs(change), initial=0.0)), 0.02)
+    canvas = Canvas(*_TRACE, (0, len(change) - 1), (-most, most))
+    for k in range(change.shape[1]):
+        good = np.flatnonzero(np.isfinite(change[:, k]))
+        canvas.dots(((float(i), float(change[i, k])) for i in good), _COLORS[k % len(_COLORS)])
     beside = Table.grid(padding=(0, 2))
     beside.add_row(Group(*canvas.lines()), table)
     return [beside]

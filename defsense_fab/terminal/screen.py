@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Self
 
 from rich.console import Console, Group
@@ -30,5 +31,27 @@ class LiveScreen:
         """As `Keys.get`."""
         return self._keys.get(timeout)
 
-    def _draw(self, page: Group) -> None:
-        self._live.update(page, refresh=True)
+    def _draw(self, pages: Iterable[Group]) -> None:
+        """The first of the pages, the richest first, for which the terminal is high enough."""
+        self._live.update(fitting(self._console, pages), refresh=True)
+
+
+def fitting(console: Console, pages: Iterable[Group]) -> Group:
+    """The first page that is no higher than the console; of the last one, where none is, the rows
+    that fit above its own last row, which names the keys."""
+    page = Group()
+    for page in pages:
+        if _rows(console, page) <= console.height:
+            return page
+    *rows, last = page.renderables
+    room, kept = console.height - _rows(console, Group(last)), []
+    for row in rows:
+        room -= _rows(console, Group(row))
+        if room < 0:
+            break
+        kept.append(row)
+    return Group(*kept, last)
+
+
+def _rows(console: Console, page: Group) -> int:
+    return len(console.render_lines(page, pad=False))
