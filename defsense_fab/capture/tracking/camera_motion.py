@@ -119,8 +119,9 @@ def which_moved(pictures: Sequence[tuple[Float, Float]], at: float, gap: float) 
         here = _jump(time, px, at, gap)
         if len(jumps) < _TIMES // 4 or not np.isfinite(here):
             return None
-        clear.append(here > _TELLS * np.quantile(jumps, 0.95))
-        usual.append(here < np.quantile(jumps, 0.95))
+        most = np.quantile(jumps, 0.95)
+        clear.append(here > _TELLS * most)
+        usual.append(here < most)
     for k in (0, 1):
         if clear[k] and usual[1 - k]:
             return k
