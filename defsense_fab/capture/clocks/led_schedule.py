@@ -22,7 +22,8 @@ from ...core.errors import CaptureError
 #: between two samples (20, 40, 50, 100, 200 a second). 1000 does so nowhere.
 LED_PERIOD = 383
 _LATE = 1.5e-3  # s by which a toggle may be off its grid
-_GAP = 1.0  # s without samples that part a recording
+#: s without samples, after which a clock may have jumped.
+PAUSE = 1.0
 
 
 @dataclass(frozen=True)
@@ -68,10 +69,13 @@ def check_clock(name: str, time: Float, gap: float | None = None) -> None:
         )
 
 
-def find_schedule(time: Float, led: Bool, conversion: float = 0.0) -> LedSchedule:
+def find_schedule(
+    time: Float, led: Bool, conversion: float = 0.0, pause: float | None = PAUSE
+) -> LedSchedule:
     """Of samples (n,): their `time` s, half-way through conversions of `conversion` s, and the
-    flags `led`. Raises CaptureError for clocks that jump, and where the LED never switched."""
-    check_clock("read-out board", time, _GAP)
+    flags `led`. Raises CaptureError for clocks that jump (by more than `pause` s; None: by any
+    time), and where the LED never switched."""
+    check_clock("read-out board", time, pause)
     began = time - conversion / 2
     at = np.flatnonzero(led[1:] != led[:-1]) + 1
     if not len(at):

@@ -16,7 +16,7 @@ from ...core.errors import CaptureError
 from .clock_fit import Clocks
 from .frame_times import even_frame_times
 from .led_likelihood import normalise, posterior, shift_of, shifts_alike
-from .led_schedule import check_clock, find_schedule
+from .led_schedule import PAUSE, check_clock, find_schedule
 from .motion_sync import find_lag
 
 _SHORTEST = 5.0  # s that both clocks must have in common
@@ -61,20 +61,22 @@ def by_led(
     rough: Clocks | float | None = None,
     within: float = 0.35,
     conversion: float = 0.0,
+    pause: float | None = PAUSE,
 ) -> Sync:
     """From the LED's `brightness` (t,) in frames with stamps (t,) s, NaN where not known, and its
     flags (n,) in samples with times (n,) s: what `micros` said. `exposure` s; None: found from
     frames in which the LED switched. `rough`: clocks or an offset known beforehand to `within` s;
     None: none is known, and a blinking that never changes is refused. `conversion` s that the
     conversions of a sample take (`readout.conversion_time`): half of it is what a sample's flag is
-    older than its time.
+    older than its time. A longer `pause` s between samples is taken for a jump of the clock; None:
+    for a pause, where it was compared with another clock's.
 
     Raises CaptureError for clocks that jump, too short a recording, no toggles in either, and where
     several offsets explain the same."""
     _check_pair("frames", frame_time, brightness)
     _check_pair("samples", device_time, led)
     check_clock("camera", frame_time)
-    toggles = find_schedule(device_time, led, conversion)
+    toggles = find_schedule(device_time, led, conversion, pause)
     before = _clocks(rough)
     _check_length(frame_time, device_time)
     frames = even_frame_times(frame_time)
@@ -126,11 +128,13 @@ def by_motion(
     signals: Float,
     rough: Clocks | float | None = None,
     within: float = 1.0,
+    pause: float | None = PAUSE,
 ) -> Sync:
     """Without an LED: from `motion` (t, d) of frames with stamps (t,) s, as main components or
     distances of aligned markers, and `signals` (n, c) of samples with times (n,) s; NaN where not
     known. The offset and drift at which they have most in common; the offset is looked for within
-    `within` s of `rough` (None: at all at which half of the shorter recording is in both).
+    `within` s of `rough` (None: at all at which half of the shorter recording is in both). `pause`
+    as in `by_led`.
 
     What the cords lag behind the body is not told from the offset, and not in `error`: a lag of
     0.1 s in a third of the signal moves it by some 30 ms. With cords that lag only the LED tells.
@@ -140,7 +144,7 @@ def by_motion(
     _check_pair("frames", frame_time, motion)
     _check_pair("samples", device_time, signals)
     check_clock("camera", frame_time)
-    check_clock("read-out board", device_time, 1.0)
+    check_clock("read-out board", device_time, pause)
     _check_length(frame_time, device_time)
     frames = even_frame_times(frame_time)
     motion, signals = (np.asarray(a, float).reshape(len(a), -1) for a in (motion, signals))

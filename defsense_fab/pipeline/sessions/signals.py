@@ -92,14 +92,16 @@ def _part(
     shift: Sequence[float], tracks: Tracks,
 ) -> tuple[Float, dict[str, Any]]:  # fmt: skip
     """The read-out board's times (t,) s at the tracks' by samples between two starts, and how that
-    is known."""
+    is known. Its clock does not jump in a part (`_jumps`): where samples lack, it went on."""
     device, host = recording.device_us[part] / 1e6, (recording.host_ns[part] - start) / 1e9
     arrival = fit_clocks(device, host)
     sync, why = _by_leds(recording, part, cameras, start, shift, arrival)
     if sync is None:
         near = _near(tracks.time, host)
         try:
-            sync = by_motion(tracks.time[near], motion(tracks)[near], device, ohm[part], arrival)
+            sync = by_motion(
+                tracks.time[near], motion(tracks)[near], device, ohm[part], arrival, pause=None
+            )
         except CaptureError as error:
             why.append(str(error))
     if sync is not None:
@@ -136,7 +138,7 @@ def _by_leds(
         try:
             found = by_led(
                 time[near], camera.led[near], None, device, recording.led[part].astype(bool),
-                arrival, conversion=_conversion(recording),
+                arrival, conversion=_conversion(recording), pause=None,
             )  # fmt: skip
         except CaptureError as error:
             why.append(str(error))

@@ -205,6 +205,20 @@ def test_a_board_that_begins_anew_is_put_in_step_in_parts(tmp_path):
     parts, about = signals_in_step(session, back, [], 0, [], tracks)
     assert len(about["parts"]) == 2
     np.testing.assert_allclose(parts[good], ohm[good], rtol=1e-3)
+    # What did not arrive for a while is a pause, at which no clock jumped.
+    there = np.ones(len(late), bool)
+    there[half : half + 80] = False
+    less = replace(
+        board, **{n: getattr(board, n)[there]
+                  for n in ("device_us", "host_ns", "counter", "sums", "led", "late", "averages",
+                           "full_scale")},
+    )  # fmt: skip
+    paused, about = signals_in_step(session, less, [], 0, [], tracks)
+    assert about["method"] == "motion"
+    assert "parts" not in about
+    rest = good & np.isfinite(paused[:, 0])
+    assert 0.9 < rest.sum() / good.sum() < 0.99
+    np.testing.assert_allclose(paused[rest], truth[rest], rtol=1e-3)
     both = good & np.isfinite(as_one[:, 0])
     assert off < 0.005
     assert np.abs(as_one[both, 0] - truth[both, 0]).max() / speed > 0.02
