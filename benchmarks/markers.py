@@ -33,7 +33,7 @@ from defsense_fab.capture.tracking.tag_store import stored
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
 from defsense_fab.twin.filming.renderer import Optics, Renderer
-from defsense_fab.twin.filming.scene import Patch, Scene
+from defsense_fab.twin.scenes.scene import Patch, Scene
 
 SIZE, FOCAL, AWAY, BASE, TAGS, SIDE = (1280, 720), 900.0, 400.0, 160.0, 20, 15.0
 DISTORTIONS = np.array([0.05, -0.1, 0.001, -0.0005, 0.02])

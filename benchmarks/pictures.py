@@ -30,7 +30,7 @@ from defsense_fab.capture.tags.tag_dictionary import Dictionary, dictionary
 from defsense_fab.capture.tracking.triangulation import triangulate
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
-from defsense_fab.twin.filming.scene import Patch
+from defsense_fab.twin.scenes.scene import Patch
 
 Image = NDArray[np.uint8]
 FINE, TAGS, SIDE = 6, 12, 15.0

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from .options import Commands
 
 _CAMERAS = (
-    "one for each of the calibration: 0, /dev/video0; twin (twin:seed=1); or none, where another"
+    "one for each of the calibration: 0, /dev/video0; a twin's (twin:webcam, twin:phone or"
+    " twin:industrial, twin:seed=1,cameras=3; twin alone has webcams); or none, where another"
     " system records the markers"
 )
 
@@ -98,7 +99,8 @@ def _twin(
     options: argparse.Namespace, device: Device, markers: Markers, stack: ExitStack
 ) -> LiveTwin:
     """The twin. Raises DeviceError where only one of cameras and read-out board is one."""
-    from ..pipeline.twin.live_twin import start_live_twin
+    from ..pipeline.twin.live_twin import KIND, start_live_twin
+    from ..twin.filming.camera_kinds import KINDS
 
     word = options.cameras[0]
     others = len(options.cameras) > 1
@@ -106,14 +108,20 @@ def _twin(
         raise DeviceError(
             "a twin has its own cameras and read-out board: give --cameras twin --port twin"
         )
-    values = {"seed": 1, "cameras": 2}
-    for pair in filter(None, word.partition(":")[2].split(",")):
-        name, equals, number = pair.partition("=")
-        if not equals or name not in values or not number.isdigit():
-            raise DeviceError(f"--cameras {word}: write twin:seed=1,cameras=2, each or none")
-        values[name] = int(number)
+    values, kind = {"seed": 1, "cameras": 2}, KIND
+    for part in filter(None, word.partition(":")[2].split(",")):
+        name, equals, number = part.partition("=")
+        if not equals and name in KINDS:
+            kind = name
+        elif equals and name in values and number.isdigit():
+            values[name] = int(number)
+        else:
+            raise DeviceError(
+                f"--cameras {word}: write twin:webcam,seed=1,cameras=2, each or none; the kinds are"
+                f" {', '.join(KINDS)}"
+            )
     within("--cameras twin:cameras", values["cameras"], 1, 6)
-    twin = start_live_twin(device, markers, values["seed"], values["cameras"])
+    twin = start_live_twin(device, markers, values["seed"], values["cameras"], kind=kind)
     stack.callback(twin.close)
     return twin
 

@@ -11,7 +11,7 @@ from defsense_fab.cli.main import main
 from defsense_fab.core.camera import Camera
 from defsense_fab.twin.filming.film import Shutter, film
 from defsense_fab.twin.filming.renderer import Optics
-from defsense_fab.twin.filming.scene import Patch, Scene
+from defsense_fab.twin.scenes.scene import Patch, Scene
 from tests.twin.views import turn
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])

@@ -20,6 +20,7 @@ from .alignment import NARROW, align, extents
 
 #: Farther from its place in the design, in mm, a marker counts as glued elsewhere.
 FAR = 3.0
+_GLUED = 0.5  # mm, standard deviation of where markers are glued
 _ROUNDS, _STILL = 500, 1e-6  # of the mean shape, and mm by which it may change in the last
 _ALL = 2000  # triples of markers: of more, so many are drawn
 
@@ -83,7 +84,7 @@ def rest_pose(
     spread = np.where(count > 0, spread, np.nan)
     away, moved = np.full(len(names), np.nan), np.zeros(len(names), bool)
     if design is not None:
-        mean, away = _placed(mean, design, names, far)
+        mean, away = _placed(mean, design, _certainty(seen, sigma), names, far)
         moved = away > far
     return RestPose(mean, spread, count, int(aligned.ok.sum()), away, moved)
 
@@ -94,6 +95,17 @@ def _weights(seen: Bool, sigma: Float | None) -> Float:
         return np.ones(seen.shape)
     w = 1 / (np.where(seen[..., None], sigma, 1.0) ** 2).mean(axis=2)
     return np.asarray(w / w[seen].mean())
+
+
+def _certainty(seen: Bool, sigma: Float | None) -> Float:
+    """Weights (m,) of markers as they are compared with the design: what is wrong with a place that
+    one camera saw stays the same over frames, and no mean makes it better."""
+    if sigma is None:
+        return np.ones(seen.shape[1])
+    variance = np.where(seen, (sigma**2).mean(axis=2), np.nan)
+    variance = np.array([np.median(v[np.isfinite(v)]) if np.isfinite(v).any() else 0.0
+                         for v in variance.T])  # fmt: skip
+    return np.asarray(_GLUED**2 / (_GLUED**2 + variance))
 
 
 def _first(points: Float, seen: Bool, names: Int) -> int:
@@ -114,9 +126,11 @@ def _first(points: Float, seen: Bool, names: Int) -> int:
     return int(fit[np.lexsort((width[fit], count[fit]))[-1]])
 
 
-def _placed(shape: Float, design: Float, names: Int, far: float) -> tuple[Float, Float]:
-    """The shape (m, 3) mm moved to the design (m, 3) mm by most of its markers; how far each of
-    them is from its place there (m,) mm."""
+def _placed(
+    shape: Float, design: Float, weights: Float, names: Int, far: float
+) -> tuple[Float, Float]:
+    """The shape (m, 3) mm moved to the design (m, 3) mm by most of its markers, with `weights`
+    (m,); how far each of them is from its place there (m,) mm."""
     common = np.flatnonzero(np.isfinite(shape).all(axis=1) & np.isfinite(design).all(axis=1))
     if len(common) < 3:
         raise CaptureError(
@@ -138,7 +152,7 @@ def _placed(shape: Float, design: Float, names: Int, far: float) -> tuple[Float,
     for _ in range(_ROUNDS):
         if close.sum() < 3 or 2 * close.sum() <= len(common):
             break
-        out = align(shape[None], design, None, close, ids=names)
+        out = align(shape[None], design, weights, close, ids=names)
         away = np.linalg.norm(out.points[0] - design, axis=1)
         again = np.asarray(away <= far)
         if (again == close).all():

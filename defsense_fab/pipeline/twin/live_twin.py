@@ -23,12 +23,14 @@ from ...twin.electronics.cord_twin import CordTraits
 from ...twin.electronics.device_cords import DeviceCords
 from ...twin.electronics.pseudo_terminal import PseudoTerminal
 from ...twin.electronics.readout_twin import ReadoutTwin
-from ...twin.filming.device_motion import Ramp, sway
-from ...twin.filming.device_twin import DeviceTwin, blend
+from ...twin.filming.camera_kinds import KINDS
 from ...twin.filming.live_camera import LiveCamera
-from ...twin.filming.pose_player import PosePlayer
-from ...twin.filming.renderer import Optics
-from ...twin.filming.scene import Backdrop, Led, Patch, Scene
+from ...twin.scenes.device_motion import Ramp, sway
+from ...twin.scenes.device_twin import DeviceTwin, blend
+from ...twin.scenes.passing_hand import passing_hand
+from ...twin.scenes.pose_player import PosePlayer
+from ...twin.scenes.printed import printed
+from ...twin.scenes.scene import Backdrop, Led, Patch, Scene
 from ..artifacts.build_folder import finished_build
 from ..artifacts.fields import INDEX, load_fields
 from ..artifacts.layout import LAYOUT, load_layout
@@ -38,10 +40,13 @@ from ..sessions.pose_coverage import BINS, PoseCoverage
 _FOCAL, _SIZE = 900.0, (1280, 720)
 _DISTORTIONS = np.array([0.04, -0.09, 0.0008, -0.0005, 0.01])
 _NEAR, _APART = 200.0, 0.45  # mm, at least; distance between cameras, of their distance
+_FACES = 0.35  # cosine, at least, at which a camera sees a tag well
 _FILLS = 0.55  # of the picture's width, by the body
 _STEADY = 3.0  # mm and degrees of the hand that holds the device
 _DENSE = 60_000  # triangles, above which a body is not drawn
 _FRAMES = 15.0  # frames per second
+#: Of cameras, where none is named: what most people have.
+KIND = "webcam"
 #: Of the twin's read-out board: its clock against the host's, s and relative.
 OFFSET, DRIFT = 0.35, 60e-6
 
@@ -137,15 +142,18 @@ class LiveTwin:
 
 def start_live_twin(
     device: Device, markers: Markers, seed: int = 1, count: int = 2, rate: float = _FRAMES,
-    optics: Optics | None = None, *, led: bool = True,
+    kind: str = KIND, *, led: bool = True,
 ) -> LiveTwin:  # fmt: skip
-    """A twin of a built device with its tags, `count` cameras and a read-out board. Raises
-    CaptureError."""
+    """A twin of a built device with its tags, `count` cameras of a `kind` (`camera_kinds.py`) and a
+    read-out board. Raises CaptureError."""
+    if kind not in KINDS:
+        raise CaptureError(f"twin: no cameras are called {kind}; there are {', '.join(KINDS)}")
+    own = KINDS[kind]
     rng = np.random.default_rng(seed)
     sim = simulated(device, markers)
     family = dictionary(markers.dictionary)
     seats = tuple(
-        Patch(int(n), family.pattern(int(n)), c, a, markers.size)
+        printed(Patch(int(n), family.pattern(int(n)), c, a, markers.size), own.ink, own.curl)
         for n, c, a in zip(markers.ids, markers.centers, markers.axes, strict=True)
     )
     twin = DeviceTwin(sim.rest, sim.skin, seats)
@@ -173,7 +181,9 @@ def start_live_twin(
     middle = sim.rest.bounds.mean(axis=0)
     hand = sway(rng, middle, shift=_STEADY, degrees=_STEADY)
     place = _beside(cameras[0], sim.rest)
-    around = Scene(backdrop=Backdrop())
+    around = Scene(backdrop=Backdrop(), gloss=own.gloss)
+    towards = np.mean([c.center for c in cameras], axis=0) - middle
+    passing = passing_hand(rng, sim.rest.bounds, towards / np.linalg.norm(towards))
     drawn = len(sim.rest.faces) <= _DENSE
 
     def scene_at(seconds: float) -> Scene:
@@ -181,15 +191,20 @@ def start_live_twin(
         states = np.pad(w, (0, len(sim.skin) - len(w)))
         found = twin.scene(states, hand.at(seconds), around)
         shown = found if drawn else found.moved(body=None)
+        if own.passing:
+            shown = shown.moved(occluders=passing(seconds))
         if led:
             shown = shown.moved(led=Led(place, board.lit(seconds), radius=3.0))
         return shown
 
-    optics = optics or Optics()
+    phases = rng.random(count) if own.free_running else np.zeros(count)
     sources = tuple(
-        LiveCamera(c, scene_at, optics, np.random.default_rng([seed, k]), board.began_ns, rate)
+        LiveCamera(
+            c, scene_at, own.optics, np.random.default_rng([seed, k]), board.began_ns, rate,
+            own.delay, own.jitter, float(phases[k]),
+        )
         for k, c in enumerate(cameras)
-    )
+    )  # fmt: skip
     return LiveTwin(
         cameras, sources, puppet, board, sim.names, twin, board.began_ns,
         extra={"reference": reference, "hand": hand, "states": len(sim.skin)},
@@ -208,18 +223,24 @@ def _cameras(body: Surface, markers: Markers, count: int) -> tuple[Camera, ...]:
     ways = np.column_stack(
         [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
     )
-    facing = normals @ ways.T
-    score = (facing > 0.4).sum(axis=0) + 0.5 * np.clip(facing, 0, 1).sum(axis=0)
-    score = score + 2 * (facing[markers.anchor] > 0.4).sum(axis=0)
-    way = ways[int(score.argmax())]
     longest = np.eye(3)[int((high - low).argmax())]
-    aside = longest - (longest @ way) * way
-    if np.linalg.norm(aside) < 0.3:
-        aside = np.cross(way, np.eye(3)[int(np.abs(way).argmin())])
-    aside /= np.linalg.norm(aside)
+    asides = longest - (ways @ longest)[:, None] * ways
+    along = np.linalg.norm(asides, axis=1) < 0.3  # seen end on
+    asides[along] = np.cross(ways[along], np.eye(3)[int(np.abs(longest).argmin())])
+    asides /= np.linalg.norm(asides, axis=1, keepdims=True)
+    places = (np.arange(count) - (count - 1) / 2) * _APART
+    eyes = middle + away * (ways + places[:, None, None] * asides)
+    to = eyes[:, :, None] - markers.centers
+    facing = np.einsum("cwmi,mi->cwm", to / np.linalg.norm(to, axis=3, keepdims=True), normals)
+    facing = facing.min(axis=0)  # by the camera that sees it at the greatest slant
+    score = (facing > _FACES).sum(axis=1) + 0.5 * np.clip(facing, 0, 1).sum(axis=1)
+    # Three of the anchor's tags lay the others onto the rest pose.
+    anchor = (facing[:, markers.anchor] > _FACES).sum(axis=1)
+    score = score + 2 * anchor + len(normals) * (anchor >= 3)
+    best = int(score.argmax())
+    aside = asides[best]
     out = []
-    for k_, s in enumerate((np.arange(count) - (count - 1) / 2) * _APART):
-        eye = middle + away * (way + s * aside)
+    for k_, eye in enumerate(eyes[:, best]):
         z = (middle - eye) / np.linalg.norm(middle - eye)
         y = np.cross(z, aside)
         y /= np.linalg.norm(y)

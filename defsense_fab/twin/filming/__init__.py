@@ -1,1 +1,1 @@
-"""The twin's device before its cameras."""
+"""The twin's cameras: pictures and films of a scene, with the truth about them."""

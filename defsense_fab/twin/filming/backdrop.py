@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.camera import Camera
-from .scene import Backdrop
+from ..scenes.scene import Backdrop
 
 
 def wall(backdrop: Backdrop, camera: Camera, pad: int) -> NDArray[np.float32]:

@@ -18,9 +18,9 @@ from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 from ...core.errors import CaptureError, StorageError
 from ...core.files import replacing, write_text
+from ..scenes.scene import Scene
 from .exposure import exposed
 from .renderer import Optics, Renderer
-from .scene import Scene
 
 CODECS = ("FFV1", "MJPG")  # the first keeps every grey level
 
@@ -103,8 +103,8 @@ def film(
     with replacing(path) as part, _writer(path, part, fourcc, shutter.rate, camera.size) as writer:
         for time, again in zip(times, repeats, strict=True):
             if not again:
-                scene, instants = exposed(scene_at, camera, float(time), optics.exposure)
-                picture = renderer.shoot(scene, instants)
+                scene, instants = exposed(scene_at, camera, float(time), optics)
+                picture = renderer.shoot(scene, instants, float(time))
             writer.write(picture.image)
             scenes.append(scene.moved(body=None))  # which would fill the memory
             seen.append((picture.corners, picture.visible))

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ...core.camera import Camera
 from ...core.errors import CaptureError
+from ..scenes.scene import Scene
 from .exposure import exposed
 from .renderer import Optics, Renderer
-from .scene import Scene
 
 _KEPT = 2  # frames that wait to be read; older ones are lost, as with a driver
 _LOGGED = 100_000
@@ -23,7 +23,8 @@ _LOGGED = 100_000
 class LiveCamera:
     """Takes up to `rate` frames/s of `scene_at`(s), in its own thread. Seconds count from
     `began_ns` of time.monotonic_ns: the same for all cameras of one scene. Frames are stamped at
-    the middle of their exposure and `delay` s, and up to `jitter` s more, later."""
+    the middle of their exposure and `delay` s, and up to `jitter` s more, later; cameras of another
+    `phase`, parts of a frame, expose at other instants."""
 
     def __init__(
         self,
@@ -35,13 +36,14 @@ class LiveCamera:
         rate: float = 30.0,
         delay: float = 0.002,
         jitter: float = 0.0,
+        phase: float = 0.0,
     ) -> None:
         self.name, self.size = camera.name, camera.size
         self.began_ns = began_ns
         #: Stamps of frames, ns, and the true seconds of their middle: the last ones.
         self.taken: deque[tuple[int, float]] = deque(maxlen=_LOGGED)
         self._camera, self._scene_at, self._optics, self._rng = camera, scene_at, optics, rng
-        self._rate, self._delay, self._jitter = rate, delay, jitter
+        self._rate, self._delay, self._jitter, self._phase = rate, delay, jitter, phase
         self._frames: deque[tuple[NDArray[np.uint8], int]] = deque(maxlen=_KEPT)
         self._arrived = threading.Condition()
         self._over = threading.Event()
@@ -88,12 +90,12 @@ class LiveCamera:
     def _take(self, renderer: Renderer) -> None:
         """The next frame that can still be on time."""
         now = (time.monotonic_ns() - self.began_ns) * 1e-9
-        at = (np.floor(now * self._rate) + 1) / self._rate
+        at = (np.floor(now * self._rate - self._phase) + 1 + self._phase) / self._rate
         due = at + self._optics.exposure / 2
         if self._over.wait(max(due - now, 0.0)):
             return
-        scene = exposed(self._scene_at, self._camera, float(at), self._optics.exposure)
-        image = renderer.shoot(*scene).image
+        scene, instants = exposed(self._scene_at, self._camera, float(at), self._optics)
+        image = renderer.shoot(scene, instants, float(at)).image
         late = self._delay + self._jitter * self._rng.random()
         stamp = self.began_ns + round((at + late) * 1e9)
         with self._arrived:

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Float
-
-WHITE = 255.0
+from ..scenes.scene import WHITE
 
 
 def pieces(pattern: NDArray[np.uint8], margin: float, reach: float) -> tuple[Float, Float]:

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.camera import Camera
+from ..scenes.scene import Ball, Ellipse, Led, Scene, lift
 from .lens import project
 from .pattern_edges import pieces
-from .scene import Ball, Ellipse, Led, Scene
 
 #: x0, y0, x1, y1 in px of the canvas: the image and what is around it for the blur.
 Box = tuple[int, int, int, int]
@@ -19,6 +19,8 @@ _BOW = 1e-3  # px: what a piece of an edge may bend away from its chord
 _ROUND = 96  # sides of a polygon that stands for a circle
 #: Corners and middles of the sides, clockwise from top left.
 _FRAME = np.array([[-1, -1], [0, -1], [1, -1], [1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0]])
+#: Towards the light, which is above the camera, in its frame; how narrow paper mirrors it.
+_LIGHT, _POLISH = np.array([0.0, -0.6, -0.8]), 30
 _BEFORE = np.array([0.0, 0.0, 1.0, 0.0])  # the plane of what is right before the lens
 
 
@@ -95,10 +97,15 @@ def _patches(
     centers = camera.to_camera(np.stack([p.center for p in patches]))
     axes = camera.rotation @ np.stack([p.axes for p in patches])
     right, down = axes[:, :, 0] * cells[:, None], -axes[:, :, 1] * cells[:, None]
+    curls, sizes = np.array([[p.curl, p.size] for p in patches]).T[..., None, None]
+    curled = bool(curls.any())
 
     def seen(at: Float, of: Int | slice) -> Float:
         """Points (m, k, 2), cells from the centers, in px; as `Patch.at` has them."""
         flat = at[..., :1] * right[of, None] + at[..., 1:] * down[of, None]
+        if curled:
+            up = lift(at * cells[of, None, None], curls[of], sizes[of])
+            flat = flat + up * axes[of, None, :, 2]
         return project(camera, centers[of, None] + flat, limit)
 
     frames = _FRAME * (shapes / 2 + margins)[:, None]
@@ -119,7 +126,10 @@ def _patches(
     areas = np.add.reduceat(_swept(edges, np.concatenate([c[1] for c in cut])), starts)
     boxes = [(x, y, X, Y) for (x, y), (X, Y) in zip(low.tolist(), high.tolist(), strict=True)]
     planes = np.column_stack([axes[:, :, 2], height])
-    dark, white = (ink * light for ink in scene.ink)
+    halfway = _LIGHT - centers / away[:, None]
+    halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
+    mirrored = np.clip((axes[:, :, 2] * halfway).sum(1), 0, 1) ** _POLISH
+    dark, white = (ink * light + scene.gloss * mirrored for ink in scene.ink)
     scales = np.stack([dark, (white - dark) / 255], axis=1)
     ends = [*starts[1:].tolist(), len(edges)]
     return [

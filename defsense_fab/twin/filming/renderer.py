@@ -1,8 +1,9 @@
 """The twin's cameras: pictures of a scene whose every pixel is an area, with their truth.
 
 Outlines are projected by the camera's own model, in pieces so short that what remains of the lens's
-bending is under a thousandth of a pixel, and filled exactly (`raster.py`); a box pixel, a Gaussian
-blur, vignetting, noise and eight bits follow. Occlusion by the body goes by pixel centres.
+bending is under a thousandth of a pixel, and filled exactly (`raster.py`); a box pixel, the lens's
+blur, vignetting, noise, eight bits, and what a camera does to them, follow. Occlusion by the
+body goes by pixel centres.
 """
 
 from __future__ import annotations
@@ -17,20 +18,25 @@ from numpy.typing import NDArray
 from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
+from ..scenes.scene import Backdrop, Scene
 from .backdrop import wall
+from .image_processing import ImageProcessing
 from .lens import plane_of_pixels, project, reach_of_lens
 from .raster import develop, fill_depth, paint
 from .render_primitives import Box, RenderPrimitive, box_of, grown, render_primitives, union
-from .scene import Backdrop, Scene
 
+_FLICKER, _WANDERS = 100.0, 7.0  # Hz of lamps at 50 Hz; s, period of the automatic exposure
 _SPARE = 1 << 18  # values in the bank of noise beyond those of a picture
 
 
 @dataclass(frozen=True)
 class Optics:
-    """What makes a picture of what is seen: `blur`, standard deviation of the point spread, px;
-    `exposure` s; noise of variance `read`^2 + `shot` * level, grey levels; `gain`, grey levels per
-    level of the scene; `vignetting`, the part of the light that is lost in the image's corners."""
+    """What makes a picture of what is seen: `blur`, standard deviation of the point spread, px, of
+    a lens out of focus by discs of radius `focus` px; `exposure` s; noise of variance
+    `read`^2 + `shot` * level, grey levels; `gain`, grey levels per level of the scene;
+    `vignetting`, the part of the light that is lost in the image's corners, `slant` that on its
+    right; `rolling` s from the first row to the last; `flicker`, the part by which lamps at 50 Hz
+    change, `wander` that by which the automatic exposure does; `processing` of the values."""
 
     blur: float = 0.6
     exposure: float = 0.004
@@ -38,12 +44,20 @@ class Optics:
     shot: float = 0.03
     gain: float = 1.0
     vignetting: float = 0.15
+    focus: float = 0.0
+    slant: float = 0.0
+    rolling: float = 0.0
+    flicker: float = 0.0
+    wander: float = 0.0
+    processing: ImageProcessing | None = None
 
     def __post_init__(self) -> None:
-        rest = (self.blur, self.exposure, self.read, self.shot, self.vignetting)
-        if not (all(x >= 0 for x in rest) and self.gain > 0 and self.vignetting <= 1):
+        rest = (self.blur, self.focus, self.exposure, self.read, self.shot, self.rolling)
+        parts = (self.vignetting, self.slant, self.flicker, self.wander)
+        if not (all(x >= 0 for x in rest) and self.gain > 0 and all(0 <= x <= 1 for x in parts)):
             raise CaptureError(
-                "optics: blur, exposure and noise are not negative, gain is positive"
+                "optics: blur, times and noise are not negative, gain is positive, parts of the"
+                " light are from 0 to 1"
             )
 
 
@@ -71,7 +85,8 @@ class Renderer:
     def __init__(self, camera: Camera, optics: Optics, rng: np.random.Generator) -> None:
         self.camera, self.optics, self._rng = camera, optics, rng
         width, height = camera.size
-        self._pad = 1 + int(np.ceil(3 * optics.blur))
+        self._pad = 1 + int(np.ceil(3 * optics.blur + optics.focus))
+        self._kernel = _point_spread(optics, self._pad) if optics.focus else None
         self._size = (width + 2 * self._pad, height + 2 * self._pad)
         self._inner = np.array([self._pad, self._pad, self._pad + width, self._pad + height])
         self._rays = plane_of_pixels(camera, self._pad)
@@ -90,9 +105,9 @@ class Renderer:
         self._wall = self._sharp = self._soft = self._ground
         self._last: Box = (0, 0, 0, 0)
 
-    def shoot(self, middle: Scene, instants: Sequence[Scene] = ()) -> Picture:
-        """A picture of a scene; of what moves in it, as it is at `instants` of the exposure (see
-        `exposure.py`): body and corners are those in the middle."""
+    def shoot(self, middle: Scene, instants: Sequence[Scene] = (), time: float = 0.0) -> Picture:
+        """A picture of a scene at a `time`, s; of what moves in it, as it is at `instants` of the
+        exposure (see `exposure.py`): body and corners are those in the middle."""
         instants = instants or [middle]
         if any(len(s.patches) != len(middle.patches) for s in instants):
             raise CaptureError(f"camera {self.camera.name}: patches must not change in an exposure")
@@ -121,7 +136,7 @@ class Renderer:
         self._blur(light / np.float32(len(drawn)), box)
         corners = np.array([p.corners for p in middle.patches]).reshape(-1, 4, 3)
         shown = project(self.camera, self.camera.to_camera(corners), self._limit)
-        return Picture(self._develop(), np.clip(visible, 0, 1), shown)
+        return Picture(self._develop(time), np.clip(visible, 0, 1), shown)
 
     def _hang(self, backdrop: Backdrop) -> None:
         if backdrop != self._backdrop:
@@ -159,20 +174,28 @@ class Renderer:
         self._last = box
 
     def _blurred(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
-        if self.optics.blur == 0 or light.size == 0:
+        if light.size == 0:
+            return light.copy()
+        if self._kernel is not None:
+            soft = cv2.filter2D(light, -1, self._kernel, borderType=cv2.BORDER_REPLICATE)
+            return np.asarray(soft, np.float32)
+        if self.optics.blur == 0:
             return light.copy()
         size, sigma = 2 * self._pad - 1, self.optics.blur
         soft = cv2.GaussianBlur(light, (size, size), sigma, borderType=cv2.BORDER_REPLICATE)
         return np.asarray(soft, np.float32)
 
-    def _develop(self) -> NDArray[np.uint8]:
+    def _develop(self, time: float) -> NDArray[np.uint8]:
         width, height = self.camera.size
         out = np.empty((height, width), np.uint8)
         start = int(self._rng.integers(len(self._noise) - width * height))
         sign = float(self._rng.choice([-1.0, 1.0]))
         o = self.optics
-        develop(self._soft, self._pad, self._gain, o.read, o.shot, self._noise, start, sign, out)
-        return out
+        gain = self._gain
+        if o.flicker or o.wander:
+            gain = gain * _lamps(o, time, height)[:, None]
+        develop(self._soft, self._pad, gain, o.read, o.shot, self._noise, start, sign, out)
+        return out if o.processing is None else o.processing.run(out)
 
 
 def _view(box: Box) -> tuple[slice, slice]:
@@ -182,4 +205,30 @@ def _view(box: Box) -> tuple[slice, slice]:
 def _gain(size: tuple[int, int], optics: Optics) -> NDArray[np.float32]:
     x, y = (np.linspace(-1, 1, n, dtype=np.float32) for n in size)
     lost = optics.vignetting * (x * x + y[:, None] * y[:, None]) / 2
-    return np.asarray(optics.gain * (1 - lost), np.float32)
+    gain = optics.gain * (1 - lost) * (1 - optics.slant * (1 + x) / 2)
+    if optics.processing is not None:
+        gain = gain * optics.processing.tiles(size)
+    return np.asarray(gain, np.float32)
+
+
+def _lamps(optics: Optics, time: float, rows: int) -> NDArray[np.float32]:
+    """How much of the light each row (h,) gets."""
+    at = time + optics.rolling * (np.arange(rows) / rows - 0.5)
+    # A shutter that is open for whole periods of the lamps does not see them flicker.
+    seen = optics.flicker * np.sinc(_FLICKER * optics.exposure)
+    lamps = 1 + seen * np.sin(2 * np.pi * _FLICKER * at)
+    lamps = lamps * (1 + optics.wander * np.sin(2 * np.pi * time / _WANDERS))
+    return np.asarray(lamps, np.float32)
+
+
+def _point_spread(optics: Optics, reach: int) -> NDArray[np.float32]:
+    """Of a lens out of focus (2 reach + 1, 2 reach + 1): a disc, softened by the rest of its
+    blur."""
+    fine = 8
+    n = (2 * reach + 1) * fine
+    at = (np.arange(n) - (n - 1) / 2) / fine
+    disc = (np.hypot(at, at[:, None]) <= optics.focus).astype(np.float32)
+    if optics.blur:
+        disc = cv2.GaussianBlur(disc, (0, 0), optics.blur * fine)
+    kernel = cv2.resize(disc, (2 * reach + 1, 2 * reach + 1), interpolation=cv2.INTER_AREA)
+    return np.asarray(kernel / kernel.sum(), np.float32)

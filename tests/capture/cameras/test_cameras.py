@@ -16,7 +16,7 @@ from defsense_fab.capture.tags.charuco_board import CharucoBoard, load_board, sa
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.renderer import Optics, render
-from defsense_fab.twin.filming.scene import Patch, Scene
+from defsense_fab.twin.scenes.scene import Patch, Scene
 from tests.capture.rigs import rig
 from tests.twin.views import turn
 

@@ -10,7 +10,7 @@ from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.renderer import Optics, Renderer
-from defsense_fab.twin.filming.scene import Backdrop, Ellipse, Patch, Scene
+from defsense_fab.twin.scenes.scene import Backdrop, Ellipse, Patch, Scene
 from tests.twin.views import STRONG, turn
 
 FOCAL = 700.0

@@ -231,6 +231,20 @@ def test_better_frames_count_for_more():
     assert np.abs(rest_pose(points, None, REST).points - REST).max() > 0.05
 
 
+def test_places_of_one_camera_pull_the_rest_pose_little():
+    """Their depth is off by as much as they say, in every frame alike."""
+    rng = np.random.default_rng(12)
+    seen = REST.copy()
+    seen[5] += [0, 2.4, 0]
+    points = resting(100, rng, seen, 0.02, 0.0)
+    sigma = np.full(points.shape, 0.02)
+    sigma[:, 5] = 2.0
+    off = np.linalg.norm(rest_pose(points, sigma, REST).points - REST, axis=1)
+    assert off[:5].max() < 0.1
+    alike = rest_pose(points, np.full(points.shape, 0.02), REST).points - REST
+    assert np.linalg.norm(alike, axis=1)[:5].max() > 0.5
+
+
 def test_markers_glued_elsewhere_are_told_and_pull_nothing():
     rng = np.random.default_rng(8)
     glued = REST.copy()

@@ -31,7 +31,7 @@ from defsense_fab.twin.electronics.cord_twin import CordTraits
 from defsense_fab.twin.electronics.device_cords import DeviceCords
 from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
 from defsense_fab.twin.filming.renderer import Optics, Renderer
-from defsense_fab.twin.filming.scene import Patch, Scene
+from defsense_fab.twin.scenes.scene import Patch, Scene
 
 SIZE, SIDE, RATE = (360, 270), 15.0, 25.0
 TRAITS = CordTraits(Response.line(1.0), noise=0.001, play=1e-4, healing=0.01)

@@ -10,7 +10,7 @@ import pytest
 from defsense_fab.capture.cameras.rig_file import write_rig
 from defsense_fab.capture.files.formats import read_any
 from defsense_fab.twin.filming.film import Shutter, load_truth
-from defsense_fab.twin.filming.scene import Scene
+from defsense_fab.twin.scenes.scene import Scene
 from tests.pipeline.films import LEFT, RIGHT, SIZE, aligned, command, images, tags, take, told
 
 

@@ -11,7 +11,7 @@ from defsense_fab.twin.filming.exposure import exposed
 from defsense_fab.twin.filming.film import Shutter, film, load_truth
 from defsense_fab.twin.filming.live_camera import LiveCamera
 from defsense_fab.twin.filming.renderer import Optics, Renderer
-from defsense_fab.twin.filming.scene import Led, Patch, Scene
+from defsense_fab.twin.scenes.scene import Led, Patch, Scene
 from tests.twin.views import camera, tag, turn
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
@@ -41,7 +41,7 @@ def test_a_film_keeps_every_grey_level_and_tells_the_truth(tmp_path):
     shown = frames(path)
     assert len(shown) == 20 == len(truth.time)
     for k, image in enumerate(shown):
-        exact = renderer.shoot(*exposed(scene_at, VIEW, k / 20, Optics().exposure)).image
+        exact = renderer.shoot(*exposed(scene_at, VIEW, k / 20, Optics())).image
         assert (image == exact[:, :, None]).all()
     patch = scene_at(0.35).patches[0]
     assert truth.centers[7, 0] == pytest.approx(patch.center)
@@ -82,9 +82,9 @@ def test_repeated_frames_are_the_same(tmp_path):
 
 
 def test_only_what_moves_is_smeared():
-    assert exposed(scene_at, VIEW, 0.2, 0.01)[1]
-    assert not exposed(lambda t: scene_at(t, speed=0.0), VIEW, 0.2, 0.01)[1]
-    assert not exposed(scene_at, VIEW, 0.2, 0.0)[1]
+    assert exposed(scene_at, VIEW, 0.2, Optics(exposure=0.01))[1]
+    assert not exposed(lambda t: scene_at(t, speed=0.0), VIEW, 0.2, Optics(exposure=0.01))[1]
+    assert not exposed(scene_at, VIEW, 0.2, Optics(exposure=0.0))[1]
 
 
 def test_instants_follow_the_motion():
@@ -92,7 +92,7 @@ def test_instants_follow_the_motion():
         axes = UPRIGHT @ turn(z=9.0 * t)
         return Scene((Patch(4, tag(), np.array([900 * t * t, 0, 5 * t]), axes, 30.0),))
 
-    middle, instants = exposed(spinning, VIEW, 0.2, 0.02)
+    middle, instants = exposed(spinning, VIEW, 0.2, Optics(exposure=0.02))
     assert (middle.patches[0].center == spinning(0.2).patches[0].center).all()
     places = np.array([s.patches[0].center for s in instants])
     assert 3 <= len(instants) <= 13

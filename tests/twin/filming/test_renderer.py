@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.renderer import Optics, Renderer, render
-from defsense_fab.twin.filming.scene import Backdrop, Patch, Scene
+from defsense_fab.twin.scenes.scene import Backdrop, Patch, Scene
 from tests.twin.views import camera, tag, turn
 
 CLEAN = Optics(blur=0.0, read=0.0, shot=0.0, vignetting=0.0)

@@ -5,7 +5,7 @@ import pytest
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.renderer import Optics, Renderer
-from defsense_fab.twin.filming.scene import Ball, Ellipse, Led, Patch, Scene
+from defsense_fab.twin.scenes.scene import Ball, Ellipse, Led, Patch, Scene
 from tests.conftest import box_surface
 from tests.twin.views import camera, tag, turn
 

@@ -13,6 +13,8 @@ from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ...core.mesh import Surface
 
+#: The value of a pattern's white cells.
+WHITE = 255
 _CORNERS = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
 
 
@@ -21,7 +23,7 @@ class Patch:
     """A flat, stiff picture: the tag `number`, or a board. `pattern` (r, c) uint8, one value a
     cell, row 0 on top; `center` (3,) mm of the pattern; `axes` (3, 3), columns: right and up in the
     picture, and the normal towards the viewer; `size` mm, the pattern's width; `margin`, cells of
-    white around it."""
+    white around it; `curl` 1/mm, how it bends about its axis up, its corners in one plane."""
 
     number: int
     pattern: NDArray[np.uint8]
@@ -29,6 +31,7 @@ class Patch:
     axes: Float
     size: float
     margin: float = 1.0
+    curl: float = 0.0
 
     def __post_init__(self) -> None:
         if self.pattern.ndim != 2 or self.pattern.dtype != np.uint8 or not self.pattern.size:
@@ -59,11 +62,18 @@ class Patch:
         corner, in the world (..., 3) mm."""
         rows, columns = self.pattern.shape
         flat = (cells - np.array([columns / 2, rows / 2])) * [self.cell, -self.cell]
-        return np.asarray(self.center + flat @ self.axes[:, :2].T)
+        flat = np.concatenate([flat, lift(flat, self.curl, self.size)], axis=-1)
+        return np.asarray(self.center + flat @ self.axes.T)
 
     def moved(self, center: Float, axes: Float) -> Patch:
         """The same picture elsewhere."""
-        return Patch(self.number, self.pattern, center, axes, self.size, self.margin)
+        return Patch(self.number, self.pattern, center, axes, self.size, self.margin, self.curl)
+
+
+def lift(flat: Float, curl: Float | float, size: Float | float) -> Float:
+    """How far points (..., 2) mm from the middle of a patch of this `size`, mm, with this `curl`,
+    1/mm, are above the plane of its corners (..., 1), mm."""
+    return np.asarray(curl * (flat[..., :1] ** 2 - np.square(size) / 4) / 2)
 
 
 def _is_rotation(rows: list[list[float]]) -> bool:
@@ -125,7 +135,8 @@ class Backdrop:
 class Scene:
     """At an instant. `skin`, the body's grey level, and `ink`, those of pattern values 0 and 255,
     are what a camera of gain one sees face to face; at a slant they are darker by up to the part
-    `shade`. A patch is hidden where the body is more than `slack` mm above it, so that a tag that
+    `shade`, and where they mirror the light above the camera lighter by up to `gloss` grey levels.
+    A patch is hidden where the body is more than `slack` mm above it, so that a tag that
     lies on curved skin is not."""
 
     patches: tuple[Patch, ...] = ()
@@ -136,6 +147,7 @@ class Scene:
     skin: float = 90.0
     ink: tuple[float, float] = (25.0, 210.0)
     shade: float = 0.35
+    gloss: float = 0.0
     slack: float = 2.0
 
     def moved(self, **changes: Any) -> Scene:

@@ -12,8 +12,8 @@ from defsense_fab.twin.electronics.cord_twin import CordTraits
 from defsense_fab.twin.electronics.device_cords import DeviceCords
 from defsense_fab.twin.electronics.pseudo_terminal import PseudoTerminal
 from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
-from defsense_fab.twin.filming.device_motion import Ramp
-from defsense_fab.twin.filming.pose_player import PosePlayer
+from defsense_fab.twin.scenes.device_motion import Ramp
+from defsense_fab.twin.scenes.pose_player import PosePlayer
 
 RAMPS = [
     Ramp("bend", np.array([0.5, 1.0]), np.array([0, 1])),

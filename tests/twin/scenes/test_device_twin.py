@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.mesh import Surface
-from defsense_fab.twin.filming.device_motion import Motion, Ramp, scripted, sway, wander
-from defsense_fab.twin.filming.device_twin import DeviceTwin, Rigid, blend
-from defsense_fab.twin.filming.scene import Ball, Patch, Scene
+from defsense_fab.twin.scenes.device_motion import Motion, Ramp, scripted, sway, wander
+from defsense_fab.twin.scenes.device_twin import DeviceTwin, Rigid, blend
+from defsense_fab.twin.scenes.scene import Ball, Patch, Scene
 from tests.twin.views import tag, turn
 
 LEVELS = np.array([0.25, 0.5, 0.75, 1.0])

@@ -1,0 +1,1 @@
+"""What stands before the twin's cameras: printed tags on a device that moves."""
