@@ -5,9 +5,10 @@
 
 The pictures share nothing with the twin or with the corner fit: 36 rays a pixel meet the tags'
 planes, a disc (a lens out of focus) blurs what they see, square pixels average it, and what a
-condition names follows. `found` is the part of the tags that a camera shows whole; `centre` the
-root mean square, and the 95th percentile, of how far tags lie off by the true cameras, of those
-that both methods found; `inside` the part of the coordinates within two stated standard deviations.
+condition names follows. Those of `twin-webcam`, `twin-phone` and `twin-industrial` are the twin's.
+`found` is the part of the tags that a camera shows whole; `centre` the root mean square, and the
+95th percentile, of how far tags lie off by the true cameras, of those that both methods found;
+`inside` the part of the coordinates within two stated standard deviations.
 Plain OpenCV is ArucoDetector with its default settings, its corners triangulated by the same code
 with one covariance for all.
 """
@@ -30,7 +31,10 @@ from defsense_fab.capture.tags.tag_dictionary import Dictionary, dictionary
 from defsense_fab.capture.tracking.triangulation import triangulate
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
-from defsense_fab.twin.scenes.scene import Patch
+from defsense_fab.twin.filming.camera_kinds import KINDS, CameraKind
+from defsense_fab.twin.filming.renderer import Renderer
+from defsense_fab.twin.scenes.printed import printed
+from defsense_fab.twin.scenes.scene import Patch, Scene
 
 Image = NDArray[np.uint8]
 FINE, TAGS, SIDE = 6, 12, 15.0
@@ -195,8 +199,17 @@ class Result:
     inside: float
 
 
+def filmed(
+    camera: Camera, patches: list[Patch], kind: CameraKind, rng: np.random.Generator
+) -> Image:
+    """The picture (h, w) of tags by the twin's camera."""
+    prints = tuple(printed(p, kind.ink, kind.curl) for p in patches)
+    renderer = Renderer(camera, kind.optics, rng)
+    return renderer.shoot(Scene(prints, gloss=kind.gloss), time=float(rng.uniform(0, 10))).image
+
+
 def measure(
-    condition: Condition, frames: int, seed: int, name: str = "4X4_50"
+    condition: Condition | CameraKind, frames: int, seed: int, name: str = "4X4_50"
 ) -> tuple[Result, Result]:
     """Ours and plain OpenCV's."""
     rng = np.random.default_rng(seed)
@@ -213,7 +226,11 @@ def measure(
         views: list[Float] = [np.full((TAGS, 2, 4, 2), np.nan) for _ in range(2)]
         spread = np.full((TAGS, 2, 5, 2, 2), np.nan)
         for c, camera in enumerate(rig):
-            image = expose(camera, patches, condition, rng)
+            image = (
+                expose(camera, patches, condition, rng)
+                if isinstance(condition, Condition)
+                else filmed(camera, patches, condition, rng)
+            )
             shown += TAGS
             view = ours[c].find(image)
             view = view.only(view.ids < TAGS)
@@ -253,7 +270,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("condition", nargs="*", help=f"of {', '.join(CONDITIONS)}")
+    every = CONDITIONS | {f"twin-{name}": kind for name, kind in KINDS.items()}
+    parser.add_argument("condition", nargs="*", help=f"of {', '.join(every)}")
     parser.add_argument("--frames", type=int, default=12)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tags", default="4X4_50")
@@ -262,8 +280,8 @@ def main() -> None:
         f"{'':16}{'found':>7}{'OpenCV':>8}{'centre, mm':>12}{'p95':>8}{'OpenCV':>9}{'p95':>8}"
         f"{'inside':>8}\n"
     )
-    for name in options.condition or CONDITIONS:
-        a, b = measure(CONDITIONS[name], options.frames, options.seed, options.tags)
+    for name in options.condition or every:
+        a, b = measure(every[name], options.frames, options.seed, options.tags)
         sys.stdout.write(
             f"{name:16}{a.found:7.1%}{b.found:8.1%}{a.rms:12.4f}{a.p95:8.4f}{b.rms:9.4f}"
             f"{b.p95:8.4f}{a.inside:8.1%}\n"
