@@ -1,6 +1,7 @@
 """Tags in pictures of the twin's cameras: time and error from image to 3D, against others.
 
 python -m benchmarks.markers speed     # against pupil-apriltags and plain ArucoDetector + PnP
+python -m benchmarks.markers cpu       # pairs per CPU second of 12 tags, against OpenCV alone
 python -m benchmarks.markers table     # errors over tag size, blur, noise, baseline, tilt, missing
 
 Two cameras of 1280 x 720 px, f = 900 px, 400 mm away, 160 mm apart, 20 tags of 15 mm. Cameras are
@@ -11,8 +12,9 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from importlib.util import find_spec
 
 import cv2
 import numpy as np
@@ -25,6 +27,7 @@ from defsense_fab.capture.tags.board_detection import BoardFinder
 from defsense_fab.capture.tags.charuco_board import CharucoBoard
 from defsense_fab.capture.tags.tag_detection import Detector, TagView
 from defsense_fab.capture.tags.tag_dictionary import Dictionary, dictionary
+from defsense_fab.capture.tags.tag_follower import TagFollower
 from defsense_fab.capture.tracking.alignment import align
 from defsense_fab.capture.tracking.observations import observe
 from defsense_fab.capture.tracking.reconstruction import reconstruct
@@ -138,7 +141,7 @@ Result = tuple[Float, Float | None]
 
 
 def ours(rig: list[Camera], family: Dictionary, side: float) -> Callable[[list[Float]], Result]:
-    detectors = [Detector(c, family) for c in rig]
+    detectors = [TagFollower(c, family) for c in rig]
     pool = ThreadPoolExecutor(len(rig))
 
     def run(images: list[Float]) -> Result:
@@ -222,7 +225,7 @@ def speed(frames: int = 30) -> None:
             f"this, {name}": ours(rig, family, SIDE),
             f"ArucoDetector + PnP, {name}": plain(rig, family, SIDE),
         }
-        if name == "APRILTAG_36H11":
+        if name == "APRILTAG_36H11" and find_spec("pupil_apriltags"):
             methods["pupil-apriltags + PnP, 36h11"] = apriltags(rig, SIDE)
         for title, run in methods.items():
             run(shown[0][0])
@@ -238,6 +241,48 @@ def speed(frames: int = 30) -> None:
             sys.stdout.write(
                 f"{title:34}{ms:8.1f}{ms / 2:10.1f}{1e3 / ms:9.1f}{rms:9.3f}{lost:6d}\n"
             )
+
+
+# --- CPU time ---------------------------------------------------------------------------------
+
+
+def cpu(frames: int = 40, count: int = 12, rounds: int = 5) -> None:
+    """Pairs per CPU second, on one core, of pictures that follow each other at 30 a second."""
+    rng = np.random.default_rng(0)
+    rig, family = cameras(), dictionary("4X4_50")
+    renderers = [Renderer(c, Optics(blur=0.8, exposure=0, read=2.0), rng) for c in rig]
+    tags = device(rng, family, SIDE, 30)[:count]
+    scenes = [Scene(patches=tuple(bent(tags, k / 30))) for k in range(frames)]
+    films = [[r.shoot(s).image for s in scenes] for r in renderers]
+    plain = cv2.aruco.ArucoDetector(family.table, cv2.aruco.DetectorParameters())
+
+    def located(finders: Sequence[Detector | TagFollower]) -> None:
+        views = [[f.find(i) for i in film] for f, film in zip(finders, films, strict=True)]
+        number = np.arange(frames)
+        seen = [observe(number / 30, stored(v), np.arange(count)).part(number) for v in views]
+        corners, spread = (np.stack([getattr(s, n) for s in seen], 2)
+                           for n in ("corners", "covariance"))  # fmt: skip
+        reconstruct(rig, corners, spread, SIDE)
+
+    whole, follow = ([kind(c, family) for c in rig] for kind in (Detector, TagFollower))
+    methods: dict[str, Callable[[], object]] = {
+        "this, images to 3D": lambda: located(follow),
+        "this, every image whole": lambda: located(whole),
+        "OpenCV's detection alone": lambda: [plain.detectMarkers(i) for f in films for i in f],
+    }
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    took: dict[str, list[float]] = {name: [] for name in methods}
+    for k in range(rounds + 1):
+        for name, run in methods.items():
+            begun = time.process_time()
+            run()
+            if k:  # the first compiles
+                took[name].append(time.process_time() - begun)
+    cv2.setNumThreads(threads)
+    sys.stdout.write(f"two 1280 x 720 pictures with {count} tags; medians of {rounds} rounds\n")
+    for name, of in took.items():
+        sys.stdout.write(f"{name:34}{frames / float(np.median(of)):8.1f} pairs per CPU second\n")
 
 
 # --- table ------------------------------------------------------------------------------------
@@ -302,4 +347,4 @@ def table() -> None:
 if __name__ == "__main__":
     which = sys.argv[1:] or ["speed", "table"]
     for name in which:
-        {"speed": speed, "table": table}[name]()
+        {"speed": speed, "cpu": cpu, "table": table}[name]()

@@ -52,16 +52,18 @@ class Detector:
         # Compiled now, not at the first tag of a recording: that takes seconds on a new machine.
         refine(np.zeros((1, 1), np.uint8), self._plane[:1, :1], np.zeros((0, 4, 2)), self._cells)
 
-    def find(self, image: Image) -> TagView:
-        """All tags that can be read. Raises CaptureError for an image of another size."""
+    def find(self, image: Image, box: tuple[int, int, int, int] | None = None) -> TagView:
+        """All tags that can be read, or those within a `box` x0, y0, x1, y1 px alone. Raises
+        CaptureError for an image of another size."""
         grey = to_grey(image)
         if grey.shape[::-1] != self.camera.size:
             raise CaptureError(wrong_size(self.camera, grey.shape[1], grey.shape[0]))
-        quads, numbers, _ = self._detector.detectMarkers(grey)
+        x0, y0, x1, y1 = box or (0, 0, *self.camera.size)
+        quads, numbers, _ = self._detector.detectMarkers(np.ascontiguousarray(grey[y0:y1, x0:x1]))
         if numbers is None or not len(numbers):
             return NOTHING
         ids = np.asarray(numbers).reshape(-1).astype(np.int64)
-        seen = np.stack([np.asarray(q, float).reshape(4, 2) for q in quads])
+        seen = np.stack([np.asarray(q, float).reshape(4, 2) for q in quads]) + np.array([x0, y0])
         corners, covariance, _ = refine(grey, self._plane, seen, self._cells)
         view = TagView(ids, corners, covariance, seen)
         # Others are beyond what the model of the lens reaches.

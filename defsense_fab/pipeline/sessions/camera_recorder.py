@@ -14,8 +14,9 @@ import cv2
 
 from ...capture.cameras.webcam import Images
 from ...capture.clocks.led_detection import LedDetector
-from ...capture.tags.tag_detection import Detector, Image, TagView, to_grey
+from ...capture.tags.tag_detection import Image, TagView, to_grey
 from ...capture.tags.tag_dictionary import Dictionary
+from ...capture.tags.tag_follower import TagFollower
 from ...core.camera import Camera
 from ...core.errors import CaptureError, StorageError
 from .session import FRAME_COLUMNS, TAG_COLUMNS, Log, Stream, tag_lines
@@ -46,7 +47,7 @@ class CameraRecorder:
         *, video: bool = False,
     ) -> None:  # fmt: skip
         self.camera = camera
-        self._opener, self._detector, self._log = opener, Detector(camera, tags), log
+        self._opener, self._follower, self._log = opener, TagFollower(camera, tags), log
         self._source: Images | None = None
         self._tags = Stream(run / f"{camera.name}.csv", TAG_COLUMNS)
         self._frames = Stream(run / f"{camera.name}-frames.csv", FRAME_COLUMNS)
@@ -155,7 +156,7 @@ class CameraRecorder:
             self.repeated += 1  # the same picture once more, or a clock that jumped
             return
         grey = to_grey(image)
-        view = self._detector.find(grey)
+        view = self._follower.find(grey)
         led = self._brightness(grey)
         number = self.frames
         if self._last_ns:

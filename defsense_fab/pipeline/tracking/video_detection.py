@@ -11,8 +11,9 @@ import numpy as np
 
 from ...capture.cameras.camera_threads import in_threads
 from ...capture.cameras.video import Timing, Video, timing
-from ...capture.tags.tag_detection import Detector, TagView, detector, to_grey, wrong_size
+from ...capture.tags.tag_detection import TagView, detector, to_grey, wrong_size
 from ...capture.tags.tag_dictionary import FAMILIES, Dictionary, dictionary
+from ...capture.tags.tag_follower import TagFollower
 from ...capture.tracking.tag_store import FrameTags, stored
 from ...core.arrays import Float
 from ...core.camera import Camera
@@ -51,7 +52,7 @@ def detect_video(
     total = max(sum(v.expected for v in videos), 1)
 
     def look(k: int, stop: threading.Event) -> VideoDetections:
-        found = Detector(cameras[k], tags)
+        found = TagFollower(cameras[k], tags)
         times: list[float] = []
 
         def views() -> Iterator[TagView]:
@@ -106,7 +107,7 @@ def detect_all(
     each."""
     if video.size != camera.size:
         raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
-    found = Detector(camera, dictionary(markers.dictionary))
+    found = TagFollower(camera, dictionary(markers.dictionary))
     times: list[float] = []
 
     def views() -> Iterator[TagView]:
