@@ -20,7 +20,7 @@ class Reconstruction:
     """n instants, m tags: `points` (n, m, 3) mm in the world, NaN where not located; `covariance`
     (n, m, 3, 3) mm^2; `cameras` (n, m), how many of them agree; `miss` (n, m) px, their residuals,
     root mean square; `sides` (n, m) mm, the mean side of the tag as located by several cameras;
-    `seen` (n, m), cameras that saw the tag."""
+    `seen` (n, m), cameras that saw the tag; `corners` (n, m, 4, 3) mm as located by several."""
 
     points: Float
     covariance: Float
@@ -28,6 +28,7 @@ class Reconstruction:
     miss: Float
     sides: Float
     seen: Int
+    corners: Float
 
 
 def reconstruct(
@@ -44,12 +45,12 @@ def reconstruct(
     flat, spread = corners.reshape(-1, v, 4, 2), covariance.reshape(-1, v, 5, 2, 2)
     points, cov = np.full((n * m, 3), np.nan), np.full((n * m, 3, 3), np.nan)
     count, miss = np.zeros(n * m, int), np.full(n * m, np.nan)
-    sides = np.full(n * m, np.nan)
+    sides, outline = np.full(n * m, np.nan), np.full((n * m, 4, 3), np.nan)
     there = np.asarray(np.isfinite(flat).all(axis=(2, 3)))
     many = np.flatnonzero(there.sum(axis=1) >= 2)
     for rows in _chunks(many):
         found = triangulate(cameras, flat[rows], spread[rows])
-        points[rows], cov[rows] = found.points, found.covariance
+        points[rows], cov[rows], outline[rows] = found.points, found.covariance, found.corners
         count[rows], miss[rows] = found.used.sum(axis=1), found.miss
         edges = found.corners - np.roll(found.corners, 1, axis=1)
         sides[rows] = np.linalg.norm(edges, axis=2).mean(axis=1)
@@ -61,7 +62,7 @@ def reconstruct(
             count[rows], miss[rows] = found.used.sum(axis=1), found.miss
     return Reconstruction(
         points.reshape(n, m, 3), cov.reshape(n, m, 3, 3), count.reshape(n, m), miss.reshape(n, m),
-        sides.reshape(n, m), there.sum(axis=1).reshape(n, m),
+        sides.reshape(n, m), there.sum(axis=1).reshape(n, m), outline.reshape(n, m, 4, 3),
     )  # fmt: skip
 
 

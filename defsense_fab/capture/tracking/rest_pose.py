@@ -20,6 +20,7 @@ from .alignment import NARROW, align, extents
 
 #: Farther from its place in the design, in mm, a marker counts as glued elsewhere.
 FAR = 3.0
+_SURE = 3.0  # standard deviations
 _GLUED = 0.5  # mm, standard deviation of where markers are glued
 _ROUNDS, _STILL = 500, 1e-6  # of the mean shape, and mm by which it may change in the last
 _ALL = 2000  # triples of markers: of more, so many are drawn
@@ -31,7 +32,8 @@ class RestPose:
     where there is no design, NaN for those never seen; `spread` (m,) mm, root mean square distance
     of a marker from its place, over the frames `seen` (m,); `frames`, how many were aligned;
     `away` (m,) mm from the marker's place in the design, NaN where it has none; `moved` (m,), those
-    farther away than they may be."""
+    farther away than they may be by their standard deviations `sigma` (m,) mm in most frames, which is
+    zero where it is not known."""
 
     points: Float
     spread: Float
@@ -39,6 +41,7 @@ class RestPose:
     frames: int
     away: Float
     moved: Bool
+    sigma: Float
 
 
 def places(design: Markers, ids: Int) -> Float:
@@ -82,11 +85,12 @@ def rest_pose(
     count = there.sum(axis=0)
     spread = np.sqrt((off**2).sum(axis=(0, 2)) / np.maximum(count, 1))
     spread = np.where(count > 0, spread, np.nan)
+    unsure = _sigma(seen, sigma)
     away, moved = np.full(len(names), np.nan), np.zeros(len(names), bool)
     if design is not None:
-        mean, away = _placed(mean, design, _certainty(seen, sigma), names, far)
-        moved = away > far
-    return RestPose(mean, spread, count, int(aligned.ok.sum()), away, moved)
+        mean, away = _placed(mean, design, _GLUED**2 / (_GLUED**2 + unsure**2), names, far)
+        moved = away > far + _SURE * unsure
+    return RestPose(mean, spread, count, int(aligned.ok.sum()), away, moved, unsure)
 
 
 def _weights(seen: Bool, sigma: Float | None) -> Float:
@@ -97,15 +101,19 @@ def _weights(seen: Bool, sigma: Float | None) -> Float:
     return np.asarray(w / w[seen].mean())
 
 
-def _certainty(seen: Bool, sigma: Float | None) -> Float:
-    """Weights (m,) of markers as they are compared with the design: what is wrong with a place that
-    one camera saw stays the same over frames, and no mean makes it better."""
+def _sigma(seen: Bool, sigma: Float | None) -> Float:
+    """Standard deviations (m,) mm of markers as they are compared with the design: what is wrong
+    with a place that one camera saw stays the same over frames, and no mean makes it better."""
     if sigma is None:
-        return np.ones(seen.shape[1])
+        return np.zeros(seen.shape[1])
     variance = np.where(seen, (sigma**2).mean(axis=2), np.nan)
-    variance = np.array([np.median(v[np.isfinite(v)]) if np.isfinite(v).any() else 0.0
-                         for v in variance.T])  # fmt: skip
-    return np.asarray(_GLUED**2 / (_GLUED**2 + variance))
+    known = np.isfinite(variance)
+    return np.array(
+        [
+            np.sqrt(np.median(v[k])) if k.any() else 0.0
+            for v, k in zip(variance.T, known.T, strict=True)
+        ]
+    )
 
 
 def _first(points: Float, seen: Bool, names: Int) -> int:

@@ -104,8 +104,9 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     names = [f"{run.name}/{c.name}" for c in rig.cameras]
     try:
         processed = assemble(
-            watched, rig, session.markers.size, names, None, progress, session.rig.cameras[0]
-        )
+            watched, rig, session.markers.size, names, None, progress, session.rig.cameras[0],
+            session.markers.ids[session.markers.anchor],
+        )  # fmt: skip
     except CaptureError as error:
         raise CaptureError("; ".join([str(error), *absent])) from None
     processed.quality["warnings"] += absent + [
@@ -183,7 +184,8 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
         ]
     quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.seen.mean()),
                                "by_one": 0.0, "impossible": 0}  # fmt: skip
-    processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int64), quality)
+    none = np.zeros(0, np.int64), np.empty((len(tracks.time), 0, 4, 3), np.float32)
+    processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int64), quality, *none)
     at = at_times(sync.to_device(tracks.time), device, ohm)
     arrival = fit_clocks(device, recording.host_ns / 1e9)
     rest = _resting(read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
@@ -253,6 +255,8 @@ def _join(
     ids = session.markers.ids
     ohm, resting = [r.ohm for r in runs], np.concatenate([r.rest for r in runs])
     count, time, begin = len(resting), [], 0.0
+    anchor_ids = ids[session.markers.anchor]
+    corners = np.full((count, len(anchor_ids), 4, 3), np.nan, np.float32)
     # Not joined from parts, each of which would be in memory twice.
     P, S = np.full((count, len(ids), 3), np.nan), np.full((count, len(ids), 3), np.nan)
     end = 0
@@ -263,11 +267,13 @@ def _join(
         for k, i in enumerate(ids):
             if int(i) in column:
                 P[rows, k], S[rows, k] = t.points[:, column[int(i)]], t.sigma[:, column[int(i)]]
+        for i, of in zip(run.processed.outlined, run.processed.corners.swapaxes(0, 1), strict=True):
+            corners[rows, anchor_ids.tolist().index(int(i))] = of
         time.append(t.time + begin - t.time[0])
         begin = float(time[-1][-1]) + _PAUSE
     T, R = np.concatenate(time), np.concatenate(ohm)
     tracks = Tracks(T, ids, P, S, np.arange(count))
-    laid = lay_on_rest(session.markers, tracks, resting, anchor)
+    laid = lay_on_rest(session.markers, tracks, corners, resting, anchor)
     aligned, warnings = laid.aligned, list(laid.warnings)
     names = [str(r.told["run"]) for r in runs]
     R0, told = rest_resistances(names, session.channels, ohm, [r.rest for r in runs])

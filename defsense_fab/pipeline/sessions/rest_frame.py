@@ -1,5 +1,9 @@
-"""A session's tracks in the rest frame: by the anchor's markers, frame by frame by all where these
-are not seen."""
+"""A session's tracks in the rest frame: by the anchor's tags, frame by frame by all markers where
+these are not seen.
+
+A tag that several cameras see is four corners, which tell how it is turned: one of the anchor is
+enough.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...capture.tracking.alignment import Aligned, align
 from ...capture.tracking.rest_pose import rest_pose
@@ -18,6 +23,7 @@ from ...core.tracks import Tracks
 
 _FEW = 10  # frames by the anchor, in which what all markers make of them can be compared
 _COMPARED, _SETS = 300, 8  # frames by the anchor, and sets of other markers, that are compared
+_SURE = 1.0  # mm: standard deviation above which a place at rest tells less than the design
 _RARE = 0.05  # of the frames, that must show the anchor
 
 
@@ -36,13 +42,17 @@ class LaidOnRest:
     warnings: list[str]
 
 
-def lay_on_rest(m: Markers, tracks: Tracks, resting: Bool, anchor: str) -> LaidOnRest:
+def lay_on_rest(
+    m: Markers, tracks: Tracks, corners: NDArray[np.float32], resting: Bool, anchor: str
+) -> LaidOnRest:
     """Tracks of the markers `m`, which is at rest in the frames `resting` (t,), by the `anchor`,
-    `all`, or `auto`. Raises CaptureError where the markers asked for do not do."""
+    `all`, or `auto`; `corners` (t, a, 4, 3) mm of the anchor's a tags, NaN where fewer than two
+    cameras saw them. Raises CaptureError where the markers asked for do not do."""
     frames = resting if resting.sum() >= 5 else np.ones(len(tracks.time), bool)
     rest = rest_pose(tracks.points[frames], tracks.sigma[frames], m.centers, ids=m.ids)
-    # Markers that were hidden at rest are where the design has them.
-    pose = np.where(np.isfinite(rest.points), rest.points, m.centers)
+    # Markers that were hidden at rest, or seen by one camera, are where the design has them.
+    there = np.isfinite(rest.points[:, 0]) & ((rest.sigma < _SURE) | rest.moved)
+    pose = np.where(there[:, None], rest.points, m.centers)
     glued = [
         {"tag": int(i), "away": float(d)}
         for i, d, far in zip(m.ids, rest.away, rest.moved, strict=True)
@@ -60,7 +70,7 @@ def lay_on_rest(m: Markers, tracks: Tracks, resting: Bool, anchor: str) -> LaidO
 
     if anchor == "anchor" or (anchor == "auto" and m.anchor.any()):
         try:
-            found = align(tracks.points, pose, weights, m.anchor, sigma=tracks.sigma, ids=m.ids)
+            found = _by_anchor(m, tracks, corners, pose, frames)
         except CaptureError as error:
             if anchor == "anchor":
                 raise
@@ -85,6 +95,46 @@ def lay_on_rest(m: Markers, tracks: Tracks, resting: Bool, anchor: str) -> LaidO
                 " markers"
             )
     return LaidOnRest(by_all(), "all", 1.0, None, glued, warnings)
+
+
+def _by_anchor(
+    m: Markers, tracks: Tracks, corners: NDArray[np.float32], pose: Float, resting: Bool
+) -> Aligned:
+    """By the corners of the anchor's tags, or by their middles where these are not known, onto
+    where they are at rest. Raises CaptureError where they do not do."""
+    rest = _corners_at_rest(m, tracks, corners, pose, resting)
+    outlined = np.isfinite(corners[..., 0, 0]) & np.isfinite(rest[:, 0, 0])  # (t, a)
+    t, count = len(tracks.time), len(m.ids)
+    middles = np.zeros((t, count), bool)
+    middles[:, m.anchor] = ~outlined
+    mask = np.hstack([middles, np.repeat(outlined, 4, axis=1)])
+    points = np.concatenate([tracks.points, corners.reshape(t, -1, 3)], axis=1)
+    # A tag's middle is the mean of its corners, which are found one by one.
+    apart = np.repeat(2 * tracks.sigma[:, m.anchor], 4, axis=1)
+    sigma = np.concatenate([tracks.sigma, apart], axis=1)
+    ids = np.append(m.ids, np.repeat(m.ids[m.anchor], 4))
+    places = np.concatenate([pose, rest.reshape(-1, 3)])
+    found = align(points, places, _weights(sigma), mask, sigma=sigma, ids=ids)
+    return replace(found, points=found.points[:, :count], covariance=found.covariance[:, :count])
+
+
+def _corners_at_rest(
+    m: Markers, tracks: Tracks, corners: NDArray[np.float32], pose: Float, resting: Bool
+) -> Float:
+    """Where the corners (a, 4, 3) mm of the anchor's tags are at rest: as measured, once all
+    markers lie at their `pose`, or NaN."""
+    out = np.full(corners.shape[1:], np.nan)
+    rows = np.flatnonzero(resting)
+    if not corners.shape[1] or not np.isfinite(corners[rows]).any():
+        return out
+    weights = _weights(tracks.sigma[rows])
+    laid = align(tracks.points[rows], pose, weights, ids=m.ids)
+    seen = np.einsum("tij,takj->taki", laid.rotation, corners[rows])
+    seen += laid.translation[:, None, None]
+    known = np.isfinite(seen[..., 0]).sum(axis=0) >= min(_FEW, len(rows))
+    known &= known.all(axis=1, keepdims=True)
+    out[known] = np.nanmedian(seen[:, known], axis=0)
+    return out
 
 
 def _filled(

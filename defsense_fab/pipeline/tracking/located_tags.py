@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...capture.tracking.observations import Observed
 from ...capture.tracking.reconstruction import reconstruct
@@ -19,7 +20,8 @@ from .camera_sync import together
 class LocatedTags:
     """t frames, m tags: `points` (t, m, 3) mm in a camera's frame and their standard
     deviations `sigma` (t, m, 3) mm along its axes, NaN where not located; `cameras`, `miss`,
-    `sides` and `seen` (t, m) as in `Reconstruction`."""
+    `sides` and `seen` (t, m) as in `Reconstruction`; `corners` (t, k, 4, 3) mm, in single
+    precision, of those tags of which they are kept."""
 
     points: Float
     sigma: Float
@@ -27,17 +29,19 @@ class LocatedTags:
     miss: Float
     sides: Float
     seen: Int
+    corners: NDArray[np.float32]
 
 
 def locate_tags(
-    cameras: Sequence[Camera], seen: Sequence[Observed], size: float, frame: Camera
+    cameras: Sequence[Camera], seen: Sequence[Observed], size: float, frame: Camera, outlined: Int
 ) -> LocatedTags:
     """Tags of `size` mm by what all cameras see at the times of the first one's frames, in the
-    frame of a camera."""
+    frame of a camera; corners are kept of the columns `outlined` (k,)."""
     shape = len(seen[0].time), len(seen[0].ids)
     out = LocatedTags(
         np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape, int), np.empty(shape),
         np.empty(shape), np.empty(shape, int),
+        np.empty((len(seen[0].time), len(outlined), 4, 3), np.float32),
     )  # fmt: skip
     turn = frame.rotation
     for frames in blocks(*shape):
@@ -47,6 +51,7 @@ def locate_tags(
         out.sigma[frames] = np.sqrt(np.diagonal(turned, axis1=-2, axis2=-1))
         out.cameras[frames], out.miss[frames] = found.cameras, found.miss
         out.sides[frames], out.seen[frames] = found.sides, found.seen
+        out.corners[frames] = frame.to_camera(found.corners[:, outlined])
     return out
 
 

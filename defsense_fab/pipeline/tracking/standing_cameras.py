@@ -10,7 +10,7 @@ import numpy as np
 
 from ...capture.cameras.rig_file import Rig
 from ...capture.tracking.observations import StoredObservations
-from ...core.arrays import Bool, Float
+from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 from ...core.progress import Progress
 from .camera_sync import CameraSync, sync_cameras
@@ -55,11 +55,11 @@ class Standing:
 
 
 def locate(
-    rig: Rig, seen: Sequence[StoredObservations], size: float, frame: Camera, told: bool,
-    progress: Progress,
+    rig: Rig, seen: Sequence[StoredObservations], size: float, frame: Camera, outlined: Int,
+    told: bool, progress: Progress,
 ) -> Standing:  # fmt: skip
-    """Tags of `size` mm in the `frame` of a camera, by what all `seen` of them; offsets that were
-    `told` stay."""
+    """Tags of `size` mm in the `frame` of a camera, by what all `seen` of them, with the corners of
+    the columns `outlined`; offsets that were `told` stay."""
     progress("tracks", 0.1, "comparing clocks")
     clocks = sync_cameras(rig, seen, told=told)
     by_one_clock = [replace(s, time=s.time + b) for s, b in zip(seen, clocks.shift, strict=True)]
@@ -67,10 +67,10 @@ def locate(
     parts, moves = parts_of(rig, find_moves(rig, by_one_clock, size))
     progress("tracks", 0.2, "triangulating")
     if moves:
-        out = _by_parts(parts, moves, by_one_clock, clocks.shift, size, frame, told)
+        out = _by_parts(parts, moves, by_one_clock, clocks.shift, size, frame, outlined, told)
         if _explains(out):
             return out
-    found = locate_tags(rig.cameras, clocks.seen, size, frame)
+    found = locate_tags(rig.cameras, clocks.seen, size, frame, outlined)
     moved = None
     if len(rig.cameras) > 2:
         views = (
@@ -80,17 +80,17 @@ def locate(
         moved = moved_camera(rig.cameras, views, size)
     if moved is not None:
         clocks = sync_cameras(rig, seen, told=told, without=moved)
-        found = locate_tags(rig.cameras, clocks.seen, size, frame)
+        found = locate_tags(rig.cameras, clocks.seen, size, frame, outlined)
     return Standing(found, clocks.seen, clocks.shift, [clocks], (), moved)
 
 
 def _by_parts(
     parts: Sequence[RigPart], moves: Sequence[CameraMove], seen: Sequence[StoredObservations],
-    shift: Sequence[float], size: float, frame: Camera, told: bool,
+    shift: Sequence[float], size: float, frame: Camera, outlined: Int, told: bool,
 ) -> Standing:  # fmt: skip
     clocks = [sync_cameras(part.rig, part.of(seen), told=told) for part in parts]
     found = joined(
-        locate_tags(part.rig.cameras, c.seen, size, frame)
+        locate_tags(part.rig.cameras, c.seen, size, frame, outlined)
         for part, c in zip(parts, clocks, strict=True)
     )
     return Standing(found, seen, shift, clocks, moves, None)

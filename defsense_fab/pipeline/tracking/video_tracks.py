@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...capture.cameras.rig_file import Rig, read_rig
 from ...capture.clocks.frame_times import even_frame_times
@@ -44,11 +45,14 @@ _CLOSE = 1.5  # px that a permutation of cameras must fit by to be believed
 @dataclass(frozen=True)
 class VideoTracks:
     """Tracks in the first camera's frame, the number of cameras that each place is from (t, m), and
-    what there is to say of their quality."""
+    what there is to say of their quality; of the tags `outlined` (k,), where several cameras saw
+    them, the `corners` (t, k, 4, 3) mm, in single precision."""
 
     tracks: Tracks
     cameras: Int
     quality: dict[str, Any]
+    outlined: Int
+    corners: NDArray[np.float32]
 
 
 def process_videos(
@@ -94,10 +98,11 @@ def assemble(
     offsets: Sequence[float] | None = None,
     progress: Progress = silent,
     frame: Camera | None = None,
+    outlined: Int | None = None,
 ) -> VideoTracks:
     """Tracks from what the cameras saw, at the times of the first one and in its frame, or in that
-    of the camera `frame`; where no offsets are given they are found. Raises CaptureError where the
-    cameras do not agree."""
+    of the camera `frame`; where no offsets are given they are found. Of the tags `outlined`
+    (k,) the corners are kept. Raises CaptureError where the cameras do not agree."""
     told = check_offsets(offsets, len(watched))
     numbers = [w.tags.survey() for w in watched]
     ids = np.unique(np.concatenate([n for n, _ in numbers]))
@@ -107,7 +112,11 @@ def assemble(
         # Stamps come late by some ms, each by another time, which looks like motion.
         seen.append(observe(even_frame_times(w.time[first]).time + s, w.tags.only(first), ids))
     time = seen[0].time
-    standing = locate(rig, seen, size, frame or rig.cameras[0], offsets is not None, progress)
+    outlined = np.intersect1d(ids, outlined if outlined is not None else [])
+    column = np.searchsorted(ids, outlined)
+    standing = locate(
+        rig, seen, size, frame or rig.cameras[0], column, offsets is not None, progress
+    )
     found = standing.located
     _check(found, rig, standing.seen, size, names)
     progress("tracks", 0.7, "looking for what cannot be")
@@ -125,6 +134,7 @@ def assemble(
         raise CaptureError(f"{', '.join(names)}: no tag could be located in any frame")
     number = np.flatnonzero(np.append(True, np.diff(watched[0].time) > 0))
     cameras = np.where(keep, found.cameras, 0)
+    found.corners[cameras[:, column] < 2] = np.nan
     if not there.all():
         points, sigma, cameras = points[:, there], sigma[:, there], cameras[:, there]
     tracks = Tracks(time, ids[there], points, sigma, number)
@@ -157,7 +167,7 @@ def assemble(
             f"the cameras' views miss each other by {quality['residual']:.2f} px: they are not in"
             " step, or one was moved since it was arranged; places may be wrong by millimetres"
         )
-    return VideoTracks(tracks, cameras, quality)
+    return VideoTracks(tracks, cameras, quality, outlined, found.corners)
 
 
 def check_offsets(offsets: Sequence[float] | None, count: int) -> list[float]:
