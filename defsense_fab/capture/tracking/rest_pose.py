@@ -32,8 +32,8 @@ class RestPose:
     where there is no design, NaN for those never seen; `spread` (m,) mm, root mean square distance
     of a marker from its place, over the frames `seen` (m,); `frames`, how many were aligned;
     `away` (m,) mm from the marker's place in the design, NaN where it has none; `moved` (m,), those
-    farther away than they may be by their standard deviations `sigma` (m,) mm in most frames, which is
-    zero where it is not known."""
+    farther away than they may be; their standard deviations `sigma` (m,) mm in most frames, zero
+    where it is not known."""
 
     points: Float
     spread: Float
@@ -108,12 +108,8 @@ def _sigma(seen: Bool, sigma: Float | None) -> Float:
         return np.zeros(seen.shape[1])
     variance = np.where(seen, (sigma**2).mean(axis=2), np.nan)
     known = np.isfinite(variance)
-    return np.array(
-        [
-            np.sqrt(np.median(v[k])) if k.any() else 0.0
-            for v, k in zip(variance.T, known.T, strict=True)
-        ]
-    )
+    each = zip(variance.T, known.T, strict=True)
+    return np.array([np.sqrt(np.median(v[k])) if k.any() else 0.0 for v, k in each])
 
 
 def _first(points: Float, seen: Bool, names: Int) -> int:

@@ -243,6 +243,10 @@ def test_places_of_one_camera_pull_the_rest_pose_little():
     assert off[:5].max() < 0.1
     alike = rest_pose(points, np.full(points.shape, 0.02), REST).points - REST
     assert np.linalg.norm(alike, axis=1)[:5].max() > 0.5
+    seen[5] += [0, 2, 0]
+    points = resting(100, rng, seen, 0.02, 0.0)
+    assert not rest_pose(points, sigma, REST).moved.any()
+    assert rest_pose(points, None, REST).moved.tolist() == [False] * 5 + [True]
 
 
 def test_markers_glued_elsewhere_are_told_and_pull_nothing():
