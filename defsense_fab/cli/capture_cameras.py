@@ -34,12 +34,13 @@ def add(steps: Commands, bars: Bars) -> None:
         " the picture, near and far, tilted each way. Live cameras take a view by themselves when"
         " the board is still and somewhere new, and say what is missing. The file gets the cameras"
         " by name; a report goes beside it.",
-        epilog="examples:  defsense capture camera calibrate 0 --board my-cameras --name left"
+        epilog="examples:  defsense capture camera calibrate 0 2 --board my-cameras --name left right"
         "   defsense capture camera calibrate a.mkv b.mkv --board my-cameras",
     )
     _common(sub)
-    sub.add_argument("--name", action="append", metavar="NAME",
-                     help="of the camera, once for each (the file's name, or cam_0)")  # fmt: skip
+    sub.add_argument("--name", action="extend", nargs="+", metavar="NAME",
+                     help="of the cameras, one for each SOURCE, after them (the files' names, or"
+                     " cam_0, cam_1)")  # fmt: skip
     sub.add_argument("--views", type=int, default=25, metavar="N",
                      help="that a live camera is to take (25)")  # fmt: skip
     sub.set_defaults(run=lambda options: _calibrate(options, bars))
@@ -110,7 +111,11 @@ def _board(options: argparse.Namespace) -> CharucoBoard:
 def _names(options: argparse.Namespace) -> list[str]:
     given = options.name or []
     if given and len(given) != len(options.sources):
-        raise DeviceError(f"--name: {len(given)} given for {len(options.sources)} cameras")
+        raise DeviceError(
+            f"--name {' '.join(given)}: names {len(given)} cameras, but there are"
+            f" {len(options.sources)} sources ({' '.join(options.sources)}); give one name for each,"
+            " in their order"
+        )
     names = given or [
         f"cam_{k}" if s.isdigit() or s.startswith("/dev/") else Path(s).stem
         for k, s in enumerate(options.sources)

@@ -112,6 +112,20 @@ def test_names_of_cameras_are_checked_before_the_work(camera, tmp_path, monkeypa
         calibrate_live("left", "gopro 1", BOARD, out, 25, Screen(), None)
 
 
+def test_names_after_one_option_or_several(camera, tmp_path):
+    sources = ["left.mkv", "right.mkv"]
+    assert [d["name"] for d in camera("calibrate", *sources, more=["--name", "a", "b"])] == [
+        "a", "b",
+    ]  # fmt: skip
+    out = tmp_path / "other.toml"
+    again = camera("calibrate", *sources, out=out, more=["--name", "a", "--name", "b"])
+    assert [c.name for c in read_rig(out).cameras] == [d["name"] for d in again] == ["a", "b"]
+    for names in (["a"], ["a", "b", "c"]):
+        said = camera("calibrate", *sources, more=["--name", *names])
+        assert f"--name {' '.join(names)}: names {len(names)} cameras" in said
+        assert "2 sources (left.mkv right.mkv)" in said
+
+
 def test_a_check_finds_what_moved(camera, tmp_path):
     out = tmp_path / "cameras.toml"
     write_rig(out, [LEFT, RIGHT], {})
