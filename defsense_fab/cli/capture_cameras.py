@@ -6,13 +6,15 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import DeviceError
+from ..core.errors import CaptureError, DeviceError
 from .output import say
 
 if TYPE_CHECKING:
+    from ..capture.cameras.rig_diagnosis import Diagnosis
     from ..capture.tags.charuco_board import CharucoBoard
     from .options import Bars, Commands
 
@@ -34,7 +36,8 @@ def add(steps: Commands, bars: Bars) -> None:
         " the picture, near and far, tilted each way. Live cameras take a view by themselves when"
         " the board is still and somewhere new, and say what is missing. The file gets the cameras"
         " by name; a report goes beside it.",
-        epilog="examples:  defsense capture camera calibrate 0 2 --board my-cameras --name left right"
+        epilog="examples:  defsense capture camera calibrate 0 2 --board my-cameras"
+        " --name left right"
         "   defsense capture camera calibrate a.mkv b.mkv --board my-cameras",
     )
     _common(sub)
@@ -113,8 +116,8 @@ def _names(options: argparse.Namespace) -> list[str]:
     if given and len(given) != len(options.sources):
         raise DeviceError(
             f"--name {' '.join(given)}: names {len(given)} cameras, but there are"
-            f" {len(options.sources)} sources ({' '.join(options.sources)}); give one name for each,"
-            " in their order"
+            f" {len(options.sources)} sources ({' '.join(options.sources)}); give one name for"
+            " each, in their order"
         )
     names = given or [
         f"cam_{k}" if s.isdigit() or s.startswith("/dev/") else Path(s).stem
@@ -221,29 +224,77 @@ def _check(options: argparse.Namespace, bars: Bars) -> int:
                 [Path(s) for s in options.sources], board, options.calibration, options.rate,
                 progress,
             )  # fmt: skip
+    check, cause = found.check, found.cause
     if options.json:
-        own = [float(x) if x == x else None for x in found.own]
-        pair = {
-            name: value if value == value else None
-            for name, value in (("together", found.together), ("length", found.length))
-        }
-        data = {"holds": found.holds, "own": own, "boards": found.boards} | pair
+        data = {
+            "holds": check.holds, "own": [_finite(x) for x in check.own], "boards": check.boards,
+            "together": _finite(check.together), "length": _finite(check.length),
+            "cause": cause and cause.kind, "square": cause and cause.square,
+            "order": cause and cause.order and [options.sources[k] for k in cause.order],
+        }  # fmt: skip
         sys.stdout.write(json.dumps(data, indent=1) + "\n")
-        return 0 if found.holds else 1
-    lines = [f"alone: {', '.join(f'{x:.2f}' for x in found.own)} px"]
-    if found.together == found.together:
-        lines.append(
-            f"together: rays miss by {found.together:.2f} px, corners of the board by"
-            f" {found.length:.3f} mm ({found.boards} views)"
+        return 0 if check.holds else 1
+    own = ", ".join(
+        f"{name} {f'{x:.2f} px' if isfinite(x) else 'did not see the board'}"
+        for name, x in zip(found.names, check.own, strict=True)
+    )
+    lines = [f"alone: {own}"]
+    if isfinite(check.together):
+        corners = (
+            f"corners of the board by {check.length:.3f} mm"
+            if isfinite(check.length)
+            else "and meet in no board"
         )
-    if found.holds:
-        lines.append("The calibration holds.")
-    elif any(x > 0.5 for x in found.own):
         lines.append(
-            "The calibration does not hold: a camera's zoom, focus or resolution has changed."
-            " Calibrate it again, then arrange."
+            f"together: rays miss by {check.together:.2f} px, {corners} ({check.boards} views)"
         )
-    else:
-        lines.append("The calibration does not hold: a camera has been moved. Arrange them again.")
-    say(lines)
-    return 0 if found.holds else 1
+    said = "The calibration does not hold: " + _why(options, board, found) if cause else ""
+    say([*lines, said or "The calibration holds."])
+    return 0 if check.holds else 1
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+def _why(options: argparse.Namespace, board: CharucoBoard, found: Diagnosis) -> str:
+    """The cause in words, and what to do."""
+    from ..capture.cameras.rig_check import FINE_PX
+
+    cause, names = found.cause, found.names
+    assert cause is not None
+    if cause.kind == "order" and cause.order is not None:
+        given = [options.sources[k] for k in cause.order]
+        pairs = ", ".join(f"{s} is camera {n}" for s, n in zip(given, names, strict=True))
+        said = f"the sources are swapped: {pairs}. Give them in this order: {' '.join(given)}."
+        return said + (f" Besides, {_size(options, board, cause.square)}" if cause.square else "")
+    if cause.kind == "board" and cause.square is not None:
+        return _size(options, board, cause.square)
+    if cause.kind == "lens":
+        bad = [n for n, x in zip(names, found.check.own, strict=True) if x > FINE_PX]
+        return (
+            f"zoom, focus or resolution of {' and '.join(bad)} has changed. Calibrate again, then"
+            " arrange."
+        )
+    odd = [n for n, x in zip(names, found.check.odd, strict=True) if x]
+    who = f"camera {odd[0]}" if len(odd) == 1 else "a camera"
+    return f"{who} has been moved. Arrange them again."
+
+
+def _size(options: argparse.Namespace, board: CharucoBoard, square: float) -> str:
+    """What to say of squares of another size, mm, than stated."""
+    stated = board.scale * board.square
+    todo = f"store it: defsense capture board {options.board} --measured MM"
+    try:
+        board.measure(square)
+    except CaptureError:  # further off than a print may be
+        todo = (
+            "print the board again at 100 %, or describe this one: defsense capture board"
+            f" {options.board} --printed --square MM"
+        )
+    return (
+        f"the printed board's squares measure {square:.2f} mm by these cameras, where"
+        f" {stated:.2f} mm are stated; all else fits. Measure several squares in a row with a"
+        f" ruler, and {todo}. If they do measure {stated:.2f} mm, a camera has been moved: arrange"
+        " them again."
+    )

@@ -14,7 +14,8 @@ import numpy as np
 from ...capture.cameras.camera_threads import in_threads
 from ...capture.cameras.extrinsics import estimate_extrinsics
 from ...capture.cameras.intrinsics import Intrinsics, calibrate
-from ...capture.cameras.rig_check import RigCheck, check_rig
+from ...capture.cameras.rig_check import check_rig
+from ...capture.cameras.rig_diagnosis import Diagnosis, diagnose
 from ...capture.cameras.rig_file import Rig, read_rig, write_rig
 from ...capture.cameras.video import Video
 from ...capture.cameras.view_selection import Coverage, choose, coverage, descriptor, motion
@@ -242,17 +243,26 @@ def _doubts(error: float, length: float) -> list[str]:
 def check_cameras(
     paths: Sequence[Path], board: CharucoBoard, calibration: Path,
     rate: float | None = None, progress: Progress = silent,
-) -> RigCheck:  # fmt: skip
-    """Whether the calibration still holds, by new views of the board."""
+) -> Diagnosis:  # fmt: skip
+    """Whether the calibration still holds, by new views of the board, and why not."""
     rig = rig_of(calibration, paths)
     seen = look(paths, board, rate, progress)
-    for s, camera, path in zip(seen, rig.cameras, paths, strict=True):
-        if s.size != camera.size:
-            raise CaptureError(f"{path}: {wrong_size(camera, *s.size)}")
-    if len(paths) == 1:
-        views = [{0: v} for v in seen[0].views if v is not None]
-        return check_rig(rig.cameras, board, views[:: max(len(views) // _TOGETHER, 1)])
-    return check_rig(rig.cameras, board, together(rig.cameras, seen, paths, board))
+    if len(paths) > 1:
+        return diagnose(rig.cameras, board, together(rig.cameras, seen, paths, board))
+    check_sizes(rig.cameras, [seen[0].size], paths)
+    views = [{0: v} for v in seen[0].views if v is not None]
+    return diagnose(rig.cameras, board, views[:: max(len(views) // _TOGETHER, 1)])
+
+
+def check_sizes(
+    cameras: Sequence[Camera], sizes: Sequence[tuple[int, int]], sources: Sequence[Path | str]
+) -> None:
+    """Raises CaptureError for a source whose images are not of its camera's size."""
+    swapped = sorted(sizes) == sorted(c.size for c in cameras)
+    more = "; the sources may be in another order than the cameras" if swapped else ""
+    for size, camera, source in zip(sizes, cameras, sources, strict=True):
+        if size != camera.size:
+            raise CaptureError(f"{source}: {wrong_size(camera, *size)}{more}")
 
 
 def rig_of(calibration: Path, paths: Sequence[Path]) -> Rig:
@@ -272,9 +282,7 @@ def together(
 ) -> list[dict[int, BoardView]]:
     """Instants at which several cameras saw the board, the most different of the stillest ones.
     Raises CaptureError for a video of another size than its camera's."""
-    for s, camera, path in zip(seen, cameras, paths, strict=True):
-        if s.size != camera.size:
-            raise CaptureError(f"{path}: {wrong_size(camera, *s.size)}")
+    check_sizes(cameras, [s.size for s in seen], paths)
     moves = [motion(s.views) for s in seen]
     stills = all(s.stills for s in seen)
     time = seen[0].time

@@ -140,6 +140,53 @@ def test_a_check_finds_what_moved(camera, tmp_path):
     assert not camera("check", "left.mkv", "right.mkv")["holds"]
 
 
+def test_a_check_says_in_words_what_is_wrong(camera, boards, tmp_path, capsys):
+    out = tmp_path / "cameras.toml"
+    write_rig(out, [LEFT, RIGHT], {})
+    # What is stated of a board that a printer fitted to the page: it is that part of it.
+    for part in (0.945, 0.97):
+        stated = replace(BOARD, square=30.0 / part, marker=21.0 / part, measured=None)
+        save_board(stated, boards / "stated.json")
+        data = camera("check", "left.mkv", "right.mkv", board="stated.json")
+        assert (data["holds"], data["cause"], data["order"]) == (False, "board", None)
+        assert data["square"] == pytest.approx(30.0, abs=0.05)
+        words = said(capsys, out, "left.mkv", "right.mkv", board="stated.json")
+        assert f"measure {data['square']:.2f} mm by these cameras" in words
+        assert f"{30 / part:.2f} mm are stated" in words
+        assert "ruler" in words
+        assert ("--measured MM" if part == 0.97 else "print the board again at 100 %") in words
+    data = camera("check", "right.mkv", "left.mkv")
+    assert (data["holds"], data["cause"]) == (False, "order")
+    assert data["order"] == ["left.mkv", "right.mkv"]
+    words = said(capsys, out, "right.mkv", "left.mkv")
+    assert "the sources are swapped: left.mkv is camera left, right.mkv is camera right" in words
+    assert "in this order: left.mkv right.mkv" in words
+    write_rig(out, [LEFT, replace(RIGHT, translation=RIGHT.translation + np.array([0, 2, 0]))], {})
+    assert "a camera has been moved" in said(capsys, out, "left.mkv", "right.mkv")
+    write_rig(out, [LEFT, replace(RIGHT, matrix=RIGHT.matrix * [[1.4], [1.4], [1]])], {})
+    assert "zoom, focus or resolution of right" in said(capsys, out, "left.mkv", "right.mkv")
+    write_rig(out, [replace(LEFT, size=(640, 480)), replace(RIGHT, size=(480, 360))], {})
+    assert "another order" not in camera("check", "left.mkv", "right.mkv")
+
+
+def said(capsys, out, *sources, board="board.json"):
+    """What a check of cameras that do not hold prints; never a number that is none."""
+    code, words, _ = command(
+        capsys, "capture", "camera", "check", *sources, "--board", board, "--calibration", out
+    )
+    assert code == 1
+    assert "nan" not in words
+    return words
+
+
+def test_sizes_tell_that_sources_are_swapped():
+    sizes = [(480, 360), (640, 480)]
+    cameras = [replace(LEFT, size=(640, 480)), RIGHT]
+    with pytest.raises(CaptureError, match=r"a\.mkv.*640 x 480.*in another order"):
+        recorded_views.check_sizes(cameras, sizes, ["a.mkv", "b.mkv"])
+    recorded_views.check_sizes(cameras, sizes[::-1], ["a.mkv", "b.mkv"])
+
+
 def test_views_that_are_not_of_one_instant_are_told(camera, boards, tmp_path):
     fourcc = cv2.VideoWriter.fourcc(*"FFV1")
     late = cv2.VideoWriter(str(boards / "other.mkv"), cv2.CAP_FFMPEG, fourcc, RATE, RIGHT.size)
@@ -259,8 +306,10 @@ def test_live_arrangement_and_check(opener, tmp_path):
     assert data["distances"][1] == pytest.approx(120, abs=0.2)
     assert all(len(s.images) == 2 for s in screen.shown)
     found = check_live(["left", "right"], BOARD, out, 3, Screen(), opener())
-    assert found.holds
-    assert found.boards == 3
+    assert found.check.holds
+    assert found.check.boards == 3
+    swapped = check_live(["right", "left"], BOARD, out, 3, Screen(), opener())
+    assert swapped.cause.order == (1, 0)
 
 
 def test_live_cameras_that_fail(opener, tmp_path):
