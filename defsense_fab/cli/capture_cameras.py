@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import CaptureError, DeviceError
+from .options import twin_values
 from .output import say
 
 if TYPE_CHECKING:
     from ..capture.cameras.rig_diagnosis import Diagnosis
     from ..capture.tags.charuco_board import CharucoBoard
+    from ..pipeline.twin.board_twin import BoardTwin
+    from ..terminal.camera_calibration import BoardLines, BoardTerminal
     from .options import Bars, Commands
 
 
@@ -26,7 +29,8 @@ def add(steps: Commands, bars: Bars) -> None:
         help="calibrate cameras on a printed board, arrange them, check them",
         description="Find out how cameras see (calibrate), where they stand (arrange), and whether"
         " that still holds (check), with a board of 'defsense capture board'. A SOURCE is a camera"
-        " that is plugged in (0, /dev/video0), a video, or a folder of images.",
+        " that is plugged in (0, /dev/video0), a video, or a folder of images; or twin"
+        " (twin:seed=1,cameras=2), for all of them: simulated cameras, which a board is shown to.",
     )
     kinds = parent.add_subparsers(dest="what", required=True, metavar="WHAT")
     sub = kinds.add_parser(
@@ -74,7 +78,8 @@ def add(steps: Commands, bars: Bars) -> None:
 
 
 def _common(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("sources", nargs="+", metavar="SOURCE", help="one for each camera")
+    sub.add_argument("sources", nargs="+", metavar="SOURCE",
+                     help="one for each camera, or twin (twin:seed=1,cameras=2)")  # fmt: skip
     sub.add_argument("--board", type=Path, required=True, metavar="DIR",
                      help="what 'capture board' wrote (folder, or its board.json)")  # fmt: skip
     sub.add_argument("--calibration", "--out", type=Path, default=Path("cameras.toml"),
@@ -94,6 +99,10 @@ def _live(sources: Sequence[str]) -> bool:
 
 def _board(options: argparse.Namespace) -> CharucoBoard:
     """What the sources show, after a look at the other options. Raises DeviceError."""
+    if not _twin_meant(options) and any(_is_twin(s) for s in options.sources):
+        raise DeviceError(
+            "twin stands for all cameras: give it alone; twin:cameras=3 has three of them"
+        )
     if options.rate is not None and not 0 < options.rate <= 10_000:
         raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")
     if not 1 <= options.views <= 80:
@@ -109,6 +118,34 @@ def _board(options: argparse.Namespace) -> CharucoBoard:
             f" defsense capture board {options.board} --measured MM\n"
         )
     return board
+
+
+def _is_twin(source: str) -> bool:
+    return source.partition(":")[0] == "twin"
+
+
+def _twin_meant(options: argparse.Namespace) -> bool:
+    return len(options.sources) == 1 and _is_twin(options.sources[0])
+
+
+def _twin(options: argparse.Namespace, board: CharucoBoard) -> BoardTwin | None:
+    """The twin, where one is meant; the sources are its cameras then. Raises DeviceError."""
+    if not _twin_meant(options):
+        return None
+    seed, count = twin_values("SOURCE", options.sources[0])
+    from ..pipeline.twin.board_twin import BoardTwin
+
+    twin = BoardTwin(board, seed, count)
+    options.sources = [c.name for c in twin.cameras]
+    return twin
+
+
+def _screen(twin: BoardTwin | None) -> BoardTerminal | BoardLines:
+    """What shows live cameras; lines, where a twin needs no keys and there is no terminal."""
+    from ..terminal.camera_calibration import BoardLines, BoardTerminal
+
+    terminal = twin is None or (sys.stdin.isatty() and sys.stdout.isatty())
+    return BoardTerminal() if terminal else BoardLines()
 
 
 def _names(options: argparse.Namespace) -> list[str]:
@@ -130,16 +167,19 @@ def _names(options: argparse.Namespace) -> list[str]:
 
 
 def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
-    board, names = _board(options), _names(options)
-    if _live(options.sources):
-        from ..pipeline.cameras.live_views import calibrate_live
-        from ..terminal.camera_calibration import BoardTerminal
+    board, given = _board(options), options.sources[0]
+    twin = _twin(options, board)
+    names = _names(options)
+    if twin or _live(options.sources):
+        from ..capture.cameras.webcam import Webcam
+        from ..pipeline.cameras.live_views import Opener, calibrate_live
 
         done = []
+        opener: Opener = twin.alone if twin else Webcam
         for source, name in zip(options.sources, names, strict=True):
-            with BoardTerminal() as screen:
+            with _screen(twin) as screen:
                 done += calibrate_live(
-                    source, name, board, options.calibration, options.views, screen
+                    source, name, board, options.calibration, options.views, screen, opener
                 )
     else:
         from ..pipeline.cameras.recorded_views import calibrate_cameras
@@ -150,6 +190,8 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
                 options.rate, progress,
             )  # fmt: skip
     data = [d.data for d in done]
+    for d, true in zip(data, twin.cameras if twin else (), strict=False):
+        d["true_focal"] = true.focal.tolist()
     if options.json:
         sys.stdout.write(json.dumps(data, indent=1) + "\n")
         return 0
@@ -161,25 +203,32 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
             f" {d['focal_sigma'][0]:.1f} px, {d['coverage']:.0%} of the picture covered"
         )
         lines += [f"  better: {h}" for h in d["hints"][:3]]
+        if "true_focal" in d:
+            off = d["focal"][0] / d["true_focal"][0] - 1
+            lines.append(f"  true focal length {d['true_focal'][0]:.1f} px: off by {off:+.2%}")
     lines += [
         f"Look at: {options.calibration.with_suffix('.html')}",
-        f"Next:    defsense capture camera arrange SOURCE SOURCE --board {options.board}"
-        f" --calibration {options.calibration}",
+        f"Next:    defsense capture camera arrange {given if twin else 'SOURCE SOURCE'} --board"
+        f" {options.board} --calibration {options.calibration}",
     ]
     say(lines)
     return 0
 
 
 def _arrange(options: argparse.Namespace, bars: Bars) -> int:
+    board, given = _board(options), options.sources[0]
+    twin = _twin(options, board)
     if not 2 <= len(options.sources) <= 6:
         raise DeviceError("arrange takes 2 to 6 cameras; one alone needs no arranging")
-    board = _board(options)
-    if _live(options.sources):
-        from ..pipeline.cameras.live_views import arrange_live
-        from ..terminal.camera_calibration import BoardTerminal
+    if twin or _live(options.sources):
+        from ..capture.cameras.webcam import Webcam
+        from ..pipeline.cameras.live_views import Opener, arrange_live
 
-        with BoardTerminal() as screen:
-            data = arrange_live(options.sources, board, options.calibration, options.views, screen)
+        opener: Opener = twin.together() if twin else Webcam
+        with _screen(twin) as screen:
+            data = arrange_live(
+                options.sources, board, options.calibration, options.views, screen, opener
+            )
     else:
         from ..pipeline.cameras.recorded_views import arrange_cameras
 
@@ -188,6 +237,8 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
                 [Path(s) for s in options.sources], board, options.calibration, options.rate,
                 progress,
             )  # fmt: skip
+    if twin is not None:
+        data["true_distances"] = twin.distances
     if options.json:
         sys.stdout.write(json.dumps(data, indent=1) + "\n")
         return 0
@@ -195,27 +246,38 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
         f"{data['boards']} boards, {data['error']:.3f} px; their corners are where they should be"
         f" to {data['length_error']:.3f} mm"
     ]
+    true = [f" (truly {x:.1f} mm)" for x in data.get("true_distances", [])]
     lines += [
-        f"{name}: {distance:.1f} mm from {data['names'][0]}, {error:.3f} px"
-        for name, distance, error in zip(
-            data["names"], data["distances"], data["errors"], strict=True
+        f"{name}: {distance:.1f} mm from {data['names'][0]}{more}, {error:.3f} px"
+        for name, distance, error, more in zip(
+            data["names"], data["distances"], data["errors"],
+            true or [""] * len(data["names"]), strict=True,
         )
-    ]
+    ]  # fmt: skip
     lines += [f"warning: {w}" for w in data["warnings"]]
-    lines.append("Next:    defsense capture process --videos FILE FILE --calibration"
-                 f" {options.calibration} --tag-size MM")  # fmt: skip
+    lines.append(
+        f"Next:    defsense capture camera check {given} --board {options.board} --calibration"
+        f" {options.calibration}"
+        if twin
+        else "Next:    defsense capture process --videos FILE FILE --calibration"
+        f" {options.calibration} --tag-size MM"
+    )
     say(lines)
     return 0
 
 
 def _check(options: argparse.Namespace, bars: Bars) -> int:
     board = _board(options)
-    if _live(options.sources):
-        from ..pipeline.cameras.live_views import check_live
-        from ..terminal.camera_calibration import BoardTerminal
+    twin = _twin(options, board)
+    if twin or _live(options.sources):
+        from ..capture.cameras.webcam import Webcam
+        from ..pipeline.cameras.live_views import Opener, check_live
 
-        with BoardTerminal() as screen:
-            found = check_live(options.sources, board, options.calibration, options.views, screen)
+        opener: Opener = twin.together(again=True) if twin else Webcam
+        with _screen(twin) as screen:
+            found = check_live(
+                options.sources, board, options.calibration, options.views, screen, opener
+            )
     else:
         from ..pipeline.cameras.recorded_views import check_cameras
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import CaptureError, DefsenseError, DeviceError
-from .options import REFERENCE, references, within
+from .options import REFERENCE, references, twin_values, within
 
 if TYPE_CHECKING:
     from ..capture.cameras.webcam import Images, Webcam
@@ -106,14 +106,7 @@ def _twin(
         raise DeviceError(
             "a twin has its own cameras and read-out board: give --cameras twin --port twin"
         )
-    values = {"seed": 1, "cameras": 2}
-    for pair in filter(None, word.partition(":")[2].split(",")):
-        name, equals, number = pair.partition("=")
-        if not equals or name not in values or not number.isdigit():
-            raise DeviceError(f"--cameras {word}: write twin:seed=1,cameras=2, each or none")
-        values[name] = int(number)
-    within("--cameras twin:cameras", values["cameras"], 1, 6)
-    twin = start_live_twin(device, markers, values["seed"], values["cameras"])
+    twin = start_live_twin(device, markers, *twin_values("--cameras", word))
     stack.callback(twin.close)
     return twin
 

@@ -42,3 +42,15 @@ def within(option: str, value: float, low: float, high: float) -> None:
     """Raises DeviceError for a number that is not in this range, or none."""
     if not low <= value <= high:
         raise DeviceError(f"{option} {value:g}: give a number from {low:g} to {high:g}")
+
+
+def twin_values(option: str, word: str) -> tuple[int, int]:
+    """Seed and number of cameras of twin:seed=1,cameras=2, each or none. Raises DeviceError."""
+    values = {"seed": 1, "cameras": 2}
+    for pair in filter(None, word.partition(":")[2].split(",")):
+        name, equals, number = pair.partition("=")
+        if not equals or name not in values or not number.isdecimal():
+            raise DeviceError(f"{option} {word}: write twin:seed=1,cameras=2, each or none")
+        values[name] = int(number)
+    within(f"{option} twin:cameras", values["cameras"], 1, 6)
+    return values["seed"], values["cameras"]

@@ -1,5 +1,6 @@
 """Cameras calibrated, arranged and checked, from films of a board and from live pictures."""
 
+import argparse
 import json
 import re
 import shutil
@@ -12,6 +13,7 @@ from rich.live import Live
 
 from defsense_fab.capture.cameras.rig_file import read_rig, write_rig
 from defsense_fab.capture.tags.charuco_board import CharucoBoard, save_board
+from defsense_fab.cli import capture_cameras
 from defsense_fab.core.errors import CaptureError, DeviceError
 from defsense_fab.core.progress import silent
 from defsense_fab.pipeline.cameras import recorded_views
@@ -143,18 +145,19 @@ def test_a_check_finds_what_moved(camera, tmp_path):
 def test_a_check_says_in_words_what_is_wrong(camera, boards, tmp_path, capsys):
     out = tmp_path / "cameras.toml"
     write_rig(out, [LEFT, RIGHT], {})
-    # What is stated of a board that a printer fitted to the page: it is that part of it.
-    for part in (0.945, 0.97):
-        stated = replace(BOARD, square=30.0 / part, marker=21.0 / part, measured=None)
-        save_board(stated, boards / "stated.json")
-        data = camera("check", "left.mkv", "right.mkv", board="stated.json")
-        assert (data["holds"], data["cause"], data["order"]) == (False, "board", None)
-        assert data["square"] == pytest.approx(30.0, abs=0.05)
-        words = said(capsys, out, "left.mkv", "right.mkv", board="stated.json")
-        assert f"measure {data['square']:.2f} mm by these cameras" in words
-        assert f"{30 / part:.2f} mm are stated" in words
-        assert "ruler" in words
-        assert ("--measured MM" if part == 0.97 else "print the board again at 100 %") in words
+    # What is stated of a board that a printer fitted to the page.
+    save_board(
+        replace(BOARD, square=30 / 0.97, marker=21 / 0.97, measured=None), boards / "stated.json"
+    )
+    data = camera("check", "left.mkv", "right.mkv", board="stated.json")
+    assert (data["holds"], data["cause"], data["order"]) == (False, "board", None)
+    assert data["square"] == pytest.approx(30.0, abs=0.05)
+    words = said(capsys, out, "left.mkv", "right.mkv", board="stated.json")
+    assert f"measure {data['square']:.2f} mm by these cameras" in words
+    for part in ("30.93 mm are stated", "ruler", "capture board stated.json --measured MM"):
+        assert part in words
+    more = capture_cameras._size(argparse.Namespace(board="b"), CharucoBoard(), 27.0)
+    assert "print the board again at 100 %" in more
     data = camera("check", "right.mkv", "left.mkv")
     assert (data["holds"], data["cause"]) == (False, "order")
     assert data["order"] == ["left.mkv", "right.mkv"]
