@@ -63,6 +63,11 @@ def add(steps: Commands, bars: Bars) -> None:
     _common(sub)
     sub.add_argument("--views", type=int, default=15, metavar="N",
                      help="that live cameras are to take together (15)")  # fmt: skip
+    sub.add_argument(
+        "--keep-world", action="store_true",
+        help="leave the first camera where the calibration has it, where another program"
+        " (aniposelib) wrote it; it becomes the origin otherwise",
+    )  # fmt: skip
     sub.set_defaults(run=lambda options: _arrange(options, bars))
     sub = kinds.add_parser(
         "check",
@@ -227,15 +232,16 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
         opener: Opener = twin.together() if twin else Webcam
         with _screen(twin) as screen:
             data = arrange_live(
-                options.sources, board, options.calibration, options.views, screen, opener
-            )
+                options.sources, board, options.calibration, options.views, screen, opener,
+                keep=options.keep_world,
+            )  # fmt: skip
     else:
         from ..pipeline.cameras.recorded_views import arrange_cameras
 
         with bars(options) as progress:
             data = arrange_cameras(
                 [Path(s) for s in options.sources], board, options.calibration, options.rate,
-                progress,
+                progress, keep=options.keep_world,
             )  # fmt: skip
     if twin is not None:
         data["true_distances"] = twin.distances
@@ -254,6 +260,7 @@ def _arrange(options: argparse.Namespace, bars: Bars) -> int:
             true or [""] * len(data["names"]), strict=True,
         )
     ]  # fmt: skip
+    lines.append(f"frame: {data['frame']}")
     lines += [f"warning: {w}" for w in data["warnings"]]
     lines.append(
         f"Next:    defsense capture camera check {given} --board {options.board} --calibration"

@@ -23,6 +23,7 @@ from .recorded_views import (
     calibrate_views,
     check_new_names,
     check_sizes,
+    check_world,
     finish_arranging,
     rig_of,
     store,
@@ -120,11 +121,14 @@ def arrange_live(
     wanted: int,
     screen: BoardScreen,
     opener: Opener = Webcam,
+    *,
+    keep: bool = False,
 ) -> dict[str, Any]:
-    """Several cameras at once; as `calibrate_live`."""
+    """Several cameras at once; as `calibrate_live`, and `finish_arranging`."""
     rig = rig_of(calibration, [Path(s) for s in sources])
+    check_world(rig, calibration, keep)
     instants = _gather(sources, rig.cameras, board, wanted, screen, opener, several=True)
-    return finish_arranging(rig, board, instants, calibration)
+    return finish_arranging(rig, board, instants, calibration, keep=keep)
 
 
 def check_live(

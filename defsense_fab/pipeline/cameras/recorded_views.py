@@ -173,14 +173,16 @@ def _about(board: CharucoBoard) -> dict[str, Any]:
 
 def arrange_cameras(
     paths: Sequence[Path], board: CharucoBoard, calibration: Path,
-    rate: float | None = None, progress: Progress = silent,
+    rate: float | None = None, progress: Progress = silent, *, keep: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Where the cameras stand that took these videos at the same time, into their file."""
+    """Where the cameras stand that took these videos at the same time, into their file; see
+    `finish_arranging`."""
     rig = rig_of(calibration, paths)
+    check_world(rig, calibration, keep)
     seen = look(paths, board, rate, progress)
     instants = together(rig.cameras, seen, paths, board)
     progress("solve", 0.0, f"{len(instants)} boards")
-    return finish_arranging(rig, board, instants, calibration, progress)
+    return finish_arranging(rig, board, instants, calibration, progress, keep=keep)
 
 
 def sigma_of(rig: Rig, name: str) -> Float:
@@ -205,11 +207,21 @@ def plain(rig: Rig) -> dict[str, Any]:
     }
 
 
+def check_world(rig: Rig, calibration: Path, keep: bool) -> None:
+    """Raises CaptureError where the file has no world that could be kept."""
+    if keep and not rig.placed:
+        raise CaptureError(
+            f"{calibration}: does not say where the cameras stood, so that there is no world to"
+            " keep; arrange them without --keep-world"
+        )
+
+
 def finish_arranging(
     rig: Rig, board: CharucoBoard, instants: Sequence[dict[int, BoardView]], out: Path,
-    progress: Progress = silent,
+    progress: Progress = silent, *, keep: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Solve and write; the numbers to tell."""
+    """Solve and write; the numbers to tell. The first camera becomes the world's origin; or the
+    world is one that others made, to `keep`, in which that camera stays where it was."""
     sigma = [sigma_of(rig, c.name) for c in rig.cameras]
     found = estimate_extrinsics(
         rig.cameras, board, instants, sigma if any(s.any() for s in sigma) else None
@@ -218,7 +230,9 @@ def finish_arranging(
     checked = check_rig(found.cameras, board, instants)
     metadata = plain(rig) | _about(board)
     metadata |= {"adjusted": True, "error": found.error, "board_error": checked.length}
-    write_rig(out, found.cameras, metadata)
+    first = rig.cameras[0]
+    cameras = found.cameras if not keep else [_seen_from(c, first) for c in found.cameras]
+    write_rig(out, cameras, metadata)
     distances = [float(np.linalg.norm(c.center - found.cameras[0].center)) for c in found.cameras]
     return {
         "error": found.error, "errors": found.errors.tolist(), "boards": len(instants),
@@ -226,7 +240,14 @@ def finish_arranging(
         "names": [c.name for c in found.cameras], "length_error": checked.length,
         "square_measured": board.measured is not None,
         "warnings": _doubts(found.error, checked.length),
+        "frame": f"the world of {out}" if keep else f"of camera {first.name}",
     }  # fmt: skip
+
+
+def _seen_from(camera: Camera, first: Camera) -> Camera:
+    """A camera that stands in the frame of the `first`, in that one's world."""
+    R, t = camera.rotation, camera.translation
+    return replace(camera, rotation=R @ first.rotation, translation=R @ first.translation + t)
 
 
 def _doubts(error: float, length: float) -> list[str]:

@@ -99,6 +99,23 @@ def test_calibrated_and_arranged_like_the_true_ones(camera, tmp_path):
     assert not again.placed
 
 
+def test_the_world_of_a_file_is_kept_when_asked(camera, tmp_path):
+    out = tmp_path / "cameras.toml"
+    shifted = replace(RIGHT, translation=RIGHT.translation + np.array([4.0, 0, 0]))
+    write_rig(out, [LEFT, shifted], {})
+    data = camera("arrange", "left.mkv", "right.mkv", more=["--keep-world"])
+    assert data["frame"] == f"the world of {out}"
+    left, right = read_rig(out).cameras
+    assert np.allclose(left.center, LEFT.center, atol=1e-6)
+    assert np.allclose(left.rotation, LEFT.rotation, atol=1e-9)
+    assert np.linalg.norm(right.center - RIGHT.center) < 0.5
+    data = camera("arrange", "left.mkv", "right.mkv")
+    assert data["frame"] == "of camera left"
+    assert np.allclose(read_rig(out).cameras[0].center, 0)
+    write_rig(out, [replace(c, translation=np.zeros(3)) for c in (LEFT, RIGHT)], {})
+    assert "no world" in camera("arrange", "left.mkv", "right.mkv", more=["--keep-world"])
+
+
 def test_names_of_cameras_are_checked_before_the_work(camera, tmp_path, monkeypatch):
     camera("calibrate", "left.mkv", more=["--name", "GoPro 1"])
     camera("calibrate", "right.mkv", more=["--name", "käse.2"])
