@@ -40,9 +40,9 @@ def _add_process(steps: Commands, bars: Bars) -> None:
         help="from videos, or a recorded session, to tracks of the tags",
         description="Find the tags in the videos of calibrated cameras and write where they were:"
         " frame, time (s), id, x, y, z and standard deviations sx, sy, sz (mm), in the frame of the"
-        " first camera and at the times of the first video. Tags that are not seen have no row."
-        " Images of a folder, or numbered ones (frame-%%04d.png), go as videos with --rate. The"
-        " suffix of --out chooses the format: .csv, .npz, .parquet, .c3d, .trc.",
+        " first camera (--frame, --up) and at the times of the first video. Tags that are not seen"
+        " have no row. Images of a folder, or numbered ones (frame-%%04d.png), go as videos with"
+        " --rate. The suffix of --out chooses the format: .csv, .npz, .parquet, .c3d, .trc.",
         epilog="example:  defsense capture process --videos a.mkv b.mkv --calibration cameras.toml"
         " --tag-size 15 --dictionary 4X4_50 --out tracks.csv",
     )
@@ -77,6 +77,16 @@ def _add_process(steps: Commands, bars: Bars) -> None:
         "--offsets", metavar="S,S,...",
         help="what to add to each video's times, where they were not started together",
     )  # fmt: skip
+    sub.add_argument(
+        "--frame", choices=("camera", "world"),
+        help="of videos: the first camera's (default), or that in which the calibration has the"
+        " cameras, where another program (aniposelib) wrote it",
+    )  # fmt: skip
+    sub.add_argument(
+        "--up", choices=("y", "z"),
+        help="of videos: turn the first camera's frame (y down) so that this axis points upwards in"
+        " its picture",
+    )  # fmt: skip
     ends(sub)
     sub.set_defaults(run=lambda options: _process(options, bars))
 
@@ -92,23 +102,41 @@ def _add_convert(steps: Commands) -> None:
     )
     sub.add_argument("source", type=Path, metavar="FROM")
     sub.add_argument("out", type=Path, metavar="TO")
+    sub.add_argument("--up", choices=("y", "z"), help="turn them so that this axis points upwards")
+    sub.add_argument(
+        "--source-up", choices=("camera", "y", "z"),
+        help="for --up: what points upwards in FROM; camera: y down, z ahead, as 'process' writes",
+    )  # fmt: skip
     ends(sub)
     sub.set_defaults(run=_convert)
 
 
 def _convert(options: argparse.Namespace) -> int:
+    from ..capture.files.axes import AXES, turned
     from ..capture.files.formats import check_suffix, read_any, write_any
 
     check_suffix(options.out)
-    tracks = read_any(options.source)
+    if options.up and not options.source_up:
+        raise DeviceError(
+            "--up: say what points upwards in the file that is read: --source-up camera (y down, as"
+            " 'process' writes), y or z"
+        )
+    if options.source_up and not options.up:
+        raise DeviceError("--source-up is for --up: give the axis that is to point upwards, too")
+    tracks, frame = read_any(options.source), "as it was"
+    if options.up:
+        tracks, frame = turned(tracks, options.source_up, options.up), AXES[options.up]
     write_any(options.out, tracks)
     seen = float(tracks.seen.mean()) if tracks.points.size else 0.0
-    data = {"frames": len(tracks.time), "markers": len(tracks.ids), "seen": seen}
+    data = {
+        "frames": len(tracks.time), "markers": len(tracks.ids), "seen": seen, "frame": frame
+    }  # fmt: skip
     if options.json:
         sys.stdout.write(json.dumps(data, indent=1) + "\n")
     else:
         say([
             f"{data['frames']} frames of {data['markers']} markers, {seen:.0%} seen",
+            f"frame: {frame}",
             f"Look at: {options.out}",
         ])  # fmt: skip
     return 0
@@ -121,6 +149,7 @@ def ends(sub: argparse.ArgumentParser) -> None:
 
 
 def _process(options: argparse.Namespace, bars: Bars) -> int:
+    from ..capture.files.axes import AXES, turned
     from ..capture.files.formats import check_suffix, write_any
     from ..capture.tracking.smoothing import smooth
     from ..pipeline.tracking.video_tracks import process_videos
@@ -132,7 +161,7 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
         _writable(options.out)
     if options.smooth is not None and not 0 < options.smooth < 1e6:
         raise DeviceError(f"--smooth {options.smooth:g}: give seconds, above 0")
-    alone = "--tag-size", "--dictionary", "--rate", "--offsets"
+    alone = "--tag-size", "--dictionary", "--rate", "--offsets", "--frame", "--up"
     if options.session is not None:
         for name in alone:
             if getattr(options, name[2:].replace("-", "_")) is not None:
@@ -142,15 +171,26 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
         raise DeviceError("--tag-size is missing: the side of a tag's black square, mm")
     if options.rate is not None and not 0 < options.rate <= 10_000:
         raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")
+    world = options.frame == "world"
+    if world and options.up:
+        raise DeviceError(
+            "--up turns the first camera's frame, and only the calibration's author knows which way"
+            " is up in its world; turn that with 'defsense capture convert --up --source-up'"
+        )
     offsets = numbers("--offsets", options.offsets, "s") if options.offsets else None
     out = options.out or Path("tracks.csv")
     _writable(out)
     with bars(options) as progress:
         found = process_videos(
             options.videos, options.calibration, options.tag_size, options.dictionary or "4X4_50",
-            rate=options.rate, offsets=offsets, progress=progress,
+            rate=options.rate, offsets=offsets, world=world,
+            progress=progress,
         )  # fmt: skip
     tracks, quality = found.tracks, found.quality
+    if options.up:
+        tracks = turned(tracks, "camera", options.up)
+    if not world:
+        quality["frame"] += f", {AXES[options.up or 'camera']}"
     if options.smooth is not None:
         tracks = smooth(tracks, options.smooth)
         quality = {**quality, "smoothed": options.smooth}
@@ -159,6 +199,7 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
         sys.stdout.write(json.dumps(quality, indent=1) + "\n")
         return 0
     show_quality(quality)
+    sys.stdout.write(f"frame: {quality['frame']}\n")
     sys.stdout.write(f"Look at: {out}\n")
     return 0
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import CaptureError, DefsenseError, DeviceError
-from .options import REFERENCE, references, within
+from .options import REFERENCE, references, twin_values, within
 
 if TYPE_CHECKING:
     from ..capture.cameras.webcam import Images, Webcam
@@ -99,8 +99,7 @@ def _twin(
     options: argparse.Namespace, device: Device, markers: Markers, stack: ExitStack
 ) -> LiveTwin:
     """The twin. Raises DeviceError where only one of cameras and read-out board is one."""
-    from ..pipeline.twin.live_twin import KIND, start_live_twin
-    from ..twin.filming.camera_kinds import KINDS
+    from ..pipeline.twin.live_twin import start_live_twin
 
     word = options.cameras[0]
     others = len(options.cameras) > 1
@@ -108,20 +107,8 @@ def _twin(
         raise DeviceError(
             "a twin has its own cameras and read-out board: give --cameras twin --port twin"
         )
-    values, kind = {"seed": 1, "cameras": 2}, KIND
-    for part in filter(None, word.partition(":")[2].split(",")):
-        name, equals, number = part.partition("=")
-        if not equals and name in KINDS:
-            kind = name
-        elif equals and name in values and number.isdigit():
-            values[name] = int(number)
-        else:
-            raise DeviceError(
-                f"--cameras {word}: write twin:webcam,seed=1,cameras=2, each or none; the kinds are"
-                f" {', '.join(KINDS)}"
-            )
-    within("--cameras twin:cameras", values["cameras"], 1, 6)
-    twin = start_live_twin(device, markers, values["seed"], values["cameras"], kind=kind)
+    seed, count, kind = twin_values("--cameras", word)
+    twin = start_live_twin(device, markers, seed, count, kind=kind)
     stack.callback(twin.close)
     return twin
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Iterator
+from typing import Self
 
 from rich.columns import Columns
 from rich.console import Group
@@ -22,6 +25,27 @@ class BoardTerminal(LiveScreen):
         if shown.flash:
             self._console.bell()
         self._draw(pages(shown, self._console.width))
+
+
+class BoardLines:
+    """A `BoardScreen` of plain lines, for logs and programs: no keys."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Nothing is to be put back."""
+
+    def show(self, shown: BoardShown) -> None:
+        if shown.flash:
+            more = f"; {shown.hints[0]}" if shown.taken < shown.wanted and shown.hints else ""
+            sys.stderr.write(
+                f"{', '.join(shown.names)}: {shown.taken} of {shown.wanted} views{more}\n"
+            )
+
+    def key(self, timeout: float) -> str | None:
+        time.sleep(timeout)
+        return None
 
 
 def pages(shown: BoardShown, width: int) -> Iterator[Group]:

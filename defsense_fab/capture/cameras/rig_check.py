@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Bool, Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ..tags.board_detection import BoardView
@@ -24,19 +24,33 @@ FINE_PX, FINE_MM = 0.5, 0.3
 class RigCheck:
     """Of each camera alone, how far it sees corners from where its intrinsics say, `own` (v,) px;
     of several, how far they are apart, `together` px, and how far the board's corners are from
-    where they are on the board, `length` mm (root mean squares; NaN where not seen); views used."""
+    where they are on the board, `length` mm (root mean squares; NaN where not seen); views used.
+    `scale`: by the cameras, the board is so many times as large as stated, and its corners then
+    `scaled` mm from their places (NaN where not known). `odd` (v,): cameras without which most of
+    what they see fits the others."""
 
     own: Float
     together: float
     length: float
     boards: int
+    scale: float
+    scaled: float
+    odd: Bool
 
     @property
     def holds(self) -> bool:
         """Whether measurements are as good as right after the calibration."""
+        return self._agree and not self.length > FINE_MM
+
+    @property
+    def fits(self) -> bool:
+        """Whether all fits a board of `scale` times the stated size."""
+        return self._agree and not self.scaled > FINE_MM
+
+    @property
+    def _agree(self) -> bool:
         own = bool((self.own[np.isfinite(self.own)] <= FINE_PX).all())
-        both = not self.together > FINE_PX and not self.length > FINE_MM
-        return own and both
+        return own and not self.together > FINE_PX
 
 
 def check_rig(
@@ -48,7 +62,8 @@ def check_rig(
             "the cameras never saw the board together; hold it where all of them see it"
         )
     own: list[list[Float]] = [[] for _ in cameras]
-    apart, lengths = [], []
+    apart, placed = [], []
+    left, several = [np.zeros(len(cameras), int)], [np.zeros(len(cameras), int)]
     for views in instants:
         for c, view in views.items():
             own[c].append(_alone(cameras[c], board, view))
@@ -61,19 +76,33 @@ def check_rig(
             corners[np.searchsorted(ids, view.ids), c] = flat[:, None]
         noise = np.tile(np.eye(2) * 0.01, (len(ids), len(cameras), 5, 1, 1))
         found = triangulate(cameras, corners, noise)
-        # Those that disagree by more than can be located count as that.
-        seen = np.isfinite(corners[:, :, 0, 0]).sum(axis=1) >= 2
-        apart.append(np.where(np.isfinite(found.miss[seen]), found.miss[seen], 2.0))
+        # Those that disagree by more than can be located count as that, and so do those that are
+        # located by leaving a camera out.
+        there = np.isfinite(corners[:, :, 0, 0])
+        out = there & ~found.used & found.used.any(axis=1, keepdims=True)
+        left.append(out.sum(axis=0))
+        several.append(there.sum(axis=0))
+        seen = there.sum(axis=1) >= 2
+        whole = np.isfinite(found.miss) & ~out.any(axis=1)
+        apart.append(np.where(whole, found.miss, 2.0)[seen])
         points = found.points
         if np.isfinite(points[:, 0]).sum() >= 4:
             back = align(points[None], board.corners[ids])
-            gap = back.points[0] - board.corners[ids]
-            lengths.append(np.linalg.norm(gap[np.isfinite(gap[:, 0])], axis=1))
+            laid = np.isfinite(back.points[0, :, 0])
+            if laid.any():
+                pair = np.stack([back.points[0, laid], board.corners[ids[laid]]])
+                placed.append(pair - pair.mean(axis=1, keepdims=True))
+    shown, stated = np.concatenate([np.zeros((2, 0, 3)), *placed], axis=1)
+    # The rotation that fits best is the same at every size: only the size is left to be found.
+    scale = float((shown * stated).sum() / (stated**2).sum()) if len(stated) else float("nan")
     return RigCheck(
-        np.array([_rms(np.concatenate(m)) if m else np.nan for m in own]),
-        _rms(np.concatenate(apart)) if apart else float("nan"),
-        _rms(np.concatenate(lengths)) if lengths else float("nan"),
+        np.array([_rms(np.concatenate([np.zeros(0), *m])) for m in own]),
+        _rms(np.concatenate([np.zeros(0), *apart])),
+        _rms(np.linalg.norm(shown - stated, axis=1)),
         len(instants),
+        scale,
+        _rms(np.linalg.norm(shown - scale * stated, axis=1)),
+        np.sum(left, axis=0) > np.sum(several, axis=0) / 2,
     )
 
 
@@ -86,4 +115,5 @@ def _alone(camera: Camera, board: CharucoBoard, view: BoardView) -> Float:
 
 
 def _rms(values: Float) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    """NaN of none."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

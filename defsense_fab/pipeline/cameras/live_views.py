@@ -11,18 +11,19 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...capture.cameras.intrinsics import LEAST_VIEWS
-from ...capture.cameras.rig_check import RigCheck, check_rig
+from ...capture.cameras.rig_diagnosis import Diagnosis, diagnose
 from ...capture.cameras.view_selection import STILL, coverage, descriptor, is_new, motion
 from ...capture.cameras.webcam import Images, Webcam
 from ...capture.tags.board_detection import BoardFinder, BoardView
 from ...capture.tags.charuco_board import CharucoBoard
-from ...capture.tags.tag_detection import Image, wrong_size
+from ...capture.tags.tag_detection import Image
 from ...core.arrays import Float, Int
-from ...core.errors import CaptureError
 from .recorded_views import (
     Calibrated,
     calibrate_views,
     check_new_names,
+    check_sizes,
+    check_world,
     finish_arranging,
     rig_of,
     store,
@@ -120,11 +121,14 @@ def arrange_live(
     wanted: int,
     screen: BoardScreen,
     opener: Opener = Webcam,
+    *,
+    keep: bool = False,
 ) -> dict[str, Any]:
-    """Several cameras at once; as `calibrate_live`."""
+    """Several cameras at once; as `calibrate_live`, and `finish_arranging`."""
     rig = rig_of(calibration, [Path(s) for s in sources])
+    check_world(rig, calibration, keep)
     instants = _gather(sources, rig.cameras, board, wanted, screen, opener, several=True)
-    return finish_arranging(rig, board, instants, calibration)
+    return finish_arranging(rig, board, instants, calibration, keep=keep)
 
 
 def check_live(
@@ -134,12 +138,12 @@ def check_live(
     wanted: int,
     screen: BoardScreen,
     opener: Opener = Webcam,
-) -> RigCheck:
-    """A few views, and whether they fit."""
+) -> Diagnosis:
+    """A few views, whether they fit, and why not."""
     rig = rig_of(calibration, [Path(s) for s in sources])
     several = len(sources) > 1
     instants = _gather(sources, rig.cameras, board, wanted, screen, opener, several=several)
-    return check_rig(rig.cameras, board, instants)
+    return diagnose(rig.cameras, board, instants)
 
 
 def _gather(
@@ -158,10 +162,9 @@ def _gather(
     shapes: list[Float] = []
     with ExitStack() as stack:
         opened = [stack.enter_context(closing(opener(s))) for s in sources]
-        for source, camera in zip(opened, cameras, strict=True):
+        for source in opened:
             source.start()
-            if source.size != camera.size:
-                raise CaptureError(wrong_size(camera, *source.size))
+        check_sizes(cameras, [s.size for s in opened], sources)
         frames: list[tuple[Image, int] | None] = [None] * len(opened)
         last: list[BoardView | None] = [None] * len(opened)
         while len(kept) < wanted:

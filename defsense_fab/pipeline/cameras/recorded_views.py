@@ -14,7 +14,8 @@ import numpy as np
 from ...capture.cameras.camera_threads import in_threads
 from ...capture.cameras.extrinsics import estimate_extrinsics
 from ...capture.cameras.intrinsics import Intrinsics, calibrate
-from ...capture.cameras.rig_check import RigCheck, check_rig
+from ...capture.cameras.rig_check import check_rig
+from ...capture.cameras.rig_diagnosis import Diagnosis, diagnose
 from ...capture.cameras.rig_file import Rig, read_rig, write_rig
 from ...capture.cameras.video import Video
 from ...capture.cameras.view_selection import Coverage, choose, coverage, descriptor, motion
@@ -172,14 +173,16 @@ def _about(board: CharucoBoard) -> dict[str, Any]:
 
 def arrange_cameras(
     paths: Sequence[Path], board: CharucoBoard, calibration: Path,
-    rate: float | None = None, progress: Progress = silent,
+    rate: float | None = None, progress: Progress = silent, *, keep: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Where the cameras stand that took these videos at the same time, into their file."""
+    """Where the cameras stand that took these videos at the same time, into their file; see
+    `finish_arranging`."""
     rig = rig_of(calibration, paths)
+    check_world(rig, calibration, keep)
     seen = look(paths, board, rate, progress)
     instants = together(rig.cameras, seen, paths, board)
     progress("solve", 0.0, f"{len(instants)} boards")
-    return finish_arranging(rig, board, instants, calibration, progress)
+    return finish_arranging(rig, board, instants, calibration, progress, keep=keep)
 
 
 def sigma_of(rig: Rig, name: str) -> Float:
@@ -204,11 +207,21 @@ def plain(rig: Rig) -> dict[str, Any]:
     }
 
 
+def check_world(rig: Rig, calibration: Path, keep: bool) -> None:
+    """Raises CaptureError where the file has no world that could be kept."""
+    if keep and not rig.placed:
+        raise CaptureError(
+            f"{calibration}: does not say where the cameras stood, so that there is no world to"
+            " keep; arrange them without --keep-world"
+        )
+
+
 def finish_arranging(
     rig: Rig, board: CharucoBoard, instants: Sequence[dict[int, BoardView]], out: Path,
-    progress: Progress = silent,
+    progress: Progress = silent, *, keep: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Solve and write; the numbers to tell."""
+    """Solve and write; the numbers to tell. The first camera becomes the world's origin; or the
+    world is one that others made, to `keep`, in which that camera stays where it was."""
     sigma = [sigma_of(rig, c.name) for c in rig.cameras]
     found = estimate_extrinsics(
         rig.cameras, board, instants, sigma if any(s.any() for s in sigma) else None
@@ -217,7 +230,9 @@ def finish_arranging(
     checked = check_rig(found.cameras, board, instants)
     metadata = plain(rig) | _about(board)
     metadata |= {"adjusted": True, "error": found.error, "board_error": checked.length}
-    write_rig(out, found.cameras, metadata)
+    first = rig.cameras[0]
+    cameras = found.cameras if not keep else [_seen_from(c, first) for c in found.cameras]
+    write_rig(out, cameras, metadata)
     distances = [float(np.linalg.norm(c.center - found.cameras[0].center)) for c in found.cameras]
     return {
         "error": found.error, "errors": found.errors.tolist(), "boards": len(instants),
@@ -225,7 +240,14 @@ def finish_arranging(
         "names": [c.name for c in found.cameras], "length_error": checked.length,
         "square_measured": board.measured is not None,
         "warnings": _doubts(found.error, checked.length),
+        "frame": f"the world of {out}" if keep else f"of camera {first.name}",
     }  # fmt: skip
+
+
+def _seen_from(camera: Camera, first: Camera) -> Camera:
+    """A camera that stands in the frame of the `first`, in that one's world."""
+    R, t = camera.rotation, camera.translation
+    return replace(camera, rotation=R @ first.rotation, translation=R @ first.translation + t)
 
 
 def _doubts(error: float, length: float) -> list[str]:
@@ -242,17 +264,26 @@ def _doubts(error: float, length: float) -> list[str]:
 def check_cameras(
     paths: Sequence[Path], board: CharucoBoard, calibration: Path,
     rate: float | None = None, progress: Progress = silent,
-) -> RigCheck:  # fmt: skip
-    """Whether the calibration still holds, by new views of the board."""
+) -> Diagnosis:  # fmt: skip
+    """Whether the calibration still holds, by new views of the board, and why not."""
     rig = rig_of(calibration, paths)
     seen = look(paths, board, rate, progress)
-    for s, camera, path in zip(seen, rig.cameras, paths, strict=True):
-        if s.size != camera.size:
-            raise CaptureError(f"{path}: {wrong_size(camera, *s.size)}")
-    if len(paths) == 1:
-        views = [{0: v} for v in seen[0].views if v is not None]
-        return check_rig(rig.cameras, board, views[:: max(len(views) // _TOGETHER, 1)])
-    return check_rig(rig.cameras, board, together(rig.cameras, seen, paths, board))
+    if len(paths) > 1:
+        return diagnose(rig.cameras, board, together(rig.cameras, seen, paths, board))
+    check_sizes(rig.cameras, [seen[0].size], paths)
+    views = [{0: v} for v in seen[0].views if v is not None]
+    return diagnose(rig.cameras, board, views[:: max(len(views) // _TOGETHER, 1)])
+
+
+def check_sizes(
+    cameras: Sequence[Camera], sizes: Sequence[tuple[int, int]], sources: Sequence[Path | str]
+) -> None:
+    """Raises CaptureError for a source whose images are not of its camera's size."""
+    swapped = sorted(sizes) == sorted(c.size for c in cameras)
+    more = "; the sources may be in another order than the cameras" if swapped else ""
+    for size, camera, source in zip(sizes, cameras, sources, strict=True):
+        if size != camera.size:
+            raise CaptureError(f"{source}: {wrong_size(camera, *size)}{more}")
 
 
 def rig_of(calibration: Path, paths: Sequence[Path]) -> Rig:
@@ -272,9 +303,7 @@ def together(
 ) -> list[dict[int, BoardView]]:
     """Instants at which several cameras saw the board, the most different of the stillest ones.
     Raises CaptureError for a video of another size than its camera's."""
-    for s, camera, path in zip(seen, cameras, paths, strict=True):
-        if s.size != camera.size:
-            raise CaptureError(f"{path}: {wrong_size(camera, *s.size)}")
+    check_sizes(cameras, [s.size for s in seen], paths)
     moves = [motion(s.views) for s in seen]
     stills = all(s.stills for s in seen)
     time = seen[0].time

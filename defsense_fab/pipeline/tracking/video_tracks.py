@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -63,10 +63,12 @@ def process_videos(
     *,
     rate: float | None = None,
     offsets: Sequence[float] | None = None,
+    world: bool = False,
     progress: Progress = silent,
 ) -> VideoTracks:
     """Tags of `size` mm in videos of the cameras in `calibration`, in its order; `rate` Hz of image
-    sequences; `offsets` s, by which each camera's clock is behind the first one's. Raises
+    sequences; `offsets` s, by which each camera's clock is behind the first one's; in the frame of
+    the first camera, or in the `world` of the calibration: `quality` says which. Raises
     CaptureError for files that do not belong together, and where no tag can be located."""
     if not 0.1 <= size <= 1000:
         raise CaptureError(f"tag size {size:g} mm: give the side of the black square, 0.1 to 1000")
@@ -87,7 +89,13 @@ def process_videos(
         raise CaptureError("the same video is given twice")
     check_offsets(offsets, len(paths))
     watched = detect_video(paths, rig.cameras, tags, rate, progress)
-    return assemble(watched, rig, size, [str(p) for p in paths], offsets, progress)
+    first = rig.cameras[0]
+    still = replace(first, rotation=np.eye(3), translation=np.zeros(3))  # the world's own axes
+    found = assemble(
+        watched, rig, size, [str(p) for p in paths], offsets, progress, still if world else first
+    )
+    frame = f"the world of {calibration}" if world else f"of camera {first.name}"
+    return replace(found, quality={**found.quality, "frame": frame})
 
 
 def assemble(

@@ -23,7 +23,7 @@ from ...twin.electronics.cord_twin import CordTraits
 from ...twin.electronics.device_cords import DeviceCords
 from ...twin.electronics.pseudo_terminal import PseudoTerminal
 from ...twin.electronics.readout_twin import ReadoutTwin
-from ...twin.filming.camera_kinds import KINDS
+from ...twin.filming.camera_kinds import KINDS, USUAL
 from ...twin.filming.live_camera import LiveCamera
 from ...twin.scenes.device_motion import Ramp, sway
 from ...twin.scenes.device_twin import DeviceTwin, blend
@@ -45,8 +45,6 @@ _FILLS = 0.55  # of the picture's width, by the body
 _STEADY = 3.0  # mm and degrees of the hand that holds the device
 _DENSE = 60_000  # triangles, above which a body is not drawn
 _FRAMES = 15.0  # frames per second
-#: Of cameras, where none is named: what most people have.
-KIND = "webcam"
 #: Of the twin's read-out board: its clock against the host's, s and relative.
 OFFSET, DRIFT = 0.35, 60e-6
 
@@ -142,7 +140,7 @@ class LiveTwin:
 
 def start_live_twin(
     device: Device, markers: Markers, seed: int = 1, count: int = 2, rate: float = _FRAMES,
-    kind: str = KIND, *, led: bool = True,
+    kind: str = USUAL, *, led: bool = True,
 ) -> LiveTwin:  # fmt: skip
     """A twin of a built device with its tags, `count` cameras of a `kind` (`camera_kinds.py`) and a
     read-out board. Raises CaptureError."""

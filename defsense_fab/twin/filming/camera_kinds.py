@@ -25,6 +25,8 @@ class CameraKind:
     passing: bool = False
 
 
+#: What most people have.
+USUAL = "webcam"
 #: Of an industrial camera: a global shutter, triggered, the sensor's own values, good prints. Of
 #: the others: free-running, a rolling shutter, light that flickers at 100 Hz, a picture that is
 #: meant to please, prints from the office.

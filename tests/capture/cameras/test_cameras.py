@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.capture.cameras.extrinsics import _Problem, estimate_extrinsics
 from defsense_fab.capture.cameras.intrinsics import calibrate
 from defsense_fab.capture.cameras.rig_check import check_rig
+from defsense_fab.capture.cameras.rig_diagnosis import Cause, diagnose
 from defsense_fab.capture.cameras.view_selection import choose, coverage, descriptor, motion
 from defsense_fab.capture.tags.board_detection import BoardFinder, BoardView
 from defsense_fab.capture.tags.charuco_board import CharucoBoard, load_board, save_board
@@ -24,13 +25,12 @@ BOARD = CharucoBoard()
 LENS = np.array([-0.2, 0.08, 0.001, -0.0015, 0.0])
 K = np.array([[900, 0, 645.0], [0, 905, 352], [0, 0, 1]])
 LENSED = Camera("left", (1280, 720), K, LENS, np.eye(3), np.zeros(3))
-MIDDLE = BOARD.corners.mean(axis=0)
 
 
-def seen(camera, pose, rng, noise=0.05):
+def seen(camera, pose, rng, noise=0.05, board=BOARD):
     """A view of the board in a pose (rotation, place of its middle in the world)."""
     R, at = pose
-    px = camera.project((BOARD.corners - MIDDLE) @ R.T + at)
+    px = camera.project((board.corners - board.corners.mean(axis=0)) @ R.T + at)
     px = px + rng.normal(0, noise, px.shape)
     inside = (px > 5).all(axis=1) & (px < np.array(camera.size) - 6).all(axis=1)
     if inside.sum() < 6:
@@ -48,13 +48,13 @@ def alone(count, rng, tilt=0.6, noise=0.05, camera=LENSED):
     return views
 
 
-def together(cameras, count, rng, pairs=None, noise=0.05):
+def together(cameras, count, rng, pairs=None, noise=0.05, board=BOARD):
     out = []
     for k in range(count):
         who = range(len(cameras)) if pairs is None else pairs[k % len(pairs)]
         R = turn(np.pi / 2) @ turn(*rng.uniform(-0.4, 0.4, 2)) @ np.diag([1, -1, -1.0])
         pose = R, rng.uniform(-40, 40, 3)
-        views = {c: seen(cameras[c], pose, rng, noise) for c in who}
+        views = {c: seen(cameras[c], pose, rng, noise, board) for c in who}
         out.append({c: v for c, v in views.items() if v is not None})
     return out
 
@@ -181,6 +181,75 @@ def test_a_camera_that_moved_and_cameras_that_were_swapped_do_not_hold():
     assert np.isnan(one.together)
     with pytest.raises(CaptureError, match="never saw the board together"):
         check_rig(cameras, BOARD, [])
+
+
+def shuffled(views, order):
+    """As if camera c were read from source order[c]."""
+    return [{order[c]: v for c, v in s.items()} for s in views]
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("print_", [0.95, 0.97, 1.01])
+def test_a_board_printed_at_another_size_is_no_moved_camera(count, print_):
+    cameras, rng = rig(count), np.random.default_rng(9)
+    stated = BOARD.measure(30.3)
+    printed = replace(BOARD, square=30.3 * print_, marker=22.0)
+    views = together(cameras, 3, rng, board=printed)
+    found = diagnose(cameras, stated, views)
+    assert not found.check.holds
+    assert found.cause.kind == "board"
+    assert found.cause.square == pytest.approx(30.3 * print_, rel=1e-3)
+    assert diagnose(cameras, replace(printed, measured=None), views).cause is None
+
+
+@pytest.mark.parametrize("order", [(1, 0), (1, 0, 2), (1, 2, 0), (2, 1, 0)])
+@pytest.mark.parametrize("alike", [True, False])
+def test_swapped_sources_are_told_from_lenses_and_moves(order, alike):
+    cameras, rng = rig(len(order)), np.random.default_rng(10)
+    if not alike:
+        cameras = [
+            replace(c, matrix=c.matrix * np.array([[f], [f], [1]]))
+            for c, f in zip(cameras, (0.9, 1.0, 1.1), strict=False)
+        ]
+    found = diagnose(cameras, BOARD, shuffled(together(cameras, 5, rng), order))
+    assert found.cause == Cause("order", None, order)
+    small = replace(BOARD, square=28.5)
+    both = diagnose(cameras, BOARD, shuffled(together(cameras, 5, rng, board=small), order))
+    assert (both.cause.kind, both.cause.order) == ("order", order)
+    assert both.cause.square == pytest.approx(28.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_lens_and_a_move_keep_their_names(count):
+    cameras, rng = rig(count), np.random.default_rng(11)
+    for k in range(8):
+        R = turn(*np.radians(rng.uniform(-2, 2, 3)))
+        shift = rng.uniform(-5, 5, 3)
+        now = [*cameras[:-1], replace(cameras[-1], rotation=R @ cameras[-1].rotation,
+                                      translation=R @ cameras[-1].translation + shift)]  # fmt: skip
+        found = diagnose(cameras, BOARD, together(now, 5, rng))
+        assert found.cause == Cause("moved"), k
+        # Of three, one that is far off is known.
+        assert np.flatnonzero(found.check.odd).tolist() in ([], [2] if count == 3 else [])
+    if count == 3:
+        assert found.check.odd[2]
+    lens = replace(cameras[-1], matrix=cameras[-1].matrix * [[1.1], [1.1], [1]])
+    views = together([*cameras[:-1], lens], 5, rng)
+    found = diagnose(cameras, BOARD, views)
+    assert found.cause == Cause("lens")
+
+
+def test_cameras_side_by_side_that_are_swapped_see_no_board_and_say_so():
+    apart = [replace(LENSED, name=n, translation=np.array([x, 0.0, 0])) for n, x in
+             (("left", 60.0), ("right", -60.0))]  # fmt: skip
+    rng = np.random.default_rng(12)
+    views = [
+        {c: seen(camera, pose, rng) for c, camera in enumerate(apart)}
+        for pose in [(turn(0.2 * k, 0.1, 0), np.array([0, 0, 400.0 + 20 * k])) for k in range(4)]
+    ]
+    found = diagnose(apart, BOARD, shuffled(views, (1, 0)))
+    assert np.isnan(found.check.length)  # the rays meet behind the cameras
+    assert found.cause == Cause("order", None, (1, 0))
 
 
 def test_views_are_chosen_to_differ_and_hints_say_what_is_missing():

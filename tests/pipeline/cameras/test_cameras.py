@@ -1,5 +1,6 @@
 """Cameras calibrated, arranged and checked, from films of a board and from live pictures."""
 
+import argparse
 import json
 import re
 import shutil
@@ -12,6 +13,7 @@ from rich.live import Live
 
 from defsense_fab.capture.cameras.rig_file import read_rig, write_rig
 from defsense_fab.capture.tags.charuco_board import CharucoBoard, save_board
+from defsense_fab.cli import capture_cameras
 from defsense_fab.core.errors import CaptureError, DeviceError
 from defsense_fab.core.progress import silent
 from defsense_fab.pipeline.cameras import recorded_views
@@ -97,6 +99,23 @@ def test_calibrated_and_arranged_like_the_true_ones(camera, tmp_path):
     assert not again.placed
 
 
+def test_the_world_of_a_file_is_kept_when_asked(camera, tmp_path):
+    out = tmp_path / "cameras.toml"
+    shifted = replace(RIGHT, translation=RIGHT.translation + np.array([4.0, 0, 0]))
+    write_rig(out, [LEFT, shifted], {})
+    data = camera("arrange", "left.mkv", "right.mkv", more=["--keep-world"])
+    assert data["frame"] == f"the world of {out}"
+    left, right = read_rig(out).cameras
+    assert np.allclose(left.center, LEFT.center, atol=1e-6)
+    assert np.allclose(left.rotation, LEFT.rotation, atol=1e-9)
+    assert np.linalg.norm(right.center - RIGHT.center) < 0.5
+    data = camera("arrange", "left.mkv", "right.mkv")
+    assert data["frame"] == "of camera left"
+    assert np.allclose(read_rig(out).cameras[0].center, 0)
+    write_rig(out, [replace(c, translation=np.zeros(3)) for c in (LEFT, RIGHT)], {})
+    assert "no world" in camera("arrange", "left.mkv", "right.mkv", more=["--keep-world"])
+
+
 def test_names_of_cameras_are_checked_before_the_work(camera, tmp_path, monkeypatch):
     camera("calibrate", "left.mkv", more=["--name", "GoPro 1"])
     camera("calibrate", "right.mkv", more=["--name", "käse.2"])
@@ -112,6 +131,20 @@ def test_names_of_cameras_are_checked_before_the_work(camera, tmp_path, monkeypa
         calibrate_live("left", "gopro 1", BOARD, out, 25, Screen(), None)
 
 
+def test_names_after_one_option_or_several(camera, tmp_path):
+    sources = ["left.mkv", "right.mkv"]
+    assert [d["name"] for d in camera("calibrate", *sources, more=["--name", "a", "b"])] == [
+        "a", "b",
+    ]  # fmt: skip
+    out = tmp_path / "other.toml"
+    again = camera("calibrate", *sources, out=out, more=["--name", "a", "--name", "b"])
+    assert [c.name for c in read_rig(out).cameras] == [d["name"] for d in again] == ["a", "b"]
+    for names in (["a"], ["a", "b", "c"]):
+        said = camera("calibrate", *sources, more=["--name", *names])
+        assert f"--name {' '.join(names)}: names {len(names)} cameras" in said
+        assert "2 sources (left.mkv right.mkv)" in said
+
+
 def test_a_check_finds_what_moved(camera, tmp_path):
     out = tmp_path / "cameras.toml"
     write_rig(out, [LEFT, RIGHT], {})
@@ -124,6 +157,54 @@ def test_a_check_finds_what_moved(camera, tmp_path):
     zoomed[:2, 2] = RIGHT.matrix[:2, 2]
     write_rig(out, [LEFT, replace(RIGHT, matrix=zoomed)], {})
     assert not camera("check", "left.mkv", "right.mkv")["holds"]
+
+
+def test_a_check_says_in_words_what_is_wrong(camera, boards, tmp_path, capsys):
+    out = tmp_path / "cameras.toml"
+    write_rig(out, [LEFT, RIGHT], {})
+    # What is stated of a board that a printer fitted to the page.
+    save_board(
+        replace(BOARD, square=30 / 0.97, marker=21 / 0.97, measured=None), boards / "stated.json"
+    )
+    data = camera("check", "left.mkv", "right.mkv", board="stated.json")
+    assert (data["holds"], data["cause"], data["order"]) == (False, "board", None)
+    assert data["square"] == pytest.approx(30.0, abs=0.05)
+    words = said(capsys, out, "left.mkv", "right.mkv", board="stated.json")
+    assert f"measure {data['square']:.2f} mm by these cameras" in words
+    for part in ("30.93 mm are stated", "ruler", "capture board stated.json --measured MM"):
+        assert part in words
+    more = capture_cameras._size(argparse.Namespace(board="b"), CharucoBoard(), 27.0)
+    assert "print the board again at 100 %" in more
+    data = camera("check", "right.mkv", "left.mkv")
+    assert (data["holds"], data["cause"]) == (False, "order")
+    assert data["order"] == ["left.mkv", "right.mkv"]
+    words = said(capsys, out, "right.mkv", "left.mkv")
+    assert "the sources are swapped: left.mkv is camera left, right.mkv is camera right" in words
+    assert "in this order: left.mkv right.mkv" in words
+    write_rig(out, [LEFT, replace(RIGHT, translation=RIGHT.translation + np.array([0, 2, 0]))], {})
+    assert "a camera has been moved" in said(capsys, out, "left.mkv", "right.mkv")
+    write_rig(out, [LEFT, replace(RIGHT, matrix=RIGHT.matrix * [[1.4], [1.4], [1]])], {})
+    assert "zoom, focus or resolution of right" in said(capsys, out, "left.mkv", "right.mkv")
+    write_rig(out, [replace(LEFT, size=(640, 480)), replace(RIGHT, size=(480, 360))], {})
+    assert "another order" not in camera("check", "left.mkv", "right.mkv")
+
+
+def said(capsys, out, *sources, board="board.json"):
+    """What a check of cameras that do not hold prints; never a number that is none."""
+    code, words, _ = command(
+        capsys, "capture", "camera", "check", *sources, "--board", board, "--calibration", out
+    )
+    assert code == 1
+    assert "nan" not in words
+    return words
+
+
+def test_sizes_tell_that_sources_are_swapped():
+    sizes = [(480, 360), (640, 480)]
+    cameras = [replace(LEFT, size=(640, 480)), RIGHT]
+    with pytest.raises(CaptureError, match=r"a\.mkv.*640 x 480.*in another order"):
+        recorded_views.check_sizes(cameras, sizes, ["a.mkv", "b.mkv"])
+    recorded_views.check_sizes(cameras, sizes[::-1], ["a.mkv", "b.mkv"])
 
 
 def test_views_that_are_not_of_one_instant_are_told(camera, boards, tmp_path):
@@ -245,8 +326,10 @@ def test_live_arrangement_and_check(opener, tmp_path):
     assert data["distances"][1] == pytest.approx(120, abs=0.2)
     assert all(len(s.images) == 2 for s in screen.shown)
     found = check_live(["left", "right"], BOARD, out, 3, Screen(), opener())
-    assert found.holds
-    assert found.boards == 3
+    assert found.check.holds
+    assert found.check.boards == 3
+    swapped = check_live(["right", "left"], BOARD, out, 3, Screen(), opener())
+    assert swapped.cause.order == (1, 0)
 
 
 def test_live_cameras_that_fail(opener, tmp_path):

@@ -79,6 +79,47 @@ def test_two_cameras(process, films):
     assert quality["size"] == pytest.approx(SIZE, abs=0.02)
 
 
+def test_frames_of_the_tracks(process, films):
+    truth = load_truth(films / "a.npz").centers
+    own, quality = process("a.mkv", "b.mkv")
+    assert quality["frame"] == "of camera left, x right, y down, z ahead"
+    world, quality = process("a.mkv", "b.mkv", more=["--frame", "world"])
+    assert quality["frame"] == "the world of cameras.toml"
+    assert np.abs(LEFT.rotation - np.eye(3)).max() > 0.5  # another frame than the first camera's
+    assert rms(np.linalg.norm(world.points - truth[world.frame], axis=-1)) < 0.05
+    assert np.allclose(LEFT.to_camera(world.points), own.points, atol=1e-3)
+    x, y, z = np.moveaxis(own.points, -1, 0)
+    sx, sy, sz = np.moveaxis(own.sigma, -1, 0)
+    for up, axes, sigma in (("y", (x, -y, -z), (sx, sy, sz)), ("z", (x, z, -y), (sx, sz, sy))):
+        tracks, quality = process("a.mkv", "b.mkv", more=["--up", up])
+        assert f"{up} up" in quality["frame"]
+        assert np.allclose(tracks.points, np.stack(axes, -1), atol=0)
+        assert np.allclose(tracks.sigma, np.stack(sigma, -1), atol=0)
+    assert "--source-up" in process("a.mkv", "b.mkv", more=["--frame", "world", "--up", "y"])
+
+
+def test_converted_tracks_are_turned_when_asked(process, tmp_path, capsys):
+    tracks, _ = process("a.mkv", "b.mkv")
+
+    def convert(*words):
+        return command(capsys, "capture", "convert", *words)
+
+    source, out, back = (tmp_path / n for n in ("out.csv", "z.npz", "back.csv"))
+    code, said, _ = convert(source, out, "--up", "z", "--source-up", "camera")
+    assert code == 0
+    assert "frame: x right, y ahead, z up" in said
+    x, y, z = np.moveaxis(tracks.points, -1, 0)
+    assert np.allclose(read_any(out).points, np.stack([x, z, -y], -1), atol=0)
+    assert "y up" in convert(out, back, "--up", "y", "--source-up", "z")[1]
+    assert np.allclose(read_any(back).points, np.stack([x, -y, -z], -1), atol=0)
+    assert "frame: as it was" in convert(source, back)[1]
+    assert np.allclose(read_any(back).points, tracks.points, atol=0)
+    code, _, (error,) = convert(source, back, "--up", "y")
+    assert code == 2
+    assert "--source-up" in error
+    assert "--up" in convert(source, back, "--source-up", "y")[2][0]
+
+
 def test_one_camera_says_how_uncertain_its_depth_is(process, films):
     tracks, quality = process("a.mkv", calibration="one.toml")
     error, z, _ = compare(tracks, films / "a.mkv")
