@@ -109,7 +109,7 @@ def calibrate_live(
             enough = len(kept) >= wanted and covered.fraction >= _COVERED
             if (enough and not covered.hints) or len(kept) >= _MOST:
                 break
-        done = [calibrate_views(name, camera.size, board, kept)]
+        done = [calibrate_views(name, camera.size, board, kept, wanted)]
     store(out, done, board)
     return done
 

@@ -96,11 +96,13 @@ class Calibrated:
 
 
 def calibrate_views(
-    name: str, size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView]
-) -> Calibrated:
-    """A camera from chosen views. Raises CaptureError where they do not tell."""
+    name: str, size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView],
+    wanted: int = WANTED,
+) -> Calibrated:  # fmt: skip
+    """A camera from chosen views, of which so many were wanted. Raises CaptureError where they do
+    not tell."""
     found = calibrate(name, size, board, views)
-    covered = coverage(views, board, size, WANTED)
+    covered = coverage(views, board, size, wanted)
     c = found.camera
     data = {
         "name": name, "size": list(size), "error": found.error, "views": len(views),

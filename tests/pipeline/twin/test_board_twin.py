@@ -36,6 +36,7 @@ def test_a_rehearsal_finds_the_true_cameras(camera, tmp_path):
         assert data["true_focal"] == true.focal.tolist()
         assert np.abs(np.array(data["focal"]) / true.focal - 1).max() < 0.002
         assert np.abs(np.array(data["center"]) - true.matrix[:2, 2]).max() < 3
+        assert (data["hints"], data["left_out"]) == ([], 0)  # of the views that were asked for
         assert data["coverage"] >= 0.9
     assert not read_rig(tmp_path / "cameras.toml").placed
     code, out, _ = camera("arrange", "twin", "--views", "8")
