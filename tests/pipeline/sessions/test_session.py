@@ -257,6 +257,19 @@ def test_stopped_and_resumed(tmp_path):
         rig.begin(tmp_path / "s", [("rest", 1.0)])
 
 
+def test_coverage_begins_with_what_earlier_runs_showed(tmp_path):
+    session = rig.begin(tmp_path / "s", [("out", 3.0)])
+    screen = rig.Silent({25: "q"})
+    assert not rig.record(session, screen, levels=rig.coverage())
+    most, before = screen.last.reached["out"]
+    assert before.sum() >= 2
+    assert sorted(sessions.covered(session)) == [("out", k) for k in np.flatnonzero(before)]
+    again = rig.Silent({1: "q"})
+    rig.record(session, again, levels=rig.coverage())
+    assert (again.first.reached["out"][1] >= before).all()
+    assert again.first.reached["out"][0] >= most
+
+
 @pytest.mark.slow
 def test_killed_at_any_moment(tmp_path):
     """Each run is whole but for the line that was cut; the session opens and says how it ended."""
