@@ -69,7 +69,9 @@ def process_session(
     if not session.runs:
         raise CaptureError(f"{folder}: nothing was recorded yet; run 'defsense capture record'")
     runs, skipped = [], []
-    for run in session.runs:
+    for k, run in enumerate(session.runs):
+        done = 0.9 * k / len(session.runs)
+        progress("session", done, f"reading {run.name}")
         try:
             if tracks is None:
                 runs.append(_run(session, run, video=video, progress=progress))
@@ -80,7 +82,9 @@ def process_session(
     if not runs:
         why = "; ".join(f"{s['run']}: {s['why']}" for s in skipped)
         raise CaptureError(f"{folder}: no run can be used: {why}")
+    progress("session", 0.9, "laying the tracks onto the rest pose")
     result = _join(session, runs, skipped, anchor)
+    progress("session", 0.95, "writing tracks, signals and the report")
     _write(folder, session, result)
     progress("session", 1.0, "done")
     return result
