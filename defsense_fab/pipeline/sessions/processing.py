@@ -13,6 +13,7 @@ from ...capture.cameras.rig_file import Rig
 from ...capture.cameras.video import Video, timing
 from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronisation import by_motion
+from ...capture.files.even_frames import frame_grid, on_even_frames
 from ...capture.files.formats import read_any, write_any
 from ...capture.readout.recording import read_recording
 from ...capture.tracking.tag_store import FrameTags
@@ -259,7 +260,7 @@ def _join(
     count, time, begin = len(resting), [], 0.0
     # Not joined from parts, each of which would be in memory twice.
     P, S = np.full((count, len(ids), 3), np.nan), np.full((count, len(ids), 3), np.nan)
-    end = 0
+    end = dropped = 0
     for run in runs:
         t = run.processed.tracks
         rows, end = slice(end, end + len(t.time)), end + len(t.time)
@@ -267,10 +268,17 @@ def _join(
         for k, i in enumerate(ids):
             if int(i) in column:
                 P[rows, k], S[rows, k] = t.points[:, column[int(i)]], t.sigma[:, column[int(i)]]
+        grid = frame_grid(t.time)
+        dropped += grid.gaps if grid is not None and grid.even else 0
         time.append(t.time + begin - t.time[0])
-        begin = float(time[-1][-1]) + _PAUSE
+        pause = _PAUSE if grid is None else max(round(_PAUSE / grid.period), 1) * grid.period
+        begin = float(time[-1][-1]) + pause
     T, R = np.concatenate(time), np.concatenate(ohm)
-    tracks = Tracks(T, ids, P, S, np.arange(count))
+    grid = frame_grid(T)
+    even = grid is not None and grid.even
+    # Files of tracks count the frames that were dropped, too; signals by frame must go with them.
+    number = grid.index if grid is not None and even else np.arange(count)
+    tracks = Tracks(T, ids, P, S, number)
     laid = lay_on_rest(session.markers, tracks, resting, anchor)
     aligned, warnings = laid.aligned, list(laid.warnings)
     names = [str(r.told["run"]) for r in runs]
@@ -278,12 +286,13 @@ def _join(
     warnings += told
     if not resting.any():
         warnings.append("no rest was finished: R0 and the rest pose are those of the whole session")
-    back = Tracks(T, ids, aligned.points, aligned.sigma, np.arange(len(T)))
+    back = Tracks(T, ids, aligned.points, aligned.sigma, number)
     with np.errstate(all="ignore"):
         quality = {
             "session": str(session.folder), "device": session.device,
             "runs": [r.told | {"sync": r.sync, "tracks": r.processed.quality} for r in runs],
             "skipped": list(skipped), "frames": len(T), "seconds": float(T[-1] - T[0]),
+            "rate": 1 / grid.period if grid is not None and even else None, "dropped": dropped,
             "aligned_by": laid.by, "aligned_frames": float(aligned.ok.mean()),
             "by_all": laid.by_all, "by_all_off": laid.off,
             "residual": _quantiles(aligned.residual), "sigma": _quantiles(
@@ -310,12 +319,15 @@ def _write(folder: Path, session: CaptureSession, result: ProcessedSession) -> N
     write_any(folder / TRACKS, result.tracks)
     write_any(folder / ALIGNED, result.aligned)
     columns = ["frame", "time", *session.channels, "alignment_residual"]
-    rows = [
-        ",".join([str(k), f"{t:.6f}", *map(_cell, signals), _cell(residual)])
-        for k, (t, signals, residual) in enumerate(
-            zip(result.tracks.time, result.signals, result.residual, strict=True)
-        )
-    ]
+    t = result.tracks
+    whole, _ = on_even_frames(Tracks(t.time, t.ids[:0], t.points[:, :0], t.sigma[:, :0], t.frame))
+    rows = [f"{k},{at:.6f}{',' * (len(columns) - 2)}"
+            for k, at in zip(whole.frame, whole.time, strict=True)]  # fmt: skip
+    for row, k, at, signals, residual in zip(
+        np.searchsorted(whole.frame, t.frame), t.frame, t.time, result.signals, result.residual,
+        strict=True,
+    ):  # fmt: skip
+        rows[row] = ",".join([str(k), f"{at:.6f}", *map(_cell, signals), _cell(residual)])
     with storage_errors(folder):
         write_text(folder / SIGNALS, "\n".join([",".join(columns), *rows]) + "\n")
         write_json(folder / QUALITY, result.quality)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks import memory
+from defsense_fab.capture.files.formats import read_any, write_any
 from defsense_fab.pipeline.sessions import recorded_tags
 from defsense_fab.pipeline.sessions.processing import process_session
 from defsense_fab.pipeline.sessions.recorded_tags import read_camera_tags
@@ -58,6 +59,45 @@ def test_a_run_without_rest_takes_its_neighbours_with_a_warning(tmp_path):
     assert told["run-1"] != told["run-2"]
     assert at_rest(result, 2) == pytest.approx(1260 / 1230 - 1, abs=2e-3)
     assert [w for w in result.quality["warnings"] if "R0 is that of run-2" in w and "run-3" in w]
+
+
+def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
+    """Six of ten, in two runs, with a tag that is never seen: in the session's own files, too."""
+    session = recorded(tmp_path / "s", {}, {})
+    rng = np.random.default_rng(4)
+    kept = []
+    for run in session.runs:
+        for name in ("cam_0.csv", "cam_1.csv"):
+            head, *lines = (run / name).read_text().splitlines()
+            lines = [line for line in lines if line.split(",")[2] != "3"]
+            (run / name).write_text("\n".join([head, *lines, ""]))
+        drop = {str(k) for k in rng.choice(np.arange(1, 599), 360, replace=False)}
+        for name in ("cam_0-frames.csv", "cam_0.csv"):
+            head, *lines = (run / name).read_text().splitlines()
+            lines = [line for line in lines if line.split(",")[0] not in drop]
+            (run / name).write_text("\n".join([head, *lines, ""]))
+        kept.append(600 - len(drop))
+    result = process_session(session.folder)
+    q = result.quality
+    assert (q["frames"], q["dropped"]) == (sum(kept), 720)
+    assert q["rate"] == pytest.approx(30, rel=1e-4)
+    whole = read_any(session.folder / "aligned.csv")
+    assert len(whole.time) == sum(kept) + 720 + 29  # a second between the runs
+    assert whole.ids.tolist() == list(range(12))
+    for suffix in (".c3d", ".trc", ".npz", ".parquet"):
+        written = write_any(tmp_path / f"a{suffix}", result.aligned)
+        assert written.rate == pytest.approx(q["rate"])
+        found = read_any(tmp_path / f"a{suffix}")
+        assert found.frame.tolist() == whole.frame.tolist()
+        assert found.ids.tolist() == whole.ids.tolist()
+        np.testing.assert_allclose(found.time, whole.time, atol=1e-4)
+        np.testing.assert_allclose(found.points, whole.points, atol=1e-4)
+    signals = np.genfromtxt(session.folder / "signals.csv", delimiter=",", names=True)
+    assert signals["frame"].tolist() == whole.frame.tolist()
+    np.testing.assert_allclose(signals["time"], whole.time, atol=1e-5)
+    taken = np.isin(whole.frame, result.tracks.frame)
+    np.testing.assert_allclose(signals["a"][taken], result.signals[:, 0], atol=1e-6)
+    assert np.isnan(signals["a"][~taken]).all()
 
 
 @pytest.mark.slow
