@@ -32,11 +32,12 @@ from .recorded_tags import CameraRecording, read_camera_tags
 from .report import write_report
 from .rest_frame import lay_on_rest
 from .rest_resistance import rest_resistances
+from .sample_table import ClockPart, write_samples
 from .session import BOARD, CAMERAS, REST, CaptureSession, ending, load, read_log
 from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
 
-TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
-    "tracks.csv", "aligned.csv", "signals.csv", "quality.json", "report.html",
+TRACKS, ALIGNED, SIGNALS, SAMPLES, QUALITY, REPORT = (
+    "tracks.csv", "aligned.csv", "signals.csv", "samples.csv", "quality.json", "report.html",
 )  # fmt: skip
 _PAUSE = 1.0  # s, between runs, in the tracks' time
 _ALONE = 5.0  # s without tags that are worth a word
@@ -49,6 +50,7 @@ class _ProcessedRun:
     rest: Bool
     sync: dict[str, Any]
     told: dict[str, Any]
+    clocks: list[ClockPart]
 
 
 def process_session(
@@ -121,9 +123,9 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     tracks = processed.tracks
     ohm = np.full((len(tracks.time), len(session.channels)), np.nan)
     told: dict[str, Any] = {"method": "none"}
-    lost: list[str] = []
+    lost, clocks = list[str](), list[ClockPart]()
     if recording is not None:
-        ohm, told = signals_in_step(session, recording, cameras, start, shift, tracks)
+        ohm, told, clocks = signals_in_step(session, recording, cameras, start, shift, tracks)
         if recording.cut:
             lost.append(f"lines of {run.name}/{BOARD}: {recording.cut}")
     rest = _resting(events, tracks.time, start)
@@ -133,7 +135,7 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
         processed.quality["warnings"].append(f"cut or damaged, and left out: {', '.join(lost)}")
     processed.quality["warnings"] += _ends_early(names, watched)
     return _ProcessedRun(
-        processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}
+        processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}, clocks
     )
 
 
@@ -193,7 +195,8 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
     arrival = fit_clocks(device, recording.host_ns / 1e9)
     rest = _resting(read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
     about = {"run": run.name, "ended": ending(run), "cut": recording.cut, "tracks_of": str(path)}
-    return _ProcessedRun(processed, at, rest, about_sync, about)
+    clocks = [ClockPart(slice(0, len(device)), sync.offset, sync.drift)]
+    return _ProcessedRun(processed, at, rest, about_sync, about, clocks)
 
 
 def _ends_early(names: Sequence[str], watched: Sequence[VideoDetections]) -> list[str]:
@@ -261,6 +264,7 @@ def _join(
     # Not joined from parts, each of which would be in memory twice.
     P, S = np.full((count, len(ids), 3), np.nan), np.full((count, len(ids), 3), np.nan)
     end = dropped = 0
+    clocks: dict[str, list[ClockPart]] = {}
     for run in runs:
         t = run.processed.tracks
         rows, end = slice(end, end + len(t.time)), end + len(t.time)
@@ -271,6 +275,8 @@ def _join(
         grid = frame_grid(t.time)
         dropped += grid.gaps if grid is not None and grid.even else 0
         time.append(t.time + begin - t.time[0])
+        later = begin - float(t.time[0])
+        clocks[str(run.told["run"])] = [part.later(later) for part in run.clocks]
         pause = _PAUSE if grid is None else max(round(_PAUSE / grid.period), 1) * grid.period
         begin = float(time[-1][-1]) + pause
     T, R = np.concatenate(time), np.concatenate(ohm)
@@ -305,7 +311,9 @@ def _join(
             },
         }  # fmt: skip
         signals = [relative_change(of, r0) for of, r0 in zip(ohm, R0, strict=True)]
-        return ProcessedSession(tracks, back, np.concatenate(signals), R, aligned.residual, quality)
+        return ProcessedSession(
+            tracks, back, np.concatenate(signals), R, aligned.residual, quality, clocks
+        )
 
 
 def _quantiles(values: Float) -> dict[str, float | None]:
@@ -331,6 +339,7 @@ def _write(folder: Path, session: CaptureSession, result: ProcessedSession) -> N
     with storage_errors(folder):
         write_text(folder / SIGNALS, "\n".join([",".join(columns), *rows]) + "\n")
         write_json(folder / QUALITY, result.quality)
+        write_samples(folder / SAMPLES, session, result.clocks, result.quality["R0"])
     write_report(folder / REPORT, session, result)
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from benchmarks import memory
 from defsense_fab.capture.files.formats import read_any, write_any
-from defsense_fab.pipeline.sessions import recorded_tags
+from defsense_fab.pipeline.sessions import recorded_tags, sample_table
+from defsense_fab.pipeline.sessions import session as sessions
 from defsense_fab.pipeline.sessions.processing import process_session
 from defsense_fab.pipeline.sessions.recorded_tags import read_camera_tags
 
@@ -59,6 +60,47 @@ def test_a_run_without_rest_takes_its_neighbours_with_a_warning(tmp_path):
     assert told["run-1"] != told["run-2"]
     assert at_rest(result, 2) == pytest.approx(1260 / 1230 - 1, abs=2e-3)
     assert [w for w in result.quality["warnings"] if "R0 is that of run-2" in w and "run-3" in w]
+
+
+def test_all_samples_are_told_by_the_tracks_clock(tmp_path, monkeypatch):
+    """Of runs whose read-out boards started at other times, the LED in view."""
+    session = recorded(tmp_path / "s", {"led": True}, {"led": True, "ohm": 1260.0})
+    for k, run in enumerate(session.runs):
+        head = (run / sessions.BOARD).read_text().splitlines()
+        rows = [line.split(",") for line in head[3:]]
+        rows = [",".join([r[0], str(int(r[1]) + 3_000_000 * k), *r[2:]]) for r in rows]
+        (run / sessions.BOARD).write_text("\n".join([*head[:3], *rows, ""]))
+    result = process_session(session.folder)
+    path = session.folder / "samples.csv"
+    whole = path.read_text()
+    names = "run,counter,device_us,time,a,b,c,d,a_ohm,b_ohm,c_ohm,d_ohm"
+    assert whole.splitlines()[0] == names
+    begins = result.tracks.time[np.diff(result.tracks.time, prepend=-10.0) > 0.5]
+    lines = [line.split(",") for line in whole.splitlines()[1:]]
+    for k, (name, begin) in enumerate(zip(("run-1", "run-2"), begins, strict=True)):
+        rows = np.array([line[1:] for line in lines if line[0] == name], float)
+        assert rows[:, 0].tolist() == list(range(int(SECONDS * memory.BOARD_RATE)))
+        t = rows[:, 0] / memory.BOARD_RATE
+        assert rows[:, 1] == pytest.approx(1e6 * t + 3e6 * k, abs=1)
+        # Half a sample, by which the LED's flag may be late.
+        assert rows[:, 2] == pytest.approx(begin + t, abs=0.6 / memory.BOARD_RATE)
+        assert rows[:, 3] == pytest.approx(memory.GAINS[0] * memory.level(t, SECONDS), abs=2e-3)
+        ohm = (1260.0 if k else 1200.0) * (1 + rows[:, 3])
+        assert rows[:, 7] == pytest.approx(ohm, rel=1e-3)
+    # At the frames' times they are the signals.
+    table = np.array([[float(x or "nan") for x in line[3:]] for line in lines])
+    good = np.isfinite(result.signals[:, 0])
+    between = np.interp(result.tracks.time, table[:, 0], table[:, 1])
+    assert between[good] == pytest.approx(result.signals[good, 0], abs=1e-5)
+    # In blocks of any size; and none is left of a session that has none.
+    monkeypatch.setattr(sample_table, "_BLOCK", 777)
+    write = (path, session, result.clocks, result.quality["R0"])
+    sample_table.write_samples(*write)
+    assert path.read_text() == whole
+    sample_table.write_samples(path, session, {"run-1": []}, result.quality["R0"])
+    assert path.read_text().splitlines()[1].startswith("run-1,0,0,,0.0")  # clocks not known
+    sample_table.write_samples(path, session, {}, {})
+    assert not path.exists()
 
 
 def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):

@@ -191,20 +191,24 @@ def test_a_board_that_begins_anew_is_put_in_step_in_parts(tmp_path):
     time_ = np.arange(0.5, 59.5, 0.04)
     points = np.array([rig.places(t) for t in time_])
     tracks = Tracks(time_, np.arange(6), points, np.full(points.shape, 0.01), np.arange(len(time_)))
-    ohm, told = signals_in_step(session, again, [], 0, [], tracks)
+    ohm, told, clocks = signals_in_step(session, again, [], 0, [], tracks)
     assert [p["method"] for p in told["parts"]] == ["motion", "motion"]
+    assert [c.samples for c in clocks] == [slice(0, half), slice(half, len(board.counter))]
+    for part in clocks:
+        at = part.offset + (1 + part.drift) * again.device_us[part.samples] / 1e6
+        assert at == pytest.approx(board.device_us[part.samples] / 1e6, abs=0.04)
     assert "began anew" in told["notes"][0]
     assert told["error_ms"] < 40
-    truth, _ = signals_in_step(session, board, [], 0, [], tracks)
+    truth, *_ = signals_in_step(session, board, [], 0, [], tracks)
     good = np.isfinite(ohm[:, 0]) & np.isfinite(truth[:, 0])
     assert good.mean() > 0.95
     speed = np.nanmax(np.abs(np.diff(truth[:, 0]))) / 0.04
     # By what the signal changes at most in a second: as time, s.
     off = np.abs(ohm[good, 0] - truth[good, 0]).max() / speed
-    as_one, _ = signals_in_step(session, replace(again, events=board.events), [], 0, [], tracks)
+    as_one, *_ = signals_in_step(session, replace(again, events=board.events), [], 0, [], tracks)
     # Back by 20 s without an event, as in a file that was put together: known all the same.
     back = replace(again, events=board.events, device_us=board.device_us - 300 * late)
-    parts, about = signals_in_step(session, back, [], 0, [], tracks)
+    parts, about, _ = signals_in_step(session, back, [], 0, [], tracks)
     assert len(about["parts"]) == 2
     np.testing.assert_allclose(parts[good], ohm[good], rtol=1e-3)
     both = good & np.isfinite(as_one[:, 0])
