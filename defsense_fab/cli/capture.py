@@ -126,16 +126,16 @@ def _convert(options: argparse.Namespace) -> int:
     tracks, frame = read_any(options.source), "as it was"
     if options.up:
         tracks, frame = turned(tracks, options.source_up, options.up), AXES[options.up]
-    write_any(options.out, tracks)
+    written = write_any(options.out, tracks)
     seen = float(tracks.seen.mean()) if tracks.points.size else 0.0
-    data = {
-        "frames": len(tracks.time), "markers": len(tracks.ids), "seen": seen, "frame": frame
-    }  # fmt: skip
+    data = {"frames": written.frames, "rate": written.rate, "gaps": written.gaps,
+            "markers": len(tracks.ids), "seen": seen, "frame": frame}  # fmt: skip
     if options.json:
         sys.stdout.write(json.dumps(data, indent=1) + "\n")
     else:
         say([
-            f"{data['frames']} frames of {data['markers']} markers, {seen:.0%} seen",
+            f"{written.told}; {data['markers']} markers, {seen:.0%} seen in"
+            f" {len(tracks.time)} frames",
             f"frame: {frame}",
             f"Look at: {options.out}",
         ])  # fmt: skip
@@ -194,13 +194,13 @@ def _process(options: argparse.Namespace, bars: Bars) -> int:
     if options.smooth is not None:
         tracks = smooth(tracks, options.smooth)
         quality = {**quality, "smoothed": options.smooth}
-    write_any(out, tracks)
+    written = write_any(out, tracks)
     if options.json:
+        quality |= {"rate": written.rate, "gaps": written.gaps}
         sys.stdout.write(json.dumps(quality, indent=1) + "\n")
         return 0
     show_quality(quality)
-    sys.stdout.write(f"frame: {quality['frame']}\n")
-    sys.stdout.write(f"Look at: {out}\n")
+    say([f"written: {written.told}", f"frame: {quality['frame']}", f"Look at: {out}"])
     return 0
 
 
@@ -225,9 +225,11 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
             tracks=options.tracks, progress=progress,
         )  # fmt: skip
     q = found.quality
+    written = None
     if options.out is not None:
         aligned = found.aligned
-        write_any(options.out, smooth(aligned, options.smooth) if options.smooth else aligned)
+        smoothed = smooth(aligned, options.smooth) if options.smooth else aligned
+        written = write_any(options.out, smoothed)
     if options.json:
         sys.stdout.write(json.dumps(q, indent=1) + "\n")
         return 0
@@ -243,6 +245,7 @@ def _process_session(options: argparse.Namespace, bars: Bars) -> int:
         f"{q['frames']} frames, {q['aligned_frames']:.0%} aligned to rest by {q['aligned_by']}"
         + (f", residual {residual:.3f} mm" if residual is not None else ""),
         *(f"warning: {w}" for w in q["warnings"]),
+        *([] if written is None else [f"{options.out}: {written.told}"]),
         f"Look at: {options.session / REPORT}",
     ]
     say(lines)

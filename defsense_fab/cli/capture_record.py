@@ -126,9 +126,11 @@ def _run(
     from ..capture.cameras.webcam import Webcam
     from ..capture.clocks.led_schedule import LED_PERIOD
     from ..capture.readout.reader import Settings
+    from ..capture.tags.tag_dictionary import dictionary
     from ..pipeline.artifacts.session_manifest import manifest_path
     from ..pipeline.sessions import session as sessions
     from ..pipeline.sessions.guided_recording import GuidedRecording
+    from ..pipeline.tracking.detector_compilation import compile_detector
     from ..pipeline.twin.live_twin import levels_of
     from ..pipeline.twin.sample_sources import open_source
     from ..terminal.guided_recording import CaptureLines, CaptureTerminal
@@ -162,6 +164,9 @@ def _run(
             settings = Settings(channels=len(session.channels), rate=options.rate, led=LED_PERIOD)
             port = twin.port() if twin is not None else options.port
             board = open_source(port, settings).source
+        if session.rig.cameras:  # before a screen is there, and the first pictures come
+            tags = dictionary(session.markers.dictionary)
+            compile_detector(session.rig.cameras[0], tags, _note)
         levels = levels_of(device, session.markers)
         hands = twin.perform if twin is not None else None
         if options.auto:
@@ -241,6 +246,11 @@ def _openers(
             " arrange'"
         )
     return [partial(webcam, w, c.size) for w, c in zip(words, cameras, strict=True)]
+
+
+def _note(text: str) -> None:
+    sys.stderr.write(f"note: {text}\n")
+    sys.stderr.flush()
 
 
 def _given(source: Images) -> Images:

@@ -6,8 +6,10 @@ import argparse
 import contextlib
 import os
 import sys
+import threading
+import time
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from ..core.errors import StorageError
 from ..core.progress import Progress, silent
@@ -86,7 +88,8 @@ def _shown(options: argparse.Namespace) -> Iterator[Progress]:
         yield silent
         return
     if not sys.stderr.isatty():
-        yield _Lines(options.verbose)
+        with ProgressLines(options.verbose) as lines:
+            yield lines
         return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
@@ -110,13 +113,45 @@ def _shown(options: argparse.Namespace) -> Iterator[Progress]:
         yield show
 
 
-class _Lines:
-    """Progress as lines: the beginning and end of each stage, or everything with -v."""
+class ProgressLines:
+    """Progress as lines, inside of `with`: the beginning and end of each stage, or everything with
+    -v; and what is being done whenever nothing was told for `every` s, so that the reader of a log
+    sees that it goes on."""
 
-    def __init__(self, everything: bool) -> None:
-        self._everything, self._stage = everything, ""
+    def __init__(self, everything: bool, every: float = 10.0) -> None:
+        self._everything, self._every, self._stage = everything, every, ""
+        self._last = "", 0.0, "done"
+        self._since = self._told = time.monotonic()
+        self._lock, self._over = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._go_on, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._over.set()
+        self._thread.join()
 
     def __call__(self, stage: str, fraction: float, message: str) -> None:
-        if self._everything or stage != self._stage or message == "done":
-            self._stage = stage
-            sys.stderr.write(f"{stage:<10} {100 * fraction:3.0f} %  {message}\n")
+        with self._lock:
+            if (stage, message) != (self._last[0], self._last[2]):
+                self._since = time.monotonic()
+            self._last = stage, fraction, message
+            if self._everything or stage != self._stage or message == "done":
+                self._stage = stage
+                self._write("")
+
+    def _write(self, more: str) -> None:
+        stage, fraction, message = self._last
+        sys.stderr.write(f"{stage:<10} {100 * fraction:3.0f} %  {message}{more}\n")
+        sys.stderr.flush()
+        self._told = time.monotonic()
+
+    def _go_on(self) -> None:
+        while not self._over.wait(self._every / 10):
+            with self._lock:
+                now = time.monotonic()
+                if self._last[2] != "done" and now - self._told >= self._every:
+                    passed = now - self._since
+                    self._write(f" ({passed:.0f} s)" if passed >= self._every else "")

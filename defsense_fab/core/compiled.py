@@ -16,6 +16,7 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from threading import Lock
+from types import ModuleType
 from typing import Any
 
 #: Relative imports at a module's top: what its compiled functions can reach of this package.
@@ -40,6 +41,17 @@ def compiled(**options: Any) -> Callable[[Callable[..., Any]], Any]:
                 numba.config.CACHE_DIR = before
 
     return decorate
+
+
+def is_compiled(module: ModuleType) -> bool:
+    """Whether the machine code of all compiled functions of a module is kept from an earlier use:
+    what is not is compiled where it is called first, which takes seconds."""
+    own = [f for f in vars(module).values() if getattr(f, "__module__", "") == module.__name__]
+    return all(
+        f.signatures or any(Path(f.stats.cache_path).glob(f"*.{f.__name__}-*.nbi"))
+        for f in own
+        if hasattr(f, "py_func")
+    )
 
 
 def sources(module: Path) -> frozenset[Path]:

@@ -38,8 +38,8 @@ class Tracks:
         if (np.isnan(self.points).any(-1) != np.isnan(self.points).all(-1)).any():
             raise CaptureError("tracks: a marker is seen or it is not: part of its place is NaN")
 
-    def part(self, frames: slice) -> Tracks:
-        """Some of the frames."""
+    def part(self, frames: slice | Bool) -> Tracks:
+        """Some of the frames, a mask (t,) or a slice."""
         return Tracks(
             self.time[frames], self.ids, self.points[frames], self.sigma[frames], self.frame[frames]
         )

@@ -145,25 +145,36 @@ def _poses(view: CaptureView) -> list[object]:
 
 
 class CaptureLines:
-    """A `CaptureScreen` of plain lines, for logs and programs: no keys."""
+    """A `CaptureScreen` of plain lines, for logs and programs: no keys. One line a step, and one
+    every so many s in a long one."""
 
-    def __init__(self) -> None:
+    def __init__(self, every: float = 10.0) -> None:
         self._step, self._told = -1, set[str]()
+        self._every, self._last = every, 0.0
 
     def key(self, timeout: float) -> str | None:
         time.sleep(timeout)
         return None
 
     def show(self, view: CaptureView) -> None:
-        if view.phase == "showing" and view.step != self._step:
-            self._step = view.step
+        now = time.monotonic()
+        if view.phase == "showing" and (view.step != self._step or now - self._last >= self._every):
             name, seconds = view.steps[view.step]
-            sys.stderr.write(
-                f"step {view.step + 1}/{len(view.steps)}: {name}, {seconds:g} s; {view.several} of"
-                f" {view.tags} tags by several cameras\n"
+            begun = view.step != self._step
+            self._step, self._last = view.step, now
+            covered = ", ".join(f"{n} {seen.mean():.0%}" for n, (_, seen) in view.reached.items())
+            self._write(
+                f"step {view.step + 1}/{len(view.steps)}: {name},"
+                f" {f'{seconds:g} s' if begun else f'{view.left:.0f} s left'};"
+                f" {view.several} of {view.tags} tags by several cameras; {view.samples} samples,"
+                f" {view.frames} pictures written" + (f"; seen: {covered}" if covered else "")
             )
         for note in view.notes:
             kind = "".join(c for c in note if not c.isdigit())  # not again for every new number
             if kind not in self._told:
                 self._told.add(kind)
-                sys.stderr.write(f"note: {note}\n")
+                self._write(f"note: {note}")
+
+    def _write(self, line: str) -> None:
+        sys.stderr.write(line + "\n")
+        sys.stderr.flush()

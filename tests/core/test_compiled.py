@@ -37,6 +37,7 @@ from .constants import STEP as step
 def add(x):
     return x + step
 """
+ASK = "from defsense_fab.core.compiled import is_compiled; import kernels.caller as c; "
 SHOW = "from kernels.caller import twice; print(twice(1), sum(twice.stats.cache_hits.values()))"
 
 
@@ -72,6 +73,22 @@ def test_an_edit_in_another_file_is_seen(kernels):
     # What earlier states left is gone.
     kept = sorted(p.name.split("-")[0] for p in (kernels / "__pycache__").glob("*-*"))
     assert kept == ["callee", "caller"]
+
+
+@pytest.mark.slow
+def test_whether_code_is_kept_is_known_before_it_is_used(kernels):
+    def asked(then):
+        code = f"import sys; sys.path[:0] = [{str(kernels.parent)!r}, {str(PACKAGE.parent)!r}]; "
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", code + ASK + then], capture_output=True, text=True,
+            check=True,
+        )  # fmt: skip
+        return done.stdout.split()
+
+    assert asked("print(is_compiled(c)); c.twice(1); print(is_compiled(c))") == ["False", "True"]
+    assert asked("print(is_compiled(c))") == ["True"]
+    (kernels / "constants.py").write_text("STEP = 100\n")
+    assert asked("print(is_compiled(c))") == ["False"]
 
 
 @pytest.mark.parametrize("path", USERS, ids=lambda p: p.stem)

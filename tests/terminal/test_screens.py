@@ -1,6 +1,7 @@
 """Guided work on terminals that are not high: what to do and the keys stay on the screen."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,3 +89,21 @@ def test_calibration_of_cameras(count):
     assert len(rows) <= 24
     assert rows[-1].startswith("Enter finish")
     assert "7 of 20 views" in "\n".join(rows)
+
+
+def test_lines_of_a_recording_without_a_terminal(capsys):
+    """One a step, and one every now and then in a long one."""
+    lines = guided_recording.CaptureLines(every=3600)
+    view = replace(capture(), phase="showing")
+    lines.show(view)
+    lines.show(replace(view, left=19.0))
+    first = capsys.readouterr().err.splitlines()
+    assert [line.split(";")[0] for line in first] == [
+        "step 2/2: bend, 20 s", "note: camera cam_1: 12 frames late or lost",
+    ]  # fmt: skip
+    often = guided_recording.CaptureLines(every=0.0)
+    often.show(view)
+    often.show(replace(view, left=7.0, samples=900))
+    later = capsys.readouterr().err.splitlines()[-1]
+    assert later.startswith("step 2/2: bend, 7 s left; 10 of 12 tags by several cameras; 900 samp")
+    assert "pose_0 40%" in later

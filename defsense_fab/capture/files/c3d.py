@@ -14,15 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, Int
+from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ...core.files import replacing
 from ...core.tracks import Tracks
 from .c3d_header import MOST_FRAMES, check_whole
+from .even_frames import JITTER, FrameGrid, frame_grid
 from .marker_labels import Labelled, labels_of, numbers_of
 
-#: Most that a frame may be off the grid, in periods.
-JITTER = 0.1
 _MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 _GROUP = "DEFSENSE"
 #: Parameters of POINT that list points which are no places (Vicon's manual of C3D).
@@ -35,7 +34,8 @@ def write_c3d(path: Path, tracks: Tracks) -> None:
     ezc3d = _library(path)
     if not len(tracks.ids):
         raise CaptureError(f"{path}: there are no markers to write")
-    index, start, period = _grid(path, tracks.time)
+    grid = _grid(path, tracks.time)
+    index, start, period = grid.index, grid.start, grid.period
     n, first = int(index[-1]) + 1, int(tracks.frame[0])
     if n > MOST_FRAMES:
         raise CaptureError(
@@ -110,26 +110,19 @@ def read_c3d(path: Path) -> Labelled:
     return Labelled(tracks, names)
 
 
-def _grid(path: Path, time: Float) -> tuple[Int, float, float]:
-    """Where the frames are on a grid (t,), the time of its start and its period, s."""
-    if len(time) < 2:
+def _grid(path: Path, time: Float) -> FrameGrid:
+    """Where the frames are. Raises CaptureError for times that have no rate."""
+    grid = frame_grid(time)
+    if grid is None:
         raise CaptureError(f"{path}: {len(time)} frames have no rate, which C3D needs; write .csv")
-    steps = np.diff(time)
-    # Of the shorter steps, since more than half of the frames may have been dropped.
-    ones = np.rint(steps / np.quantile(steps, 0.1, method="lower")) == 1
-    index = np.concatenate([[0], np.cumsum(np.rint(steps / steps[ones].mean()))]).astype(np.int64)
-    away = index - index.mean()
-    period = float(away @ time / (away @ away)) if away.any() else float(steps.mean())
-    start = float(time.mean() - period * index.mean())
-    off = np.abs(time - start - period * index) / period
-    if (np.diff(index) < 1).any() or off.max() > JITTER:
-        worst = int(np.argmax(off))
+    if not grid.even:
+        worst = int(np.argmax(grid.off))
         raise CaptureError(
-            f"{path}: the times are not regular, as C3D needs: at {1 / period:.4g} frames/s, that"
-            f" at {time[worst]:.6f} s is {100 * off[worst]:.0f} % of a period off (at most"
-            f" {100 * JITTER:.0f} %); write .csv, .npz, .parquet or .trc"
+            f"{path}: the times are not regular, as C3D needs: at {1 / grid.period:.4g} frames/s,"
+            f" that at {time[worst]:.6f} s is {100 * grid.off[worst]:.0f} % of a period off (at"
+            f" most {100 * JITTER:.0f} %); write .csv, .npz, .parquet or .trc"
         )
-    return index, start, period
+    return grid
 
 
 def _times(own: dict[str, Any], rate: float) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ...core.errors import CaptureError
 from ...core.files import replacing
 from ...core.tracks import Tracks
 from .c3d import read_c3d, write_c3d
+from .even_frames import WrittenFrames, frame_grid, on_even_frames
 from .size_limit import check_size
 from .tracks_csv import COLUMNS, from_rows, read_tracks, to_rows, write_tracks
 from .trc import read_trc, write_trc
@@ -25,10 +27,18 @@ def check_suffix(path: Path) -> None:
     _format(path)
 
 
-def write_any(path: Path, tracks: Tracks) -> None:
-    """As .csv, .npz, .parquet, .c3d or .trc. Raises CaptureError for other suffixes, tracks that
-    the format cannot hold and libraries that are missing; StorageError."""
-    _format(path)[1](path, tracks)
+def write_any(path: Path, tracks: Tracks) -> WrittenFrames:
+    """As .csv, .npz, .parquet, .c3d or .trc, with the frames of `on_even_frames`: the same ones in
+    all formats. Raises CaptureError for other suffixes, tracks that the format cannot hold and
+    libraries that are missing; StorageError."""
+    write = _format(path)[1]
+    whole, written = on_even_frames(tracks)
+    write(path, whole)
+    if path.suffix.lower() == ".c3d":  # its times follow from its rate
+        grid = frame_grid(whole.time)
+        assert grid is not None  # what has no rate was refused
+        written = replace(written, moved=float(grid.off.max() * grid.period))
+    return written
 
 
 def read_any(path: Path) -> Tracks:

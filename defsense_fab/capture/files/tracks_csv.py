@@ -1,7 +1,7 @@
 """Tracks as a table with a row per marker seen, and that table as CSV.
 
-Columns `frame, time, id, x, y, z, sx, sy, sz` (s, mm). Frames in which nothing was seen and markers
-that were never seen have no rows, so they are not in what is read.
+Columns `frame, time, id, x, y, z, sx, sy, sz` (s, mm). A frame in which nothing was seen has one
+row, and a marker that was never seen one in the first frame, with `nan` for what is not known.
 """
 
 from __future__ import annotations
@@ -23,12 +23,22 @@ _ROW = "%d,%.9f,%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n"
 _BLOCK = 1000  # frames written at once
 
 
-def to_rows(tracks: Tracks) -> Float:
-    """The table (r, 9), by frame and in it by marker as the tracks have them."""
-    t, m = np.nonzero(tracks.seen)
+def to_rows(tracks: Tracks, never: Bool | None = None) -> Float:
+    """The table (r, 9), by frame and in it by marker as the tracks have them; with rows in the
+    first frame for the markers (m,) that are `never` seen."""
+    rows = tracks.seen
+    if rows.size:
+        rows[0] |= never_seen(tracks) if never is None else never
+        rows[~rows.any(axis=1), 0] = True
+    t, m = np.nonzero(rows)
     return np.column_stack(
         [tracks.frame[t], tracks.time[t], tracks.ids[m], tracks.points[t, m], tracks.sigma[t, m]]
     ).astype(float)
+
+
+def never_seen(tracks: Tracks) -> Bool:
+    """Which markers (m,)."""
+    return np.asarray(~tracks.seen.any(axis=0))
 
 
 def from_rows(path: Path, rows: Float, where: Callable[[int], str]) -> Tracks:
@@ -41,8 +51,10 @@ def from_rows(path: Path, rows: Float, where: Callable[[int], str]) -> Tracks:
             row = int(np.argmax(wrong))
             raise CaptureError(f"{where(row)}: {why(row)}")
 
+    absent = np.isnan(rows[:, 3:]).all(1)
     for i, name in enumerate(COLUMNS[:6]):
-        refuse(~np.isfinite(rows[:, i]), lambda _, name=name: f"{name} is not a finite number")  # type: ignore[misc]
+        wrong = ~np.isfinite(rows[:, i]) & ~(absent & (i >= 3))
+        refuse(wrong, lambda _, name=name: f"{name} is not a finite number")  # type: ignore[misc]
     for i in (0, 2):
         wrong = np.asarray((rows[:, i] != np.rint(rows[:, i])) | (np.abs(rows[:, i]) >= 2.0**53))
         refuse(wrong, lambda r, i=i: f"{COLUMNS[i]} {rows[r, i]:g} is not a whole number")  # type: ignore[misc]
@@ -79,12 +91,13 @@ def _whole(values: Float) -> Int:
 
 
 def write_tracks(path: Path, tracks: Tracks) -> None:
-    """The table as CSV: times to 1 ns, places to 1 nm, sigma `nan` where not known. Raises
-    StorageError where it cannot be written."""
+    """The table as CSV: times to 1 ns, places to 1 nm, `nan` where not known. Raises StorageError
+    where it cannot be written."""
+    never = never_seen(tracks)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.write(_HEADER + "\n")
         for k in range(0, len(tracks.time), _BLOCK):
-            rows = to_rows(tracks.part(slice(k, k + _BLOCK)))
+            rows = to_rows(tracks.part(slice(k, k + _BLOCK)), never & (k == 0))
             file.write((_ROW * len(rows)) % tuple(rows.ravel().tolist()))
 
 

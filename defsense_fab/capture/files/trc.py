@@ -10,6 +10,7 @@ import numpy as np
 from ...core.errors import CaptureError
 from ...core.files import replacing
 from ...core.tracks import Tracks
+from .even_frames import frame_grid
 from .marker_labels import Labelled, labels_of, numbers_of
 from .size_limit import CELL, check_size
 
@@ -22,12 +23,16 @@ _HEAD = 5
 
 
 def write_trc(path: Path, tracks: Tracks) -> None:
-    """Markers `tag_7` in mm, empty cells where they were not seen, the times as they are. Raises
-    CaptureError for tracks without markers or frames."""
+    """Markers `tag_7` in mm, empty cells where they were not seen, the times as they are; the rate
+    is theirs, or where they are uneven that of the median step. Raises CaptureError for tracks
+    without markers or frames."""
     n, m = tracks.points.shape[:2]
     if not (n and m):
         raise CaptureError(f"{path}: there are no markers to write")
-    rate = 1 / float(np.median(np.diff(tracks.time))) if n > 1 else 0.0
+    grid = frame_grid(tracks.time)
+    rate = 0.0
+    if grid is not None:
+        rate = 1 / (grid.period if grid.even else float(np.median(np.diff(tracks.time))))
     start = tracks.frame[0]
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{path.name}",

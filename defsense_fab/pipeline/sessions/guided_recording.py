@@ -25,7 +25,7 @@ from ...sensing.signal import relative_change
 from ...sensing.voltage_divider import Dividers
 from .camera_recorder import CameraFrame, CameraRecorder
 from .pose_coverage import PoseCoverage
-from .session import BOARD, LOG, REST, CaptureSession, Log, finished
+from .session import BOARD, LOG, REST, CaptureSession, Log, covered, finished
 
 _TICK = 0.1  # s between looks
 _PATIENCE = 15.0  # s, for the first pictures
@@ -106,6 +106,9 @@ class GuidedRecording:
         """Whether all steps were shown. Raises CaptureError and StorageError for what cannot go on;
         what was recorded stays."""
         session = self._session
+        if self._levels is not None:
+            for pose, part in covered(session):
+                self._levels.restore(pose, part)
         number = 1 + max((int(p.name[4:]) for p in session.runs), default=0)
         folder = session.folder / f"run-{number}"
         folder.mkdir(parents=True)
@@ -215,7 +218,9 @@ class GuidedRecording:
         glances = [w.fresh(_STALE) for w in self._watchers]
         points, several, single, residual = self._locate(glances)
         if self._levels is not None and points is not None:
-            self._levels.add(points)
+            new = self._levels.add(points)
+            if new is not None:  # told at once: a run that is killed has it in its log
+                self._log.event("covered", pose=new[0], part=new[1])
         self._screen.show(
             CaptureView(
                 phase, k, tuple((s.name, s.seconds) for s in self._session.steps), max(left, 0.0),

@@ -26,24 +26,34 @@ class PoseCoverage:
         self._rest = rest
         self._seen = np.zeros((len(self._names), BINS), bool)
 
-    def add(self, points: Float) -> None:
+    def add(self, points: Float) -> tuple[str, int] | None:
         """Markers (m, 3) mm of a frame, in any frame of reference, NaN where not seen: the shape
-        that is nearest, by rigid motions, was seen."""
+        that is nearest, by rigid motions, was seen. Its pose and part of the way (0 to BINS - 1) if
+        it was not seen before."""
         there = np.isfinite(points[:, 0])
         if there.sum() < _FEWEST:
-            return
+            return None
         shapes = np.where(there[:, None], self._all, np.nan)
         try:
             found = align(shapes, np.where(there[:, None], points, np.nan))
             from_rest = align(shapes, np.where(there[:, None], self._rest, np.nan))
         except CaptureError:  # the markers that are seen lie on one line
-            return
+            return None
         gap = np.where(found.ok, found.residual, np.inf)
         best = int(gap.argmin())
         # Less than half of a step away from rest it is rest; far from all shapes it is another one.
         if best == 0 or gap[best] > _NEAR * from_rest.residual[best]:
-            return
-        self._seen[divmod(best - 1, BINS)] = True
+            return None
+        pose, part = divmod(best - 1, BINS)
+        if self._seen[pose, part]:
+            return None
+        self._seen[pose, part] = True
+        return self._names[pose], part
+
+    def restore(self, pose: str, part: int) -> None:
+        """A part of a pose's way was seen before; poses that the device has no more are left."""
+        if pose in self._names and 0 <= part < BINS:
+            self._seen[self._names.index(pose), part] = True
 
     def reached(self) -> dict[str, tuple[float, Bool]]:
         """Of each pose how far it was shown, 0 to 1, and which parts of the way were seen."""

@@ -13,6 +13,7 @@ from ...capture.cameras.rig_file import Rig
 from ...capture.cameras.video import Video, timing
 from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronisation import by_motion
+from ...capture.files.even_frames import frame_grid, on_even_frames
 from ...capture.files.formats import read_any, write_any
 from ...capture.readout.recording import read_recording
 from ...capture.tracking.tag_store import FrameTags
@@ -31,11 +32,12 @@ from .recorded_tags import CameraRecording, read_camera_tags
 from .report import write_report
 from .rest_frame import lay_on_rest
 from .rest_resistance import rest_resistances
+from .sample_table import ClockPart, write_samples
 from .session import BOARD, CAMERAS, REST, CaptureSession, ending, load, read_log
 from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
 
-TRACKS, ALIGNED, SIGNALS, QUALITY, REPORT = (
-    "tracks.csv", "aligned.csv", "signals.csv", "quality.json", "report.html",
+TRACKS, ALIGNED, SIGNALS, SAMPLES, QUALITY, REPORT = (
+    "tracks.csv", "aligned.csv", "signals.csv", "samples.csv", "quality.json", "report.html",
 )  # fmt: skip
 _PAUSE = 1.0  # s, between runs, in the tracks' time
 _ALONE = 5.0  # s without tags that are worth a word
@@ -48,6 +50,7 @@ class _ProcessedRun:
     rest: Bool
     sync: dict[str, Any]
     told: dict[str, Any]
+    clocks: list[ClockPart]
 
 
 def process_session(
@@ -69,7 +72,9 @@ def process_session(
     if not session.runs:
         raise CaptureError(f"{folder}: nothing was recorded yet; run 'defsense capture record'")
     runs, skipped = [], []
-    for run in session.runs:
+    for k, run in enumerate(session.runs):
+        done = 0.9 * k / len(session.runs)
+        progress("session", done, f"reading {run.name}")
         try:
             if tracks is None:
                 runs.append(_run(session, run, video=video, progress=progress))
@@ -80,7 +85,9 @@ def process_session(
     if not runs:
         why = "; ".join(f"{s['run']}: {s['why']}" for s in skipped)
         raise CaptureError(f"{folder}: no run can be used: {why}")
+    progress("session", 0.9, "laying the tracks onto the rest pose")
     result = _join(session, runs, skipped, anchor)
+    progress("session", 0.95, "writing tracks, signals and the report")
     _write(folder, session, result)
     progress("session", 1.0, "done")
     return result
@@ -117,9 +124,9 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
     tracks = processed.tracks
     ohm = np.full((len(tracks.time), len(session.channels)), np.nan)
     told: dict[str, Any] = {"method": "none"}
-    lost: list[str] = []
+    lost, clocks = list[str](), list[ClockPart]()
     if recording is not None:
-        ohm, told = signals_in_step(session, recording, cameras, start, shift, tracks)
+        ohm, told, clocks = signals_in_step(session, recording, cameras, start, shift, tracks)
         if recording.cut:
             lost.append(f"lines of {run.name}/{BOARD}: {recording.cut}")
     rest = _resting(events, tracks.time, start)
@@ -129,7 +136,7 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
         processed.quality["warnings"].append(f"cut or damaged, and left out: {', '.join(lost)}")
     processed.quality["warnings"] += _ends_early(names, watched)
     return _ProcessedRun(
-        processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}
+        processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}, clocks
     )
 
 
@@ -190,7 +197,8 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
     arrival = fit_clocks(device, recording.host_ns / 1e9)
     rest = _resting(read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
     about = {"run": run.name, "ended": ending(run), "cut": recording.cut, "tracks_of": str(path)}
-    return _ProcessedRun(processed, at, rest, about_sync, about)
+    clocks = [ClockPart(slice(0, len(device)), sync.offset, sync.drift)]
+    return _ProcessedRun(processed, at, rest, about_sync, about, clocks)
 
 
 def _ends_early(names: Sequence[str], watched: Sequence[VideoDetections]) -> list[str]:
@@ -259,7 +267,8 @@ def _join(
     corners = np.full((count, len(anchor_ids), 4, 3), np.nan, np.float32)
     # Not joined from parts, each of which would be in memory twice.
     P, S = np.full((count, len(ids), 3), np.nan), np.full((count, len(ids), 3), np.nan)
-    end = 0
+    end = dropped = 0
+    clocks: dict[str, list[ClockPart]] = {}
     for run in runs:
         t = run.processed.tracks
         rows, end = slice(end, end + len(t.time)), end + len(t.time)
@@ -269,10 +278,19 @@ def _join(
                 P[rows, k], S[rows, k] = t.points[:, column[int(i)]], t.sigma[:, column[int(i)]]
         for i, of in zip(run.processed.outlined, run.processed.corners.swapaxes(0, 1), strict=True):
             corners[rows, anchor_ids.tolist().index(int(i))] = of
+        grid = frame_grid(t.time)
+        dropped += grid.gaps if grid is not None and grid.even else 0
         time.append(t.time + begin - t.time[0])
-        begin = float(time[-1][-1]) + _PAUSE
+        later = begin - float(t.time[0])
+        clocks[str(run.told["run"])] = [part.later(later) for part in run.clocks]
+        pause = _PAUSE if grid is None else max(round(_PAUSE / grid.period), 1) * grid.period
+        begin = float(time[-1][-1]) + pause
     T, R = np.concatenate(time), np.concatenate(ohm)
-    tracks = Tracks(T, ids, P, S, np.arange(count))
+    grid = frame_grid(T)
+    even = grid is not None and grid.even
+    # Files of tracks count the frames that were dropped, too; signals by frame must go with them.
+    number = grid.index if grid is not None and even else np.arange(count)
+    tracks = Tracks(T, ids, P, S, number)
     laid = lay_on_rest(session.markers, tracks, corners, resting, anchor)
     aligned, warnings = laid.aligned, list(laid.warnings)
     names = [str(r.told["run"]) for r in runs]
@@ -280,12 +298,13 @@ def _join(
     warnings += told
     if not resting.any():
         warnings.append("no rest was finished: R0 and the rest pose are those of the whole session")
-    back = Tracks(T, ids, aligned.points, aligned.sigma, np.arange(len(T)))
+    back = Tracks(T, ids, aligned.points, aligned.sigma, number)
     with np.errstate(all="ignore"):
         quality = {
             "session": str(session.folder), "device": session.device,
             "runs": [r.told | {"sync": r.sync, "tracks": r.processed.quality} for r in runs],
             "skipped": list(skipped), "frames": len(T), "seconds": float(T[-1] - T[0]),
+            "rate": 1 / grid.period if grid is not None and even else None, "dropped": dropped,
             "aligned_by": laid.by, "aligned_frames": float(aligned.ok.mean()),
             "by_all": laid.by_all, "by_all_off": laid.off,
             "residual": _quantiles(aligned.residual), "sigma": _quantiles(
@@ -298,7 +317,9 @@ def _join(
             },
         }  # fmt: skip
         signals = [relative_change(of, r0) for of, r0 in zip(ohm, R0, strict=True)]
-        return ProcessedSession(tracks, back, np.concatenate(signals), R, aligned.residual, quality)
+        return ProcessedSession(
+            tracks, back, np.concatenate(signals), R, aligned.residual, quality, clocks
+        )
 
 
 def _quantiles(values: Float) -> dict[str, float | None]:
@@ -312,15 +333,19 @@ def _write(folder: Path, session: CaptureSession, result: ProcessedSession) -> N
     write_any(folder / TRACKS, result.tracks)
     write_any(folder / ALIGNED, result.aligned)
     columns = ["frame", "time", *session.channels, "alignment_residual"]
-    rows = [
-        ",".join([str(k), f"{t:.6f}", *map(_cell, signals), _cell(residual)])
-        for k, (t, signals, residual) in enumerate(
-            zip(result.tracks.time, result.signals, result.residual, strict=True)
-        )
-    ]
+    t = result.tracks
+    whole, _ = on_even_frames(Tracks(t.time, t.ids[:0], t.points[:, :0], t.sigma[:, :0], t.frame))
+    rows = [f"{k},{at:.6f}{',' * (len(columns) - 2)}"
+            for k, at in zip(whole.frame, whole.time, strict=True)]  # fmt: skip
+    for row, k, at, signals, residual in zip(
+        np.searchsorted(whole.frame, t.frame), t.frame, t.time, result.signals, result.residual,
+        strict=True,
+    ):  # fmt: skip
+        rows[row] = ",".join([str(k), f"{at:.6f}", *map(_cell, signals), _cell(residual)])
     with storage_errors(folder):
         write_text(folder / SIGNALS, "\n".join([",".join(columns), *rows]) + "\n")
         write_json(folder / QUALITY, result.quality)
+        write_samples(folder / SAMPLES, session, result.clocks, result.quality["R0"])
     write_report(folder / REPORT, session, result)
 
 

@@ -56,7 +56,7 @@ def _rows(session: CaptureSession, q: dict[str, Any]) -> list[tuple[str, str]]:
 
     rows = [
         ("recorded", session.begun),
-        ("length", f"{q['seconds']:.1f} s, {q['frames']} frames"),
+        ("length", _length(q)),
         ("aligned by", f"{q['aligned_by']}, {q['aligned_frames']:.0%} of the frames"),
         ("residual of the alignment",
          f"{mm(q['residual']['median'])}, 95 % below {mm(q['residual']['95 %'])}"),
@@ -74,6 +74,13 @@ def _rows(session: CaptureSession, q: dict[str, Any]) -> list[tuple[str, str]]:
              f" by one, {run['tracks']['impossible']} impossible ones taken out")
         )  # fmt: skip
     return rows
+
+
+def _length(q: dict[str, Any]) -> str:
+    out = f"{q['seconds']:.1f} s, {q['frames']} frames"
+    if q["rate"] is None:
+        return out + " at uneven times"
+    return out + f" at {q['rate']:.4g} Hz, {q['dropped']} more were dropped"
 
 
 def _draw(draw: Callable[[Any, CaptureSession, ProcessedSession], None], session: CaptureSession,

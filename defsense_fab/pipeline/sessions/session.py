@@ -153,6 +153,14 @@ def finished(session: CaptureSession) -> list[int]:
     return sorted(k for k in done if 0 <= k < len(session.steps))
 
 
+def covered(session: CaptureSession) -> list[tuple[str, int]]:
+    """Poses, and parts of the way to each, that were seen in any run."""
+    logs = [read_log(run) for run in session.runs if (run / LOG).exists()]
+    return [
+        (str(e["pose"]), int(e["part"])) for log in logs for e in log if e.get("event") == "covered"
+    ]
+
+
 def ending(run: Path) -> str:
     """How a run ended, in words."""
     events = read_log(run) if (run / LOG).exists() else []

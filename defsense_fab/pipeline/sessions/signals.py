@@ -19,6 +19,7 @@ from ...core.errors import CaptureError
 from ...core.tracks import Tracks
 from ...sensing.voltage_divider import conversion_time
 from .recorded_tags import CameraRecording
+from .sample_table import ClockPart
 from .session import BOARD, CaptureSession
 
 _DRIFTS = 5e-4  # relative: no read-out board's clock is off by more
@@ -32,28 +33,29 @@ _BESIDE = 1.0  # s of frames beside a part's samples that are compared with it
 def signals_in_step(
     session: CaptureSession, recording: Recording, cameras: Sequence[CameraRecording], start: int,
     shift: Sequence[float], tracks: Tracks,
-) -> tuple[Float, dict[str, Any]]:  # fmt: skip
-    """Resistances (t, c) ohm at the tracks' times, by whichever way the clocks can be compared, and
-    what there is to tell of it. `cameras` with stamps in ns, of which `start` is the tracks' zero;
-    `shift` s that each camera's stamps are late by."""
+) -> tuple[Float, dict[str, Any], list[ClockPart]]:  # fmt: skip
+    """Resistances (t, c) ohm at the tracks' times, by whichever way the clocks can be compared,
+    what there is to tell of it, and how the clock of each part goes. `cameras` with stamps in ns,
+    of which `start` is the tracks' zero; `shift` s that each camera's stamps are late by."""
     ohm = resistances(session, recording)
     out = np.full((len(tracks.time), ohm.shape[1]), np.nan)
     if len(recording.counter) <= _FEW:
-        return out, {"method": "none"}
+        return out, {"method": "none"}, []
     ends = np.unique([0, *restarts(recording), *_jumps(recording), len(recording.counter)])
     parts = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     parts = [p for p in parts if p.stop - p.start > _FEW]
-    told = []
+    told, clocks = [], []
     for part in parts:
         at, about = _part(recording, part, ohm, cameras, start, shift, tracks)
         values = at_times(at, recording.device_us[part] / 1e6, ohm[part])
         out = np.where(np.isfinite(values), values, out)
         told.append(about)
+        clocks.append(ClockPart(part, about["offset"], about["drift"]))
     if len(told) < 2:
-        return out, told[0]
+        return out, told[0], clocks
     longest = told[int(np.argmax([p.stop - p.start for p in parts]))]
     errors = [t["error_ms"] for t in told]
-    return out, longest | {
+    about = longest | {
         "error_ms": None if None in errors else max(errors),
         "parts": told,
         "notes": [
@@ -62,6 +64,7 @@ def signals_in_step(
             *dict.fromkeys(note for t in told for note in t["notes"]),
         ],
     }
+    return out, about, clocks
 
 
 def restarts(recording: Recording) -> list[int]:

@@ -20,6 +20,7 @@ from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ...core.markers import Markers
 from ...core.progress import Progress, silent
+from .detector_compilation import tell_of_compilation
 
 _LOOKED, _SOME = 4, 3  # frames of a video in which other families are tried; tags that tell
 _ROUNDED = 8e-4  # s, that stamps in whole ms may be off
@@ -48,6 +49,7 @@ def detect_video(
     for video, camera in zip(videos, cameras, strict=True):
         if video.size != camera.size:
             raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
+    tell_of_compilation(lambda note: progress("tags", 0.0, note))
     done = [0] * len(videos)
     total = max(sum(v.expected for v in videos), 1)
 
@@ -107,6 +109,7 @@ def detect_all(
     each."""
     if video.size != camera.size:
         raise CaptureError(f"{video.path}: {wrong_size(camera, *video.size)}")
+    tell_of_compilation(lambda note: progress("tags", 0.0, note))
     found = TagFollower(camera, dictionary(markers.dictionary))
     times: list[float] = []
 

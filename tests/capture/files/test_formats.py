@@ -27,32 +27,89 @@ SUFFIXES = (".csv", ".npz", ".parquet", ".c3d", ".trc")
 @settings(max_examples=10, deadline=None)
 @given(st.integers(2, 8), st.integers(1, 4), st.integers(0, 99))
 def test_round_trips(tmp_path_factory, t, m, seed):
-    """Times, numbers, places and what is missing; sigma where the format has it."""
+    """Times, numbers, places and what is missing, with every frame; sigma where the format has
+    it."""
     folder, tracks = tmp_path_factory.mktemp("t"), made(t, m, seed)
     steps = np.diff(tracks.frame)
     frame = tracks.frame if (steps == 1).any() else tracks.frame[0] + np.arange(t)
     tracks = Tracks(12.5 + frame / 30, tracks.ids, tracks.points, tracks.sigma, frame)
+    whole = np.arange(frame[0], frame[-1] + 1)
     for suffix in SUFFIXES:
-        write_any(folder / f"a{suffix}", tracks)
+        written = write_any(folder / f"a{suffix}", tracks)
+        assert (written.frames, written.gaps) == (len(whole), len(whole) - t)
+        assert written.rate == pytest.approx(30)
         found = read_any(folder / f"a{suffix}")
-        unknown = Tracks(tracks.time, tracks.ids, tracks.points, tracks.sigma * np.nan, frame)
-        if suffix == ".c3d":
-            there = np.isin(found.frame, frame)
-            assert not found.seen[~there].any()
-            found = Tracks(
-                *(found.time[there], found.ids, found.points[there], found.sigma[there]),
-                found.frame[there],
-            )
-            same(unknown, found, places=1e-4)
-        else:
-            same(unknown if suffix == ".trc" else tracks, found)
+        assert found.frame.tolist() == whole.tolist()
+        assert not found.seen[~np.isin(whole, frame)].any()
+        there = np.isin(whole, frame)
+        found = Tracks(
+            *(found.time[there], found.ids, found.points[there], found.sigma[there]), frame
+        )
+        known = suffix in (".csv", ".npz", ".parquet")
+        sigma = tracks.sigma if known else tracks.sigma * np.nan
+        expected = Tracks(tracks.time, tracks.ids, tracks.points, sigma, frame)
+        same(expected, found, places=1e-4 if suffix == ".c3d" else 1e-6)
     assert len(list(folder.iterdir())) == len(SUFFIXES)
+
+
+def test_every_format_has_the_same_frames_and_rate(tmp_path):
+    """Of more than half of the frames dropped, nothing seen in some, and a marker never seen; as
+    numbers count what there was, not what was dropped."""
+    rng = np.random.default_rng(2)
+    at = np.sort(rng.choice(np.arange(1, 412), 172, replace=False))
+    at = np.concatenate([[0], at, [412]])
+    points = rng.normal(0, 100, (174, 3, 3))
+    points[rng.random((174, 3)) < 0.3] = np.nan
+    points[50:60], points[:, 1] = np.nan, np.nan
+    ids = np.array([2, 5, 11])
+    tracks = Tracks(3.0 + at / 15, ids, points, np.full(points.shape, np.nan), 4 + np.arange(174))
+    read = {}
+    for suffix in SUFFIXES:
+        written = write_any(tmp_path / f"a{suffix}", tracks)
+        assert written.told == "413 frames at 15 Hz, 239 of them dropped ones without markers"
+        read[suffix] = read_any(tmp_path / f"a{suffix}")
+    for suffix, found in read.items():
+        same(read[".npz"], found, places=1e-4 if suffix == ".c3d" else 1e-6)
+        assert 1 / np.median(np.diff(found.time)) == pytest.approx(15)
+        assert found.frame.tolist() == list(range(4, 417))
+        assert found.ids.tolist() == [2, 5, 11]
+        np.testing.assert_allclose(found.points[at], points, atol=1e-4)
+        assert found.seen.sum() == tracks.seen.sum()
+    head = (tmp_path / "a.trc").read_text().splitlines()[2].split("\t")
+    assert head[:4] == ["15.000000", "15.000000", "413", "3"]
+    assert c3d_format.parse((tmp_path / "a.c3d").read_bytes()).rate == pytest.approx(15)
+
+
+def test_times_of_no_rate_stay_as_they_are(tmp_path):
+    """As those of cameras that slow down in the dark, and of one wrong stamp far away."""
+    slower = np.cumsum(np.random.default_rng(0).uniform(0.03, 0.07, 20))
+    far = np.append(np.arange(19) / 10, 1e6)
+    points = np.ones((20, 1, 3))
+    for time, rate in ((slower, None), (far, 10)):
+        tracks = Tracks(time, np.array([1]), points, points, np.arange(20))
+        for suffix in (".csv", ".npz", ".parquet", ".trc"):
+            written = write_any(tmp_path / f"a{suffix}", tracks)
+            assert written.frames == 20
+            assert written.rate == (None if rate is None else pytest.approx(rate))
+            found = read_any(tmp_path / f"a{suffix}")
+            np.testing.assert_allclose(found.time, time)
+            assert found.frame.tolist() == list(range(20))
+        with pytest.raises(CaptureError):
+            write_any(tmp_path / "a.c3d", tracks)
+
+
+def test_c3d_tells_by_how_much_times_were_moved(tmp_path):
+    time = np.arange(50) / 50 + np.where(np.arange(50) % 2, 1e-3, -1e-3)
+    points = np.ones((50, 1, 3))
+    tracks = Tracks(time, np.array([1]), points, points, np.arange(50))
+    assert write_any(tmp_path / "a.trc", tracks).moved == 0
+    assert "times moved by up to 1" in write_any(tmp_path / "a.c3d", tracks).told
 
 
 def test_npz_keeps_all(tmp_path):
     """Also frames and markers that were never seen."""
     points = np.full((3, 2, 3), np.nan)
-    tracks = Tracks(np.arange(3.0), np.array([9, 4]), points, points, np.arange(3) * 7)
+    tracks = Tracks(np.arange(3.0), np.array([9, 4]), points, points, 7 + np.arange(3))
     write_any(tmp_path / "a.npz", tracks)
     same(tracks, read_any(tmp_path / "a.npz"), places=0, times=0)
 

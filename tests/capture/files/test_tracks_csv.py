@@ -50,15 +50,21 @@ def test_round_trip(tmp_path_factory, t, m, seed, known):
     assert [p.name for p in path.parent.iterdir()] == ["tracks.csv"]
 
 
-def test_what_was_not_seen_is_not_there(tmp_path):
+def test_what_was_not_seen_has_no_place(tmp_path):
     points = np.full((3, 2, 3), np.nan)
-    points[[0, 2], 0] = [[1, 2, 3], [4, 5, 6]]
-    tracks = Tracks(np.arange(3.0), np.array([9, 4]), points, points, np.arange(3))
+    points[[0, 2], 1] = [[1, 2, 3], [4, 5, 6]]
+    tracks = Tracks(np.arange(3.0), np.array([4, 9]), points, points, np.arange(3))
+    nothing = Tracks(tracks.time, tracks.ids, points * np.nan, points * np.nan, tracks.frame)
+    for of in (tracks, nothing):
+        write_tracks(tmp_path / "a.csv", of)
+        same(of, read_tracks(tmp_path / "a.csv"))
     write_tracks(tmp_path / "a.csv", tracks)
-    found = read_tracks(tmp_path / "a.csv")
-    assert (found.frame.tolist(), found.ids.tolist()) == ([0, 2], [9])
-    nothing = Tracks(np.arange(3.0), tracks.ids, points * np.nan, points * np.nan, np.arange(3))
-    write_tracks(tmp_path / "b.csv", nothing)
+    nan = ",nan" * 6
+    assert (tmp_path / "a.csv").read_text().splitlines()[1:4] == [
+        f"0,0.000000000,4{nan}", "0,0.000000000,9,1.000000,2.000000,3.000000,1.000000,2.000000,"
+        "3.000000", f"1,1.000000000,4{nan}",
+    ]  # fmt: skip
+    (tmp_path / "b.csv").write_text(HEADER + "\n")
     assert read_tracks(tmp_path / "b.csv").points.shape == (0, 0, 3)
 
 

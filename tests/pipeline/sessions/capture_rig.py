@@ -24,6 +24,7 @@ from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Markers
 from defsense_fab.pipeline.sessions import session as sessions
 from defsense_fab.pipeline.sessions.guided_recording import GuidedRecording
+from defsense_fab.pipeline.sessions.pose_coverage import BINS, PoseCoverage
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Sample
 from defsense_fab.sensing.voltage_divider import Dividers
@@ -73,6 +74,13 @@ def places(seconds: float) -> np.ndarray:
     out = CENTERS.copy()
     out[4:, 2] += 12 * level(seconds)
     return out
+
+
+def coverage() -> PoseCoverage:
+    """Of the one pose `out`, in which the last two tags are out."""
+    shapes = np.tile(CENTERS, (1, BINS, 1, 1))
+    shapes[0, :, 4:, 2] += 12 * (np.arange(BINS)[:, None] + 1) / BINS
+    return PoseCoverage(["out"], shapes, CENTERS)
 
 
 class Pictures:
@@ -125,7 +133,7 @@ class Silent:
 
     def __init__(self, keys: dict[int, str] | None = None) -> None:
         self.keys, self.looks, self.notes = keys or {}, 0, set()
-        self.last = None
+        self.first = self.last = None
 
     def key(self, timeout: float) -> str | None:
         time.sleep(timeout)
@@ -133,6 +141,7 @@ class Silent:
         return self.keys.get(self.looks)
 
     def show(self, view) -> None:
+        self.first = self.first or view
         self.last = view
         self.notes |= set(view.notes)
 
@@ -151,7 +160,11 @@ def begin(
 
 
 def record(
-    session: sessions.CaptureSession, screen=None, gone: float = float("inf"), video: bool = False
+    session: sessions.CaptureSession,
+    screen=None,
+    gone: float = float("inf"),
+    video: bool = False,
+    levels: PoseCoverage | None = None,
 ) -> bool:
     """One run of it."""
     for camera in session.rig.cameras:
@@ -171,7 +184,7 @@ def record(
         return Pictures(camera, began, leaves, lambda: any("is gone" in n for n in screen.notes))
 
     openers = [lambda c=c: pictures(c) for c in session.rig.cameras]
-    return GuidedRecording(session, openers, source, screen, None, auto=True, video=video).run()
+    return GuidedRecording(session, openers, source, screen, levels, auto=True, video=video).run()
 
 
 def board_alone(session: sessions.CaptureSession, seconds: float) -> None:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks import memory
-from defsense_fab.pipeline.sessions import recorded_tags
+from defsense_fab.capture.files.formats import read_any, write_any
+from defsense_fab.pipeline.sessions import recorded_tags, sample_table
+from defsense_fab.pipeline.sessions import session as sessions
 from defsense_fab.pipeline.sessions.processing import process_session
 from defsense_fab.pipeline.sessions.recorded_tags import read_camera_tags
 
@@ -58,6 +60,86 @@ def test_a_run_without_rest_takes_its_neighbours_with_a_warning(tmp_path):
     assert told["run-1"] != told["run-2"]
     assert at_rest(result, 2) == pytest.approx(1260 / 1230 - 1, abs=2e-3)
     assert [w for w in result.quality["warnings"] if "R0 is that of run-2" in w and "run-3" in w]
+
+
+def test_all_samples_are_told_by_the_tracks_clock(tmp_path, monkeypatch):
+    """Of runs whose read-out boards started at other times, the LED in view."""
+    session = recorded(tmp_path / "s", {"led": True}, {"led": True, "ohm": 1260.0})
+    for k, run in enumerate(session.runs):
+        head = (run / sessions.BOARD).read_text().splitlines()
+        rows = [line.split(",") for line in head[3:]]
+        rows = [",".join([r[0], str(int(r[1]) + 3_000_000 * k), *r[2:]]) for r in rows]
+        (run / sessions.BOARD).write_text("\n".join([*head[:3], *rows, ""]))
+    result = process_session(session.folder)
+    path = session.folder / "samples.csv"
+    whole = path.read_text()
+    names = "run,counter,device_us,time,a,b,c,d,a_ohm,b_ohm,c_ohm,d_ohm"
+    assert whole.splitlines()[0] == names
+    begins = result.tracks.time[np.diff(result.tracks.time, prepend=-10.0) > 0.5]
+    lines = [line.split(",") for line in whole.splitlines()[1:]]
+    for k, (name, begin) in enumerate(zip(("run-1", "run-2"), begins, strict=True)):
+        rows = np.array([line[1:] for line in lines if line[0] == name], float)
+        assert rows[:, 0].tolist() == list(range(int(SECONDS * memory.BOARD_RATE)))
+        t = rows[:, 0] / memory.BOARD_RATE
+        assert rows[:, 1] == pytest.approx(1e6 * t + 3e6 * k, abs=1)
+        # Half a sample, by which the LED's flag may be late.
+        assert rows[:, 2] == pytest.approx(begin + t, abs=0.6 / memory.BOARD_RATE)
+        assert rows[:, 3] == pytest.approx(memory.GAINS[0] * memory.level(t, SECONDS), abs=2e-3)
+        ohm = (1260.0 if k else 1200.0) * (1 + rows[:, 3])
+        assert rows[:, 7] == pytest.approx(ohm, rel=1e-3)
+    # At the frames' times they are the signals.
+    table = np.array([[float(x or "nan") for x in line[3:]] for line in lines])
+    good = np.isfinite(result.signals[:, 0])
+    between = np.interp(result.tracks.time, table[:, 0], table[:, 1])
+    assert between[good] == pytest.approx(result.signals[good, 0], abs=1e-5)
+    # In blocks of any size; and none is left of a session that has none.
+    monkeypatch.setattr(sample_table, "_BLOCK", 777)
+    write = (path, session, result.clocks, result.quality["R0"])
+    sample_table.write_samples(*write)
+    assert path.read_text() == whole
+    sample_table.write_samples(path, session, {"run-1": []}, result.quality["R0"])
+    assert path.read_text().splitlines()[1].startswith("run-1,0,0,,0.0")  # clocks not known
+    sample_table.write_samples(path, session, {}, {})
+    assert not path.exists()
+
+
+def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
+    """Six of ten, in two runs, with a tag that is never seen: in the session's own files, too."""
+    session = recorded(tmp_path / "s", {}, {})
+    rng = np.random.default_rng(4)
+    kept = []
+    for run in session.runs:
+        for name in ("cam_0.csv", "cam_1.csv"):
+            head, *lines = (run / name).read_text().splitlines()
+            lines = [line for line in lines if line.split(",")[2] != "3"]
+            (run / name).write_text("\n".join([head, *lines, ""]))
+        drop = {str(k) for k in rng.choice(np.arange(1, 599), 360, replace=False)}
+        for name in ("cam_0-frames.csv", "cam_0.csv"):
+            head, *lines = (run / name).read_text().splitlines()
+            lines = [line for line in lines if line.split(",")[0] not in drop]
+            (run / name).write_text("\n".join([head, *lines, ""]))
+        kept.append(600 - len(drop))
+    result = process_session(session.folder)
+    q = result.quality
+    assert (q["frames"], q["dropped"]) == (sum(kept), 720)
+    assert q["rate"] == pytest.approx(30, rel=1e-4)
+    whole = read_any(session.folder / "aligned.csv")
+    assert len(whole.time) == sum(kept) + 720 + 29  # a second between the runs
+    assert whole.ids.tolist() == list(range(12))
+    for suffix in (".c3d", ".trc", ".npz", ".parquet"):
+        written = write_any(tmp_path / f"a{suffix}", result.aligned)
+        assert written.rate == pytest.approx(q["rate"])
+        found = read_any(tmp_path / f"a{suffix}")
+        assert found.frame.tolist() == whole.frame.tolist()
+        assert found.ids.tolist() == whole.ids.tolist()
+        np.testing.assert_allclose(found.time, whole.time, atol=1e-4)
+        np.testing.assert_allclose(found.points, whole.points, atol=1e-4)
+    signals = np.genfromtxt(session.folder / "signals.csv", delimiter=",", names=True)
+    assert signals["frame"].tolist() == whole.frame.tolist()
+    np.testing.assert_allclose(signals["time"], whole.time, atol=1e-5)
+    taken = np.isin(whole.frame, result.tracks.frame)
+    np.testing.assert_allclose(signals["a"][taken], result.signals[:, 0], atol=1e-6)
+    assert np.isnan(signals["a"][~taken]).all()
 
 
 @pytest.mark.slow

@@ -56,3 +56,13 @@ def test_rest_and_other_shapes_are_no_pose(levels):
     hidden[:5] = np.outer(np.arange(5.0), [1, 0, 0])  # on one line
     levels.add(hidden)
     assert all(most == 0 for most, _ in levels.reached().values())
+
+
+def test_what_was_seen_before_is_not_new(levels):
+    assert levels.add(held(bent(0.41), 1)) == ("bend", 1)
+    assert levels.add(held(bent(0.4), 2)) is None
+    levels.restore("twist", 3)
+    levels.restore("a pose that the device had once", 0)
+    levels.restore("twist", BINS)
+    assert levels.add(held(twisted(0.8), 3)) is None
+    assert levels.reached()["twist"][1].tolist() == [False, False, False, True, False]

@@ -80,6 +80,7 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
     assert q["runs"][0]["sync"]["method"] in (("motion",) if often else ("motion", "arrival"))
     assert q["runs"][0]["sync"]["error_ms"] < (50 if often else 100)
     t = read_any(session.folder / "aligned.csv")
+    t = t.part(np.isin(t.frame, result.tracks.frame))
     several = t.sigma[..., 2] < 0.3
     # The last two move at rest, too, which tilts the rest pose in the design's frame: what counts
     # is that the anchor stays.
@@ -89,6 +90,7 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
     assert good.sum() > 50
     together = np.corrcoef(t.points[good, 4, 2], result.signals[good, 0])[0, 1]
     assert together > 0.97
+    assert len(t.time) == len(result.signals)
     assert json.loads((session.folder / "quality.json").read_text())["frames"] == len(t.time)
     assert "<h1>plate: session</h1>" in (session.folder / "report.html").read_text()
     with pytest.raises(CaptureError, match="recorded without --video"):
@@ -189,20 +191,24 @@ def test_a_board_that_begins_anew_is_put_in_step_in_parts(tmp_path):
     time_ = np.arange(0.5, 59.5, 0.04)
     points = np.array([rig.places(t) for t in time_])
     tracks = Tracks(time_, np.arange(6), points, np.full(points.shape, 0.01), np.arange(len(time_)))
-    ohm, told = signals_in_step(session, again, [], 0, [], tracks)
+    ohm, told, clocks = signals_in_step(session, again, [], 0, [], tracks)
     assert [p["method"] for p in told["parts"]] == ["motion", "motion"]
+    assert [c.samples for c in clocks] == [slice(0, half), slice(half, len(board.counter))]
+    for part in clocks:
+        at = part.offset + (1 + part.drift) * again.device_us[part.samples] / 1e6
+        assert at == pytest.approx(board.device_us[part.samples] / 1e6, abs=0.04)
     assert "began anew" in told["notes"][0]
     assert told["error_ms"] < 40
-    truth, _ = signals_in_step(session, board, [], 0, [], tracks)
+    truth, *_ = signals_in_step(session, board, [], 0, [], tracks)
     good = np.isfinite(ohm[:, 0]) & np.isfinite(truth[:, 0])
     assert good.mean() > 0.95
     speed = np.nanmax(np.abs(np.diff(truth[:, 0]))) / 0.04
     # By what the signal changes at most in a second: as time, s.
     off = np.abs(ohm[good, 0] - truth[good, 0]).max() / speed
-    as_one, _ = signals_in_step(session, replace(again, events=board.events), [], 0, [], tracks)
+    as_one, *_ = signals_in_step(session, replace(again, events=board.events), [], 0, [], tracks)
     # Back by 20 s without an event, as in a file that was put together: known all the same.
     back = replace(again, events=board.events, device_us=board.device_us - 300 * late)
-    parts, about = signals_in_step(session, back, [], 0, [], tracks)
+    parts, about, _ = signals_in_step(session, back, [], 0, [], tracks)
     assert len(about["parts"]) == 2
     np.testing.assert_allclose(parts[good], ohm[good], rtol=1e-3)
     # What did not arrive for a while is a pause, at which no clock jumped.
@@ -269,6 +275,19 @@ def test_stopped_and_resumed(tmp_path):
     assert [r.name for r in session.runs] == ["run-1", "run-2"]
     with pytest.raises(CaptureError, match="holds a session already"):
         rig.begin(tmp_path / "s", [("rest", 1.0)])
+
+
+def test_coverage_begins_with_what_earlier_runs_showed(tmp_path):
+    session = rig.begin(tmp_path / "s", [("out", 3.0)])
+    screen = rig.Silent({25: "q"})
+    assert not rig.record(session, screen, levels=rig.coverage())
+    most, before = screen.last.reached["out"]
+    assert before.sum() >= 2
+    assert sorted(sessions.covered(session)) == [("out", k) for k in np.flatnonzero(before)]
+    again = rig.Silent({1: "q"})
+    rig.record(session, again, levels=rig.coverage())
+    assert (again.first.reached["out"][1] >= before).all()
+    assert again.first.reached["out"][0] >= most
 
 
 @pytest.mark.slow

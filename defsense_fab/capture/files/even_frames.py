@@ -1,0 +1,99 @@
+"""Tracks on even frames: with the frames that a camera dropped, as frames without markers.
+
+Formats of motion capture have one rate and every frame; so that tracks are the same in whichever
+format they are, all of them get these frames, numbers and rate. Places are never interpolated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.arrays import Float, Int
+from ...core.tracks import Tracks
+
+#: Most that a frame may be off the grid, in periods.
+JITTER = 0.1
+#: Frames that are always filled up to, and so many times those that there are: a single wrong time
+#: must not become a million frames.
+_MOST, _TIMES = 65_535, 4
+
+
+@dataclass(frozen=True)
+class FrameGrid:
+    """Times (t,) s as `start` + `period` * `index` (t,), and how far each is `off`, in periods."""
+
+    index: Int
+    start: float
+    period: float
+    off: Float
+
+    @property
+    def even(self) -> bool:
+        """Whether the frames have one rate."""
+        return bool((np.diff(self.index) >= 1).all() and self.off.max() <= JITTER)
+
+    @property
+    def gaps(self) -> int:
+        """Frames that are missing."""
+        return int(self.index[-1]) + 1 - len(self.index)
+
+
+@dataclass(frozen=True)
+class WrittenFrames:
+    """What was written: `frames`, at `rate` Hz, None where times are uneven; of these `gaps` that
+    the tracks did not have; `moved` s, by which times are others in the file at most."""
+
+    frames: int
+    rate: float | None
+    gaps: int
+    moved: float = 0.0
+
+    @property
+    def told(self) -> str:
+        """In words."""
+        if self.rate is None:
+            return f"{self.frames} frames at uneven times"
+        out = f"{self.frames} frames at {self.rate:.6g} Hz"
+        if self.gaps:
+            out += f", {self.gaps} of them dropped ones without markers"
+        if self.moved > 1e-6:
+            out += f", times moved by up to {1e3 * self.moved:.3g} ms to be even"
+        return out
+
+
+def frame_grid(time: Float) -> FrameGrid | None:
+    """The grid that is nearest to increasing times (t,) s; None for less than two."""
+    if len(time) < 2:
+        return None
+    steps = np.diff(time)
+    # Of the shorter steps, since more than half of the frames may have been dropped.
+    ones = np.rint(steps / np.quantile(steps, 0.1, method="lower")) == 1
+    index = np.concatenate([[0], np.cumsum(np.rint(steps / steps[ones].mean()))]).astype(np.int64)
+    away = index - index.mean()
+    period = float(away @ time / (away @ away)) if away.any() else float(steps.mean())
+    start = float(time.mean() - period * index.mean())
+    return FrameGrid(index, start, period, np.abs(time - start - period * index) / period)
+
+
+def on_even_frames(tracks: Tracks) -> tuple[Tracks, WrittenFrames]:
+    """Tracks with all frames from the first to the last, numbered on from the first one's number;
+    as they are where their times are uneven, or nearly all frames would be missing ones."""
+    grid = frame_grid(tracks.time)
+    if grid is None or not grid.even:
+        return tracks, WrittenFrames(len(tracks.time), None, 0)
+    rate, count = 1 / grid.period, int(grid.index[-1]) + 1
+    if count > max(_MOST, _TIMES * len(tracks.time)):
+        return tracks, WrittenFrames(len(tracks.time), rate, 0)
+    frame = tracks.frame[0] + np.arange(count)
+    if not grid.gaps:
+        whole = Tracks(tracks.time, tracks.ids, tracks.points, tracks.sigma, frame)
+        return whole, WrittenFrames(count, rate, 0)
+    time = np.asarray(grid.start + grid.period * np.arange(count), float)
+    time[grid.index] = tracks.time
+    points = np.full((count, *tracks.points.shape[1:]), np.nan)
+    sigma = points.copy()
+    points[grid.index], sigma[grid.index] = tracks.points, tracks.sigma
+    whole = Tracks(time, tracks.ids, points, sigma, frame)
+    return whole, WrittenFrames(count, rate, grid.gaps)
