@@ -30,7 +30,7 @@ def add(commands: Commands) -> None:
             name,
             help=text,
             description=f"{text.capitalize()}. What is up to date is reused.",
-            epilog=f"example:  defsense {name} fixtures/devices/bar --set width=32",
+            examples=[f"defsense {name} fixtures/devices/bar --set width=32"],
         )
         device_arguments(sub)
         sub.set_defaults(until=until, run=_build)

@@ -31,8 +31,7 @@ def add(commands: Commands, bars: Bars) -> None:
         " the top), split in two halves for the cords, and rigid jigs with end stops, on which it"
         " is bent to known strains. Print the halves in the device's soft material, the jigs in a"
         " rigid one.",
-        epilog="example:  defsense calibrate specimen my-specimen --length 150 --thickness 15"
-        " --offset 2",
+        examples=["defsense calibrate specimen my-specimen --length 150 --thickness 15 --offset 2"],
     )
     sub.add_argument("folder", type=Path, metavar="OUT", help="the folder to write to")
     for name, default, text in (
@@ -55,7 +54,7 @@ def add(commands: Commands, bars: Bars) -> None:
         description="Write a plate with half a groove for the cord and a socket for each of several"
         " clearances, and a peg. Print the plate twice and the peg once, as the device will be"
         " printed.",
-        epilog="example:  defsense calibrate coupon my-coupon --clearances 0.1,0.2,0.3,0.4",
+        examples=["defsense calibrate coupon my-coupon --clearances 0.1,0.2,0.3,0.4"],
     )
     sub.add_argument("folder", type=Path, metavar="OUT", help="the folder to write to")
     sub.add_argument(
@@ -76,8 +75,10 @@ def _add_fit(steps: Commands, bars: Bars) -> None:
         " 95 % interval and a report beside it. A table is CSV with the columns specimen,"
         " jig_radius (mm of the jig's surface, empty when flat), channel (top, neutral or bottom,"
         " the bottom lying on the jig), resistance (ohm); optionally round and face.",
-        epilog="examples:  defsense calibrate fit my-specimen/session-1 my-specimen/session-2"
-        "   defsense calibrate fit readings.csv --thickness 15 --offset 2 --out response.json",
+        examples=[
+            "defsense calibrate fit my-specimen/session-1 my-specimen/session-2",
+            "defsense calibrate fit readings.csv --thickness 15 --offset 2 --out response.json",
+        ],
     )
     sub.add_argument("sources", type=Path, nargs="+", metavar="SESSION|CSV")
     sub.add_argument(

@@ -32,7 +32,7 @@ def add(steps: Commands) -> None:
         description="List the serial ports that are plugged in, with the resistances that the"
         " read-out boards on them read, as bars (read-out boards restart when their port is"
         " opened; --list leaves them closed). With --port, show those of one until Ctrl-C.",
-        epilog="examples:  defsense calibrate ports   defsense calibrate ports --port twin",
+        examples=["defsense calibrate ports", "defsense calibrate ports --port twin"],
     )
     sub.add_argument("--port", metavar="PORT", help=_PORT + ", or a recording (.csv)")
     sub.add_argument("--list", action="store_true", help="open no port")
@@ -46,8 +46,10 @@ def add(steps: Commands) -> None:
         description="Measure a specimen on its jigs: says which jig is next and which side lies on"
         " it, waits until the reading has settled, and shows the points so far. Every frame is"
         " written as it comes. It can be stopped (q) and resumed by the same command.",
-        epilog="examples:  defsense calibrate record --port /dev/ttyUSB0 --specimen my-specimen"
-        "   defsense calibrate record --port twin:speed=20 --specimen my-specimen --rounds 2",
+        examples=[
+            "defsense calibrate record --port /dev/ttyUSB0 --specimen my-specimen",
+            "defsense calibrate record --port twin:speed=20 --specimen my-specimen --rounds 2",
+        ],
     )
     sub.add_argument("--port", required=True, metavar="PORT", help=_PORT)
     sub.add_argument(
@@ -82,7 +84,7 @@ def add(steps: Commands) -> None:
         description="Measure the reference resistors: put one known resistor (1 percent or better,"
         " near the cords' resistance) in the place of every cord, and pass the numbers that this"
         " prints as --reference. The response does not depend on them, resistances in ohm do.",
-        epilog="example:  defsense calibrate reference --port /dev/ttyUSB0 --known 2200",
+        examples=["defsense calibrate reference --port /dev/ttyUSB0 --known 2200"],
     )
     sub.add_argument("--port", required=True, metavar="PORT", help=_PORT)
     sub.add_argument("--known", type=float, required=True, metavar="OHM")
@@ -95,7 +97,7 @@ def add(steps: Commands) -> None:
         help="make sessions of a simulated specimen, to try the fit",
         description="Write calibration sessions of simulated specimens, with noise, hysteresis,"
         " relaxation and pieces that differ, without waiting for them.",
-        epilog="example:  defsense calibrate twin OUT --k 2 --lengths 150,200 --seed 1",
+        examples=["defsense calibrate twin my-twin --k 2 --lengths 150,200 --seed 1"],
     )
     sub.add_argument("folder", type=Path, metavar="OUT", help="gets one session a specimen")
     for name, default, text in (

@@ -43,8 +43,11 @@ def _add_process(steps: Commands, bars: Bars) -> None:
         " first camera (--frame, --up) and at the times of the first video. Tags that are not seen"
         " have no row. Images of a folder, or numbered ones (frame-%%04d.png), go as videos with"
         " --rate. The suffix of --out chooses the format: .csv, .npz, .parquet, .c3d, .trc.",
-        epilog="example:  defsense capture process --videos a.mkv b.mkv --calibration cameras.toml"
-        " --tag-size 15 --dictionary 4X4_50 --out tracks.csv",
+        examples=[
+            "defsense capture process my-device/session",
+            "defsense capture process --videos a.mkv b.mkv --calibration cameras.toml"
+            " --tag-size 15 --dictionary 4X4_50 --out tracks.csv",
+        ],
     )
     sub.add_argument("session", type=Path, nargs="?", metavar="SESSION",
                      help="what 'capture record' wrote; or give --videos")  # fmt: skip
@@ -98,7 +101,7 @@ def _add_convert(steps: Commands) -> None:
         description="Read tracks of markers (.csv, .npz, .parquet, .c3d, .trc) and write them in"
         " another of these formats, in mm, with missing markers missing. Labels become numbers:"
         " those at their ends, where these differ, or else their order.",
-        epilog="example:  defsense capture convert take.c3d tracks.csv",
+        examples=["defsense capture convert take.c3d tracks.csv"],
     )
     sub.add_argument("source", type=Path, metavar="FROM")
     sub.add_argument("out", type=Path, metavar="TO")

@@ -41,9 +41,11 @@ def add(steps: Commands, bars: Bars) -> None:
         " the picture, near and far, tilted each way. Live cameras take a view by themselves when"
         " the board is still and somewhere new, and say what is missing. The file gets the cameras"
         " by name; a report goes beside it.",
-        epilog="examples:  defsense capture camera calibrate 0 2 --board my-cameras"
-        " --name left right"
-        "   defsense capture camera calibrate a.mkv b.mkv --board my-cameras",
+        examples=[
+            "defsense capture camera calibrate 0 2 --board my-cameras --name left right",
+            "defsense capture camera calibrate a.mkv b.mkv --board my-cameras",
+            "defsense capture camera calibrate twin --board my-cameras",
+        ],
     )
     _common(sub)
     sub.add_argument("--name", action="extend", nargs="+", metavar="NAME",
@@ -58,8 +60,10 @@ def add(steps: Commands, bars: Bars) -> None:
         description="Find where cameras stand, from views of the board that several of them see at"
         " the same time, and write it to their file; the first camera is the origin. Videos must"
         " have been started together; hold the board still now and then.",
-        epilog="example:  defsense capture camera arrange a.mkv b.mkv --board my-cameras"
-        " --calibration cameras.toml",
+        examples=[
+            "defsense capture camera arrange a.mkv b.mkv --board my-cameras"
+            " --calibration cameras.toml"
+        ],
     )
     _common(sub)
     sub.add_argument("--views", type=int, default=15, metavar="N",
@@ -75,7 +79,7 @@ def add(steps: Commands, bars: Bars) -> None:
         help="whether a calibration still holds",
         description="Look at the board with calibrated cameras and say whether the calibration"
         " still holds; exit code 1 where it does not.",
-        epilog="example:  defsense capture camera check a.mkv b.mkv --board my-cameras",
+        examples=["defsense capture camera check a.mkv b.mkv --board my-cameras"],
     )
     _common(sub)
     sub.add_argument("--views", type=int, default=3, metavar="N",

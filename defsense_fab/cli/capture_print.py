@@ -33,8 +33,10 @@ def add(steps: Commands, bars: Bars) -> None:
         " cut, or else flat places on its skin, three or more on its anchor) and write markers.pdf,"
         " tags at true scale and pictures of where they go, and markers.json, which says so to the"
         " other commands.",
-        epilog="examples:  defsense capture markers my-device"
-        "   defsense capture markers my-device --count 16 --size 10 --dictionary 36h11",
+        examples=[
+            "defsense capture markers my-device",
+            "defsense capture markers my-device --count 16 --size 10 --dictionary 36h11",
+        ],
     )
     sub.add_argument("device", type=Path, metavar="DEVICE", help="folder with device.toml")
     sub.add_argument("--count", type=int, metavar="N", help="how many tags (12)")
@@ -63,10 +65,12 @@ def add(steps: Commands, bars: Bars) -> None:
         description="Write board.pdf, a chessboard with tags at true scale, and board.json. Print"
         " it, measure a square, and store that by the same command with --measured: all lengths"
         " that the cameras give scale by it.",
-        epilog="examples:  defsense capture board my-cameras   "
-        "defsense capture board my-cameras --measured 29.95   "
-        "defsense capture board other --columns 4 --rows 5 --square 54 --marker 40.5"
-        " --dictionary 4X4_1000 --inverted",
+        examples=[
+            "defsense capture board my-cameras",
+            "defsense capture board my-cameras --measured 29.95",
+            "defsense capture board other --columns 4 --rows 5 --square 54 --marker 40.5"
+            " --dictionary 4X4_1000 --inverted",
+        ],
     )
     sub.add_argument(
         "folder", type=Path, nargs="?", default=Path(), metavar="OUT", help="a folder (this one)"

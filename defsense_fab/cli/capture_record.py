@@ -40,9 +40,11 @@ def add(steps: Commands) -> None:
         " each pose was seen. Everything is written as it comes, so that nothing is lost when the"
         " program dies;"
         " the same command goes on with a session that was stopped.",
-        epilog="examples:  defsense capture record my-device --cameras 0 2 --calibration"
-        " cameras.toml --port /dev/ttyUSB0   defsense capture record my-device --cameras twin"
-        " --port twin",
+        examples=[
+            "defsense capture record my-device --cameras 0 2 --calibration cameras.toml"
+            " --port /dev/ttyUSB0",
+            "defsense capture record my-device --cameras twin --port twin",
+        ],
     )
     sub.add_argument("device", type=Path, metavar="DEVICE", help="folder with device.toml")
     sub.add_argument("--cameras", nargs="+", required=True, metavar="CAMERA", help=_CAMERAS)

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from .. import __version__
 from ..core.errors import DefsenseError
 from . import build, calibrate, capture, modes, study
+from .command_parser import CommandParser
 from .output import progress_bars
 
 #: What to do where the memory does not suffice.
@@ -36,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0, or 2 for an error the user can mend."""
-    options = _parser().parse_args(arguments)
+    options = make_parser().parse_args(arguments)
     level = logging.DEBUG if options.verbose else logging.WARNING
     logging.basicConfig(level=level, format="%(name)s: %(message)s", stream=sys.stderr)
     for noisy in ("matplotlib", "numba", "trimesh", "build123d", "PIL"):
@@ -94,12 +95,13 @@ def _refuse(message: str) -> int:
     return 2
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def make_parser() -> CommandParser:
+    """Of all commands."""
+    parser = CommandParser(
         prog="defsense",
         description="Soft objects that sense their own deformation: from a device folder to"
         " printable parts with a predicted accuracy.",
-        epilog="example:  defsense build fixtures/devices/bar",
+        examples=["defsense build fixtures/devices/bar"],
     )
     parser.add_argument("--version", action="version", version=f"defsense-fab {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
         help="propose poses from the body's natural modes",
         description="Find the lowest vibration modes of the body with a region held, and turn"
         " bends, twists and stretches into poses for device.toml, which may have none yet.",
-        epilog="example:  defsense modes fixtures/devices/bar --fixed base",
+        examples=["defsense modes fixtures/devices/bar --fixed base"],
     )
     device_arguments(sub)
     sub.add_argument("--fixed", required=True, metavar="REGION", help="the region that is held")

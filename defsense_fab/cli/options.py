@@ -11,7 +11,9 @@ from ..core.errors import DeviceError
 from ..core.progress import Progress
 
 if TYPE_CHECKING:  # argparse keeps the name of what commands are added to for itself
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+    from .command_parser import CommandParser
+
+    Commands = argparse._SubParsersAction[CommandParser]
 
 #: Shows the progress of a command with these options.
 Bars = Callable[[argparse.Namespace], AbstractContextManager[Progress]]

@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
         " falls. Cords drawn in device.toml are left out of account; [design] planes holds; with"
         " the decoder auto each number has the one that does best. A study that was interrupted"
         " goes on where it stood.",
-        epilog="example:  defsense study fixtures/devices/bar --sensors 1..6",
+        examples=["defsense study fixtures/devices/bar --sensors 1..6"],
     )
     device_arguments(sub)
     sub.add_argument(

@@ -93,6 +93,7 @@ class Reader:
         self._latest: StampedSample | None = None
         self._samples = self._gaps = 0
         self._reopened, self._heard = False, 0
+        self._away = False  # from a gap until a sample comes again
         self._failure: Exception | None = None
         self.sink: Sink | None = None
         self.info: Info | None = None
@@ -102,10 +103,13 @@ class Reader:
         busy, says nothing, or speaks something else."""
         self._port = self._opener()
         try:
-            info = self._begin(self._port, "start")
+            info, early = self._begin(self._port)
         except BaseException:
             self._shut()
             raise
+        self._put(Event(self._heard, "start", _told(info)))
+        for sample, now in early:
+            self._take(sample, now)
         self._thread.start()
         return info
 
@@ -171,15 +175,11 @@ class Reader:
                     self._port.close()
                 self._port = None
 
-    def _begin(self, port: Transport, kind: str) -> Info:
-        """Greet the read-out board, say so in an event, and take the samples that came
-        meanwhile."""
+    def _begin(self, port: Transport) -> tuple[Info, list[tuple[Sample, int]]]:
+        """Greet the read-out board: what it is, and the samples that came meanwhile."""
         info, early = self._greet(port)
         self.info, self._heard = info, time.monotonic_ns()
-        self._put(Event(self._heard, kind, {**_about(info), "at": round(time.time(), 3)}))
-        for sample, now in early:
-            self._take(sample, now)
-        return info
+        return info, early
 
     def _greet(self, port: Transport) -> tuple[Info, list[tuple[Sample, int]]]:
         """Ask for frames until the read-out board tells what it is, then for the settings; samples
@@ -256,7 +256,7 @@ class Reader:
                 continue
             now = time.monotonic_ns()
             if now - self._heard > self._silence():
-                self._gap("no sample for too long: was the read-out board reset?")
+                self._gap(f"silent: no sample for {self._silence() / 1e9:g} s; was it reset?")
                 continue
             for message in self._stream.feed(data):
                 if isinstance(message, Sample):
@@ -275,7 +275,12 @@ class Reader:
         return 1e9 * max(_SILENT, _SILENT_SAMPLES / rate)
 
     def _gap(self, why: str) -> None:
+        """Close the port, to greet the read-out board anew. A board that answers and sends nothing
+        comes here again and again: all that is one gap."""
         self._shut()
+        if self._away:
+            return
+        self._away = True
         self._gaps += 1
         self._put(Event(time.monotonic_ns(), "gap", {"why": why}))
 
@@ -284,7 +289,7 @@ class Reader:
             port = self._opener()
             try:
                 self._reopened = True
-                self._begin(port, "resumed")
+                _, early = self._begin(port)
             except BaseException:
                 port.close()
                 raise
@@ -292,8 +297,13 @@ class Reader:
             self._stop.wait(_AGAIN)
             return
         self._port = port
+        for sample, now in early:  # a sink's error is none of the port's
+            self._take(sample, now)
 
     def _take(self, sample: Sample, now: int) -> None:
+        if self._away and self.info is not None:
+            self._away = False
+            self._put(Event(now, "resumed", _told(self.info)))
         stamped = StampedSample(now, self._clock(sample, now), sample)
         self._latest = stamped
         self._samples += 1
@@ -324,6 +334,11 @@ class Reader:
                 self._dropped += 1
                 self._dropped_now += 1
             self._items.append(item)
+
+
+def _told(info: Info) -> dict[str, object]:
+    """Of an event from which on samples come."""
+    return {**_about(info), "at": round(time.time(), 3)}
 
 
 def _about(info: Info) -> dict[str, object]:

@@ -53,6 +53,11 @@ class Printer:
     wall: float
     bed: tuple[float, float, float]
 
+    @property
+    def inner_wall(self) -> float:
+        """Two of the three lines of a wall: between channels and what is glued or closed."""
+        return 2 * self.wall / 3
+
     @classmethod
     def named(cls, name: str) -> Printer:
         row = _row("printers.csv", "process", name)

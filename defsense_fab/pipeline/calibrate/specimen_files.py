@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ...geometry.specimen.specimen import Specimen
 
 FILE = "specimen.json"
+_ROUNDING = 1e-6  # mm
 
 #: What points up on the bed: jigs lie on their side, halves on their outer one.
 UP = {"specimen-right": (0, -1, 0)}
@@ -42,7 +43,7 @@ def write_specimen(
     from ...geometry.specimen.specimen import Specimen, halves, jig
 
     diameter, printer = cord_diameter(cord), Printer.named(process)
-    clearance, wall = printer.clearance, printer.wall
+    clearance = printer.clearance
     good = all(np.isfinite(r) and r > 0 for r in radii)
     if not radii or not good or len({f"{r:g}" for r in radii}) < len(radii):
         raise FabricationError("jigs: give different radii above zero, in mm")
@@ -57,11 +58,14 @@ def write_specimen(
     prints = {n: Print.of(n, solid, UP.get(n, (0, 1, 0))) for n, solid in solids.items()}
     printer.check({n: one.size for n, one in prints.items()})
     warnings = []
-    skin = offset - spec.channel_diameter / 2
-    if skin < wall:
+    # The cords fill their channels and are glued to them all along: two lines suffice around them,
+    # and the paper's specimen has no more.
+    skin, least = offset - spec.channel_diameter / 2, printer.inner_wall
+    if skin < least - _ROUNDING:
+        enough = np.ceil(10 * (least + spec.channel_diameter / 2 - _ROUNDING)) / 10
         warnings.append(
-            f"the outer channels leave a skin of {skin:.2f} mm, less than the wall of {wall:g} mm"
-            f" for {process}; --offset {wall + spec.channel_diameter / 2:.1f} leaves one"
+            f"the outer channels leave a skin of {skin:.2f} mm, less than the {least:.2f} mm of two"
+            f" lines of {process}, and may break through; --offset {enough:.1f} leaves them"
         )
     data = _describe(spec, sorted(radii), warnings) | {"cord": cord, "process": process}
     return write_prints(folder, prints, data, FILE)

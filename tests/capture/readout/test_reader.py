@@ -366,6 +366,58 @@ def test_the_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
     assert "no serial port is plugged in" in capsys.readouterr().out
 
 
+class Answering(Saying):
+    """A read-out board that tells what it is, and sends samples, two at a time, or none."""
+
+    def __init__(self):
+        super().__init__(encode(Info(1, (1, 0), 0, 3, 16, 50, 0, 8, 1024)))
+        self.sends, self._counter = True, 0
+
+    def read(self, size):
+        data = super().read(size)
+        if not self.sends:
+            return data
+        self._counter += 2
+        for n in (self._counter - 1, self._counter):
+            data += encode(Sample(n, 20_000 * n, False, False, 16, (100, 200, 300)))
+        return data
+
+
+def test_a_silent_board_is_told_once(monkeypatch):
+    """It answers whenever it is greeted: it has resumed only when samples come again."""
+    for name, value in (("_SILENT", 0.05), ("_SILENT_SAMPLES", 1), ("_AGAIN", 0.01)):
+        monkeypatch.setattr(f"defsense_fab.capture.readout.reader.{name}", value)
+    board = Answering()
+    with Reader(lambda: board, "port") as reader:
+        before = gather(reader, 0.3)
+        board.sends = False
+        silent = gather(reader, 0.8)
+        board.sends = True
+        after = gather(reader, 0.4)
+        assert reader.statistics.gaps == 1
+    assert kinds(before + silent) == ["start", "gap"]
+    gap = next(i for i in silent if isinstance(i, Event) and i.kind == "gap")
+    assert gap.data["why"].startswith("silent: no sample for 0.05 s")
+    again = [i for i in after if not (isinstance(i, Event) and i.kind == "info")]
+    assert (again[0].kind, again[0].data["full_scale"]) == ("resumed", 1024)
+    assert len(again) > 10
+    assert all(isinstance(i, StampedSample) for i in again[1:])
+
+
+def test_a_sink_that_refuses_what_comes_after_a_gap_is_told():
+    """As a recording does when the read-out board was given other channels meanwhile; the port is
+    not opened again and again for it."""
+
+    def sink(item):
+        if isinstance(item, StampedSample):
+            raise CaptureError("r.csv: a frame of 3 channels came in a recording of 2")
+
+    gone = Reader(Answering, "port")
+    gone.sink = sink
+    with pytest.raises(CaptureError, match="a frame of 3 channels"):
+        gone._reopen()
+
+
 @pytest.mark.slow
 def test_a_board_that_is_reset_behind_an_open_port():
     """It speaks in plain lines then, until it is greeted again."""

@@ -9,13 +9,18 @@ import trimesh
 
 from defsense_fab.cli.main import main
 from defsense_fab.core.bending import RADII
+from defsense_fab.core.catalogue import read_rows
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.specimen.specimen import Specimen
+from defsense_fab.pipeline.calibrate.print_files import Print
+from defsense_fab.pipeline.calibrate.specimen_files import write_specimen
 from tests.geometry import slicer
 
 WITHIN = 0.05  # mm
+CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +106,33 @@ def test_strains_are_those_of_the_paper(folder):
     assert strains[75.0] == pytest.approx([-0.0667, 0, 0.0667], abs=1e-4)
     assert strains[250.0] == pytest.approx([-0.0214, 0, 0.0214], abs=1e-4)
     assert strains[None] == [0, 0, 0]
-    assert any("skin of 0.90 mm" in w for w in data["warnings"])
+    assert data["warnings"] == []
+
+
+@pytest.fixture
+def no_parts(monkeypatch):
+    """Specimens without the time that their solids take."""
+    files = "defsense_fab.pipeline.calibrate.specimen_files"
+    monkeypatch.setattr("defsense_fab.geometry.specimen.specimen.jig", lambda *_: None)
+    monkeypatch.setattr("defsense_fab.geometry.specimen.specimen.halves", lambda *_: {})
+    monkeypatch.setattr(f"{files}.Print.of", lambda *_: Print(Surface(CORNERS, FACES), None))
+    monkeypatch.setattr(f"{files}.write_prints", lambda folder, _, data, file: data)
+
+
+@pytest.mark.parametrize("process", read_rows("printers.csv"))
+@pytest.mark.parametrize("cord", read_rows("cords.csv"))
+def test_what_was_not_chosen_brings_no_warning(no_parts, tmp_path, process, cord):
+    """The paper's offset of 2 mm, on its printer above all."""
+    found = write_specimen(tmp_path, process=process, cord=cord)
+    assert found["warnings"] == []
+
+
+def test_a_skin_that_is_too_thin_is_told_with_an_offset_that_is_not(no_parts, tmp_path):
+    told = write_specimen(tmp_path, offset=1.7)["warnings"]
+    assert len(told) == 1
+    assert "skin of 0.60 mm, less than the 0.80 mm of two lines of fdm-tpu" in told[0]
+    assert "--offset 1.9 leaves them" in told[0]
+    assert write_specimen(tmp_path, offset=1.9)["warnings"] == []
 
 
 def test_a_slicer_takes_all_parts(folder):
