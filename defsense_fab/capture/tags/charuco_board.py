@@ -21,7 +21,7 @@ SCHEMA = 1
 FILE = "board.json"
 #: Of a tag's side to that of its square.
 MARKER = 22 / 30
-_OFF = 0.05  # a print that is off by more was scaled to the page, or measured wrongly
+_OFF = 0.08  # what pages are shrunk by to fit others; more was measured wrongly
 
 
 @dataclass(frozen=True)
