@@ -24,6 +24,7 @@ from ..tags.charuco_board import CharucoBoard
 
 LEAST_VIEWS = 4
 _NOISE = 0.1  # px: what corners are worth against the intrinsics' own uncertainty
+_LOOSE = 5.0  # of that, above which views are not of one instant
 _HUBER = 3.0  # of that: beyond it a corner counts linearly
 _STEPS, _DONE = 60, 1e-9
 _OWN = 9
@@ -63,6 +64,11 @@ def estimate_extrinsics(
     problem = _Problem(cameras, board, several, sigma)
     x = problem.pack(start, poses)
     x = _least(problem, x)
+    if sigma is not None and problem.noise(x) > _LOOSE * _NOISE:
+        # A board that moved between the cameras' shutters: all corners of a view are off alike, and
+        # must not bend the lenses.
+        problem = _Problem(cameras, board, several, sigma, problem.noise(x))
+        x = _least(problem, problem.pack(start, poses))
     out = problem.cameras(x)
     miss = problem.misses(x)
     errors = np.array([np.sqrt((m**2).sum(axis=1).mean()) if len(m) else np.nan for m in miss])
@@ -156,7 +162,9 @@ class _Problem:
     def __init__(
         self, cameras: Sequence[Camera], board: CharucoBoard,
         instants: Sequence[Mapping[int, BoardView]], sigma: Sequence[Float] | None,
+        noise: float = _NOISE,
     ) -> None:  # fmt: skip
+        self._noise = noise
         self._cameras, self._v, self._k = cameras, len(cameras), len(instants)
         self._sigma = sigma
         self._rows = [
@@ -217,9 +225,16 @@ class _Problem:
             out[c].append(seen - self._show(x, c, k, points)[0])
         return [np.concatenate(m) if m else np.zeros((0, 2)) for m in out]
 
+    def noise(self, x: Float) -> float:
+        """px: what a corner is worth where those of a view are off alike, by the pose of its
+        board."""
+        misses = np.concatenate(self.misses(x))
+        each = 2 * len(misses) / max(len(self._rows), 1) / 6
+        return float(np.sqrt(np.mean(misses**2) * max(each, 1.0)))
+
     def residuals(self, x: Float) -> Float:
         parts = [
-            (seen - self._show(x, c, k, points)[0]).ravel() / _NOISE
+            (seen - self._show(x, c, k, points)[0]).ravel() / self._noise
             for c, k, points, seen in self._rows
         ]
         return np.concatenate([*parts, x[self._inner :]])
@@ -252,7 +267,7 @@ class _Problem:
                 o = self._inner + _OWN * c
                 J[part, o : o + _OWN] = (by_own * self._sigma[c]).reshape(-1, _OWN)
             row += seen.size
-        J /= -_NOISE
+        J /= -self._noise
         J[row:, self._inner :] = np.eye(self._size - self._inner)
         return J
 

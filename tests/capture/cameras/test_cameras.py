@@ -127,6 +127,21 @@ def test_intrinsics_may_change_as_far_as_they_are_open():
     assert np.abs(found.cameras[1].focal / cameras[1].focal - 1).max() < 0.002
 
 
+def test_boards_that_move_between_the_shutters_do_not_bend_the_lenses():
+    cameras, rng = rig(2), np.random.default_rng(2)
+    board = CharucoBoard(columns=4, rows=5, square=30)
+    open_ = np.array([4, 4, 15, 12, 0.015, 0.05, 4e-3, 6e-3, 0.0])  # of views that fill a quarter
+    views = []
+    for s in together(cameras, 12, rng, board=board):
+        jerk = rng.normal(0, 2.0, (2, 2))  # px by which a view is of another instant
+        views.append({c: BoardView(v.ids, v.corners + jerk[c]) for c, v in s.items()})
+    found = estimate_extrinsics(cameras, board, views, [open_] * 2)
+    for was, now in zip(cameras, found.cameras, strict=True):
+        assert np.abs((now.matrix - was.matrix)[[0, 1], [2, 2]]).max() < 12  # 44 before
+    turned = relative(cameras)[1][0].T @ relative(found.cameras)[1][0]
+    assert np.degrees(Rotation.from_matrix(turned).magnitude()) < 2
+
+
 def test_the_jacobian_is_that_of_finite_differences():
     cameras = rig(3)
     cameras[2] = replace(cameras[2], distortions=np.array(
