@@ -24,12 +24,14 @@ from ...core.tracks import Tracks
 from .camera_sync import views_of
 from .located_tags import LocatedTags
 from .standing_cameras import locate
+from .tag_size import measured_size
 from .video_detection import VideoDetections, detect_video
 
 #: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
 _AGREEING = 0.5
 _USED = 0.9  # of the views, that agree where all is well
-_SCALE = 0.03  # by which the located size of tags may differ from the one that was told
+_SCALE = 0.03  # by which the located size of tags differs where the cameras' order is in no doubt
+_WRONG = 0.07  # by which it may differ from the one that was told: "fit to page" takes up to 6 %
 #: px, root mean square, and so many medians of it: views of a tag that miss by more are not of one
 #: instant, or not of one tag.
 _ODD, _ODDER = 0.3, 8.0
@@ -208,9 +210,10 @@ def _check(
         return
     agreeing = float((found.cameras[several] >= 2).mean())
     scale = float(np.nanmedian(found.sides)) / size if agreeing else 0.0
-    believable = agreeing >= _AGREEING and abs(scale - 1) <= _SCALE
+    believable = agreeing >= _AGREEING and abs(scale - 1) <= _WRONG
+    right = believable and abs(scale - 1) <= _SCALE
     used = float(found.cameras[several].sum() / found.seen[several].sum())
-    if believable and used >= _USED and float(np.nanmedian(found.miss)) <= _DISAGREE:
+    if right and used >= _USED and float(np.nanmedian(found.miss)) <= _DISAGREE:
         return
     rows = np.argwhere(several)
     some = rows[:: max(len(rows) // (200 if len(rig.cameras) < 5 else 30), 1)]
@@ -327,6 +330,9 @@ def _quality(
     never = sorted(set(tracks.ids.tolist()) - set(tracks.ids[several.any(axis=0)].tolist()))
     if never and len(watched) > 1:
         warnings.append(f"tags {', '.join(map(str, never))} were never seen by two cameras at once")
+    measured = measured_size(np.where(keep, found.sides, np.nan), size)
+    if measured is not None and measured.warning is not None:
+        warnings.append(measured.warning)
     with np.errstate(all="ignore"):
         return {
             "frames": len(tracks.time),
@@ -338,7 +344,8 @@ def _quality(
             "residual": _median(found.miss[keep & (found.cameras >= 2)]),
             "sigma_several": _median(sigma[several]),
             "sigma_one": _median(sigma[one]),
-            "size": _median(found.sides[keep]),
+            "size": None if measured is None else measured.side,
+            "size_sigma": None if measured is None else measured.sigma,
             "tag_size": size,
             "videos": videos,
             "warnings": warnings,
