@@ -18,6 +18,7 @@ from ...core.tracks import Tracks
 
 _FEW = 10  # frames by the anchor, in which what all markers make of them can be compared
 _COMPARED, _SETS = 300, 8  # frames by the anchor, and sets of other markers, that are compared
+_BLOCK = 5_000  # frames looked at together
 _RARE = 0.05  # of the frames, that must show the anchor
 
 
@@ -56,11 +57,14 @@ def lay_on_rest(m: Markers, tracks: Tracks, resting: Bool, anchor: str) -> LaidO
     weights = _weights(tracks.sigma)
 
     def by_all() -> Aligned:
-        return align(tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids)
+        return align(tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids, covariances=False)
 
     if anchor == "anchor" or (anchor == "auto" and m.anchor.any()):
         try:
-            found = align(tracks.points, pose, weights, m.anchor, sigma=tracks.sigma, ids=m.ids)
+            found = align(
+                tracks.points, pose, weights, m.anchor, sigma=tracks.sigma, ids=m.ids,
+                covariances=False,
+            )  # fmt: skip
         except CaptureError as error:
             if anchor == "anchor":
                 raise
@@ -102,9 +106,9 @@ def _filled(
         )
         for name in ("points", "rotation", "translation", "residual", "turn", "used", "ok")
     }
-    covariance = np.array(anchored.covariance)
-    covariance[use] = by_all.covariance[use] + (off[use] ** 2 / 3)[:, None, None, None] * np.eye(3)
-    return replace(anchored, **values, covariance=covariance), off
+    variance = np.array(anchored.variance)
+    variance[use] = by_all.variance[use] + (off[use] ** 2 / 3)[:, None, None]
+    return replace(anchored, **values, variance=variance), off
 
 
 def _off(anchored: Aligned, use: Bool, points: Float, pose: Float, weights: Float | None) -> Float:
@@ -133,7 +137,9 @@ def _off(anchored: Aligned, use: Bool, points: Float, pose: Float, weights: Floa
 def _weights(sigma: Float) -> Float | None:
     """(t, m), by which places that several cameras saw count more than those of one; None where
     nothing is known of them."""
+    weights = np.empty(sigma.shape[:2])
     with np.errstate(all="ignore"):
-        weights = 1 / (sigma**2).mean(axis=2)
+        for k in range(0, len(sigma), _BLOCK):
+            weights[k : k + _BLOCK] = 1 / (sigma[k : k + _BLOCK] ** 2).mean(axis=2)
     known = np.isfinite(weights)
     return np.where(known, weights, 0.0) if known.any() else None

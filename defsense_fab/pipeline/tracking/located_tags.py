@@ -6,27 +6,32 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...capture.tracking.observations import Observed
 from ...capture.tracking.reconstruction import reconstruct
 from ...capture.tracking.tag_store import blocks
-from ...core.arrays import Float, Int
+from ...core.arrays import Float
 from ...core.camera import Camera
 from .camera_sync import together
+
+_TAGS = 5_000  # located at once: each takes some kB meanwhile
+#: How many cameras: a byte, of which there is one for each tag in each frame.
+Count = NDArray[np.int8]
 
 
 @dataclass(frozen=True)
 class LocatedTags:
     """t frames, m tags: `points` (t, m, 3) mm in a camera's frame and their standard
     deviations `sigma` (t, m, 3) mm along its axes, NaN where not located; `cameras`, `miss`,
-    `sides` and `seen` (t, m) as in `Reconstruction`."""
+    `sides` and `seen` (t, m) as in `Reconstruction`, counts as single bytes."""
 
     points: Float
     sigma: Float
-    cameras: Int
+    cameras: Count
     miss: Float
     sides: Float
-    seen: Int
+    seen: Count
 
 
 def locate_tags(
@@ -36,11 +41,11 @@ def locate_tags(
     frame of a camera."""
     shape = len(seen[0].time), len(seen[0].ids)
     out = LocatedTags(
-        np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape, int), np.empty(shape),
-        np.empty(shape), np.empty(shape, int),
+        np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape, np.int8), np.empty(shape),
+        np.empty(shape), np.empty(shape, np.int8),
     )  # fmt: skip
     turn = frame.rotation
-    for frames in blocks(*shape):
+    for frames in blocks(*shape, _TAGS):
         found = reconstruct(cameras, *together(seen, frames), size)
         out.points[frames] = frame.to_camera(found.points)
         turned = turn @ found.covariance @ turn.T

@@ -22,7 +22,7 @@ from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
 from .camera_sync import views_of
-from .located_tags import LocatedTags
+from .located_tags import Count, LocatedTags
 from .standing_cameras import locate
 from .tag_size import measured_size
 from .video_detection import VideoDetections, detect_video
@@ -49,7 +49,7 @@ class VideoTracks:
     what there is to say of their quality."""
 
     tracks: Tracks
-    cameras: Int
+    cameras: Count
     quality: dict[str, Any]
 
 
@@ -126,7 +126,7 @@ def assemble(
     if not there.any():
         raise CaptureError(f"{', '.join(names)}: no tag could be located in any frame")
     number = np.flatnonzero(np.append(True, np.diff(watched[0].time) > 0))
-    cameras = np.where(keep, found.cameras, 0)
+    cameras = np.where(keep, found.cameras, np.int8(0))
     if not there.all():
         points, sigma, cameras = points[:, there], sigma[:, there], cameras[:, there]
     tracks = Tracks(time, ids[there], points, sigma, number)
@@ -285,7 +285,7 @@ def _quality(
     keep: Any,
     wrong: int,
     tracks: Tracks,
-    cameras: Int,
+    cameras: Count,
     size: float,
     names: Sequence[str],
 ) -> dict[str, Any]:
