@@ -267,9 +267,11 @@ def show_quality(q: dict[str, Any]) -> None:
         f" {q['by_one']:.0%} by one ({mm(q['sigma_one'])})",
     ]
     if q["residual"] is not None:
+        lines.append(f"residual {q['residual']:.3f} px")
+    if q["size"] is not None:
         lines.append(
-            f"residual {q['residual']:.3f} px; the tags' sides are {q['size']:.3f} mm to these"
-            f" cameras, {q['tag_size']:g} mm was told"
+            f"the tags' sides are {q['size']:.3f} mm to these cameras (standard deviation"
+            f" {mm(q['size_sigma'])}), {q['tag_size']:g} mm was told"
         )
     if q["impossible"]:
         lines.append(f"{q['impossible']} places were taken out: nothing moves like that")

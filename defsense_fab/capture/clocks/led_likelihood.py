@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.signal import correlate
 
 from ...core.arrays import Float
 from .clock_fit import Clocks
@@ -120,6 +119,8 @@ def shift_of(
     seen = np.where(near, np.clip(2 * level[nearest] - 1, -1, 1), 0.0)
     device = np.arange(toggles.start, toggles.end, _STEP)
     state = toggles.state(device)
+    from scipy.signal import correlate  # 27 MB, which recordings without an LED do not need
+
     product = correlate(state, seen, mode="full")
     common = correlate(np.abs(state), np.abs(seen), mode="full")
     place = np.arange(len(product)) - (len(seen) - 1)

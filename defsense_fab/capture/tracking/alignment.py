@@ -27,15 +27,17 @@ _CHUNK = 256  # frames aligned at once: what a cache holds
 class Aligned:
     """t frames of m markers in the rest frame: `points` (t, m, 3) mm, NaN where not seen; in rest =
     R p + T, `rotation` (t, 3, 3) and `translation` (t, 3) mm; `residual` (t,) mm, the root mean
-    square distance from the rest pose over the `used` (t,) markers; `covariance` (t, m, 3, 3) mm^2
-    of the points, with what the alignment adds to it (NaN where no sigma was given), and `turn`
-    (t,) rad, the standard deviation of the rotation about its weakest axis. Frames that are not
-    `ok` (t,) are NaN in all but `used`."""
+    square distance from the rest pose over the `used` (t,) markers; `variance` (t, m, 3) mm^2 of
+    the points along the axes and their `covariance` (t, m, 3, 3) mm^2, with what the alignment adds
+    (NaN where no sigma was given, or it was not asked for), and `turn` (t,) rad, the standard
+    deviation of the rotation about its weakest axis. Frames that are not `ok` (t,) are NaN in all
+    but `used`."""
 
     points: Float
     rotation: Float
     translation: Float
     residual: Float
+    variance: Float
     covariance: Float
     turn: Float
     used: Int
@@ -44,7 +46,8 @@ class Aligned:
     @property
     def sigma(self) -> Float:
         """Standard deviations (t, m, 3) mm along the axes of the rest frame."""
-        return np.asarray(np.sqrt(np.maximum(np.einsum("tmii->tmi", self.covariance), 0.0)))
+        out = np.maximum(self.variance, 0.0)
+        return np.asarray(np.sqrt(out, out=out))
 
 
 def align(
@@ -56,6 +59,7 @@ def align(
     sigma: Float | None = None,
     ids: Int | None = None,
     doubt: float = DOUBT,
+    covariances: bool = True,
 ) -> Aligned:
     """Frames `points` (t, m, 3) mm, NaN where not seen, onto `rest` (m, 3) mm, NaN where not known.
 
@@ -65,7 +69,8 @@ def align(
     with the singular values a >= b >= c of the weighted rest pose about its middle, sqrt(b^2 + c^2)
     <= NARROW a; nor where the frame itself gives no more. With `sigma`, standard deviations
     (t, m, 3) mm or covariances (t, m, 3, 3) mm^2 of the points, nor where noise turns it by more
-    than `doubt` rad (equal sigma and weights: sigma / (w sqrt(markers))).
+    than `doubt` rad (equal sigma and weights: sigma / (w sqrt(markers))). Whole `covariances` of
+    many frames take much memory.
 
     Raises CaptureError, with the numbers `ids` (m,) of markers, where the rest pose is such a set
     itself, weights are none, or shapes do not fit.
@@ -80,12 +85,13 @@ def align(
     ever = known & _weighty(weights, m) & (True if mask is None else np.atleast_2d(mask).any(0))
     _check_rest(rest, ever, names)
     # One value stands for all where nothing is known: a view of it takes no memory.
-    covariance = np.broadcast_to(np.nan, (t, m, 3, 3))
+    variance, covariance = (np.broadcast_to(np.nan, (t, m, *n)) for n in ((3,), (3, 3)))
     if sigma is not None:
-        covariance = np.empty((t, m, 3, 3))
+        variance = np.empty((t, m, 3))
+        covariance = np.empty((t, m, 3, 3)) if covariances else covariance
     out = Aligned(
-        np.empty((t, m, 3)), np.empty((t, 3, 3)), np.empty((t, 3)), np.empty(t), covariance,
-        np.empty(t), used.sum(axis=1), np.empty(t, bool),
+        np.empty((t, m, 3)), np.empty((t, 3, 3)), np.empty((t, 3)), np.empty(t), variance,
+        covariance, np.empty(t), used.sum(axis=1), np.empty(t, bool),
     )  # fmt: skip
     shift = rest[ever].mean(axis=0)  # near zero, squares keep their digits
     for k in range(0, t, _CHUNK):
@@ -127,12 +133,13 @@ def _align(
     away = np.where(used, np.einsum("tmi,tmi->tm", off, off), 0.0).sum(axis=1)
     into.turn[:] = np.nan
     if sigma is not None:
-        into.covariance[:], into.turn[:] = _uncertainty(
-            turned(sigma, R), out - middle[:, None], w, ok
-        )
+        covariance, into.turn[:] = _uncertainty(turned(sigma, R), out - middle[:, None], w, ok)
         ok &= ~(into.turn > doubt)
-        for array in (R, out, center, into.covariance, into.turn):
+        for array in (R, out, center, covariance, into.turn):
             array[~ok] = np.nan
+        into.variance[:] = np.einsum("tmii->tmi", covariance)
+        if into.covariance.flags.writeable:
+            into.covariance[:] = covariance
     into.points[:], into.rotation[:], into.ok[:] = out, R, ok
     into.residual[:] = np.where(ok, np.sqrt(away / np.maximum(into.used, 1)), np.nan)
     into.translation[:] = middle - np.einsum("tij,tj->ti", R, center)

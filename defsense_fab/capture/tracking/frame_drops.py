@@ -19,6 +19,7 @@ from .observations import Observed, middles
 
 _FINE = 8  # offsets tried in a period
 _TAGS = 8  # looked at in each frame at most: those that the second camera sees most often
+_FRAMES = 5_000  # compared together: what a cache holds
 _NOISE = 0.05  # px, least that rays miss each other by
 _NOISIEST = 1.0  # px, above which nothing can be told
 _CAP = 9.0  # squares of that which a frame counts at most
@@ -60,8 +61,10 @@ def find_frame_drops(
     grid = np.arange(-reach, reach + 1e-9, period / _FINE)
     # Of an hour these are 100 MB: what follows is written over them.
     cost = np.empty((len(grid), len(a)))
-    for k, offset in enumerate(grid):
-        cost[k] = _square(F, a, _shown(b, second.time, first.time - offset))
+    for begin in range(0, len(a), _FRAMES):
+        part = slice(begin, begin + _FRAMES)
+        for k, offset in enumerate(grid):
+            cost[k, part] = _square(F, a[part], _shown(b, second.time, first.time[part] - offset))
     unknown = ~np.isfinite(cost)
     cost[unknown] = np.inf
     # The camera's own noise, and the calibration's, are what the best offset leaves.
@@ -155,7 +158,7 @@ def _cheapest(cost: Float) -> Int:
     """Of costs (o, t): the offset of each frame (t,)."""
     count, frames = cost.shape
     least = cost[:, 0].copy()
-    came = np.zeros((frames, count), np.int16)
+    came = np.zeros((frames, count), np.uint8 if count <= 256 else np.int64)
     stay = np.arange(count)
     for k in range(1, frames):
         from_ = int(least.argmin())

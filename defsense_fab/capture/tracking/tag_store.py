@@ -120,8 +120,9 @@ def stored(views: Iterable[TagView], folder: Path | None = None) -> FrameTags:
     return FrameTags(store, ends[:-1], ends[1:])
 
 
-def blocks(frames: int, tags: int) -> Iterator[Int]:
-    """Numbers of so many frames, as many at a time as can be looked at together."""
-    step = max(_TAGS // max(tags, 1), 1)
+def blocks(frames: int, tags: int, most: int = _TAGS) -> Iterator[Int]:
+    """Numbers of so many frames, as many at a time as can be looked at together: in which there are
+    at `most` so many tags."""
+    step = max(most // max(tags, 1), 1)
     for begin in range(0, frames, step):
         yield np.arange(begin, min(begin + step, frames))

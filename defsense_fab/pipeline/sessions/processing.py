@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...capture.cameras.rig_file import Rig
 from ...capture.cameras.video import Video, timing
@@ -29,7 +30,7 @@ from ..tracking.video_tracks import VideoTracks, assemble
 from .camera_recorder import FILM_RATE
 from .processed_session import ProcessedSession
 from .recorded_tags import CameraRecording, read_camera_tags
-from .report import write_report
+from .report import lengths, write_report
 from .rest_frame import lay_on_rest
 from .rest_resistance import rest_resistances
 from .sample_table import ClockPart, write_samples
@@ -192,7 +193,7 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
     quality: dict[str, Any] = {"warnings": [], "by_several": float(tracks.seen.mean()),
                                "by_one": 0.0, "impossible": 0}  # fmt: skip
     none = np.zeros(0, np.int64), np.empty((len(tracks.time), 0, 4, 3), np.float32)
-    processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int64), quality, *none)
+    processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int8), quality, *none)
     at = at_times(sync.to_device(tracks.time), device, ohm)
     arrival = fit_clocks(device, recording.host_ns / 1e9)
     rest = _resting(read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
@@ -256,35 +257,25 @@ def _resting(events: Sequence[dict[str, Any]], time: Float, start: int) -> Bool:
 
 def _join(
     session: CaptureSession,
-    runs: Sequence[_ProcessedRun],
+    runs: list[_ProcessedRun],
     skipped: Sequence[dict[str, Any]],
     anchor: str,
 ) -> ProcessedSession:
     ids = session.markers.ids
     ohm, resting = [r.ohm for r in runs], np.concatenate([r.rest for r in runs])
-    count, time, begin = len(resting), [], 0.0
-    anchor_ids = ids[session.markers.anchor]
-    corners = np.full((count, len(anchor_ids), 4, 3), np.nan, np.float32)
-    # Not joined from parts, each of which would be in memory twice.
-    P, S = np.full((count, len(ids), 3), np.nan), np.full((count, len(ids), 3), np.nan)
-    end = dropped = 0
+    count, time, begin, dropped = len(resting), list[Float](), 0.0, 0
     clocks: dict[str, list[ClockPart]] = {}
     for run in runs:
-        t = run.processed.tracks
-        rows, end = slice(end, end + len(t.time)), end + len(t.time)
-        column = {int(i): k for k, i in enumerate(t.ids)}
-        for k, i in enumerate(ids):
-            if int(i) in column:
-                P[rows, k], S[rows, k] = t.points[:, column[int(i)]], t.sigma[:, column[int(i)]]
-        for i, of in zip(run.processed.outlined, run.processed.corners.swapaxes(0, 1), strict=True):
-            corners[rows, anchor_ids.tolist().index(int(i))] = of
-        grid = frame_grid(t.time)
+        own = run.processed.tracks.time
+        grid = frame_grid(own)
         dropped += grid.gaps if grid is not None and grid.even else 0
-        time.append(t.time + begin - t.time[0])
-        later = begin - float(t.time[0])
+        time.append(own + begin - own[0])
+        later = begin - float(own[0])
         clocks[str(run.told["run"])] = [part.later(later) for part in run.clocks]
         pause = _PAUSE if grid is None else max(round(_PAUSE / grid.period), 1) * grid.period
         begin = float(time[-1][-1]) + pause
+    corners = _corners(runs, ids[session.markers.anchor])
+    P, S = _places(runs, ids)
     T, R = np.concatenate(time), np.concatenate(ohm)
     grid = frame_grid(T)
     even = grid is not None and grid.even
@@ -307,8 +298,8 @@ def _join(
             "rate": 1 / grid.period if grid is not None and even else None, "dropped": dropped,
             "aligned_by": laid.by, "aligned_frames": float(aligned.ok.mean()),
             "by_all": laid.by_all, "by_all_off": laid.off,
-            "residual": _quantiles(aligned.residual), "sigma": _quantiles(
-                np.linalg.norm(back.sigma, axis=-1)[back.seen]),
+            "residual": _quantiles(aligned.residual),
+            "sigma": _quantiles(lengths(back.sigma)[back.seen]),
             "seen": dict(zip(map(str, ids.tolist()), back.seen.mean(axis=0).tolist(), strict=True)),
             "glued": laid.glued, "warnings": warnings,
             "R0": {
@@ -320,6 +311,39 @@ def _join(
         return ProcessedSession(
             tracks, back, np.concatenate(signals), R, aligned.residual, quality, clocks
         )
+
+
+def _corners(runs: Sequence[_ProcessedRun], ids: Int) -> NDArray[np.float32]:
+    """Of the tags `ids` (a,) in all runs (t, a, 4, 3) mm, one after the other."""
+    out = np.full((sum(len(run.ohm) for run in runs), len(ids), 4, 3), np.nan, np.float32)
+    end = 0
+    for run in runs:
+        rows, end = slice(end, end + len(run.ohm)), end + len(run.ohm)
+        for k, i in enumerate(run.processed.outlined):
+            out[rows, ids.tolist().index(int(i))] = run.processed.corners[:, k]
+    return out
+
+
+def _places(runs: list[_ProcessedRun], ids: Int) -> tuple[Float, Float]:
+    """Places and standard deviations (t, m, 3) mm of the tags `ids` (m,) in all runs, one after the
+    other, which do not have them any more: each would be in memory twice."""
+    count = sum(len(run.ohm) for run in runs)
+    if len(runs) == 1 and np.array_equal(runs[0].processed.tracks.ids, ids):
+        only = runs[0].processed.tracks
+        return only.points, only.sigma
+    P, S = np.full((count, len(ids), 3), np.nan), np.full((count, len(ids), 3), np.nan)
+    end = 0
+    for n, run in enumerate(runs):
+        t = run.processed.tracks
+        rows, end = slice(end, end + len(t.time)), end + len(t.time)
+        column = {int(i): k for k, i in enumerate(t.ids)}
+        for k, i in enumerate(ids):
+            if int(i) in column:
+                P[rows, k], S[rows, k] = t.points[:, column[int(i)]], t.sigma[:, column[int(i)]]
+        none = np.zeros((0, len(t.ids), 3))
+        gone = Tracks(np.zeros(0), t.ids, none, none, np.zeros(0, np.int64))
+        runs[n] = replace(run, processed=replace(run.processed, tracks=gone))
+    return P, S
 
 
 def _quantiles(values: Float) -> dict[str, float | None]:

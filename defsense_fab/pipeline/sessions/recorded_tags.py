@@ -21,7 +21,7 @@ from .session import FRAME_COLUMNS, TAG_COLUMNS
 
 _WITHOUT_MEAN = len(TAG_COLUMNS) - 3  # columns of older files
 _FAR = 1e5  # px, and px^2: no image is as large
-_BLOCK = 1 << 22  # bytes read at once
+_BLOCK = 1 << 20  # bytes read at once
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,9 @@ def _draw(draw: Callable[[Any, CaptureSession, ProcessedSession], None], session
 
     figure = Figure((9.6, 4.2), dpi=100, layout="constrained")
     draw(figure, session, result)
-    return as_image(figure)
+    image = as_image(figure)
+    figure.clear()  # its parts refer to each other, and would be in memory beside the next one's
+    return image
 
 
 def _seen(figure: Any, session: CaptureSession, result: ProcessedSession) -> None:
@@ -130,7 +132,7 @@ def _course(figure: Any, session: CaptureSession, result: ProcessedSession) -> N
 def _quality(figure: Any, _: CaptureSession, result: ProcessedSession) -> None:
     left, right = figure.subplots(1, 2)
     t = result.aligned
-    sigma = np.linalg.norm(t.sigma, axis=2)[t.seen]
+    sigma = lengths(t.sigma)[t.seen]
     sigma = sigma[np.isfinite(sigma) & (sigma > 0)]
     if len(sigma):
         left.hist(np.log10(sigma), 60, color="#27c")
@@ -142,6 +144,14 @@ def _quality(figure: Any, _: CaptureSession, result: ProcessedSession) -> None:
     right.plot(t.time[some], result.residual[some], lw=0.7, color="#d60")
     right.set_xlabel("s")
     right.set_ylabel("residual of the alignment, mm")
+
+
+def lengths(vectors: Float) -> Float:
+    """Of many (t, m, 3): (t, m), some at a time."""
+    out = np.empty(vectors.shape[:2])
+    for k in range(0, len(out), _DRAWN):
+        out[k : k + _DRAWN] = np.linalg.norm(vectors[k : k + _DRAWN], axis=2)
+    return out
 
 
 def _some(time: Float) -> slice:

@@ -8,7 +8,7 @@ enough.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from ...core.tracks import Tracks
 _FEW = 10  # frames by the anchor, in which what all markers make of them can be compared
 _COMPARED, _SETS = 300, 8  # frames by the anchor, and sets of other markers, that are compared
 _SURE = 1.0  # mm: standard deviation above which a place at rest tells less than the design
+_BLOCK = 5_000  # frames looked at together
 _RARE = 0.05  # of the frames, that must show the anchor
 
 
@@ -66,7 +67,7 @@ def lay_on_rest(
     weights = _weights(tracks.sigma)
 
     def by_all() -> Aligned:
-        return align(tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids)
+        return align(tracks.points, pose, weights, sigma=tracks.sigma, ids=m.ids, covariances=False)
 
     if anchor == "anchor" or (anchor == "auto" and m.anchor.any()):
         try:
@@ -101,21 +102,54 @@ def _by_anchor(
     m: Markers, tracks: Tracks, corners: NDArray[np.float32], pose: Float, resting: Bool
 ) -> Aligned:
     """By the corners of the anchor's tags, or by their middles where these are not known, onto
-    where they are at rest. Raises CaptureError where they do not do."""
+    where they are at rest. Raises CaptureError where they do not do in any frame."""
     rest = _corners_at_rest(m, tracks, corners, pose, resting)
+    parts, wrong = [], None
+    for k in range(0, len(tracks.time), _BLOCK):
+        part = slice(k, k + _BLOCK)
+        points, sigma = tracks.points[part], tracks.sigma[part]
+        try:
+            parts.append(_block_by_anchor(m, points, sigma, corners[part], pose, rest))
+        except CaptureError as error:  # no frame of these shows enough
+            wrong = error
+            parts.append(_nowhere(points))
+    if wrong is not None and not any(p.ok.any() for p in parts):
+        raise wrong
+    out = Aligned(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Aligned)))
+    return replace(out, covariance=np.broadcast_to(np.nan, (*out.points.shape, 3)))
+
+
+def _block_by_anchor(
+    m: Markers, points: Float, sigma: Float, corners: NDArray[np.float32], pose: Float, rest: Float
+) -> Aligned:
+    t, count = points.shape[:2]
     outlined = np.isfinite(corners[..., 0, 0]) & np.isfinite(rest[:, 0, 0])  # (t, a)
-    t, count = len(tracks.time), len(m.ids)
     middles = np.zeros((t, count), bool)
     middles[:, m.anchor] = ~outlined
     mask = np.hstack([middles, np.repeat(outlined, 4, axis=1)])
-    points = np.concatenate([tracks.points, corners.reshape(t, -1, 3)], axis=1)
     # A tag's middle is the mean of its corners, which are found one by one.
-    apart = np.repeat(2 * tracks.sigma[:, m.anchor], 4, axis=1)
-    sigma = np.concatenate([tracks.sigma, apart], axis=1)
+    apart = np.repeat(2 * sigma[:, m.anchor], 4, axis=1)
+    points = np.concatenate([points, corners.reshape(t, -1, 3)], axis=1)
+    sigma = np.concatenate([sigma, apart], axis=1)
     ids = np.append(m.ids, np.repeat(m.ids[m.anchor], 4))
     places = np.concatenate([pose, rest.reshape(-1, 3)])
-    found = align(points, places, _weights(sigma), mask, sigma=sigma, ids=ids)
-    return replace(found, points=found.points[:, :count], covariance=found.covariance[:, :count])
+    found = align(points, places, _weights(sigma), mask, sigma=sigma, ids=ids, covariances=False)
+    return replace(
+        found, points=found.points[:, :count], variance=found.variance[:, :count],
+        covariance=found.covariance[:0, :count],
+    )  # fmt: skip
+
+
+def _nowhere(points: Float) -> Aligned:
+    """Frames (t, m, 3) that nothing aligns."""
+    t, m = points.shape[:2]
+    none = np.full((t, m, 3), np.nan)
+    one = none[:, 0, 0]
+    turn = np.full((t, 3, 3), np.nan)
+    return Aligned(
+        none, turn, none[:, 0], one, none, np.zeros((0, m, 3, 3)), one, np.zeros(t, np.int64),
+        np.zeros(t, bool),
+    )  # fmt: skip
 
 
 def _corners_at_rest(
@@ -152,9 +186,9 @@ def _filled(
         )
         for name in ("points", "rotation", "translation", "residual", "turn", "used", "ok")
     }
-    covariance = np.array(anchored.covariance)
-    covariance[use] = by_all.covariance[use] + (off[use] ** 2 / 3)[:, None, None, None] * np.eye(3)
-    return replace(anchored, **values, covariance=covariance), off
+    variance = np.array(anchored.variance)
+    variance[use] = by_all.variance[use] + (off[use] ** 2 / 3)[:, None, None]
+    return replace(anchored, **values, variance=variance), off
 
 
 def _off(anchored: Aligned, use: Bool, points: Float, pose: Float, weights: Float | None) -> Float:
@@ -183,7 +217,9 @@ def _off(anchored: Aligned, use: Bool, points: Float, pose: Float, weights: Floa
 def _weights(sigma: Float) -> Float | None:
     """(t, m), by which places that several cameras saw count more than those of one; None where
     nothing is known of them."""
+    weights = np.empty(sigma.shape[:2])
     with np.errstate(all="ignore"):
-        weights = 1 / (sigma**2).mean(axis=2)
+        for k in range(0, len(sigma), _BLOCK):
+            weights[k : k + _BLOCK] = 1 / (sigma[k : k + _BLOCK] ** 2).mean(axis=2)
     known = np.isfinite(weights)
     return np.where(known, weights, 0.0) if known.any() else None

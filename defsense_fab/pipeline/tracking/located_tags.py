@@ -15,20 +15,24 @@ from ...core.arrays import Float, Int
 from ...core.camera import Camera
 from .camera_sync import together
 
+_TAGS = 5_000  # located at once: each takes some kB meanwhile
+#: How many cameras: a byte, of which there is one for each tag in each frame.
+Count = NDArray[np.int8]
+
 
 @dataclass(frozen=True)
 class LocatedTags:
     """t frames, m tags: `points` (t, m, 3) mm in a camera's frame and their standard
     deviations `sigma` (t, m, 3) mm along its axes, NaN where not located; `cameras`, `miss`,
-    `sides` and `seen` (t, m) as in `Reconstruction`; `corners` (t, k, 4, 3) mm, in single
-    precision, of those tags of which they are kept."""
+    `sides` and `seen` (t, m) as in `Reconstruction`, counts as single bytes; `corners`
+    (t, k, 4, 3) mm, in single precision, of those tags of which they are kept."""
 
     points: Float
     sigma: Float
-    cameras: Int
+    cameras: Count
     miss: Float
     sides: Float
-    seen: Int
+    seen: Count
     corners: NDArray[np.float32]
 
 
@@ -39,12 +43,12 @@ def locate_tags(
     frame of a camera; corners are kept of the columns `outlined` (k,)."""
     shape = len(seen[0].time), len(seen[0].ids)
     out = LocatedTags(
-        np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape, int), np.empty(shape),
-        np.empty(shape), np.empty(shape, int),
+        np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape, np.int8), np.empty(shape),
+        np.empty(shape), np.empty(shape, np.int8),
         np.empty((len(seen[0].time), len(outlined), 4, 3), np.float32),
     )  # fmt: skip
     turn = frame.rotation
-    for frames in blocks(*shape):
+    for frames in blocks(*shape, _TAGS):
         found = reconstruct(cameras, *together(seen, frames), size)
         out.points[frames] = frame.to_camera(found.points)
         turned = turn @ found.covariance @ turn.T

@@ -9,9 +9,10 @@ import numpy as np
 from ...capture.tracking.observations import Observed
 from ...capture.tracking.reconstruction import reconstruct
 from ...capture.tracking.tag_store import blocks
-from ...core.arrays import Float, Int
+from ...core.arrays import Float
 from ...core.camera import Camera
 from .camera_sync import together, views_of
+from .located_tags import Count
 
 _SOME = 300  # tags that are looked at
 _FEW = 20  # that tell nothing
@@ -37,7 +38,7 @@ def moved_camera(
     return next((k for k in found if k is not None), None)
 
 
-def some_tags(seen: Sequence[Observed], count: Int) -> tuple[Float, Float] | None:
+def some_tags(seen: Sequence[Observed], count: Count) -> tuple[Float, Float] | None:
     """Corners and covariances of some tags that three of v cameras see, by the `count` (t, m) of
     those that do in the first one's frames; None where they are few."""
     rows = np.argwhere(count >= 3)
@@ -46,9 +47,9 @@ def some_tags(seen: Sequence[Observed], count: Int) -> tuple[Float, Float] | Non
     return views_of(seen, rows[:: max(len(rows) // _SOME, 1)])
 
 
-def cameras_that_see(seen: Sequence[Observed]) -> Int:
+def cameras_that_see(seen: Sequence[Observed]) -> Count:
     """How many cameras see a tag in each frame of the first one (t, m)."""
-    count = np.zeros((len(seen[0].time), len(seen[0].ids)), int)
+    count = np.zeros((len(seen[0].time), len(seen[0].ids)), np.int8)
     for frames in blocks(*count.shape):
         corners, _ = together(seen, frames)
         count[frames] = np.isfinite(corners).all(axis=(3, 4)).sum(axis=2)

@@ -23,14 +23,16 @@ from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
 from .camera_sync import views_of
-from .located_tags import LocatedTags
+from .located_tags import Count, LocatedTags
 from .standing_cameras import locate
+from .tag_size import measured_size
 from .video_detection import VideoDetections, detect_video
 
 #: Of tags that several cameras see: if fewer of them agree, the calibration is wrong.
 _AGREEING = 0.5
 _USED = 0.9  # of the views, that agree where all is well
-_SCALE = 0.03  # by which the located size of tags may differ from the one that was told
+_SCALE = 0.03  # by which the located size of tags differs where the cameras' order is in no doubt
+_WRONG = 0.07  # by which it may differ from the one that was told: "fit to page" takes up to 6 %
 #: px, root mean square, and so many medians of it: views of a tag that miss by more are not of one
 #: instant, or not of one tag.
 _ODD, _ODDER = 0.3, 8.0
@@ -49,7 +51,7 @@ class VideoTracks:
     them, the `corners` (t, k, 4, 3) mm, in single precision."""
 
     tracks: Tracks
-    cameras: Int
+    cameras: Count
     quality: dict[str, Any]
     outlined: Int
     corners: NDArray[np.float32]
@@ -141,7 +143,7 @@ def assemble(
     if not there.any():
         raise CaptureError(f"{', '.join(names)}: no tag could be located in any frame")
     number = np.flatnonzero(np.append(True, np.diff(watched[0].time) > 0))
-    cameras = np.where(keep, found.cameras, 0)
+    cameras = np.where(keep, found.cameras, np.int8(0))
     found.corners[cameras[:, column] < 2] = np.nan
     if not there.all():
         points, sigma, cameras = points[:, there], sigma[:, there], cameras[:, there]
@@ -226,9 +228,10 @@ def _check(
         return
     agreeing = float((found.cameras[several] >= 2).mean())
     scale = float(np.nanmedian(found.sides)) / size if agreeing else 0.0
-    believable = agreeing >= _AGREEING and abs(scale - 1) <= _SCALE
+    believable = agreeing >= _AGREEING and abs(scale - 1) <= _WRONG
+    right = believable and abs(scale - 1) <= _SCALE
     used = float(found.cameras[several].sum() / found.seen[several].sum())
-    if believable and used >= _USED and float(np.nanmedian(found.miss)) <= _DISAGREE:
+    if right and used >= _USED and float(np.nanmedian(found.miss)) <= _DISAGREE:
         return
     rows = np.argwhere(several)
     some = rows[:: max(len(rows) // (200 if len(rig.cameras) < 5 else 30), 1)]
@@ -300,7 +303,7 @@ def _quality(
     keep: Any,
     wrong: int,
     tracks: Tracks,
-    cameras: Int,
+    cameras: Count,
     size: float,
     names: Sequence[str],
 ) -> dict[str, Any]:
@@ -345,6 +348,9 @@ def _quality(
     never = sorted(set(tracks.ids.tolist()) - set(tracks.ids[several.any(axis=0)].tolist()))
     if never and len(watched) > 1:
         warnings.append(f"tags {', '.join(map(str, never))} were never seen by two cameras at once")
+    measured = measured_size(np.where(keep, found.sides, np.nan), size)
+    if measured is not None and measured.warning is not None:
+        warnings.append(measured.warning)
     with np.errstate(all="ignore"):
         return {
             "frames": len(tracks.time),
@@ -356,7 +362,8 @@ def _quality(
             "residual": _median(found.miss[keep & (found.cameras >= 2)]),
             "sigma_several": _median(sigma[several]),
             "sigma_one": _median(sigma[one]),
-            "size": _median(found.sides[keep]),
+            "size": None if measured is None else measured.side,
+            "size_sigma": None if measured is None else measured.sigma,
             "tag_size": size,
             "videos": videos,
             "warnings": warnings,

@@ -103,6 +103,35 @@ def test_all_samples_are_told_by_the_tracks_clock(tmp_path, monkeypatch):
     assert not path.exists()
 
 
+@pytest.mark.parametrize(("printed", "told"), [(0.97, True), (1.0, False)])
+def test_tags_of_another_size_are_noticed_by_two_cameras(tmp_path, monkeypatch, printed, told):
+    side = memory.SIDE
+    session = memory.create(tmp_path / "s", 2, 12)
+    monkeypatch.setattr(memory, "SIDE", printed * side)
+    memory.record(session, SECONDS, np.random.default_rng(0))
+    result = process_session(session.folder)
+    tracks = result.quality["runs"][0]["tracks"]
+    assert tracks["tag_size"] == side
+    assert tracks["size"] == pytest.approx(printed * side, abs=0.02)
+    assert abs(tracks["size"] - printed * side) < 4 * tracks["size_sigma"] + 0.005
+    assert 0 < tracks["size_sigma"] < 0.02
+    said = [w for w in tracks["warnings"] if "where 15 mm is stated" in w]
+    assert len(said) == told
+    if told:
+        words = "the tags measure 14.55 mm where 15 mm is stated"
+        assert said[0].startswith(words)
+        assert f"run-1: {words}" in (session.folder / "report.html").read_text()
+
+
+def test_one_camera_cannot_tell_the_size(tmp_path, monkeypatch):
+    session = memory.create(tmp_path / "s", 1, 12)
+    monkeypatch.setattr(memory, "SIDE", 0.97 * memory.SIDE)
+    memory.record(session, SECONDS, np.random.default_rng(0))
+    tracks = process_session(session.folder).quality["runs"][0]["tracks"]
+    assert tracks["size"] is None
+    assert not [w for w in tracks["warnings"] if "stated" in w]
+
+
 def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
     """Six of ten, in two runs, with a tag that is never seen: in the session's own files, too."""
     session = recorded(tmp_path / "s", {}, {})
