@@ -140,6 +140,8 @@ def _ports(options: argparse.Namespace) -> int:
     from ..capture.readout.reader import Settings
     from ..pipeline.twin.sample_sources import open_source
 
+    if options.seconds is not None:
+        within("--seconds", options.seconds, 0.1, 1e6)
     if options.port is None:
         return _survey(options, ports())
     source = open_source(options.port, Settings(rate=options.rate, average=options.average)).source

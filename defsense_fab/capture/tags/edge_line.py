@@ -20,15 +20,20 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.compiled import compiled
+from .small_systems import solve
 
 #: px: pixels nearer to a corner than this, or this part of the edge, see the other edge too.
 _END, _END_PART = 2.0, 0.1
 #: px: band of pixels beside an edge: at least, at most, and how much less than a tag's cell.
 _NARROW, _WIDE, _SPARE = 1.5, 4.0, 1.3
-_ROUNDS, _STEPS = 3, 4
-#: Times the least sum of squares that counts as no worse; steps that may fail; damping of the next
-#: one, and its factor from step to step.
-_WORSE, _FAILURES, _DAMPED, _TRIES = 1.001, 4, 0.1, 6.0
+#: Rounds; steps in the first ones, whose result is a start, and most in those that must converge.
+_ROUNDS, _STEPS, _MORE_STEPS = 3, 4, 24
+#: Times the least sum of squares that counts as no worse; steps that may fail, and in a row where
+#: there are more steps; damping of the next one, and its factor from step to step.
+_WORSE, _FAILURES, _MORE_FAILURES, _DAMPED, _TRIES = 1.001, 4, 8, 0.1, 6.0
+#: Standard deviations that a line may be away from where its pixels put it: on the way on, edges
+#: that are clipped or out of focus come no nearer to the truth.
+_LITTLE = 1.0
 _FEW = 12  # pixels that tell too little
 _SHARP, _BLURRED = 0.3, 4.0  # px, bounds of s
 _CONTRAST = 12.0  # grey levels, least step
@@ -51,7 +56,8 @@ _CLEAN, _HIDDEN, _HIDES, _MORE = 0.02, 0.35, 0.5, 2
 #: pixels err together.
 _PIECES, _PART, _CLUSTERS = 16, 0.12, 6
 _LEAST_NOISE = 1.0  # grey levels
-MOST = 6000  # pixels beside an edge
+MOST = 6000  # pixels beside an edge: of more, those of slices that are even along it
+_THINNER = 1.1  # by which fewer, until they have room
 #: px, change of the line at its ends below which a round has converged: the first ones, and others.
 _ENOUGH = (0.1, 0.02, 2e-3)
 _FAR, _PER = 6.0, 256.0  # of the table of Phi and its derivative: its end, entries in a unit
@@ -88,7 +94,6 @@ def fit_line(  # type: ignore[no-untyped-def]
     that, and the standard deviation, px, of what the model leaves out. `near`, `rows`, `xs`, `ys`,
     `grey` are room for pixels.
     """
-    h, w = image.shape
     e = (k + 1) % 4
     tx, ty = ideal[e, 0] - ideal[k, 0], ideal[e, 1] - ideal[k, 1]
     length = math.hypot(tx, ty)
@@ -102,10 +107,6 @@ def fit_line(  # type: ignore[no-untyped-def]
     band = min(max(across / cells - _SPARE, _NARROW), _WIDE)
     half = length / 2 - max(_END, _END_PART * length)
     reach = band + _MOVED + 1
-    j0 = max(int(min(seen[k, 0], seen[e, 0]) - reach), 0)
-    j1 = min(int(max(seen[k, 0], seen[e, 0]) + reach) + 2, w)
-    i0 = max(int(min(seen[k, 1], seen[e, 1]) - reach), 0)
-    i1 = min(int(max(seen[k, 1], seen[e, 1]) + reach) + 2, h)
     q = np.zeros(FREE)  # offset, angle, low, step, blur, light, overshoot
     q[4], expected = 1.0, 0.0
     A, B = np.empty((FREE, FREE)), np.empty((FREE + 1, FREE + 1))
@@ -126,19 +127,13 @@ def fit_line(  # type: ignore[no-untyped-def]
         count, darkest, brightest = 0, 0.0, 0.0
         dark, bright = 0, 0
         if turn == 0:  # all that any round can want
-            found = 0
-            slant = seen[e, 1] - seen[k, 1]
-            run = (seen[e, 0] - seen[k, 0]) / slant if abs(slant) > 1 else 1e9
-            aside = (reach + 2) * math.hypot(1.0, run)  # along a row, with room for distortion
-            for i in range(i0, i1):
-                center = seen[k, 0] + (i - seen[k, 1]) * run
-                for j in range(int(max(center - aside, j0)), int(min(center + aside + 2, j1))):
-                    x, y = plane[i, j, 0] - mx, plane[i, j, 1] - my
-                    d = nx * x + ny * y
-                    beside = -reach <= d <= reach and 2 * abs(-ny * x + nx * y) <= length
-                    if beside and found < MOST:
-                        near[found, 0], near[found, 1], near[found, 2] = x, y, image[i, j]
-                        found += 1
+            apart = max(2 * reach * length / MOST, 1.0)
+            found = MOST + 1
+            while found > MOST:
+                found = _beside(
+                    image, plane, seen, k, e, mx, my, nx, ny, length, reach, apart, near
+                )
+                apart *= _THINNER
         for m in range(found):
             x, y, value = near[m, 0], near[m, 1], near[m, 2]
             d = ax * x + ay * y - q[0]
@@ -179,7 +174,7 @@ def fit_line(  # type: ignore[no-untyped-def]
             limit = _ODD_STEP * q[3] + _ODD_GREY
         elif turn > 1:
             limit = max(min(_ODD_SIGMAS * math.sqrt(variance), middling), _ODD_PART * q[3])
-        told, total, variance = _converge(
+        told, total, variance, converged = _converge(
             xs, ys, grey, shown, nx, ny, length, q, expected, turn, variance, limit, rows, A, B
         )
         if told < _FEW:
@@ -187,7 +182,7 @@ def fit_line(  # type: ignore[no-untyped-def]
         dropped = 1 - total / count
         if turn == 1 or (turn and dropped > _CLEAN):
             middling = _ODD_SIGMAS * _hide(xs, ys, grey, count, nx, ny, half, q, limit, hidden)
-    if dropped > _HIDDEN or math.sqrt(variance) > _ODD_FIT * q[3] + _ODD_NOISE:
+    if not converged or dropped > _HIDDEN or math.sqrt(variance) > _ODD_FIT * q[3] + _ODD_NOISE:
         return False
     if q[3] < _CONTRAST or abs(q[0]) > _MOVED or q[4] >= _BLURRED:
         return False
@@ -217,6 +212,37 @@ def fit_line(  # type: ignore[no-untyped-def]
     hides = _HIDES * max(dropped - _CLEAN, 0.0)
     more[1] = _SYSTEMATIC + q[4] * (_BLEEDS * leak + hides + _SHAPE * abs(q[6]))
     return True
+
+
+@compiled()
+def _beside(  # type: ignore[no-untyped-def]
+    image, plane, seen, k, e, mx, my, nx, ny, length, reach, apart, near
+):
+    """Put the pixels beside an edge into `near` (MOST, 3), of each `apart` px along it those of one
+    px; how many there are, MOST + 1 where they have no room."""
+    h, w = image.shape
+    j0 = max(int(min(seen[k, 0], seen[e, 0]) - reach), 0)
+    j1 = min(int(max(seen[k, 0], seen[e, 0]) + reach) + 2, w)
+    i0 = max(int(min(seen[k, 1], seen[e, 1]) - reach), 0)
+    i1 = min(int(max(seen[k, 1], seen[e, 1]) + reach) + 2, h)
+    slant = seen[e, 1] - seen[k, 1]
+    run = (seen[e, 0] - seen[k, 0]) / slant if abs(slant) > 1 else 1e9
+    aside = (reach + 2) * math.hypot(1.0, run)  # along a row, with room for distortion
+    found = 0
+    for i in range(i0, i1):
+        center = seen[k, 0] + (i - seen[k, 1]) * run
+        for j in range(int(max(center - aside, j0)), int(min(center + aside + 2, j1))):
+            x, y = plane[i, j, 0] - mx, plane[i, j, 1] - my
+            d, s = nx * x + ny * y, -ny * x + nx * y
+            if not -reach <= d <= reach or 2 * abs(s) > length:
+                continue
+            if apart > 1 and (s + length) % apart >= 1:
+                continue
+            if found == MOST:
+                return MOST + 1
+            near[found, 0], near[found, 1], near[found, 2] = x, y, image[i, j]
+            found += 1
+    return found
 
 
 @compiled()
@@ -253,21 +279,27 @@ def _converge(  # type: ignore[no-untyped-def]
     xs, ys, grey, count, nx, ny, length, q, expected, turn, variance, limit, rows, A, B
 ):
     """Levenberg-Marquardt on q (FREE,), with the normal equations in A. How many pixels tell
-    something (0 where that came to nothing), how many are not left out, and the variance of the
-    residuals."""
+    something (0 where that came to nothing), how many are not left out, the variance of the
+    residuals, and whether it converged. First rounds, whose result is a start, need not; the others
+    have more steps where they want them, as edges do that are out of focus."""
     g, delta, best = np.empty(FREE), np.empty(FREE), q.copy()
     damped, least, damping, told, kept = np.empty((FREE, FREE)), np.inf, 0.0, 0, 0
-    steps, failures = 0, 0
-    enough = _ENOUGH[min(turn, len(_ENOUGH) - 1)]
+    steps, failures, allowed, converged = 0, 0, _STEPS, False
+    enough, first = _ENOUGH[min(turn, len(_ENOUGH) - 1)], turn < _ROUNDS - 1
     while True:
         now, here, cost = _equations(xs, ys, grey, count, nx, ny, q, limit, rows, B)
         if now < _FEW or not cost <= _WORSE * least:
             failures += 1
-            if least == np.inf or failures > _FAILURES:
+            if least == np.inf:
                 break
+            if failures > (_FAILURES if allowed == _STEPS else _MORE_FAILURES):
+                converged = first or _near(A, g, variance, B, length, enough)
+                if converged or allowed > _STEPS:
+                    break
+                allowed = _MORE_STEPS
             damping = max(_TRIES * damping, _DAMPED)
         else:
-            converged = steps and abs(delta[0]) + abs(delta[1]) * length / 2 < enough
+            converged = steps > 0 and abs(delta[0]) + abs(delta[1]) * length / 2 < enough
             best[:], least, told, kept = q, cost, now, here
             A[:], g[:] = B[:FREE, :FREE], B[:FREE, FREE]
             for a in range(FREE):
@@ -282,14 +314,20 @@ def _converge(  # type: ignore[no-untyped-def]
             ):
                 A[a, a] += variance / sigma**2
                 g[a] -= away * variance / sigma**2
-            if converged or steps == _STEPS:
+            if not (converged or first) and steps >= _STEPS:
+                converged = _near(A, g, variance, B, length, enough)
+                allowed = _MORE_STEPS
+            if converged or steps == allowed:
                 break
             steps += 1
-            damping = damping / _TRIES if damping > _DAMPED else 0.0
+            if allowed > _STEPS:
+                failures, damping = 0, damping / _TRIES
+            else:
+                damping = damping / _TRIES if damping > _DAMPED else 0.0
         damped[:] = A
         for a in range(FREE):
             damped[a, a] *= 1 + damping
-        if not _solve(damped, g, B, delta):
+        if not solve(damped, g, B, delta):
             break
         q[:] = best
         q[0] += min(max(delta[0], -1.0), 1.0)
@@ -302,7 +340,19 @@ def _converge(  # type: ignore[no-untyped-def]
     q[:] = best
     if failures:  # the rows are those of a step that failed
         _equations(xs, ys, grey, count, nx, ny, q, limit, rows, B)
-    return told, kept, variance
+    return told, kept, variance, converged
+
+
+@compiled()
+def _near(A, g, variance, L, length, enough):  # type: ignore[no-untyped-def]
+    """Whether the line is less than part of its standard deviation away from where the equations
+    A x = g of the pixels put it."""
+    unit, x, step = np.zeros(FREE), np.empty(FREE), np.empty(FREE)
+    unit[0] = 1.0
+    if not (solve(A, unit, L, x) and solve(A, g, L, step)):
+        return False
+    moved = abs(step[0]) + abs(step[1]) * length / 2
+    return moved < max(_LITTLE * math.sqrt(variance * x[0]), enough)
 
 
 @compiled()
@@ -371,31 +421,3 @@ def _equations(  # type: ignore[no-untyped-def]
                 total += rows[a, m] * rows[b, m]
             B[a, b] = B[b, a] = total
     return int(told), int(kept), cost
-
-
-@compiled()
-def _solve(A, g, L, x):  # type: ignore[no-untyped-def]
-    """x of A x = g, A (n, n) symmetric, by Cholesky's factors, for which L has room; whether A is
-    positive definite. For matrices this small a library's call takes longer than its work."""
-    n = len(g)
-    for a in range(n):
-        for b in range(a + 1):
-            total = A[a, b]
-            for c in range(b):
-                total -= L[a, c] * L[b, c]
-            if a > b:
-                L[a, b] = total / L[b, b]
-            elif total > 0:
-                L[a, a] = math.sqrt(total)
-            else:
-                return False
-        total = g[a]
-        for c in range(a):
-            total -= L[a, c] * x[c]
-        x[a] = total / L[a, a]
-    for a in range(n - 1, -1, -1):
-        total = x[a]
-        for c in range(a + 1, n):
-            total -= L[c, a] * x[c]
-        x[a] = total / L[a, a]
-    return True

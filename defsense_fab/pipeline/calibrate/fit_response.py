@@ -52,6 +52,10 @@ def fit_response(
 
     Raises CalibrationError for what cannot be read or used, before anything is written.
     """
+    whole = [s.resolve() for s in sources]
+    twice = next((s for s, w in zip(sources, whole, strict=True) if whole.count(w) > 1), None)
+    if twice is not None:
+        raise CalibrationError(f"{twice}: is given twice, and would count twice; give it once")
     if out is not None:
         _check_out(out, sources)
     parts: list[Readings] = []

@@ -22,6 +22,8 @@ from .session import FRAME_COLUMNS, TAG_COLUMNS
 _WITHOUT_MEAN = len(TAG_COLUMNS) - 3  # columns of older files
 _FAR = 1e5  # px, and px^2: no image is as large
 _BLOCK = 1 << 20  # bytes read at once
+#: Times of a file that tell what is far from the others, and the usual steps that are.
+_FEWEST, _ALONE = 5, 30.0
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,27 @@ def read_camera_tags(run: Path, name: str, ids: Int) -> CameraRecording:
 
 
 def _forward(time: Float) -> Bool:
+    """Which times (n,) are kept so that those increase: as many as can be of those that are not far
+    from all near them, as a damaged one is, which the first and the last may be and increase."""
+    keep = _in_company(time)
+    keep[keep] = _increasing(time[keep])
+    return keep
+
+
+def _in_company(time: Float) -> Bool:
+    """Which times (n,) have another close by among the two before and the two after them."""
+    steps = np.diff(time)
+    if len(time) < _FEWEST or not (steps > 0).any():
+        return np.ones(len(time), bool)
+    far, near = _ALONE * float(np.median(steps[steps > 0])), np.zeros(len(time), bool)
+    for apart in (1, 2):
+        close = np.abs(time[apart:] - time[:-apart]) <= far
+        near[apart:] |= close
+        near[:-apart] |= close
+    return near
+
+
+def _increasing(time: Float) -> Bool:
     """Which times (n,) are kept so that those increase: as many as can be."""
     if (np.diff(time) > 0).all():
         return np.ones(len(time), bool)

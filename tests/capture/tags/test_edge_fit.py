@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from benchmarks.pictures import CONDITIONS, measure
 from defsense_fab.capture.tags.edge_fit import refine
+from defsense_fab.capture.tags.edge_line import FREE, _converge
 from defsense_fab.capture.tags.tag_detection import Detector
 from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.core.camera import Camera
@@ -136,6 +138,54 @@ def test_images_of_another_size_and_without_tags():
     empty = DETECTORS["4X4_50"].find(np.zeros((480, 640, 3), np.uint8))
     assert empty.corners.shape == (0, 4, 2)
     assert empty.covariance.shape == (0, 5, 2, 2)
+
+
+def soft(distance):
+    """A step as a lens blurs it, by the distance from it in px."""
+    return ndtr(distance / 0.8)
+
+
+@pytest.mark.parametrize("side", [200, 600])
+def test_all_of_a_large_tags_edge_counts(side):
+    """Two edges that bulge by 1 px, above and below their middles alike: so do the corners lie."""
+    size, low, high = side + 100, 50.0, side + 50.0
+    x, y = np.meshgrid(np.arange(float(size)), np.arange(float(size)))
+    bulge = 1 - ((y - size / 2) / (side / 2)) ** 2
+    inside = soft(x - low + bulge) * soft(high + bulge - x) * soft(y - low) * soft(high - y)
+    noise = np.random.default_rng(0).normal(0, 1, x.shape)
+    image = np.clip(210 - 180 * inside + noise + 0.5, 0, 255).astype(np.uint8)
+    square = np.array([[low, low], [high, low], [high, high], [low, high]])
+    found, _, fitted = refine(image, np.stack([x, y], axis=-1), square[None], 6)
+    assert fitted.tolist() == [4]
+    left, right = found[0, [0, 3], 0], found[0, [1, 2], 0]
+    assert abs(np.diff(left)) < 0.05
+    assert abs(np.diff(right)) < 0.05
+    part = 0.8  # of an edge, over which the mean bulge of its line is taken
+    assert left.mean() == pytest.approx(low - (1 - part**2 / 3), abs=0.08)
+    assert right.mean() == pytest.approx(high + (1 - part**2 / 3), abs=0.08)
+
+
+def test_an_edges_fit_goes_on_until_it_has_converged():
+    """A short edge that is out of focus, and begun too sharp: four steps are too few."""
+    rng = np.random.default_rng(2)
+    d, s = rng.uniform(-3, 3, 60), rng.uniform(-6, 6, 60)
+    grey = 30 + 170 * ndtr((d - 0.9) / 2.4) + rng.normal(0, 2, 60)
+    rows, A, B = np.empty((FREE + 1, 60)), np.empty((FREE, FREE)), np.empty((FREE + 1, FREE + 1))
+
+    def fit(q, turn):
+        found = _converge(s, d, grey, 60, 0.0, 1.0, 14.0, q, 170, turn, 4.0, 1e9, rows, A, B)
+        return found[2], found[3]
+
+    early, late = (np.array([-1.0, 0, 60, 90, 0.4, 0, 0]) for _ in range(2))
+    fit(early, 1)
+    variance, converged = fit(late, 2)
+    sigma = np.sqrt(variance * np.linalg.inv(A)[0, 0])
+    assert converged
+    end = late.copy()
+    for _ in range(20):
+        fit(end, 2)
+    assert abs(late[0] - end[0]) < sigma
+    assert abs(early[0] - end[0]) > 2 * sigma
 
 
 def test_where_nothing_can_be_fitted_the_detectors_corners_stand_in():

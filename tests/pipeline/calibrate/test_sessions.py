@@ -234,3 +234,20 @@ def test_the_commands(tmp_path, capsys):
     assert 1500 < min(json.loads(capsys.readouterr().out)["reference"]) < 3500
     assert main(["calibrate", "ports", "--port", "twin:pace=3"]) == 2
     assert "write twin:speed=20" in capsys.readouterr().err
+
+
+def test_a_source_that_is_given_twice_is_refused(tmp_path, capsys):
+    """By whatever path: its readings would count twice, and the interval be too narrow."""
+    folder = tmp_path / "s"
+    record_twin(folder, CordTraits(Response.line(2.0)), seed=1, radii=(75, 100, 250), rounds=1)
+    (tmp_path / "link").symlink_to(folder)
+    out = tmp_path / "r.json"
+    assert main(["calibrate", "fit", str(folder), str(tmp_path / "link"), "--out", str(out)]) == 2
+    assert "s: is given twice, and would count twice" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
+def test_no_time_to_look_is_refused(capsys, seconds):
+    assert main(["calibrate", "ports", "--port", "twin", "--seconds", seconds]) == 2
+    assert f"--seconds {seconds}: give a number from 0.1" in capsys.readouterr().err

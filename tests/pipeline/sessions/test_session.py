@@ -380,6 +380,26 @@ def test_bad_sessions_are_one_clear_line(tmp_path):
         sessions.load(session.folder)
 
 
+@pytest.mark.parametrize("line", [0, 1, 2, 25, 47, 48, 49])
+@pytest.mark.parametrize("wrong", ["9{}", "{}0", "{:.5}", "-{}"])
+def test_a_damaged_time_costs_its_line_alone(tmp_path, line, wrong):
+    """One with digits too many or too few, wherever it stands; a pause costs nothing."""
+    times = [5_000_000_000 + 33_000_000 * k + 20_000_000_000 * (k > 30) for k in range(50)]
+    written = list(map(str, times))
+    (tmp_path / "cam_0.csv").write_text(",".join(sessions.TAG_COLUMNS) + "\n")
+
+    def read():
+        rows = "".join(f"{k},{t},1\n" for k, t in enumerate(written))
+        (tmp_path / "cam_0-frames.csv").write_text("frame,host_ns,lamp\n" + rows)
+        return read_camera_tags(tmp_path, "cam_0", TAGS)
+
+    assert read().time.tolist() == times
+    written[line] = wrong.format(written[line])
+    found = read()
+    assert found.cut == 1
+    assert found.time.tolist() == times[:line] + times[line + 1 :]
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_is_one_line():
     with pytest.raises(StorageError, match="the disk is full"):
