@@ -104,19 +104,27 @@ def _by_anchor(
     """By the corners of the anchor's tags, or by their middles where these are not known, onto
     where they are at rest. Raises CaptureError where they do not do in any frame."""
     rest = _corners_at_rest(m, tracks, corners, pose, resting)
-    parts, wrong = [], None
-    for k in range(0, len(tracks.time), _BLOCK):
+    t, count = len(tracks.time), len(m.ids)
+    out = Aligned(
+        np.full((t, count, 3), np.nan), np.full((t, 3, 3), np.nan), np.full((t, 3), np.nan),
+        np.full(t, np.nan), np.full((t, count, 3), np.nan),
+        np.broadcast_to(np.nan, (t, count, 3, 3)), np.full(t, np.nan), np.zeros(t, np.int64),
+        np.zeros(t, bool),
+    )  # fmt: skip
+    wrong = None
+    for k in range(0, t, _BLOCK):
         part = slice(k, k + _BLOCK)
         points, sigma = tracks.points[part], tracks.sigma[part]
         try:
-            parts.append(_block_by_anchor(m, points, sigma, corners[part], pose, rest))
+            found = _block_by_anchor(m, points, sigma, corners[part], pose, rest)
         except CaptureError as error:  # no frame of these shows enough
             wrong = error
-            parts.append(_nowhere(points))
-    if wrong is not None and not any(p.ok.any() for p in parts):
+            continue
+        for name in (f.name for f in fields(Aligned) if f.name != "covariance"):
+            getattr(out, name)[part] = getattr(found, name)
+    if wrong is not None and not out.ok.any():
         raise wrong
-    out = Aligned(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Aligned)))
-    return replace(out, covariance=np.broadcast_to(np.nan, (*out.points.shape, 3)))
+    return out
 
 
 def _block_by_anchor(
@@ -134,22 +142,7 @@ def _block_by_anchor(
     ids = np.append(m.ids, np.repeat(m.ids[m.anchor], 4))
     places = np.concatenate([pose, rest.reshape(-1, 3)])
     found = align(points, places, _weights(sigma), mask, sigma=sigma, ids=ids, covariances=False)
-    return replace(
-        found, points=found.points[:, :count], variance=found.variance[:, :count],
-        covariance=found.covariance[:0, :count],
-    )  # fmt: skip
-
-
-def _nowhere(points: Float) -> Aligned:
-    """Frames (t, m, 3) that nothing aligns."""
-    t, m = points.shape[:2]
-    none = np.full((t, m, 3), np.nan)
-    one = none[:, 0, 0]
-    turn = np.full((t, 3, 3), np.nan)
-    return Aligned(
-        none, turn, none[:, 0], one, none, np.zeros((0, m, 3, 3)), one, np.zeros(t, np.int64),
-        np.zeros(t, bool),
-    )  # fmt: skip
+    return replace(found, points=found.points[:, :count], variance=found.variance[:, :count])
 
 
 def _corners_at_rest(
