@@ -20,6 +20,7 @@ from .edge_line import FREE, MOST, fit_line
 _DETECTED, _INSIDE = 0.35, 0.35
 _LEAST_INFLATION = 0.9  # of variances, by what pieces of the edges tell
 _PARALLEL = 0.1  # sine of the angle between two lines that do not cross in a corner
+_SLIGHT = 0.03  # sine of the least angle between two edges
 _UNSURE = 2.0  # px, standard deviation of a corner of which the detector tells more
 
 
@@ -72,8 +73,7 @@ def _refine(image, plane, corners, cells, out, covariance, fitted):  # type: ign
             _detected(ideal, k, cx, cy, lines[k], spread[k])
         if not _cross(lines, spread, out[tag], covariance[tag]):
             out[tag] = ideal
-            covariance[tag, :4] = 2 * _DETECTED**2 * np.eye(2)
-            covariance[tag, 4] = _DETECTED**2 / 2 * np.eye(2)
+            _as_detected(lines, covariance[tag])
 
 
 @compiled()
@@ -102,6 +102,21 @@ def _detected(ideal, k, cx, cy, line, spread):  # type: ignore[no-untyped-def]
     line[0], line[1], line[2] = nx, ny, nx * mx + ny * my + _INSIDE
     line[3], line[4], line[5] = length, mx, my
     spread[0], spread[1], spread[2] = _DETECTED**2, 0.0, (2 * _DETECTED / length) ** 2
+
+
+@compiled()
+def _as_detected(lines, covariance):  # type: ignore[no-untyped-def]
+    """The covariance (5, 2, 2) of the detector's corners, and of their mean: two lines that meet at
+    a small angle, as of a tag at a slant, tell little of where along them they do."""
+    covariance[4] = 0.0
+    for k in range(4):
+        a, b = lines[(k + 3) % 4], lines[k]
+        xx, yy = a[0] ** 2 + b[0] ** 2 + _SLIGHT**2, a[1] ** 2 + b[1] ** 2 + _SLIGHT**2
+        xy = a[0] * a[1] + b[0] * b[1]
+        each = 2 * _DETECTED**2 / (xx * yy - xy * xy)
+        covariance[k, 0, 0], covariance[k, 1, 1] = each * yy, each * xx
+        covariance[k, 0, 1] = covariance[k, 1, 0] = -each * xy
+        covariance[4] += covariance[k] / 16
 
 
 @compiled()
