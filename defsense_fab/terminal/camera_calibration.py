@@ -21,6 +21,8 @@ _SHADES = " ░▒▓█"
 class BoardTerminal(LiveScreen):
     """Shows a `BoardShown`; enter it before use."""
 
+    otherwise = "give videos or pictures of the board"
+
     def show(self, shown: BoardShown) -> None:
         if shown.flash:
             self._console.bell()

@@ -25,22 +25,23 @@ _ANY = re.compile(rb"\x1b\[?[0-?]*[ -/]*|.+", re.DOTALL)
 class Keys:
     """Reads keys while it is entered; the terminal is as before when it is left."""
 
-    def __init__(self) -> None:
-        self._waiting = b""
+    def __init__(self, otherwise: str = "give --auto") -> None:
+        """`otherwise`: what a user can do without keys."""
+        self._waiting, self._otherwise = b"", otherwise
 
     def __enter__(self) -> Keys:
         """Raises DeviceError where standard input is no terminal, or cannot be read by keys."""
         if not sys.stdin.isatty():
             raise DeviceError(
                 "this command asks for keys, but standard input is no terminal; run it in one, or"
-                " give --auto"
+                f" {self._otherwise}"
             )
         try:
             import termios
             import tty
         except ImportError:
             raise DeviceError(
-                "keys cannot be read one by one on this system; give --auto"
+                f"keys cannot be read one by one on this system; {self._otherwise}"
             ) from None
         self._before = termios.tcgetattr(sys.stdin)
         tty.setcbreak(sys.stdin)

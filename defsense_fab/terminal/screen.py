@@ -14,8 +14,11 @@ from .keys import Keys
 class LiveScreen:
     """Enter it before use; the terminal is as before when it is left."""
 
+    #: What a user can do where there is no terminal.
+    otherwise = "give --auto"
+
     def __init__(self) -> None:
-        self._console, self._keys = Console(), Keys()
+        self._console, self._keys = Console(), Keys(self.otherwise)
 
     def __enter__(self) -> Self:
         self._keys.__enter__()

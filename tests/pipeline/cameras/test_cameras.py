@@ -356,7 +356,7 @@ def test_the_screen_shows_all(opener, tmp_path, capsys, monkeypatch):
     out = tmp_path / "c.toml"
     write_rig(out, [LEFT, RIGHT], {})
     check_live(["left", "right"], BOARD, out, 2, seen, opener())
-    with pytest.raises(DeviceError, match="no terminal"):
+    with pytest.raises(DeviceError, match="no terminal; run it in one, or give videos"):
         BoardTerminal().__enter__()
     screen = BoardTerminal()
     with Live(console=screen._console, auto_refresh=False) as screen._live:
