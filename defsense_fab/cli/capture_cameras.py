@@ -47,6 +47,7 @@ def add(steps: Commands, bars: Bars) -> None:
             "defsense capture camera calibrate twin --board my-cameras",
         ],
     )
+    sub.usage = f"{sub.prog} SOURCE [SOURCE ...] --board DIR [--name NAME ...] [options]"
     _common(sub)
     sub.add_argument("--name", action="extend", nargs="+", metavar="NAME",
                      help="of the cameras, one for each SOURCE, after them (the files' names, or"

@@ -24,7 +24,7 @@ from ..tags.charuco_board import CharucoBoard
 
 LEAST_VIEWS = 4
 _NOISE = 0.1  # px: what corners are worth against the intrinsics' own uncertainty
-_LOOSE = 5.0  # of that, above which views are not of one instant
+_ALIKE = 3.0  # above which the corners of a view are off together (1: one by one)
 _HUBER = 3.0  # of that: beyond it a corner counts linearly
 _STEPS, _DONE = 60, 1e-9
 _OWN = 9
@@ -64,9 +64,9 @@ def estimate_extrinsics(
     problem = _Problem(cameras, board, several, sigma)
     x = problem.pack(start, poses)
     x = _least(problem, x)
-    if sigma is not None and problem.noise(x) > _LOOSE * _NOISE:
-        # A board that moved between the cameras' shutters: all corners of a view are off alike, and
-        # must not bend the lenses.
+    if sigma is not None and problem.alike(x) > _ALIKE:
+        # A board that moved between the cameras' shutters: all corners of a view are off together,
+        # and must not bend the lenses.
         problem = _Problem(cameras, board, several, sigma, problem.noise(x))
         x = _least(problem, problem.pack(start, poses))
     out = problem.cameras(x)
@@ -225,12 +225,25 @@ class _Problem:
             out[c].append(seen - self._show(x, c, k, points)[0])
         return [np.concatenate(m) if m else np.zeros((0, 2)) for m in out]
 
+    def alike(self, x: Float) -> float:
+        """How much the corners of a view are off together: the variance of the views' means by what
+        corners that are off one by one would give them."""
+        common, single, count = self._parts(x)
+        return common * count / max(single, 1e-12) + 1
+
     def noise(self, x: Float) -> float:
-        """px: what a corner is worth where those of a view are off alike, by the pose of its
-        board."""
-        misses = np.concatenate(self.misses(x))
-        each = 2 * len(misses) / max(len(self._rows), 1) / 6
-        return float(np.sqrt(np.mean(misses**2) * max(each, 1.0)))
+        """px: what a corner is worth where those of a view are off together."""
+        common, single, count = self._parts(x)
+        return max(float(np.sqrt(single + count * common)), _NOISE)
+
+    def _parts(self, x: Float) -> tuple[float, float, float]:
+        """Variances, px^2, of what is common to the corners of a view and of what is not, and how
+        many corners a view has."""
+        views = [seen - self._show(x, c, k, points)[0] for c, k, points, seen in self._rows]
+        count = float(np.mean([len(v) for v in views]))
+        single = float(np.mean(np.concatenate([v - v.mean(axis=0) for v in views]) ** 2))
+        means = float(np.mean(np.array([v.mean(axis=0) for v in views]) ** 2))
+        return max(means - single / count, 0.0), single, count
 
     def residuals(self, x: Float) -> Float:
         parts = [

@@ -24,6 +24,7 @@ LED_PERIOD = 383
 _LATE = 1.5e-3  # s by which a toggle may be off its grid
 #: s without samples, after which a clock may have jumped.
 PAUSE = 1.0
+_WIDE = 4.0  # of the usual step between samples at a toggle
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,9 @@ def find_schedule(
             f"synchronise: the read-out board's LED was {'on' if led[0] else 'off'} all the time;"
             f" let it blink: 'led {LED_PERIOD}'"
         )
+    # A toggle while samples lacked is known to their pause only: the grid goes on without it.
+    wide = began[at] - began[at - 1]
+    at = at[wide <= _WIDE * np.median(wide)]
     low, high, on = began[at - 1], began[at], led[at].astype(bool)
     times: list[Float] = []
     states: list[Bool] = []

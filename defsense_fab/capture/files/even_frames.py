@@ -54,7 +54,8 @@ class WrittenFrames:
     def told(self) -> str:
         """In words."""
         if self.rate is None:
-            return f"{self.frames} frames at uneven times"
+            at = " at uneven times" if self.frames > 1 else ""
+            return f"{self.frames} frame{'' if self.frames == 1 else 's'}{at}"
         out = f"{self.frames} frames at {self.rate:.6g} Hz"
         if self.gaps:
             out += f", {self.gaps} of them dropped ones without markers"

@@ -104,12 +104,12 @@ class Reader:
         self._port = self._opener()
         try:
             info, early = self._begin(self._port)
+            self._put(Event(self._heard, "start", _told(info)))
+            for sample, now in early:
+                self._take(sample, now)
         except BaseException:
             self._shut()
             raise
-        self._put(Event(self._heard, "start", _told(info)))
-        for sample, now in early:
-            self._take(sample, now)
         self._thread.start()
         return info
 

@@ -98,7 +98,7 @@ class CharucoBoard:
 
     def measure(self, square: float) -> CharucoBoard:
         """The same with the `square`, mm, as measured on the print. Raises CaptureError where that
-        is off by more than 5 %."""
+        is off by more than 8 %."""
         return replace(self, measured=square)
 
 

@@ -265,10 +265,13 @@ def _join(
     ohm, resting = [r.ohm for r in runs], np.concatenate([r.rest for r in runs])
     count, time, begin, dropped = len(resting), list[Float](), 0.0, 0
     clocks: dict[str, list[ClockPart]] = {}
+    rates: list[float] = []
     for run in runs:
         own = run.processed.tracks.time
         grid = frame_grid(own)
-        dropped += grid.gaps if grid is not None and grid.even else 0
+        if grid is not None and grid.even:
+            dropped += grid.gaps
+            rates.append(1 / grid.period)
         time.append(own + begin - own[0])
         later = begin - float(own[0])
         clocks[str(run.told["run"])] = [part.later(later) for part in run.clocks]
@@ -287,6 +290,12 @@ def _join(
     names = [str(r.told["run"]) for r in runs]
     R0, told = rest_resistances(names, session.channels, ohm, [r.rest for r in runs])
     warnings += told
+    if not even and len(rates) == len(runs) > 1:
+        told_rates = ", ".join(f"{r:.4g}" for r in rates)
+        warnings.append(
+            f"the runs' cameras had different rates ({told_rates} Hz): the files' times are uneven,"
+            " and frames that were dropped are not filled in"
+        )
     if not resting.any():
         warnings.append("no rest was finished: R0 and the rest pose are those of the whole session")
     back = Tracks(T, ids, aligned.points, aligned.sigma, number)

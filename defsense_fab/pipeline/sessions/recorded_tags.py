@@ -22,8 +22,8 @@ from .session import FRAME_COLUMNS, TAG_COLUMNS
 _WITHOUT_MEAN = len(TAG_COLUMNS) - 3  # columns of older files
 _FAR = 1e5  # px, and px^2: no image is as large
 _BLOCK = 1 << 20  # bytes read at once
-#: Times of a file that tell what is far from the others, and the usual steps that are.
-_FEWEST, _ALONE = 5, 30.0
+#: Times of a file that tell what is far from the others; ns, and usual steps, that are.
+_FEWEST, _ALONE, _STEPS = 5, 60e9, 30.0
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,9 @@ def _in_company(time: Float) -> Bool:
     steps = np.diff(time)
     if len(time) < _FEWEST or not (steps > 0).any():
         return np.ones(len(time), bool)
-    far, near = _ALONE * float(np.median(steps[steps > 0])), np.zeros(len(time), bool)
+    # Cameras may stall for seconds; a digit too many or too few is hours.
+    far = max(_STEPS * float(np.median(steps[steps > 0])), _ALONE)
+    near = np.zeros(len(time), bool)
     for apart in (1, 2):
         close = np.abs(time[apart:] - time[:-apart]) <= far
         near[apart:] |= close

@@ -12,6 +12,7 @@ from ...core.mesh import Surface
 from ..scenes.scene import Scene
 from .renderer import Optics
 
+_ROUNDS = 3
 _STILL, _STEP, _MOST = 0.05, 0.5, 13  # px: not worth a smear; between instants; instants
 
 
@@ -34,7 +35,10 @@ def exposed(
     )
     speed = (later - poses) / span
     if optics.rolling:
-        when = _read_at(camera, poses[:, :, 0], optics.rolling)
+        when = np.zeros(len(poses))
+        for _ in range(_ROUNDS):  # where a patch is when its row is read
+            at = poses[:, :, 0] + when[:, None] * speed[:, :, 0]
+            when = _read_at(camera, at, optics.rolling)
         poses = poses + when[:, None, None] * speed
         middle = _rolled(_placed(middle, poses), after, scene_at, camera, time, span, optics)
     half = optics.exposure / 2 * speed

@@ -64,21 +64,22 @@ def walk(rng, time, fastest=0.8):
     return np.sin(2 * np.pi * rate * time[:, None, None] + phase).sum(2) / 4
 
 
-def test_samples_that_lack_for_a_while_are_no_jump_where_clocks_were_compared():
+@pytest.mark.parametrize("pause", [1.6, 5.3, 10.3, 17.9, 30.2])
+def test_samples_that_lack_for_a_while_are_no_jump_where_clocks_were_compared(pause):
     rng = np.random.default_rng(4)
-    device, led, toggles = board(40, 50, rng)
-    stamp, brightness = film(40, toggles, rng)
-    there = (device < START + 12) | (device > START + 13.6)
+    device, led, toggles = board(70, 50, rng)
+    stamp, brightness = film(70, toggles, rng)
+    there = (device < START + 12) | (device > START + 12 + pause)
     with pytest.raises(CaptureError, match="clock jumps"):
         by_led(stamp, brightness, None, device[there], led[there], 0.0)
     sync = by_led(stamp, brightness, None, device[there], led[there], 0.0, pause=None)
-    assert worst(sync, device) < sync.error < 0.005
+    assert worst(sync, device) < sync.error < 0.003
     both = walk(rng, np.concatenate([stamp - OFFSET, (1 + DRIFT) * device]))
     motion, signals = (b @ rng.standard_normal((2, 3)) for b in np.split(both, [len(stamp)]))
     with pytest.raises(CaptureError, match="clock jumps"):
         by_motion(stamp, motion, device[there], signals[there], 0.0)
     sync = by_motion(stamp, motion, device[there], signals[there], 0.0, pause=None)
-    assert worst(sync, device) < 0.008  # stamps that are late by half a frame's jitter, a drift
+    assert worst(sync, device) < 0.008  # stamps that are late by half a frame's jitter
 
 
 @pytest.mark.parametrize("rate", [20, 100])

@@ -74,6 +74,14 @@ def test_a_tag_that_was_hidden_is_found_where_it_was():
     assert follower.boxes.count(None) == whole
 
 
+def test_a_number_that_is_there_twice_is_found_twice():
+    follower = Counted()
+    twice = image((1, -100, 0), (1, 100, 40))
+    for _ in range(12):
+        assert follower.find(twice).ids.tolist() == [1, 1]
+    assert follower.boxes.count(None) == 2
+
+
 def test_nothing_in_view():
     follower = Counted()
     for _ in range(3):

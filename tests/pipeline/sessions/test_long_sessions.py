@@ -50,6 +50,16 @@ def test_cords_that_drift_between_runs_are_at_zero_at_rest_in_both(tmp_path):
     assert not [w for w in result.quality["warnings"] if "R0" in w]
 
 
+def test_runs_of_different_rates_are_told(tmp_path, monkeypatch):
+    session = recorded(tmp_path / "s", {})
+    monkeypatch.setattr(memory, "RATE", 25.0)
+    memory.record(session, SECONDS, np.random.default_rng(1))
+    result = process_session(session.folder)
+    (told,) = [w for w in result.quality["warnings"] if "rates" in w]
+    assert "(30, 25 Hz)" in told
+    assert result.quality["rate"] is None
+
+
 def test_a_run_without_rest_takes_its_neighbours_with_a_warning(tmp_path):
     session = recorded(
         tmp_path / "s", {"ohm": 1200.0}, {"ohm": 1230.0}, {"ohm": 1260.0, "rests": False}

@@ -219,7 +219,7 @@ def test_a_board_that_begins_anew_is_put_in_step_in_parts(tmp_path):
                   for n in ("device_us", "host_ns", "counter", "sums", "led", "late", "averages",
                            "full_scale")},
     )  # fmt: skip
-    paused, about = signals_in_step(session, less, [], 0, [], tracks)
+    paused, about, _ = signals_in_step(session, less, [], 0, [], tracks)
     assert about["method"] == "motion"
     assert "parts" not in about
     rest = good & np.isfinite(paused[:, 0])
@@ -278,7 +278,7 @@ def test_stopped_and_resumed(tmp_path):
 
 
 def test_coverage_begins_with_what_earlier_runs_showed(tmp_path):
-    session = rig.begin(tmp_path / "s", [("out", 3.0)])
+    session = rig.begin(tmp_path / "s", [("out", 40.0)])
     screen = rig.Silent({25: "q"})
     assert not rig.record(session, screen, levels=rig.coverage())
     most, before = screen.last.reached["out"]
@@ -384,7 +384,7 @@ def test_bad_sessions_are_one_clear_line(tmp_path):
 @pytest.mark.parametrize("wrong", ["9{}", "{}0", "{:.5}", "-{}"])
 def test_a_damaged_time_costs_its_line_alone(tmp_path, line, wrong):
     """One with digits too many or too few, wherever it stands; a pause costs nothing."""
-    times = [5_000_000_000 + 33_000_000 * k + 20_000_000_000 * (k > 30) for k in range(50)]
+    times = [5_000_000_000_000 + 33_000_000 * k + 20_000_000_000 * (k > 30) for k in range(50)]
     written = list(map(str, times))
     (tmp_path / "cam_0.csv").write_text(",".join(sessions.TAG_COLUMNS) + "\n")
 
@@ -394,6 +394,9 @@ def test_a_damaged_time_costs_its_line_alone(tmp_path, line, wrong):
         return read_camera_tags(tmp_path, "cam_0", TAGS)
 
     assert read().time.tolist() == times
+    written[0] = str(times[0] - 2_000_000_000)  # a camera that stalls after its first picture
+    assert read().cut == 0
+    written[0] = str(times[0])
     written[line] = wrong.format(written[line])
     found = read()
     assert found.cut == 1
