@@ -54,6 +54,8 @@ def add(steps: Commands, bars: Bars) -> None:
                      " cam_0, cam_1)")  # fmt: skip
     sub.add_argument("--views", type=int, default=25, metavar="N",
                      help="that a live camera is to take (25)")  # fmt: skip
+    sub.add_argument("--lens", choices=("pinhole", "fisheye"), default="pinhole",
+                     help="fisheye, for lenses that show over 110 degrees (pinhole)")  # fmt: skip
     sub.set_defaults(run=lambda options: _calibrate(options, bars))
     sub = kinds.add_parser(
         "arrange",
@@ -190,15 +192,16 @@ def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
         for source, name in zip(options.sources, names, strict=True):
             with _screen(twin) as screen:
                 done += calibrate_live(
-                    source, name, board, options.calibration, options.views, screen, opener
-                )
+                    source, name, board, options.calibration, options.views, screen, opener,
+                    fisheye=options.lens == "fisheye",
+                )  # fmt: skip
     else:
         from ..pipeline.cameras.recorded_views import calibrate_cameras
 
         with bars(options) as progress:
             done = calibrate_cameras(
                 [Path(s) for s in options.sources], names, board, options.calibration,
-                options.rate, progress,
+                options.rate, progress, fisheye=options.lens == "fisheye",
             )  # fmt: skip
     data = [d.data for d in done]
     for d, true in zip(data, twin.cameras if twin else (), strict=False):

@@ -2,7 +2,9 @@
 
 A point X (mm, world) is at R X + t in the camera's frame (x to the right, y down, z ahead), at
 x = X/Z, y = Y/Z on the plane at depth one, distorted by k1, k2, p1, p2, k3[, k4, k5, k6], and seen
-at K (x, y, 1) in pixels, whose centres have whole numbers (Brown 1966; OpenCV's calib3d).
+at K (x, y, 1) in pixels, whose centres have whole numbers (Brown 1966; OpenCV's calib3d). A fisheye
+shows what is at an angle a from its axis at a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8), in the same
+direction (Kannala & Brandt 2006; OpenCV's fisheye); here up to 90 degrees.
 """
 
 from __future__ import annotations
@@ -34,8 +36,8 @@ _RADII = 1000
 @dataclass(frozen=True)
 class Camera:
     """A camera of this `name` (see `check_name`) with images of `size` (width, height) pixels;
-    `matrix` (3, 3) without skew, pixels; `distortions` (4, 5 or 8,); `rotation` (3, 3) and
-    `translation` (3,) mm from the world to the camera."""
+    `matrix` (3, 3) without skew, pixels; `distortions` (4, 5 or 8,), of a `fisheye` (4,);
+    `rotation` (3, 3) and `translation` (3,) mm from the world to the camera."""
 
     name: str
     size: tuple[int, int]
@@ -43,6 +45,7 @@ class Camera:
     distortions: Float
     rotation: Float
     translation: Float
+    fisheye: bool = False
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -52,10 +55,15 @@ class Camera:
                 f"camera {self.name}: the matrix and the rotation must be 3 x 3,"
                 " the translation must have 3 numbers"
             )
+        if self.fisheye and self.distortions.shape != (4,):
+            raise CaptureError(
+                f"camera {self.name}: it has {self.distortions.size} distortion coefficients; a"
+                " fisheye has 4"
+            )
         if self.distortions.shape not in ((4,), (5,), (8,)):
             raise CaptureError(
                 f"camera {self.name}: it has {self.distortions.size} distortion coefficients;"
-                " there must be 4, 5 or 8 (fisheye, thin prism and tilted lenses are not supported)"
+                " there must be 4, 5 or 8 (thin prism and tilted lenses are not supported)"
             )
         arrays = (self.matrix, self.distortions, self.rotation, self.translation)
         if not all(np.isfinite(a).all() for a in arrays) or min(self.size) < 1:
@@ -91,7 +99,8 @@ class Camera:
 
     def to_pixels(self, plane: Float) -> Float:
         """Undistorted points at depth one (..., 2) to pixels (..., 2)."""
-        return np.asarray(distort(plane, self.distortions)[0] * self.focal + self.matrix[:2, 2])
+        shown = distort(plane, self.distortions, fisheye=self.fisheye)[0]
+        return np.asarray(shown * self.focal + self.matrix[:2, 2])
 
     def project(self, points: Float) -> Float:
         """World (..., 3) mm to pixels (..., 2); NaN for what is behind the camera."""
@@ -102,7 +111,8 @@ class Camera:
 
     def to_plane(self, pixels: Float) -> Float:
         """Pixels (..., 2) to undistorted points at depth one (..., 2)."""
-        return undistort((pixels - self.matrix[:2, 2]) / self.focal, self.distortions)
+        seen = (pixels - self.matrix[:2, 2]) / self.focal
+        return undistort(seen, self.distortions, fisheye=self.fisheye)
 
 
 def check_name(name: str) -> None:
@@ -144,8 +154,10 @@ def _folded(name: str) -> str:
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
-def distort(plane: Float, coefficients: Float) -> tuple[Float, Float]:
+def distort(plane: Float, coefficients: Float, *, fisheye: bool = False) -> tuple[Float, Float]:
     """Points at depth one (..., 2) as the lens shows them, and the derivatives (..., 2, 2)."""
+    if fisheye:
+        return _fisheye(plane, coefficients)
     k1, k2, p1, p2, k3, k4, k5, k6 = np.append(
         coefficients, np.zeros(_COEFFICIENTS - len(coefficients))
     )
@@ -170,9 +182,51 @@ def distort(plane: Float, coefficients: Float) -> tuple[Float, Float]:
     return out, J
 
 
-def undistort(seen: Float, coefficients: Float) -> Float:
+def _fisheye(plane: Float, coefficients: Float) -> tuple[Float, Float]:
+    """As `distort`."""
+    r = np.sqrt((np.asarray(plane) ** 2).sum(-1))
+    angle = np.arctan(r)
+    shown, slope = _bent(angle, coefficients)
+    small = r < 1e-9
+    safe = np.where(small, 1.0, r)
+    scale = np.where(small, 1.0, shown / safe)
+    along = np.where(small, 0.0, (slope / (1 + r * r) - scale) / safe**2)
+    J = along[..., None, None] * plane[..., :, None] * plane[..., None, :]
+    J = J + scale[..., None, None] * np.eye(2)
+    return np.asarray(plane * scale[..., None]), np.asarray(J)
+
+
+def _bent(angle: Float, coefficients: Float) -> tuple[Float, Float]:
+    """Where a fisheye shows what is at angles (...) from its axis, and the derivatives."""
+    square = angle * angle
+    powers = [square ** (k + 1) for k in range(4)]
+    terms = [c * p for c, p in zip(coefficients, powers, strict=True)]
+    more, slope = sum(terms), sum((2 * k + 3) * t for k, t in enumerate(terms))
+    return np.asarray(angle * (1 + more)), np.asarray(1 + slope)
+
+
+def _straight(seen: Float, coefficients: Float) -> Float:
+    """As `undistort`, of a fisheye: the angles up to 90 degrees to where the model folds back."""
+    angles = np.linspace(0, np.pi / 2, _RADII)
+    back = np.flatnonzero(~(_bent(angles, coefficients)[1] > 0))
+    end = angles[max(back[0] - 1, 1)] if len(back) else angles[-1]
+    shown = np.sqrt((np.asarray(seen) ** 2).sum(-1))
+    known = angles[angles <= end]
+    angle = np.interp(shown, _bent(known, coefficients)[0], known)
+    for _ in range(_STEPS):
+        at, slope = _bent(angle, coefficients)
+        angle = np.clip(angle - (at - shown) / np.where(slope > 0, slope, 1.0), 0, end)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        good = (np.abs(_bent(angle, coefficients)[0] - shown) < 1e-9) & (angle < np.pi / 2 - 1e-6)
+        scale = np.where(shown < 1e-9, 1.0, np.tan(angle) / shown)
+    return np.asarray(np.where(good, scale, np.nan)[..., None] * seen)
+
+
+def undistort(seen: Float, coefficients: Float, *, fisheye: bool = False) -> Float:
     """The inverse of `distort`, by Newton's method: NaN where there is none, and beyond the radius
     at which the model of the lens folds back."""
+    if fisheye:
+        return _straight(seen, coefficients)
     if not np.any(coefficients):
         return np.asarray(seen, float)
     plane = np.array(seen, float)

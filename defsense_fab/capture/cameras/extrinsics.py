@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.transform import Rotation
@@ -21,6 +20,7 @@ from ...core.errors import CaptureError
 from ...core.rotation_vectors import cross_matrices
 from ..tags.board_detection import BoardView
 from ..tags.charuco_board import CharucoBoard
+from .board_pose import board_pose
 
 LEAST_VIEWS = 4
 _NOISE = 0.1  # px: what corners are worth against the intrinsics' own uncertainty
@@ -57,7 +57,11 @@ def estimate_extrinsics(
             for b in s:
                 shared[a, b] += 1
     poses = [
-        {c: p for c, v in s.items() if (p := _pose(cameras[c], board, v)) is not None}
+        {
+            c: p[:2]
+            for c, v in s.items()
+            if (p := board_pose(cameras[c], board.corners[v.ids], v.corners)) is not None
+        }
         for s in several
     ]
     start = _chain(cameras, poses, shared)
@@ -81,15 +85,6 @@ def estimate_extrinsics(
             " calibrations belong to these cameras, and that board.json describes this board"
         )
     return Extrinsics(out, error, errors, shared)
-
-
-def _pose(camera: Camera, board: CharucoBoard, view: BoardView) -> tuple[Float, Float] | None:
-    """Board to camera: rotation (3, 3), translation (3,) mm."""
-    plane = camera.to_plane(view.corners)
-    if not np.isfinite(plane).all():
-        return None
-    found, r, t = cv2.solvePnP(board.corners[view.ids], plane, np.eye(3), None)
-    return (cv2.Rodrigues(r)[0], np.asarray(t, float).ravel()) if found else None
 
 
 def _chain(
@@ -166,7 +161,10 @@ class _Problem:
     ) -> None:  # fmt: skip
         self._noise = noise
         self._cameras, self._v, self._k = cameras, len(cameras), len(instants)
-        self._sigma = sigma
+        self._sigma = None
+        if sigma is not None:
+            each = zip(cameras, sigma, strict=True)
+            self._sigma = [np.zeros(_OWN) if c.fisheye else s for c, s in each]
         self._rows = [
             (c, k, board.corners[view.ids], view.corners)
             for k, s in enumerate(instants)
@@ -210,7 +208,7 @@ class _Problem:
 
     def _intrinsics(self, x: Float, c: int) -> tuple[Float, Float]:
         camera = self._cameras[c]
-        if self._sigma is None:
+        if self._sigma is None or camera.fisheye:  # whose focal length and bending go together
             return camera.matrix, camera.distortions
         by = x[self._inner + _OWN * c :][:_OWN] * self._sigma[c]
         K, d = camera.matrix.copy(), np.append(camera.distortions, np.zeros(3))[:8]
@@ -295,7 +293,7 @@ class _Problem:
         first = points @ Rb.T + tb
         at = first @ R.T + t
         plane = at[:, :2] / at[:, 2:]
-        bent, by = distort(plane, d)
+        bent, by = distort(plane, d, fisheye=self._cameras[c].fisheye)
         focal = K[[0, 1], [0, 1]]
         own = np.zeros((len(points), 2, _OWN))
         own[:, 0, 0], own[:, 1, 1] = bent[:, 0], bent[:, 1]

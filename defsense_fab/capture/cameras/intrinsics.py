@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -18,6 +19,8 @@ from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ..tags.board_detection import BoardView
 from ..tags.charuco_board import CharucoBoard
+from .board_pose import board_pose
+from .fisheye_lens import SolvedLens, solve_fisheye
 
 LEAST_VIEWS = 8
 _ODD = 3.0  # medians of the views' errors, above which one is left out
@@ -40,24 +43,27 @@ class Intrinsics:
 
 
 def calibrate(
-    name: str, size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView]
-) -> Intrinsics:
-    """From at least eight views, in which the board is tilted. Raises CaptureError where they do
-    not tell."""
+    name: str, size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView],
+    *, fisheye: bool = False,
+) -> Intrinsics:  # fmt: skip
+    """From at least eight views, in which the board is tilted. Of a `fisheye` the last five of the
+    standard deviations are those of k1 to k4, and zero. Raises CaptureError where they do not
+    tell."""
     if len(views) < LEAST_VIEWS:
         raise CaptureError(
             f"camera {name}: the board was found in {len(views)} views, but {LEAST_VIEWS} are"
             " needed; hold it still and well lit, at more positions and tilts"
         )
     used = np.ones(len(views), bool)
-    fit = _solve(size, board, views, used)
+    solve = partial(_solve, size, board, views, fisheye=fisheye)
+    fit = solve(used)
     for _ in range(3):
         limit = max(_ODD * float(np.median(fit.errors[used])), _ABOVE)
         good = fit.errors <= limit
         if (good == used).all() or good.sum() < LEAST_VIEWS:
             break
         used = good
-        fit = _solve(size, board, views, used)
+        fit = solve(used)
     if not np.isfinite(fit.error) or fit.error > 3:
         raise CaptureError(
             f"camera {name}: the views do not fit one camera (reprojection error"
@@ -79,7 +85,7 @@ def calibrate(
             f" uncertain ({fit.matrix[0, 0]:.0f} +- {fit.sigma[0]:.0f} px); tilt it by 30 to"
             " 45 degrees, each way"
         )
-    camera = Camera(name, size, fit.matrix, fit.distortions, np.eye(3), np.zeros(3))
+    camera = Camera(name, size, fit.matrix, fit.distortions, np.eye(3), np.zeros(3), fisheye)
     return Intrinsics(camera, fit.error, fit.errors, used, fit.sigma, fit.tilt)
 
 
@@ -95,9 +101,21 @@ class _Fit:
 
 
 def _solve(
-    size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView], used: Bool
-) -> _Fit:
+    size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView], used: Bool,
+    *, fisheye: bool,
+) -> _Fit:  # fmt: skip
     chosen = [v for v, u in zip(views, used, strict=True) if u]
+    found = (solve_fisheye if fisheye else _pinhole)(size, board, chosen)
+    camera = Camera(
+        "camera", size, found.matrix, found.distortions, np.eye(3), np.zeros(3), fisheye
+    )
+    errors, tilt, normals = np.empty(len(views)), np.empty(len(views)), np.empty((len(views), 3))
+    for k, view in enumerate(views):
+        errors[k], tilt[k], normals[k] = _one(board, view, camera)
+    return _Fit(found.matrix, found.distortions, found.error, errors, found.sigma, tilt, normals)
+
+
+def _pinhole(size: tuple[int, int], board: CharucoBoard, chosen: Sequence[BoardView]) -> SolvedLens:
     flat = [board.corners[v.ids].astype(np.float32) for v in chosen]
     seen = [v.corners.astype(np.float32) for v in chosen]
     count = sum(2 * len(v.ids) for v in chosen)
@@ -121,27 +139,18 @@ def _solve(
     assert best is not None
     error, matrix, distortions, _, _, sigma, *_ = best
     distortions = np.asarray(distortions, float).ravel()[:5]
-    errors, tilt, normals = np.empty(len(views)), np.empty(len(views)), np.empty((len(views), 3))
-    for k, view in enumerate(views):
-        errors[k], tilt[k], normals[k] = _one(board, view, matrix, distortions)
     spread = np.array(sigma, float).ravel()[:9]
     spread[0] = spread[0] or spread[1]  # square pixels: one focal length is the other's
-    return _Fit(
-        np.asarray(matrix, float), distortions, float(error), errors, spread, tilt, normals,
-    )  # fmt: skip
+    return SolvedLens(np.asarray(matrix, float), distortions, float(error), spread)
 
 
-def _one(
-    board: CharucoBoard, view: BoardView, matrix: Float, distortions: Float
-) -> tuple[float, float, Float]:
+def _one(board: CharucoBoard, view: BoardView, camera: Camera) -> tuple[float, float, Float]:
     """A view's root mean square error, px, tilt, degrees, and the board's normal (3,)."""
-    points = board.corners[view.ids]
-    found, r, t = cv2.solvePnP(points, view.corners, matrix, distortions)
-    if not found:
+    found = board_pose(camera, board.corners[view.ids], view.corners)
+    if found is None:
         return float("inf"), 0.0, np.array([0.0, 0.0, 1.0])
-    shown, _ = cv2.projectPoints(points, r, t, matrix, distortions)
-    miss = np.asarray(shown).reshape(-1, 2) - view.corners
-    normal = cv2.Rodrigues(r)[0][:, 2]
-    sight = np.asarray(t).ravel() / np.linalg.norm(t)
+    R, t, shown = found
+    normal, sight = R[:, 2], t / np.linalg.norm(t)
     tilt = np.degrees(np.arccos(np.clip(abs(float(normal @ sight)), 0, 1)))
+    miss = shown - view.corners
     return float(np.sqrt((miss**2).sum(axis=1).mean())), float(tilt), np.asarray(normal, float)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from ...core.arrays import Bool, Float
@@ -15,6 +14,7 @@ from ..tags.board_detection import BoardView
 from ..tags.charuco_board import CharucoBoard
 from ..tracking.alignment import align
 from ..tracking.triangulation import triangulate
+from .board_pose import board_pose
 
 #: px and mm within which a calibration holds.
 FINE_PX, FINE_MM = 0.5, 0.3
@@ -109,9 +109,10 @@ def check_rig(
 def _alone(camera: Camera, board: CharucoBoard, view: BoardView) -> Float:
     """Distances (k,) px of corners from those of the board where it fits best."""
     points = board.corners[view.ids]
-    _, r, t = cv2.solvePnP(points, view.corners, camera.matrix, camera.distortions)
-    shown, _ = cv2.projectPoints(points, r, t, camera.matrix, camera.distortions)
-    return np.asarray(np.linalg.norm(np.asarray(shown).reshape(-1, 2) - view.corners, axis=1))
+    found = board_pose(camera, points, view.corners)
+    if found is None:
+        return np.full(len(points), np.inf)
+    return np.asarray(np.linalg.norm(found[2] - view.corners, axis=1))
 
 
 def _rms(values: Float) -> float:

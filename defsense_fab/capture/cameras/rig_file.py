@@ -75,11 +75,9 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
 
     if not isinstance(table, dict):
         raise CaptureError(f"{path}: {key} must be a table")
-    if table.get("fisheye"):
-        raise CaptureError(
-            f"{path}: [{key}] is a fisheye calibration, which is not supported; calibrate again"
-            " with 'defsense capture camera calibrate'"
-        )
+    fisheye = table.get("fisheye", False)
+    if not isinstance(fisheye, bool):
+        raise CaptureError(f"{path}: [{key}] fisheye: must be true or false")
     size = numbers("size", (2,))
     bent = numbers("distortions", ()).ravel()
     rotation, translation = numbers("rotation", (3,)), numbers("translation", (3,))
@@ -96,7 +94,8 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
     try:
         return Camera(
             str(table.get("name", key)), (int(size[0]), int(size[1])), matrix,
-            _shortest(bent), Rotation.from_rotvec(rotation).as_matrix(), translation,
+            bent if fisheye else _shortest(bent), Rotation.from_rotvec(rotation).as_matrix(),
+            translation, fisheye,
         )  # fmt: skip
     except CaptureError as error:
         raise CaptureError(f"{path}: [{key}]: {error}") from None
@@ -122,7 +121,7 @@ def write_rig(path: Path, cameras: Sequence[Camera], metadata: Mapping[str, Any]
             "distortions": c.distortions.tolist(),
             "rotation": Rotation.from_matrix(c.rotation).as_rotvec().tolist(),
             "translation": c.translation.tolist(),
-        }
+        } | ({"fisheye": True} if c.fisheye else {})
     document["metadata"] = dict(metadata)
     with storage_errors(path):
         write_text(path, tomlkit.dumps(document))

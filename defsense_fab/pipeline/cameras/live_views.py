@@ -68,6 +68,8 @@ def calibrate_live(
     wanted: int,
     screen: BoardScreen,
     opener: Opener = Webcam,
+    *,
+    fisheye: bool = False,
 ) -> list[Calibrated]:
     """One camera; ends when so many views cover the picture, or at a key (enter). Raises
     CaptureError where they are too few then, or the camera is gone."""
@@ -109,7 +111,7 @@ def calibrate_live(
             enough = len(kept) >= wanted and covered.fraction >= _COVERED
             if (enough and not covered.hints) or len(kept) >= _MOST:
                 break
-        done = [calibrate_views(name, camera.size, board, kept, wanted)]
+        done = [calibrate_views(name, camera.size, board, kept, wanted, fisheye=fisheye)]
     store(out, done, board)
     return done
 

@@ -97,11 +97,11 @@ class Calibrated:
 
 def calibrate_views(
     name: str, size: tuple[int, int], board: CharucoBoard, views: Sequence[BoardView],
-    wanted: int = WANTED,
+    wanted: int = WANTED, *, fisheye: bool = False,
 ) -> Calibrated:  # fmt: skip
     """A camera from chosen views, of which so many were wanted. Raises CaptureError where they do
     not tell."""
-    found = calibrate(name, size, board, views)
+    found = calibrate(name, size, board, views, fisheye=fisheye)
     covered = coverage(views, board, size, wanted)
     c = found.camera
     data = {
@@ -116,7 +116,7 @@ def calibrate_views(
 
 def calibrate_cameras(
     paths: Sequence[Path], names: Sequence[str], board: CharucoBoard, out: Path,
-    rate: float | None = None, progress: Progress = silent,
+    rate: float | None = None, progress: Progress = silent, *, fisheye: bool = False,
 ) -> list[Calibrated]:  # fmt: skip
     """Intrinsics of the cameras that took these videos, into the file `out`, where they take the
     place of cameras of the same name. Raises CaptureError."""
@@ -129,7 +129,8 @@ def calibrate_cameras(
         d = np.array([descriptor(v, board, seen.size) for v in kept])
         chosen = choose(d, motion(seen.views)[there], MOST, stills=seen.stills, moving=True)
         progress("solve", 0.0, name)
-        done.append(calibrate_views(name, seen.size, board, [kept[k] for k in chosen]))
+        views_ = [kept[k] for k in chosen]
+        done.append(calibrate_views(name, seen.size, board, views_, fisheye=fisheye))
     progress("solve", 1.0, "done")
     store(out, done, board)
     return done

@@ -11,11 +11,13 @@ from ...core.camera import Camera, distort
 _STEP = 8  # px between exact rays; in between they are interpolated
 
 
-def reach_of_lens(distortions: Float) -> float:
+def reach_of_lens(camera: Camera) -> float:
     """How far from the axis, on the plane at depth one, the model of the lens holds: further out
     it would fold back into the image."""
     r = np.linspace(0, 4, 4001)
-    shown = distort(np.stack([r, 0 * r], axis=-1), distortions)[0][:, 0]
+    shown = distort(np.stack([r, 0 * r], axis=-1), camera.distortions, fisheye=camera.fisheye)[0][
+        :, 0
+    ]
     back = np.flatnonzero(~(np.diff(shown) > 0))
     return float(r[back[0]]) if len(back) else float(r[-1])
 

@@ -90,7 +90,7 @@ class Renderer:
         self._size = (width + 2 * self._pad, height + 2 * self._pad)
         self._inner = np.array([self._pad, self._pad, self._pad + width, self._pad + height])
         self._rays = plane_of_pixels(camera, self._pad)
-        self._limit = reach_of_lens(camera.distortions)
+        self._limit = reach_of_lens(camera)
         self._gain = _gain(camera.size, optics)
         silent = optics.read == 0 and optics.shot == 0
         count = width * height + (1 if silent else _SPARE)
