@@ -10,7 +10,7 @@ from defsense_fab.cli.output import ProgressLines
 def test_lines_go_on_while_nothing_is_told(monkeypatch):
     out = io.StringIO()
     monkeypatch.setattr(sys, "stderr", out)
-    with ProgressLines(everything=False, every=0.05) as tell:
+    with ProgressLines(everything=False, every=0.5) as tell:
         tell("tracks", 0.1, "comparing clocks")
         tell("tracks", 0.2, "triangulating")  # another step of the same stage: not at once
         assert out.getvalue().splitlines() == ["tracks      10 %  comparing clocks"]
@@ -19,7 +19,7 @@ def test_lines_go_on_while_nothing_is_told(monkeypatch):
             time.sleep(0.01)
         tell("tracks", 1.0, "done")
         lines = out.getvalue().splitlines()
-        time.sleep(0.2)
+        time.sleep(0.8)
     assert all(line.startswith("tracks      20 %  triangulating") for line in lines[1:-1])
     assert "s)" in lines[2]  # for how long
     assert out.getvalue().splitlines() == lines  # what is done does not go on

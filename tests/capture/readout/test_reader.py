@@ -385,19 +385,19 @@ class Answering(Saying):
 
 def test_a_silent_board_is_told_once(monkeypatch):
     """It answers whenever it is greeted: it has resumed only when samples come again."""
-    for name, value in (("_SILENT", 0.05), ("_SILENT_SAMPLES", 1), ("_AGAIN", 0.01)):
+    for name, value in (("_SILENT", 0.4), ("_SILENT_SAMPLES", 1), ("_AGAIN", 0.01)):
         monkeypatch.setattr(f"defsense_fab.capture.readout.reader.{name}", value)
     board = Answering()
     with Reader(lambda: board, "port") as reader:
         before = gather(reader, 0.3)
         board.sends = False
-        silent = gather(reader, 0.8)
+        silent = gather(reader, 1.6)
         board.sends = True
-        after = gather(reader, 0.4)
+        after = gather(reader, 1.0)
         assert reader.statistics.gaps == 1
     assert kinds(before + silent) == ["start", "gap"]
     gap = next(i for i in silent if isinstance(i, Event) and i.kind == "gap")
-    assert gap.data["why"].startswith("silent: no sample for 0.05 s")
+    assert gap.data["why"].startswith("silent: no sample for 0.4 s")
     again = [i for i in after if not (isinstance(i, Event) and i.kind == "info")]
     assert (again[0].kind, again[0].data["full_scale"]) == ("resumed", 1024)
     assert len(again) > 10
