@@ -61,8 +61,8 @@ def solve_fisheye(
     flat, seen = np.concatenate(points), np.concatenate([v.corners for v in views])
 
     def miss(x: Float) -> Float:
-        held = x[_LENS:].reshape(-1, 6)[owner]
-        at = np.einsum("nij,nj->ni", rotations(held[:, :3]), flat) + held[:, 3:]
+        pose = x[_LENS:].reshape(-1, 6)[owner]
+        at = np.einsum("nij,nj->ni", rotations(pose[:, :3]), flat) + pose[:, 3:]
         shown = distort(at[:, :2] / at[:, 2:], x[4:_LENS], fisheye=True)[0]
         return np.asarray((shown * x[:2] + x[2:4] - seen).ravel())
 
