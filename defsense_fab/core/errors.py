@@ -39,6 +39,10 @@ class CaptureError(DefsenseError):
     """A port or a recording cannot be read."""
 
 
+class TrainingError(DefsenseError):
+    """Recordings cannot be trained on, or a trained model cannot be used."""
+
+
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
 

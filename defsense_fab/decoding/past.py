@@ -1,0 +1,105 @@
+"""What a decoder knows of the signals' past: how far each has moved of late, and how much.
+
+Rubber cords relax and are stiffer on the way out than on the way back, so the same signal belongs to
+different shapes. A cord that is a chain of relaxing elements (generalised Maxwell) is undone by
+exponential memories of its own signal. Of each time constant T and each signal s there are
+
+    h = s - m,  m' = (s - m)/T        how far it is from where it was: a rate for short T
+    q' = |s'| - q/T                   how much it has moved, either way
+
+All are exact for signals that run straight between samples, at any rate of sampling.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.compiled import compiled
+
+
+@dataclass(frozen=True)
+class Past:
+    """Time constants, s, of the memories of where signals were (`moved`) and of how much they have
+    moved (`worked`)."""
+
+    moved: tuple[float, ...] = ()
+    worked: tuple[float, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Numbers that are added for each signal."""
+        return len(self.moved) + len(self.worked)
+
+    def __call__(self, time: Float, signals: Float) -> Float:
+        """Signals (n, c) at times (n,) s and what is known of their past, (n, c (1 + count)): the
+        signals, then h of each time constant, then q. Signals are taken to have been for long what
+        they are first. NaN is where a signal is; the memories go on from what it was last."""
+        if not self.count:
+            return signals
+        h, q = _memories(
+            np.ascontiguousarray(time, float), np.ascontiguousarray(signals, float),
+            np.array(self.moved, float), np.array(self.worked, float),
+        )  # fmt: skip
+        return np.concatenate([signals, h, q], axis=1)
+
+
+class PastStream:
+    """The same, a sample at a time, as they come."""
+
+    def __init__(self, past: Past, channels: int) -> None:
+        self._past = past
+        self._moved, self._worked = np.array(past.moved), np.array(past.worked)
+        self._time = np.nan
+        self._last = np.full(channels, np.nan)
+        self._m = np.full((len(past.moved), channels), np.nan)
+        self._q = np.zeros((len(past.worked), channels))
+
+    def __call__(self, time: float, signals: Float) -> Float:
+        """(c (1 + count),) of the sample (c,) at a time, s, later than the one before."""
+        dt = time - self._time if np.isfinite(self._time) else 0.0
+        self._time = time
+        h, q = _step(dt, signals, self._last, self._m, self._q, self._moved, self._worked)
+        return np.concatenate([signals, h, q])
+
+
+@compiled(error_model="numpy")
+def _step(dt, signals, last, m, q, moved, worked):  # type: ignore[no-untyped-def]
+    """One sample on; `last` (c,), `m` and `q` (k, c) are changed."""
+    c = len(signals)
+    h_out, q_out = np.empty(len(moved) * c), np.empty(len(worked) * c)
+    for j in range(c):
+        s = signals[j]
+        known = np.isfinite(s)
+        before = last[j] if np.isfinite(last[j]) else s
+        now = s if known else before
+        slope = (now - before) / dt if dt > 0 else 0.0
+        for k in range(len(moved)):
+            keep = np.exp(-dt / moved[k])
+            if not np.isfinite(m[k, j]):
+                m[k, j] = before
+            # Of a straight line, m lags by the slope times T once it has settled.
+            lag = slope * moved[k]
+            m[k, j] = now - lag + (m[k, j] - before + lag) * keep
+            h_out[k * c + j] = s - m[k, j]
+        for k in range(len(worked)):
+            keep = np.exp(-dt / worked[k])
+            q[k, j] = q[k, j] * keep + abs(slope) * worked[k] * (1 - keep)
+            q_out[k * c + j] = q[k, j] if known else np.nan
+        last[j] = now
+    return h_out, q_out
+
+
+@compiled(error_model="numpy")
+def _memories(time, signals, moved, worked):  # type: ignore[no-untyped-def]
+    n, c = signals.shape
+    h, q = np.empty((n, len(moved) * c)), np.empty((n, len(worked) * c))
+    last = np.full(c, np.nan)
+    m = np.full((len(moved), c), np.nan)
+    w = np.zeros((len(worked), c))
+    for i in range(n):
+        dt = time[i] - time[i - 1] if i else 0.0
+        h[i], q[i] = _step(dt, signals[i], last, m, w, moved, worked)
+    return h, q

@@ -1,0 +1,164 @@
+"""A trained model: from what the cords say to where the markers are, and how wrong that may be.
+
+signals (R - R0)/R0, corrected by each channel's gain and offset -> their past (`past.py`) ->
+features (polynomial, or radial basis functions) -> ridge weights -> marker positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..core.arrays import Bool, Float, Int
+from ..core.errors import TrainingError
+from .past import Past, PastStream
+from .ridge import Decoder
+from .radial_basis import RadialDecoder
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Conformal: with the probability `level` a marker lies within radius (t, m) mm of where it is
+    said to be; radius = `factor` (m,) * (`spread` (m,) mm + `slope` (m,) mm * distance), of the
+    distance (t,) of what the cords say from what was trained on."""
+
+    level: float
+    factor: Float
+    spread: Float
+    slope: Float
+
+    def __call__(self, distance: Float) -> Float:
+        """(t, m) mm of distances (t,)."""
+        return np.asarray(self.factor * (self.spread + self.slope * distance[:, None]))
+
+
+@dataclass(frozen=True)
+class TrainedRange:
+    """What the decoder's inputs z (d,) were in training: distance = sqrt(mean(w^2)) of what
+    z, less `middle` (d,), is in the directions and units `whiten` (d, d); `usual` is the distance
+    that 99 % of the training's stayed under, `low` and `high` (c,) are the signals' own range."""
+
+    middle: Float
+    whiten: Float
+    usual: float
+    low: Float
+    high: Float
+
+    def distance(self, inputs: Float) -> Float:
+        """(t,) of inputs (t, d), in units of `usual`: above 1 lies outside of the training."""
+        away = (inputs - self.middle) @ self.whiten
+        return np.asarray(np.sqrt((away**2).mean(axis=1)) / self.usual)
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A decoder of some of the `channels`, by index (k,), with the past that it sees, the range
+    that it was trained in, and its intervals (None: not known)."""
+
+    channels: tuple[int, ...]
+    past: Past
+    decoder: Decoder | RadialDecoder
+    range: TrainedRange
+    intervals: Intervals | None
+
+    def inputs(self, time: Float, signals: Float) -> Float:
+        """z (t, d) of all signals (t, c) at times (t,) s."""
+        return self.past(time, signals[:, list(self.channels)])
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """Positions (t, m, 3) mm in the rest frame, the radius (t, m) mm of their intervals (NaN where
+    there are none), and the distance (t,) from what was trained on."""
+
+    points: Float
+    radius: Float
+    distance: Float
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """`kind` names the decoder; `channels` by name, markers by their numbers `ids` (m,), their
+    places at rest (m, 3) mm. `gain` and `offset` (c,) correct the signals: s -> (s - offset)/gain.
+    The `main` branch uses all channels, `without` has one for each channel that may fail. `told`
+    is what there is to know of the training, in plain values: folds, hashes, versions, units."""
+
+    device: str
+    layout: str
+    kind: str
+    channels: tuple[str, ...]
+    ids: Int
+    rest_points: Float
+    gain: Float
+    offset: Float
+    main: Branch
+    without: Mapping[str, Branch] = field(default_factory=dict)
+    told: Mapping[str, Any] = field(default_factory=dict)
+
+    def corrected(self, signals: Float) -> Float:
+        """Signals (..., c) with each channel's offset and gain taken out."""
+        return np.asarray((signals - self.offset) / self.gain)
+
+    def branch(self, lost: str | None = None) -> Branch:
+        """The decoder to use, or that without a channel. Raises TrainingError where there is none
+        for that."""
+        if lost is None:
+            return self.main
+        if lost not in self.without:
+            raise TrainingError(
+                f"the model has no decoder without {lost}; it has those without"
+                f" {', '.join(self.without) or 'none'}"
+            )
+        return self.without[lost]
+
+    def decode(self, time: Float, signals: Float, at: Float, lost: str | None = None) -> Decoded:
+        """Of signals (n, c) sampled at times (n,) s, at the times `at` (t,) s: linear between
+        samples, NaN where there are none near."""
+        branch = self.branch(lost)
+        z = at_times(at, time, branch.inputs(time, self.corrected(signals)))
+        return decoded(branch, z, len(self.ids))
+
+    def stream(self, lost: str | None = None) -> ModelStream:
+        """The same for samples as they come."""
+        return ModelStream(self, self.branch(lost))
+
+
+class ModelStream:
+    """Decodes a sample at a time."""
+
+    def __init__(self, model: TrainedModel, branch: Branch) -> None:
+        self._model, self._branch = model, branch
+        self._past = PastStream(branch.past, len(branch.channels))
+        self._pick = np.array(branch.channels)
+
+    def __call__(self, time: float, signals: Float) -> Float:
+        """Positions (m, 3) mm of the signals (c,) at a time, s."""
+        s = self._model.corrected(signals)[self._pick]
+        z = self._past(time, s) if self._branch.past.count else s
+        return self._branch.decoder(z[None]).reshape(-1, 3)
+
+
+def decoded(branch: Branch, inputs: Float, markers: int) -> Decoded:
+    """Of inputs (t, d)."""
+    points = branch.decoder(inputs).reshape(len(inputs), markers, 3)
+    distance = branch.range.distance(inputs)
+    if branch.intervals is None:
+        return Decoded(points, np.full(points.shape[:2], np.nan), distance)
+    return Decoded(points, branch.intervals(distance), distance)
+
+
+def at_times(when: Float, time: Float, values: Float, gap: float = 0.25) -> Float:
+    """Values (n, d) with times (n,) s at other times (t,) s: linear in between, NaN outside and in
+    gaps of over `gap` s."""
+    if len(time) < 2:
+        return np.full((len(when), values.shape[1]), np.nan)
+    k = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
+    span = time[k] - time[k - 1]
+    x = (when - time[k - 1]) / span
+    out = values[k - 1] + x[:, None] * (values[k] - values[k - 1])
+    outside: Bool = (x < -1e-9) | (x > 1 + 1e-9) | (span > gap)
+    out[outside] = np.nan
+    return np.asarray(out)

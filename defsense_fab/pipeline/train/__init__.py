@@ -1,0 +1,1 @@
+"""Datasets of recorded sessions, training, evaluation, and their pages."""

@@ -1,0 +1,1 @@
+"""From recorded sessions to a trained model, and what its errors are."""
