@@ -1,6 +1,6 @@
 """What a decoder knows of the signals' past: how far each has moved of late, and how much.
 
-Rubber cords relax and are stiffer on the way out than on the way back, so the same signal belongs to
+Rubber cords relax and are stiffer on the way out than back, so the same signal belongs to
 different shapes. A cord that is a chain of relaxing elements (generalised Maxwell) is undone by
 exponential memories of its own signal. Of each time constant T and each signal s there are
 

@@ -2,8 +2,8 @@
 themselves, with ridge weights.
 
 What is between training states is a blend of theirs, and far from all of them the linear part
-alone. For thousands of frames this is kernel ridge regression on a few chosen centres (the subset of
-regressors; Rasmussen & Williams, Gaussian Processes for Machine Learning, section 8.3.1).
+alone. For thousands of frames this is kernel ridge regression on a few chosen centres (the subset
+of regressors; Rasmussen & Williams, Gaussian Processes for Machine Learning, section 8.3.1).
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from ..core.arrays import Float
 @dataclass(frozen=True)
 class RadialBasis:
     """f = d + k features of inputs (..., d): the inputs, and exp(-|(z - center) / scale|^2 / 2) of
-    the `centers` (k, d), `scale` (d,) in the inputs' units, infinite for those that do not count."""
+    the `centers` (k, d), `scale` (d,) in the inputs' units, infinite for those that do not
+    count."""
 
     centers: Float
     scale: Float

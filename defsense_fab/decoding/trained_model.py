@@ -15,8 +15,8 @@ import numpy as np
 from ..core.arrays import Bool, Float, Int
 from ..core.errors import TrainingError
 from .past import Past, PastStream
-from .ridge import Decoder
 from .radial_basis import RadialDecoder
+from .ridge import Decoder
 
 
 @dataclass(frozen=True)
