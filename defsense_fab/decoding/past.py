@@ -5,9 +5,10 @@ different shapes. A cord that is a chain of relaxing elements (generalised Maxwe
 exponential memories of its own signal. Of each time constant T and each signal s there are
 
     h = s - m,  m' = (s - m)/T        how far it is from where it was: a rate for short T
-    q' = |s'| - q/T                   how much it has moved, either way
+    q' = |r'| - q/T                   how much it has moved, either way
 
-All are exact for signals that run straight between samples, at any rate of sampling.
+with r the signal without what changes within a fifth of a second: noise is no movement. All but r
+are exact for signals that run straight between samples, at any rate of sampling.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..core.compiled import compiled
+
+_SMOOTH = 0.2  # s
 
 
 @dataclass(frozen=True)
@@ -56,18 +59,19 @@ class PastStream:
         self._last = np.full(channels, np.nan)
         self._m = np.full((len(past.moved), channels), np.nan)
         self._q = np.zeros((len(past.worked), channels))
+        self._r = np.full(channels, np.nan)
 
     def __call__(self, time: float, signals: Float) -> Float:
         """(c (1 + count),) of the sample (c,) at a time, s, later than the one before."""
         dt = time - self._time if np.isfinite(self._time) else 0.0
         self._time = time
-        h, q = _step(dt, signals, self._last, self._m, self._q, self._moved, self._worked)
+        h, q = _step(dt, signals, self._last, self._m, self._q, self._r, self._moved, self._worked)
         return np.concatenate([signals, h, q])
 
 
 @compiled(error_model="numpy")
-def _step(dt, signals, last, m, q, moved, worked):  # type: ignore[no-untyped-def]
-    """One sample on; `last` (c,), `m` and `q` (k, c) are changed."""
+def _step(dt, signals, last, m, q, r, moved, worked):  # type: ignore[no-untyped-def]
+    """One sample on; `last` and `r` (c,), `m` and `q` (k, c) are changed."""
     c = len(signals)
     h_out, q_out = np.empty(len(moved) * c), np.empty(len(worked) * c)
     for j in range(c):
@@ -84,9 +88,13 @@ def _step(dt, signals, last, m, q, moved, worked):  # type: ignore[no-untyped-de
             lag = slope * moved[k]
             m[k, j] = now - lag + (m[k, j] - before + lag) * keep
             h_out[k * c + j] = s - m[k, j]
+        smooth = r[j] if np.isfinite(r[j]) else before
+        lag = slope * _SMOOTH
+        r[j] = now - lag + (smooth - before + lag) * np.exp(-dt / _SMOOTH)
+        moves = abs(r[j] - smooth) / dt if dt > 0 else 0.0
         for k in range(len(worked)):
             keep = np.exp(-dt / worked[k])
-            q[k, j] = q[k, j] * keep + abs(slope) * worked[k] * (1 - keep)
+            q[k, j] = q[k, j] * keep + moves * worked[k] * (1 - keep)
             q_out[k * c + j] = q[k, j] if known else np.nan
         last[j] = now
     return h_out, q_out
@@ -96,10 +104,10 @@ def _step(dt, signals, last, m, q, moved, worked):  # type: ignore[no-untyped-de
 def _memories(time, signals, moved, worked):  # type: ignore[no-untyped-def]
     n, c = signals.shape
     h, q = np.empty((n, len(moved) * c)), np.empty((n, len(worked) * c))
-    last = np.full(c, np.nan)
+    last, r = np.full(c, np.nan), np.full(c, np.nan)
     m = np.full((len(moved), c), np.nan)
     w = np.zeros((len(worked), c))
     for i in range(n):
         dt = time[i] - time[i - 1] if i else 0.0
-        h[i], q[i] = _step(dt, signals[i], last, m, w, moved, worked)
+        h[i], q[i] = _step(dt, signals[i], last, m, w, r, moved, worked)
     return h, q

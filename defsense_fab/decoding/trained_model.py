@@ -14,9 +14,8 @@ import numpy as np
 
 from ..core.arrays import Bool, Float, Int
 from ..core.errors import TrainingError
+from .input_features import InputDecoder
 from .past import Past, PastStream
-from .radial_basis import RadialDecoder
-from .ridge import Decoder
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Branch:
 
     channels: tuple[int, ...]
     past: Past
-    decoder: Decoder | RadialDecoder
+    decoder: InputDecoder
     range: TrainedRange
     intervals: Intervals | None
 
@@ -138,7 +137,7 @@ class ModelStream:
         """Positions (m, 3) mm of the signals (c,) at a time, s."""
         s = self._model.corrected(signals)[self._pick]
         z = self._past(time, s) if self._branch.past.count else s
-        return self._branch.decoder(z[None]).reshape(-1, 3)
+        return self._branch.decoder.one(z).reshape(-1, 3)
 
 
 def decoded(branch: Branch, inputs: Float, markers: int) -> Decoded:

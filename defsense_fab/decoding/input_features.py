@@ -1,0 +1,108 @@
+"""What a trained decoder makes of its inputs: themselves, products of them, and radial basis
+functions of the first of them.
+
+With no products and no functions this is DefSense's affine map; with the products of all pairs of
+signals, the quadratic one; with functions about a few chosen states, kernel ridge regression on
+these (the subset of regressors; Rasmussen & Williams, Gaussian Processes for Machine Learning,
+section 8.3.1): a blend of the states that were trained, and far from all of them the rest alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float, Int
+from ..core.compiled import compiled
+
+
+@dataclass(frozen=True)
+class InputFeatures:
+    """f = d + p + k features of d inputs z: z, then z_i z_j of the `products` (p, 2), then
+    exp(-|(z - center) / scale|^2 / 2) of the `centers` (k, e), of the first e inputs, with `scale`
+    (e,)."""
+
+    inputs: int
+    products: Int
+    centers: Float
+    scale: Float
+
+    @property
+    def count(self) -> int:
+        return self.inputs + len(self.products) + len(self.centers)
+
+    def __call__(self, inputs: Float) -> Float:
+        """(t, f) of inputs (t, d)."""
+        i, j = self.products.T
+        return np.concatenate([inputs, inputs[:, i] * inputs[:, j], self._bumps(inputs)[0]], axis=1)
+
+    def slopes(self, inputs: Float) -> Float:
+        """Derivatives (t, f, d) by the inputs (t, d)."""
+        t, d = inputs.shape
+        out = np.zeros((t, self.count, d))
+        out[:, np.arange(d), np.arange(d)] = 1.0
+        for row, (i, j) in enumerate(self.products, d):
+            out[:, row, i] += inputs[:, j]
+            out[:, row, j] += inputs[:, i]
+        bumps, apart = self._bumps(inputs)
+        out[:, d + len(self.products) :, : len(self.scale)] = -bumps[..., None] * apart / self.scale
+        return out
+
+    def _bumps(self, inputs: Float) -> tuple[Float, Float]:
+        apart = (inputs[:, None, : len(self.scale)] - self.centers) / self.scale
+        return np.exp(-0.5 * (apart**2).sum(-1)), apart
+
+
+def no_products() -> Int:
+    """(0, 2)."""
+    return np.zeros((0, 2), np.int64)
+
+
+def all_products(channels: int) -> Int:
+    """Of each pair of the first inputs, squares among them (p, 2)."""
+    return np.stack(np.triu_indices(channels), axis=1).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class InputDecoder:
+    """outputs = features(inputs) @ weights (f, o) + constant (o,), outputs in mm."""
+
+    features: InputFeatures
+    weights: Float
+    constant: Float
+
+    def __call__(self, inputs: Float) -> Float:
+        """(t, o) of inputs (t, d)."""
+        return np.asarray(self.features(inputs) @ self.weights + self.constant)
+
+    def one(self, inputs: Float) -> Float:
+        """(o,) of one sample's inputs (d,): compiled, for live use."""
+        f = self.features
+        return np.asarray(_one(inputs, f.products, f.centers, f.scale, self.weights, self.constant))
+
+    def noise_variance(self, inputs: Float, noise: Float | float) -> Float:
+        """Variance (t, o) mm^2 that independent noise (d,) of the inputs (t, d) puts on each
+        output, to first order."""
+        change = np.einsum("tfd,fo->tdo", self.features.slopes(inputs), self.weights)
+        variance = np.broadcast_to(np.square(noise), inputs.shape[1:])
+        return np.asarray(np.einsum("d,tdo->to", variance, change**2))
+
+
+@compiled(error_model="numpy")
+def _one(z, products, centers, scale, weights, constant):  # type: ignore[no-untyped-def]
+    d, p = len(z), len(products)
+    out = constant.copy()
+    for f in range(len(weights)):
+        if f < d:
+            x = z[f]
+        elif f < d + p:
+            x = z[products[f - d, 0]] * z[products[f - d, 1]]
+        else:
+            square = 0.0
+            for e in range(len(scale)):
+                square += ((z[e] - centers[f - d - p, e]) / scale[e]) ** 2
+            x = np.exp(-0.5 * square)
+        for o in range(len(out)):
+            out[o] += x * weights[f, o]
+    return out

@@ -1,0 +1,148 @@
+"""Which decoder, which memory of the past, and which ridge: by the errors on folds left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.progress import Progress, silent
+from ..decoding.input_features import InputFeatures
+from ..decoding.past import Past
+from .candidates import AFFINE, FORMS, QUADRATIC, Candidate
+from .frames import Frames
+from .splits import Blocks
+from .weighted_ridge import RidgePath, Sums, Whitened, cross_validate, sums
+
+#: Time constants, s, among which memories are looked for; the best is refined between these.
+_TIMES = np.logspace(-1, 2, 10)
+_WORKED = np.logspace(-0.5, 2, 6)
+_REFINED = 6  # steps of the golden section
+_WORTH = 0.99  # of the error, that another memory must bring it under
+_SIMPLER = 1.01  # of the least error: a simpler decoder that stays below it is taken
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate with its features and its errors: `path` over the ridge's weights."""
+
+    candidate: Candidate
+    features: InputFeatures
+    whitened: Whitened
+    sums: Sums
+    path: RidgePath
+
+    @property
+    def noise(self) -> float:
+        """The noise of the inputs that its ridge stands for."""
+        return float(self.path.noises[self.path.best])
+
+    @property
+    def rmse(self) -> float:
+        """mm, on the folds left out."""
+        return float(self.path.rmse[self.path.best])
+
+
+def try_candidate(
+    candidate: Candidate, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
+    blocks: Blocks,
+) -> Tried:  # fmt: skip
+    """With outputs (t, m, 3) mm, weights (t, m) and blocks of the frames."""
+    z = frames.inputs(candidate.past, channels)
+    features = candidate.features(z, len(channels))
+    phi = features(z)
+    whitened = Whitened.of(phi, features.slopes(z))
+    found = sums(whitened(phi), outputs, weights, blocks.of)
+    return Tried(candidate, features, whitened, found, cross_validate(found, blocks.folds))
+
+
+def try_all(
+    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, blocks: Blocks,
+    forms: Sequence[str] = FORMS, *, memory: bool = True, progress: Progress = silent,
+) -> list[Tried]:  # fmt: skip
+    """All candidates, the affine one first."""
+    static = [Candidate(form, Past()) for form in dict.fromkeys((AFFINE, *forms))]
+    out = []
+    for k, candidate in enumerate(static):
+        progress("train", 0.1 + 0.1 * k, f"trying {candidate.name}")
+        out.append(try_candidate(candidate, frames, channels, outputs, weights, blocks))
+    if not memory:
+        return out
+    progress("train", 0.4, "fitting time constants")
+    found = fit_past(frames, channels, outputs, weights, blocks)
+    pasts = [Past(found.moved)] * bool(found.moved) + [found] * bool(found.worked)
+    for k, past in enumerate(pasts):
+        for candidate in [Candidate(c.form, past) for c in static]:
+            progress("train", 0.6 + 0.1 * k, f"trying {candidate.name}")
+            out.append(try_candidate(candidate, frames, channels, outputs, weights, blocks))
+    return out
+
+
+def chosen(tried: Sequence[Tried]) -> Tried:
+    """The one with the fewest features among those that are nearly the best."""
+    least = min(t.rmse for t in tried)
+    near = [t for t in tried if t.rmse <= _SIMPLER * least]
+    return min(near, key=lambda t: t.features.count)
+
+
+def fit_past(
+    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, blocks: Blocks
+) -> Past:
+    """The time constants with which a quadratic decoder has the least error on folds left out: up
+    to two of where signals were, then one of how much they moved, each only if it is worth it."""
+    few = _principal(outputs, weights)
+
+    def error(past: Past) -> float:
+        candidate = Candidate(QUADRATIC, past)
+        shared = np.ones((len(few), 1))
+        return try_candidate(candidate, frames, channels, few[:, None], shared, blocks).rmse
+
+    best, at = Past(), error(Past())
+    for _ in range(2):
+        moved, now = _least(lambda t, b=best: error(Past((*b.moved, t))), _TIMES)
+        if now > _WORTH * at:
+            break
+        best, at = Past((*best.moved, moved)), now
+    worked, now = _least(lambda t: error(Past(best.moved, (t,))), _WORKED)
+    return Past(best.moved, (worked,)) if now <= _WORTH * at else best
+
+
+def _least(error, times: Float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+    """The time constant, s, with the least error: the best of a list, and then the golden section
+    between its neighbours (Kiefer 1953)."""
+    errors = [error(float(t)) for t in times]
+    k = int(np.argmin(errors))
+    low, high = np.log(times[max(k - 1, 0)]), np.log(times[min(k + 1, len(times) - 1)])
+    best, at = float(times[k]), errors[k]
+    ratio = (np.sqrt(5) - 1) / 2
+    a, b = high - ratio * (high - low), low + ratio * (high - low)
+    fa, fb = error(float(np.exp(a))), error(float(np.exp(b)))
+    for _ in range(_REFINED):
+        if fa < fb:
+            high, b, fb = b, a, fa
+            a = high - ratio * (high - low)
+            fa = error(float(np.exp(a)))
+        else:
+            low, a, fa = a, b, fb
+            b = low + ratio * (high - low)
+            fb = error(float(np.exp(b)))
+    for t, e in ((np.exp(a), fa), (np.exp(b), fb)):
+        if e < at:
+            best, at = float(t), e
+    return best, at
+
+
+def _principal(outputs: Float, weights: Float, count: int = 6) -> Float:
+    """The outputs (t, m, 3) by their principal components (t, k): what is not known is filled with
+    its mean. For comparing time constants that suffices."""
+    known = weights > 0
+    mean = np.array(
+        [o[k].mean(0) if k.any() else np.zeros(3)
+         for o, k in zip(np.moveaxis(outputs, 1, 0), known.T, strict=True)]
+    )  # fmt: skip
+    flat = np.where(known[..., None], outputs - mean, 0.0).reshape(len(outputs), -1)
+    values, vectors = np.linalg.eigh(flat.T @ flat)
+    top = np.argsort(values)[::-1][:count]
+    return np.asarray(flat @ vectors[:, top])

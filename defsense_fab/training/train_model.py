@@ -1,0 +1,212 @@
+"""From a dataset to a trained model, with what every candidate was worth."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Bool, Float
+from ..core.errors import TrainingError
+from ..core.progress import Progress, silent
+from ..decoding.folds import FOLDS
+from ..decoding.input_features import InputDecoder
+from ..decoding.past import Past
+from ..decoding.ridge import ErrorMeasures
+from ..decoding.trained_model import Branch, TrainedModel, TrainedRange
+from .candidates import FORMS
+from .conformal import LEVEL, conformal
+from .dataset import Dataset
+from .frames import Frames
+from .robust_weights import certainty_weights, wrong_markers
+from .select_decoder import Tried, chosen, try_all, try_candidate
+from .splits import TEST_SHARE, Blocks, first_and_last
+from .weighted_ridge import solve
+
+AUTO = "auto"
+
+
+@dataclass(frozen=True)
+class TrainingOptions:
+    """`decoder`: a form, or the best of all; whether its past is looked at (`memory`); whether
+    markers weigh by their certainty, and wrong ones are left out (`weighted`); the `test_share` of
+    the pictures, at the end; contiguous `folds`; the `level` of the intervals."""
+
+    decoder: str = AUTO
+    memory: bool = True
+    weighted: bool = True
+    test_share: float = TEST_SHARE
+    folds: int = FOLDS
+    level: float = LEVEL
+
+    def __post_init__(self) -> None:
+        if self.decoder != AUTO and self.decoder not in FORMS:
+            raise TrainingError(
+                f"no decoder is called {self.decoder}; there are {AUTO}, {', '.join(FORMS)}"
+            )
+        if self.folds < 2:
+            raise TrainingError(f"{self.folds} folds: cross-validation needs 2 or more")
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A candidate's row of the table: the ridge's `noise` (of the inputs) and its lambda (Eq. 8);
+    RMSE (mm) of the `folds` (k,) left out, and of all of them; errors on the test (None: none)."""
+
+    name: str
+    features: int
+    noise: float
+    lambda_: float
+    folds: Float
+    cross_validated: float
+    test: ErrorMeasures | None
+    moved: tuple[float, ...]
+    worked: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Training:
+    """The model, its rows, which of them it is; pictures trained on and tested on; which markers of
+    the training (t, m) were wrong."""
+
+    model: TrainedModel
+    attempts: tuple[Attempt, ...]
+    chosen: str
+    trained: Frames
+    tested: Frames
+    wrong: Bool
+
+
+def train(
+    dataset: Dataset, options: TrainingOptions | None = None, progress: Progress = silent
+) -> Training:
+    """Raises TrainingError where there is too little to train on."""
+    options = options or TrainingOptions()
+    frames, tested = first_and_last(Frames.all_of(dataset), options.test_share)
+    blocks = Blocks.over(len(frames), options.folds)
+    outputs = frames.points - dataset.rest_points
+    progress("train", 0.0, "looking for wrong markers")
+    weights, wrong = _weights(frames, options)
+    _need_every_marker(frames, weights)
+    channels = tuple(range(len(dataset.channels)))
+    forms = FORMS if options.decoder == AUTO else (options.decoder,)
+    tried = try_all(
+        frames, channels, outputs, weights, blocks, forms, memory=options.memory, progress=progress
+    )
+    among = tried if options.decoder == AUTO else [t for t in tried if t.candidate.form in forms]
+    best = chosen(among)
+    progress("train", 0.8, "intervals, and decoders without each channel")
+    main = branch(best, frames, channels, outputs, weights, blocks, options.level)
+    without = {
+        name: _without(k, best, frames, outputs, weights, options)
+        for k, name in enumerate(dataset.channels)
+        if len(channels) > 1
+    }
+    rows = tuple(_attempt(t, frames, tested, channels) for t in tried)
+    model = TrainedModel(
+        dataset.device, dataset.layout, best.candidate.name, dataset.channels, dataset.ids,
+        dataset.rest_points, np.ones(len(channels)), np.zeros(len(channels)), main, without,
+    )  # fmt: skip
+    progress("train", 1.0, "done")
+    return Training(model, rows, best.candidate.name, frames, tested, wrong)
+
+
+def _weights(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
+    seen = frames.seen
+    if not options.weighted:
+        return seen.astype(float), np.zeros_like(seen)
+    signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
+    wrong, scale = wrong_markers(signals, frames.points)
+    return certainty_weights(frames.sigma, seen & ~wrong, scale), wrong
+
+
+def _need_every_marker(frames: Frames, weights: Float) -> None:
+    """Raises TrainingError for markers that are hardly ever known."""
+    few = (weights > 0).sum(0) < 20
+    if few.any():
+        ids = ", ".join(map(str, frames.dataset.ids[few].tolist()))
+        raise TrainingError(
+            f"{frames.dataset.device}: marker {ids} was seen in fewer than 20 of the"
+            f" {len(frames)} pictures to train on; record with a camera that sees it, or leave it"
+            " out with --without-markers"
+        )
+
+
+def branch(
+    tried: Tried, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
+    blocks: Blocks, level: float,
+) -> Branch:  # fmt: skip
+    """The candidate fitted to all of the frames, with its range and intervals, these from errors on
+    either end of the frames by a decoder of the rest: a test lies so, too, and drift shows."""
+    z = frames.inputs(tried.candidate.past, channels)
+    signals = z[:, : len(channels)]
+    range_ = _range(z, signals)
+    decoder = _decoder(tried, (), frames)
+    errors = np.full(outputs.shape[:2], np.nan)
+    for end in blocks.ends:
+        left = np.isin(blocks.of, end)
+        guess = _decoder(tried, end, frames)(z[left]).reshape(-1, *outputs.shape[1:])
+        errors[left] = np.linalg.norm(guess - frames.points[left], axis=2)
+    errors[weights <= 0] = np.nan
+    clock = frames.time + 1e6 * frames.of
+    intervals = conformal(errors, range_.distance(z), clock, level)
+    return Branch(tuple(channels), tried.candidate.past, decoder, range_, intervals)
+
+
+def _decoder(tried: Tried, without: Collection[int], frames: Frames) -> InputDecoder:
+    """Fitted to all blocks but some."""
+    beta, constant = solve(tried.sums.without(without), np.array([tried.noise]))
+    weights, shift = tried.whitened.plain(beta[0], constant[0])
+    return InputDecoder(tried.features, weights, shift + frames.dataset.rest_points.ravel())
+
+
+def _without(
+    lost: int, best: Tried, frames: Frames, outputs: Float, weights: Float,
+    options: TrainingOptions,
+) -> Branch:  # fmt: skip
+    """The same form and past from the other channels."""
+    others = [k for k in range(len(frames.dataset.channels)) if k != lost]
+    blocks = Blocks.over(len(frames), options.folds)
+    tried = try_candidate(best.candidate, frames, others, outputs, weights, blocks)
+    return branch(tried, frames, others, outputs, weights, blocks, options.level)
+
+
+def _range(inputs: Float, signals: Float) -> TrainedRange:
+    middle = inputs.mean(0)
+    spread = np.maximum(inputs.std(0), 1e-9)
+    correlation = np.cov(((inputs - middle) / spread).T).reshape(len(middle), -1)
+    values, vectors = np.linalg.eigh(correlation)
+    whiten = (vectors / np.sqrt(np.maximum(values, 1e-3))) / spread[:, None]
+    apart = np.sqrt((((inputs - middle) @ whiten) ** 2).mean(axis=1))
+    usual = max(float(np.quantile(apart, 0.99)), 1e-9)
+    return TrainedRange(middle, whiten, usual, signals.min(0), signals.max(0))
+
+
+def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[int]) -> Attempt:
+    k = tried.path.best
+    total = float(tried.sums.weight.sum(0).mean())
+    test = None
+    if len(tested):
+        z = tested.inputs(tried.candidate.past, channels)
+        guess = _decoder(tried, (), frames)(z).reshape(tested.points.shape)
+        test = errors_of(guess, tested.points)
+    return Attempt(
+        tried.candidate.name, tried.features.count, tried.noise,
+        float(tried.noise * np.sqrt(total)), tried.path.errors[:, k], tried.rmse, test,
+        tried.candidate.past.moved, tried.candidate.past.worked,
+    )  # fmt: skip
+
+
+def errors_of(guess: Float, points: Float) -> ErrorMeasures:
+    """Of positions (t, m, 3) mm against those seen, NaN in gaps; every marker that was seen counts
+    the same."""
+    distance = np.linalg.norm(guess - points, axis=2)
+    with np.errstate(all="ignore"):
+        per_state = np.sqrt(np.nanmean(distance**2, axis=1))
+    return ErrorMeasures(
+        rmse=float(np.sqrt(np.nanmean(distance**2))),
+        peak=float(np.nanmax(distance)),
+        average_peak=float(np.nanmean(np.nanmax(distance, axis=1))),
+        per_state=per_state,
+    )
