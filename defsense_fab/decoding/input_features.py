@@ -49,6 +49,18 @@ class InputFeatures:
         out[:, d + len(self.products) :, : len(self.scale)] = -bumps[..., None] * apart / self.scale
         return out
 
+    def roughness(self) -> Float:
+        """(f, f): w^T roughness w is the squared norm of the radial functions' sum with weights w
+        in their reproducing kernel Hilbert space, by the square of their width. Without it large
+        weights that cancel where there are states run wild beyond them."""
+        out = np.zeros((self.count, self.count))
+        k = len(self.centers)
+        if k:
+            apart = (self.centers[:, None] - self.centers) / self.scale
+            width = float(np.exp(2 * np.log(self.scale).mean()))
+            out[-k:, -k:] = np.exp(-0.5 * (apart**2).sum(-1)) / width
+        return out
+
     def _bumps(self, inputs: Float) -> tuple[Float, Float]:
         apart = (inputs[:, None, : len(self.scale)] - self.centers) / self.scale
         return np.exp(-0.5 * (apart**2).sum(-1)), apart

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Float
+from ..core.arrays import Float, Int
 from ..core.progress import Progress, silent
 from ..decoding.input_features import InputFeatures
 from ..decoding.past import Past
 from .candidates import AFFINE, FORMS, QUADRATIC, Candidate
 from .frames import Frames
-from .splits import Blocks
 from .weighted_ridge import RidgePath, Sums, Whitened, cross_validate, sums
 
 #: Time constants, s, among which memories are looked for; the best is refined between these.
@@ -47,19 +46,19 @@ class Tried:
 
 def try_candidate(
     candidate: Candidate, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
-    blocks: Blocks,
+    fold: Int,
 ) -> Tried:  # fmt: skip
-    """With outputs (t, m, 3) mm, weights (t, m) and blocks of the frames."""
+    """With outputs (t, m, 3) mm, weights (t, m) and folds (t,) of the frames."""
     z = frames.inputs(candidate.past, channels)
     features = candidate.features(z, len(channels))
     phi = features(z)
-    whitened = Whitened.of(phi, features.slopes(z))
-    found = sums(whitened(phi), outputs, weights, blocks.of)
-    return Tried(candidate, features, whitened, found, cross_validate(found, blocks.folds))
+    whitened = Whitened.of(phi, features.slopes(z), features.roughness())
+    found = sums(whitened(phi), outputs, weights, fold)
+    return Tried(candidate, features, whitened, found, cross_validate(found))
 
 
 def try_all(
-    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, blocks: Blocks,
+    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int,
     forms: Sequence[str] = FORMS, *, memory: bool = True, progress: Progress = silent,
 ) -> list[Tried]:  # fmt: skip
     """All candidates, the affine one first."""
@@ -67,16 +66,16 @@ def try_all(
     out = []
     for k, candidate in enumerate(static):
         progress("train", 0.1 + 0.1 * k, f"trying {candidate.name}")
-        out.append(try_candidate(candidate, frames, channels, outputs, weights, blocks))
+        out.append(try_candidate(candidate, frames, channels, outputs, weights, fold))
     if not memory:
         return out
     progress("train", 0.4, "fitting time constants")
-    found = fit_past(frames, channels, outputs, weights, blocks)
+    found = fit_past(frames, channels, outputs, weights, fold)
     pasts = [Past(found.moved)] * bool(found.moved) + [found] * bool(found.worked)
     for k, past in enumerate(pasts):
         for candidate in [Candidate(c.form, past) for c in static]:
             progress("train", 0.6 + 0.1 * k, f"trying {candidate.name}")
-            out.append(try_candidate(candidate, frames, channels, outputs, weights, blocks))
+            out.append(try_candidate(candidate, frames, channels, outputs, weights, fold))
     return out
 
 
@@ -88,7 +87,7 @@ def chosen(tried: Sequence[Tried]) -> Tried:
 
 
 def fit_past(
-    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, blocks: Blocks
+    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int
 ) -> Past:
     """The time constants with which a quadratic decoder has the least error on folds left out: up
     to two of where signals were, then one of how much they moved, each only if it is worth it."""
@@ -97,7 +96,7 @@ def fit_past(
     def error(past: Past) -> float:
         candidate = Candidate(QUADRATIC, past)
         shared = np.ones((len(few), 1))
-        return try_candidate(candidate, frames, channels, few[:, None], shared, blocks).rmse
+        return try_candidate(candidate, frames, channels, few[:, None], shared, fold).rmse
 
     best, at = Past(), error(Past())
     for _ in range(2):

@@ -7,8 +7,6 @@ structure, Ecography 40.)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..core.arrays import Int
@@ -30,20 +28,6 @@ def first_and_last(frames: Frames, share: float = TEST_SHARE) -> tuple[Frames, F
     return frames.part(slice(0, cut)), frames.part(slice(cut, len(frames)))
 
 
-@dataclass(frozen=True)
-class Blocks:
-    """Which block (t,) each of t pictures belongs to: contiguous, of nearly equal sizes, two for
-    each of the `folds`; and the `ends`: the blocks at the beginning and those at the end that are
-    about as much of the pictures as a test is, at the end, of all."""
-
-    of: Int
-    folds: int
-    ends: tuple[tuple[int, ...], tuple[int, ...]]
-
-    @staticmethod
-    def over(count: int, folds: int = FOLDS) -> Blocks:
-        n = 2 * folds
-        sizes = [len(p) for p in np.array_split(np.arange(count), n)]
-        k = max(round(TEST_SHARE * n), 1)
-        ends = tuple(range(k)), tuple(range(n - k, n))
-        return Blocks(np.repeat(np.arange(n), sizes), folds, ends)
+def fold_of(count: int, folds: int = FOLDS) -> Int:
+    """The fold (t,) of each of `count` pictures: contiguous, of nearly equal sizes."""
+    return np.repeat(np.arange(folds), [len(p) for p in np.array_split(np.arange(count), folds)])

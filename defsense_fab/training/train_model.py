@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Bool, Float
+from ..core.arrays import Bool, Float, Int
 from ..core.errors import TrainingError
 from ..core.progress import Progress, silent
 from ..decoding.folds import FOLDS
@@ -21,7 +21,7 @@ from .dataset import Dataset
 from .frames import Frames
 from .robust_weights import certainty_weights, wrong_markers
 from .select_decoder import Tried, chosen, try_all, try_candidate
-from .splits import TEST_SHARE, Blocks, first_and_last
+from .splits import TEST_SHARE, first_and_last, fold_of
 from .weighted_ridge import solve
 
 AUTO = "auto"
@@ -84,7 +84,7 @@ def train(
     """Raises TrainingError where there is too little to train on."""
     options = options or TrainingOptions()
     frames, tested = first_and_last(Frames.all_of(dataset), options.test_share)
-    blocks = Blocks.over(len(frames), options.folds)
+    fold = fold_of(len(frames), options.folds)
     outputs = frames.points - dataset.rest_points
     progress("train", 0.0, "looking for wrong markers")
     weights, wrong = _weights(frames, options)
@@ -92,12 +92,12 @@ def train(
     channels = tuple(range(len(dataset.channels)))
     forms = FORMS if options.decoder == AUTO else (options.decoder,)
     tried = try_all(
-        frames, channels, outputs, weights, blocks, forms, memory=options.memory, progress=progress
+        frames, channels, outputs, weights, fold, forms, memory=options.memory, progress=progress
     )
     among = tried if options.decoder == AUTO else [t for t in tried if t.candidate.form in forms]
     best = chosen(among)
     progress("train", 0.8, "intervals, and decoders without each channel")
-    main = branch(best, frames, channels, outputs, weights, blocks, options.level)
+    main = branch(best, frames, channels, outputs, weights, fold, options.level)
     without = {
         name: _without(k, best, frames, outputs, weights, options)
         for k, name in enumerate(dataset.channels)
@@ -117,7 +117,7 @@ def _weights(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
     if not options.weighted:
         return seen.astype(float), np.zeros_like(seen)
     signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
-    wrong, scale = wrong_markers(signals, frames.points)
+    wrong, scale = wrong_markers(signals, frames.points, frames.time + 1e6 * frames.of)
     return certainty_weights(frames.sigma, seen & ~wrong, scale), wrong
 
 
@@ -135,18 +135,18 @@ def _need_every_marker(frames: Frames, weights: Float) -> None:
 
 def branch(
     tried: Tried, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
-    blocks: Blocks, level: float,
+    fold: Int, level: float,
 ) -> Branch:  # fmt: skip
-    """The candidate fitted to all of the frames, with its range and intervals, these from errors on
-    either end of the frames by a decoder of the rest: a test lies so, too, and drift shows."""
+    """The candidate fitted to all of the frames, with its range, and intervals from errors on the
+    folds that were left out."""
     z = frames.inputs(tried.candidate.past, channels)
     signals = z[:, : len(channels)]
     range_ = _range(z, signals)
-    decoder = _decoder(tried, (), frames)
+    decoder = _decoder(tried, None, frames)
     errors = np.full(outputs.shape[:2], np.nan)
-    for end in blocks.ends:
-        left = np.isin(blocks.of, end)
-        guess = _decoder(tried, end, frames)(z[left]).reshape(-1, *outputs.shape[1:])
+    for k in range(int(fold.max()) + 1):
+        left = fold == k
+        guess = _decoder(tried, k, frames)(z[left]).reshape(-1, *outputs.shape[1:])
         errors[left] = np.linalg.norm(guess - frames.points[left], axis=2)
     errors[weights <= 0] = np.nan
     clock = frames.time + 1e6 * frames.of
@@ -154,8 +154,8 @@ def branch(
     return Branch(tuple(channels), tried.candidate.past, decoder, range_, intervals)
 
 
-def _decoder(tried: Tried, without: Collection[int], frames: Frames) -> InputDecoder:
-    """Fitted to all blocks but some."""
+def _decoder(tried: Tried, without: int | None, frames: Frames) -> InputDecoder:
+    """Fitted to all folds, or all but one."""
     beta, constant = solve(tried.sums.without(without), np.array([tried.noise]))
     weights, shift = tried.whitened.plain(beta[0], constant[0])
     return InputDecoder(tried.features, weights, shift + frames.dataset.rest_points.ravel())
@@ -167,9 +167,9 @@ def _without(
 ) -> Branch:  # fmt: skip
     """The same form and past from the other channels."""
     others = [k for k in range(len(frames.dataset.channels)) if k != lost]
-    blocks = Blocks.over(len(frames), options.folds)
-    tried = try_candidate(best.candidate, frames, others, outputs, weights, blocks)
-    return branch(tried, frames, others, outputs, weights, blocks, options.level)
+    fold = fold_of(len(frames), options.folds)
+    tried = try_candidate(best.candidate, frames, others, outputs, weights, fold)
+    return branch(tried, frames, others, outputs, weights, fold, options.level)
 
 
 def _range(inputs: Float, signals: Float) -> TrainedRange:
@@ -189,7 +189,7 @@ def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[in
     test = None
     if len(tested):
         z = tested.inputs(tried.candidate.past, channels)
-        guess = _decoder(tried, (), frames)(z).reshape(tested.points.shape)
+        guess = _decoder(tried, None, frames)(z).reshape(tested.points.shape)
         test = errors_of(guess, tested.points)
     return Attempt(
         tried.candidate.name, tried.features.count, tried.noise,

@@ -10,7 +10,6 @@ that is needed for the coefficients of every s and for their errors on the fold 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,10 +32,10 @@ class Whitened:
     turn: Float
 
     @staticmethod
-    def of(phi: Float, slopes: Float) -> Whitened:
-        """For features (t, f) with slopes (t, f, d)."""
+    def of(phi: Float, slopes: Float, roughness: Float) -> Whitened:
+        """For features (t, f) with slopes (t, f, d), and what is added to the penalty (f, f)."""
         flat = np.ascontiguousarray(np.moveaxis(slopes, 2, 1)).reshape(-1, phi.shape[1])
-        P = regular(flat.T @ flat / len(phi))
+        P = regular(flat.T @ flat / len(phi) + roughness)
         lower = np.linalg.cholesky(P)
         turn = solve_triangular(lower, np.eye(len(P)), lower=True).T
         return Whitened(phi.mean(0), turn)
@@ -52,7 +51,7 @@ class Whitened:
 
 @dataclass(frozen=True)
 class Sums:
-    """Of k blocks of pictures and g groups of markers that have one weight in each picture:
+    """Of k folds of pictures and g groups of markers that have one weight in each picture:
     `weight` (k, g), and weighted sums `phi` (k, g, f), `square` (k, g, f, f); of the outputs o
     `out` (k, o), `cross` (k, f, o), `out2` (k, o); `group` (o,) of each output."""
 
@@ -64,13 +63,15 @@ class Sums:
     out2: Float
     group: Int
 
-    def without(self, blocks: Collection[int] = ()) -> Sums:
-        """All blocks but some, as one."""
-        return self.only([k for k in range(len(self.weight)) if k not in blocks])
+    def without(self, fold: int | None = None) -> Sums:
+        """All folds but one, or all, as one."""
+        return self._joined([k for k in range(len(self.weight)) if k != fold])
 
-    def only(self, blocks: Sequence[int]) -> Sums:
-        """Some blocks, as one."""
-        keep = list(blocks)
+    def only(self, fold: int) -> Sums:
+        """One fold."""
+        return self._joined([fold])
+
+    def _joined(self, keep: list[int]) -> Sums:
         return Sums(  # type: ignore[call-arg]
             *(x[keep].sum(0, keepdims=True) for x in
               (self.weight, self.phi, self.square, self.out, self.cross, self.out2)),
@@ -78,7 +79,7 @@ class Sums:
         )  # fmt: skip
 
     def plus(self, other: Sums, times: float) -> Sums:
-        """With `times` of the sums of others, which are one block and of one group or the same."""
+        """With `times` of the sums of others, which are one fold and of one group or the same."""
         return Sums(
             self.weight + times * other.weight, self.phi + times * other.phi,
             self.square + times * other.square, self.out + times * other.out,
@@ -86,21 +87,21 @@ class Sums:
         )  # fmt: skip
 
 
-def sums(phi: Float, outputs: Float, weights: Float, block: Int) -> Sums:
+def sums(phi: Float, outputs: Float, weights: Float, fold: Int) -> Sums:
     """Of features (t, f), outputs (t, m, r) and weights (t, m), zero where an output is not known,
-    by `block` (t,)."""
+    by `fold` (t,)."""
     f = phi.shape[1]
     m, r = outputs.shape[1:]
     columns, group = _groups(weights)
     o = np.where(weights[..., None] > 0, outputs, 0.0)
-    g, k = columns.shape[1], int(block.max()) + 1
+    g, k = columns.shape[1], int(fold.max()) + 1
     i, j = np.tril_indices(f)
     weight, linear = np.zeros((k, g)), np.zeros((k, g, f))
     square, cross = np.zeros((k, g, f, f)), np.zeros((k, f, m * r))
     out, out2 = np.zeros((k, m * r)), np.zeros((k, m * r))
     step = max(_BLOCK // len(i), 1)
     for n in range(k):
-        mine = np.flatnonzero(block == n)
+        mine = np.flatnonzero(fold == n)
         weight[n] = columns[mine].sum(0)
         linear[n] = columns[mine].T @ phi[mine]
         told = (weights[mine, :, None] * o[mine]).reshape(-1, m * r)
@@ -128,7 +129,7 @@ def _groups(weights: Float) -> tuple[Float, Int]:
 
 
 def solve(total: Sums, noises: Float) -> tuple[Float, Float]:
-    """Coefficients (s, f, o) and constants (s, o) for each of the noises (s,), of sums of one block
+    """Coefficients (s, f, o) and constants (s, o) for each of the noises (s,), of sums of one fold
     over whitened features."""
     f, o = total.cross.shape[1:]
     beta = np.empty((len(noises), f, o))
@@ -149,7 +150,7 @@ def solve(total: Sums, noises: Float) -> tuple[Float, Float]:
 
 
 def squared_error(tested: Sums, beta: Float, constant: Float) -> Float:
-    """Weighted sums (s, o) of squared errors on one block of coefficients (s, f, o) and constants
+    """Weighted sums (s, o) of squared errors on one fold of coefficients (s, f, o) and constants
     (s, o)."""
     out = np.empty((len(beta), len(tested.group)))
     for g in range(tested.weight.shape[1]):
@@ -185,13 +186,12 @@ class RidgePath:
         return int(np.flatnonzero(rmse <= 1.001 * rmse.min())[-1])
 
 
-def cross_validate(found: Sums, folds: int, noises: Float = NOISES, axes: int = 3) -> RidgePath:
-    """Each of so many folds, neighbouring blocks, left out in turn. Errors are of markers with
-    `axes` outputs each."""
+def cross_validate(found: Sums, noises: Float = NOISES, axes: int = 3) -> RidgePath:
+    """Each fold left out in turn. Errors are of markers with `axes` outputs each."""
     errors = []
-    for left in np.array_split(np.arange(len(found.weight)), folds):
-        beta, constant = solve(found.without(left.tolist()), noises)
-        tested = found.only(left.tolist())
+    for k in range(len(found.weight)):
+        beta, constant = solve(found.without(k), noises)
+        tested = found.only(k)
         square = np.maximum(squared_error(tested, beta, constant), 0.0).sum(1)
         weight = tested.weight[0][tested.group].sum() / axes
         errors.append(np.sqrt(square / max(weight, 1e-300)))
