@@ -28,6 +28,11 @@ class InputFeatures:
     centers: Float
     scale: Float
 
+    def __post_init__(self) -> None:
+        # Of none, a file knows no second dimension.
+        object.__setattr__(self, "products", self.products.reshape(-1, 2))
+        object.__setattr__(self, "centers", self.centers.reshape(-1, len(self.scale)))
+
     @property
     def count(self) -> int:
         return self.inputs + len(self.products) + len(self.centers)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -84,6 +84,8 @@ class TrainedModel:
     places at rest (m, 3) mm. `gain` and `offset` (c,) correct the signals: s -> (s - offset)/gain.
     The `main` branch uses all channels, `without` has one for each channel that may fail. `told`
     is what there is to know of the training, in plain values: folds, hashes, versions, units."""
+
+    SCHEMA: ClassVar[int] = 1
 
     device: str
     layout: str

@@ -9,11 +9,12 @@ import numpy as np
 
 from ..core.arrays import Float, Int
 from ..core.progress import Progress, silent
-from ..decoding.input_features import InputFeatures
+from ..decoding.input_features import InputDecoder, InputFeatures
 from ..decoding.past import Past
 from .candidates import AFFINE, FORMS, QUADRATIC, Candidate
 from .frames import Frames
-from .weighted_ridge import RidgePath, Sums, Whitened, cross_validate, sums
+from .prior import WORTHS, Prior
+from .weighted_ridge import RidgePath, Sums, Whitened, cross_validate, solve, sums
 
 #: Time constants, s, among which memories are looked for; the best is refined between these.
 _TIMES = np.logspace(-1, 2, 10)
@@ -25,48 +26,60 @@ _SIMPLER = 1.01  # of the least error: a simpler decoder that stays below it is 
 
 @dataclass(frozen=True)
 class Tried:
-    """A candidate with its features and its errors: `path` over the ridge's weights."""
+    """A candidate with its features and its errors: `path` over the ridge's weights; sums over the
+    states of a `prior`, and how many pictures they are `worth`."""
 
     candidate: Candidate
     features: InputFeatures
     whitened: Whitened
     sums: Sums
     path: RidgePath
-
-    @property
-    def noise(self) -> float:
-        """The noise of the inputs that its ridge stands for."""
-        return float(self.path.noises[self.path.best])
+    prior: Sums | None = None
+    worth: float = 0.0
 
     @property
     def rmse(self) -> float:
         """mm, on the folds left out."""
-        return float(self.path.rmse[self.path.best])
+        return self.path.rmse
+
+    def decoder(self, without: int | None = None) -> InputDecoder:
+        """Of displacements: fitted to all folds or all but one, and to what the prior is worth."""
+        total = self.sums.without(without).plus(self.prior, self.worth)
+        beta, constant = solve(total, np.array([self.path.noise]))
+        return InputDecoder(self.features, *self.whitened.plain(beta[0], constant[0]))
 
 
 def try_candidate(
     candidate: Candidate, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
-    fold: Int,
+    fold: Int, prior: Prior | None = None,
 ) -> Tried:  # fmt: skip
     """With outputs (t, m, 3) mm, weights (t, m) and folds (t,) of the frames."""
     z = frames.inputs(candidate.past, channels)
-    features = candidate.features(z, len(channels))
-    phi = features(z)
-    whitened = Whitened.of(phi, features.slopes(z), features.roughness())
-    found = sums(whitened(phi), outputs, weights, fold)
-    return Tried(candidate, features, whitened, found, cross_validate(found))
+    states = prior.inputs(candidate.past, list(channels)) if prior else z[:0]
+    every = np.concatenate([z, states])
+    features = candidate.features(every, len(channels))
+    phi = features(every)
+    whitened = Whitened.of(phi, features.slopes(every), features.roughness())
+    found = sums(whitened(phi[: len(z)]), outputs, weights, fold)
+    if prior is None:
+        return Tried(candidate, features, whitened, found, cross_validate(found))
+    told = prior.sums(phi[len(z) :], whitened)
+    paths = {worth: cross_validate(found, told, worth) for worth in WORTHS}
+    worth = min(paths, key=lambda w: paths[w].rmse)
+    return Tried(candidate, features, whitened, found, paths[worth], told, worth)
 
 
 def try_all(
     frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int,
-    forms: Sequence[str] = FORMS, *, memory: bool = True, progress: Progress = silent,
+    forms: Sequence[str] = FORMS, *, memory: bool = True, prior: Prior | None = None,
+    progress: Progress = silent,
 ) -> list[Tried]:  # fmt: skip
     """All candidates, the affine one first."""
     static = [Candidate(form, Past()) for form in dict.fromkeys((AFFINE, *forms))]
     out = []
     for k, candidate in enumerate(static):
         progress("train", 0.1 + 0.1 * k, f"trying {candidate.name}")
-        out.append(try_candidate(candidate, frames, channels, outputs, weights, fold))
+        out.append(try_candidate(candidate, frames, channels, outputs, weights, fold, prior))
     if not memory:
         return out
     progress("train", 0.4, "fitting time constants")
@@ -75,7 +88,7 @@ def try_all(
     for k, past in enumerate(pasts):
         for candidate in [Candidate(c.form, past) for c in static]:
             progress("train", 0.6 + 0.1 * k, f"trying {candidate.name}")
-            out.append(try_candidate(candidate, frames, channels, outputs, weights, fold))
+            out.append(try_candidate(candidate, frames, channels, outputs, weights, fold, prior))
     return out
 
 

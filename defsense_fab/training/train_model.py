@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,16 +15,19 @@ from ..decoding.input_features import InputDecoder
 from ..decoding.past import Past
 from ..decoding.ridge import ErrorMeasures
 from ..decoding.trained_model import Branch, TrainedModel, TrainedRange
-from .candidates import FORMS
+from .candidates import FORMS, QUADRATIC, Candidate
+from .channel_gains import corrected, fit_gains
 from .conformal import LEVEL, conformal
 from .dataset import Dataset
 from .frames import Frames
+from .prior import Prior
 from .robust_weights import certainty_weights, wrong_markers
 from .select_decoder import Tried, chosen, try_all, try_candidate
 from .splits import TEST_SHARE, first_and_last, fold_of
-from .weighted_ridge import solve
+from .weighted_ridge import Whitened, solve
 
 AUTO = "auto"
+_SIMULATED_NOISE = 2e-3  # of the inputs, for a decoder of simulated states alone
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,8 @@ class TrainingOptions:
 @dataclass(frozen=True)
 class Attempt:
     """A candidate's row of the table: the ridge's `noise` (of the inputs) and its lambda (Eq. 8);
-    RMSE (mm) of the `folds` (k,) left out, and of all of them; errors on the test (None: none)."""
+    RMSE (mm) of the `folds` (k,) left out, and of all of them; errors on the test (None: none); its
+    memory's time constants, s; how many pictures the prior is `worth`."""
 
     name: str
     features: int
@@ -63,6 +67,7 @@ class Attempt:
     test: ErrorMeasures | None
     moved: tuple[float, ...]
     worked: tuple[float, ...]
+    worth: float
 
 
 @dataclass(frozen=True)
@@ -79,10 +84,16 @@ class Training:
 
 
 def train(
-    dataset: Dataset, options: TrainingOptions | None = None, progress: Progress = silent
-) -> Training:
-    """Raises TrainingError where there is too little to train on."""
+    dataset: Dataset, options: TrainingOptions | None = None, progress: Progress = silent,
+    prior: Prior | None = None,
+) -> Training:  # fmt: skip
+    """With what the simulation says as a `prior`, if given. Raises TrainingError where there is too
+    little to train on."""
     options = options or TrainingOptions()
+    gain, offset = np.ones(len(dataset.channels)), np.zeros(len(dataset.channels))
+    if prior is not None:
+        gain, offset = _gains(prior, first_and_last(Frames.all_of(dataset), options.test_share)[0])
+        dataset = corrected(dataset, gain, offset)
     frames, tested = first_and_last(Frames.all_of(dataset), options.test_share)
     fold = fold_of(len(frames), options.folds)
     outputs = frames.points - dataset.rest_points
@@ -92,24 +103,56 @@ def train(
     channels = tuple(range(len(dataset.channels)))
     forms = FORMS if options.decoder == AUTO else (options.decoder,)
     tried = try_all(
-        frames, channels, outputs, weights, fold, forms, memory=options.memory, progress=progress
+        frames,
+        channels,
+        outputs,
+        weights,
+        fold,
+        forms,
+        memory=options.memory,
+        prior=prior,
+        progress=progress,
     )
     among = tried if options.decoder == AUTO else [t for t in tried if t.candidate.form in forms]
     best = chosen(among)
     progress("train", 0.8, "intervals, and decoders without each channel")
     main = branch(best, frames, channels, outputs, weights, fold, options.level)
     without = {
-        name: _without(k, best, frames, outputs, weights, options)
+        name: _without(k, best, frames, outputs, weights, options, prior)
         for k, name in enumerate(dataset.channels)
         if len(channels) > 1
     }
     rows = tuple(_attempt(t, frames, tested, channels) for t in tried)
     model = TrainedModel(
         dataset.device, dataset.layout, best.candidate.name, dataset.channels, dataset.ids,
-        dataset.rest_points, np.ones(len(channels)), np.zeros(len(channels)), main, without,
+        dataset.rest_points, gain, offset, main, without,
     )  # fmt: skip
     progress("train", 1.0, "done")
     return Training(model, rows, best.candidate.name, frames, tested, wrong)
+
+
+def _gains(prior: Prior, frames: Frames) -> tuple[Float, Float]:
+    """Of the channels against those of the simulation, by the pictures."""
+    channels = range(len(frames.dataset.channels))
+    wrong, _ = wrong_markers(frames.inputs(Past(), channels), frames.points, _clock(frames))
+    points = np.where(wrong[..., None], np.nan, frames.points)
+    decoder = simulated_decoder(prior, frames.dataset.rest_points)
+    return fit_gains(decoder, frames.inputs(Past(), channels), points)
+
+
+def simulated_decoder(prior: Prior, rest_points: Float) -> InputDecoder:
+    """The static decoder of positions that the simulation alone gives."""
+    features = Candidate(QUADRATIC, Past()).features(prior.signals, prior.signals.shape[1])
+    phi = features(prior.signals)
+    whitened = Whitened.of(phi, features.slopes(prior.signals), features.roughness())
+    beta, constant = solve(prior.sums(phi, whitened), np.array([_SIMULATED_NOISE]))
+    weights, shift = whitened.plain(beta[0], constant[0])
+    return InputDecoder(features, weights, shift + rest_points.ravel())
+
+
+def _clock(frames: Frames) -> Float:
+    """(t,) s, far apart between recordings."""
+    return frames.time + 1e6 * frames.of
 
 
 def _weights(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
@@ -117,7 +160,7 @@ def _weights(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
     if not options.weighted:
         return seen.astype(float), np.zeros_like(seen)
     signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
-    wrong, scale = wrong_markers(signals, frames.points, frames.time + 1e6 * frames.of)
+    wrong, scale = wrong_markers(signals, frames.points, _clock(frames))
     return certainty_weights(frames.sigma, seen & ~wrong, scale), wrong
 
 
@@ -149,26 +192,24 @@ def branch(
         guess = _decoder(tried, k, frames)(z[left]).reshape(-1, *outputs.shape[1:])
         errors[left] = np.linalg.norm(guess - frames.points[left], axis=2)
     errors[weights <= 0] = np.nan
-    clock = frames.time + 1e6 * frames.of
-    intervals = conformal(errors, range_.distance(z), clock, level)
+    intervals = conformal(errors, range_.distance(z), _clock(frames), level)
     return Branch(tuple(channels), tried.candidate.past, decoder, range_, intervals)
 
 
 def _decoder(tried: Tried, without: int | None, frames: Frames) -> InputDecoder:
-    """Fitted to all folds, or all but one."""
-    beta, constant = solve(tried.sums.without(without), np.array([tried.noise]))
-    weights, shift = tried.whitened.plain(beta[0], constant[0])
-    return InputDecoder(tried.features, weights, shift + frames.dataset.rest_points.ravel())
+    """Of positions: fitted to all folds, or to all but one."""
+    found = tried.decoder(without)
+    return replace(found, constant=found.constant + frames.dataset.rest_points.ravel())
 
 
 def _without(
     lost: int, best: Tried, frames: Frames, outputs: Float, weights: Float,
-    options: TrainingOptions,
+    options: TrainingOptions, prior: Prior | None,
 ) -> Branch:  # fmt: skip
     """The same form and past from the other channels."""
     others = [k for k in range(len(frames.dataset.channels)) if k != lost]
     fold = fold_of(len(frames), options.folds)
-    tried = try_candidate(best.candidate, frames, others, outputs, weights, fold)
+    tried = try_candidate(best.candidate, frames, others, outputs, weights, fold, prior)
     return branch(tried, frames, others, outputs, weights, fold, options.level)
 
 
@@ -184,7 +225,6 @@ def _range(inputs: Float, signals: Float) -> TrainedRange:
 
 
 def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[int]) -> Attempt:
-    k = tried.path.best
     total = float(tried.sums.weight.sum(0).mean())
     test = None
     if len(tested):
@@ -192,9 +232,9 @@ def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[in
         guess = _decoder(tried, None, frames)(z).reshape(tested.points.shape)
         test = errors_of(guess, tested.points)
     return Attempt(
-        tried.candidate.name, tried.features.count, tried.noise,
-        float(tried.noise * np.sqrt(total)), tried.path.errors[:, k], tried.rmse, test,
-        tried.candidate.past.moved, tried.candidate.past.worked,
+        tried.candidate.name, tried.features.count, tried.path.noise,
+        float(tried.path.noise * np.sqrt(total)), tried.path.folds, tried.rmse, test,
+        tried.candidate.past.moved, tried.candidate.past.worked, tried.worth,
     )  # fmt: skip
 
 

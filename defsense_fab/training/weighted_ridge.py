@@ -78,8 +78,10 @@ class Sums:
             self.group,
         )  # fmt: skip
 
-    def plus(self, other: Sums, times: float) -> Sums:
+    def plus(self, other: Sums | None, times: float) -> Sums:
         """With `times` of the sums of others, which are one fold and of one group or the same."""
+        if other is None or times == 0:
+            return self
         return Sums(
             self.weight + times * other.weight, self.phi + times * other.phi,
             self.square + times * other.square, self.out + times * other.out,
@@ -175,22 +177,42 @@ class RidgePath:
     errors: Float
 
     @property
-    def rmse(self) -> Float:
-        """(s,) over all folds."""
-        return np.asarray(np.sqrt((self.errors**2).mean(0)))
-
-    @property
     def best(self) -> int:
         """The noise with the least error; of those within a thousandth of it, the largest."""
-        rmse = self.rmse
+        rmse = _over(self.errors)
         return int(np.flatnonzero(rmse <= 1.001 * rmse.min())[-1])
 
+    @property
+    def noise(self) -> float:
+        return float(self.noises[self.best])
 
-def cross_validate(found: Sums, noises: Float = NOISES, axes: int = 3) -> RidgePath:
-    """Each fold left out in turn. Errors are of markers with `axes` outputs each."""
+    @property
+    def folds(self) -> Float:
+        """(k,) at the best noise."""
+        return self.errors[:, self.best]
+
+    @property
+    def rmse(self) -> float:
+        """Over all folds, at the best noise."""
+        return float(_over(self.folds))
+
+
+def _over(folds: Float) -> Float:
+    return np.asarray(np.sqrt((folds**2).mean(0)))
+
+
+def cross_validate(
+    found: Sums,
+    prior: Sums | None = None,
+    worth: float = 0.0,
+    noises: Float = NOISES,
+    axes: int = 3,
+) -> RidgePath:
+    """Each fold left out in turn, with `worth` of a prior. Errors are of markers with `axes`
+    outputs each."""
     errors = []
     for k in range(len(found.weight)):
-        beta, constant = solve(found.without(k), noises)
+        beta, constant = solve(found.without(k).plus(prior, worth), noises)
         tested = found.only(k)
         square = np.maximum(squared_error(tested, beta, constant), 0.0).sum(1)
         weight = tested.weight[0][tested.group].sum() / axes
