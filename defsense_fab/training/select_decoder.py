@@ -19,6 +19,7 @@ from .weighted_ridge import RidgePath, Sums, Whitened, cross_validate, solve, su
 #: Time constants, s, among which memories are looked for; the best is refined between these.
 _TIMES = np.logspace(-1, 2, 10)
 _WORKED = np.logspace(-0.5, 2, 6)
+_FEWEST_FOR_MEMORY = 300  # pictures: fewer do not tell hysteresis from chance
 _REFINED = 6  # steps of the golden section
 _WORTH = 0.99  # of the error, that another memory must bring it under
 _SIMPLER = 1.01  # of the least error: a simpler decoder that stays below it is taken
@@ -80,7 +81,7 @@ def try_all(
     for k, candidate in enumerate(static):
         progress("train", 0.1 + 0.1 * k, f"trying {candidate.name}")
         out.append(try_candidate(candidate, frames, channels, outputs, weights, fold, prior))
-    if not memory:
+    if not memory or len(frames) < _FEWEST_FOR_MEMORY:
         return out
     progress("train", 0.4, "fitting time constants")
     found = fit_past(frames, channels, outputs, weights, fold)
