@@ -14,6 +14,7 @@ import numpy as np
 
 from ..core.arrays import Bool, Float, Int
 from ..core.errors import TrainingError
+from .channel_faults import FaultLimits
 from .input_features import InputDecoder
 from .past import Past, PastStream
 
@@ -82,8 +83,9 @@ class Decoded:
 class TrainedModel:
     """`kind` names the decoder; `channels` by name, markers by their numbers `ids` (m,), their
     places at rest (m, 3) mm. `gain` and `offset` (c,) correct the signals: s -> (s - offset)/gain.
-    The `main` branch uses all channels, `without` has one for each channel that may fail. `told`
-    is what there is to know of the training, in plain values: folds, hashes, versions, units."""
+    The `main` branch uses all channels, `without` has one for each channel that may fail; `faults`
+    tells when one has; `poses` are the signals (c,) at the extreme of each pose. `told` is what
+    there is to know of the training, in plain values: folds, hashes, versions, units."""
 
     SCHEMA: ClassVar[int] = 1
 
@@ -97,6 +99,8 @@ class TrainedModel:
     offset: Float
     main: Branch
     without: Mapping[str, Branch] = field(default_factory=dict)
+    faults: FaultLimits | None = None
+    poses: Mapping[str, Float] = field(default_factory=dict)
     told: Mapping[str, Any] = field(default_factory=dict)
 
     def corrected(self, signals: Float) -> Float:

@@ -7,14 +7,11 @@ numbers: a few dozen pictures tell them.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.optimize import least_squares
 
 from ..core.arrays import Float
 from ..decoding.input_features import InputDecoder
-from .dataset import Dataset, Recording
 
 #: Standard deviations that gains and offsets are expected to have.
 GAIN_SPREAD, OFFSET_SPREAD = 0.15, 0.02
@@ -38,12 +35,3 @@ def fit_gains(decoder: InputDecoder, signals: Float, points: Float) -> tuple[Flo
 
     found = least_squares(residuals, np.zeros(2 * c), loss="soft_l1", x_scale="jac")
     return np.exp(found.x[:c]), np.asarray(found.x[c:])
-
-
-def corrected(dataset: Dataset, gain: Float, offset: Float) -> Dataset:
-    """The same with signals (s - offset)/gain."""
-
-    def one(r: Recording) -> Recording:
-        return replace(r, ohm=r.rest * (1 + (r.signals - offset) / gain))
-
-    return replace(dataset, recordings=tuple(one(r) for r in dataset.recordings))

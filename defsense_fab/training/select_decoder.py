@@ -75,12 +75,15 @@ def try_all(
     forms: Sequence[str] = FORMS, *, memory: bool = True, prior: Prior | None = None,
     progress: Progress = silent,
 ) -> list[Tried]:  # fmt: skip
-    """All candidates, the affine one first."""
+    """All candidates. The affine one comes first, and is the paper's: it knows of no prior, and
+    markers that are seen weigh the same."""
     static = [Candidate(form, Past()) for form in dict.fromkeys((AFFINE, *forms))]
     out = []
     for k, candidate in enumerate(static):
         progress("train", 0.1 + 0.1 * k, f"trying {candidate.name}")
-        out.append(try_candidate(candidate, frames, channels, outputs, weights, fold, prior))
+        plain = candidate.form == AFFINE
+        w, p = ((weights > 0).astype(float), None) if plain else (weights, prior)
+        out.append(try_candidate(candidate, frames, channels, outputs, w, fold, p))
     if not memory or len(frames) < _FEWEST_FOR_MEMORY:
         return out
     progress("train", 0.4, "fitting time constants")

@@ -14,20 +14,22 @@ from ..decoding.folds import FOLDS
 from ..decoding.input_features import InputDecoder
 from ..decoding.past import Past
 from ..decoding.ridge import ErrorMeasures
-from ..decoding.trained_model import Branch, TrainedModel, TrainedRange
-from .candidates import FORMS, QUADRATIC, Candidate
-from .channel_gains import corrected, fit_gains
+from ..decoding.trained_model import Branch, TrainedModel
+from .candidates import FORMS
+from .channel_gains import fit_gains
 from .conformal import LEVEL, conformal
 from .dataset import Dataset
+from .fault_limits import fault_limits
 from .frames import Frames
+from .pose_signals import pose_signals
 from .prior import Prior
 from .robust_weights import certainty_weights, wrong_markers
 from .select_decoder import Tried, chosen, try_all, try_candidate
+from .simulated_model import simulated_decoder
 from .splits import TEST_SHARE, first_and_last, fold_of
-from .weighted_ridge import Whitened, solve
+from .trained_range import trained_range
 
 AUTO = "auto"
-_SIMULATED_NOISE = 2e-3  # of the inputs, for a decoder of simulated states alone
 
 
 @dataclass(frozen=True)
@@ -90,15 +92,13 @@ def train(
     """With what the simulation says as a `prior`, if given. Raises TrainingError where there is too
     little to train on."""
     options = options or TrainingOptions()
-    gain, offset = np.ones(len(dataset.channels)), np.zeros(len(dataset.channels))
-    if prior is not None:
-        gain, offset = _gains(prior, first_and_last(Frames.all_of(dataset), options.test_share)[0])
-        dataset = corrected(dataset, gain, offset)
     frames, tested = first_and_last(Frames.all_of(dataset), options.test_share)
     fold = fold_of(len(frames), options.folds)
     outputs = frames.points - dataset.rest_points
     progress("train", 0.0, "looking for wrong markers")
     weights, wrong = _weights(frames, options)
+    if prior is not None:
+        prior = _as_built(prior, frames, wrong)
     _need_every_marker(frames, weights)
     channels = tuple(range(len(dataset.channels)))
     forms = FORMS if options.decoder == AUTO else (options.decoder,)
@@ -125,29 +125,20 @@ def train(
     rows = tuple(_attempt(t, frames, tested, channels) for t in tried)
     model = TrainedModel(
         dataset.device, dataset.layout, best.candidate.name, dataset.channels, dataset.ids,
-        dataset.rest_points, gain, offset, main, without,
+        dataset.rest_points, np.ones(len(channels)), np.zeros(len(channels)), main, without,
+        fault_limits(dataset), pose_signals(dataset.recordings),
     )  # fmt: skip
     progress("train", 1.0, "done")
     return Training(model, rows, best.candidate.name, frames, tested, wrong)
 
 
-def _gains(prior: Prior, frames: Frames) -> tuple[Float, Float]:
-    """Of the channels against those of the simulation, by the pictures."""
-    channels = range(len(frames.dataset.channels))
-    wrong, _ = wrong_markers(frames.inputs(Past(), channels), frames.points, _clock(frames))
+def _as_built(prior: Prior, frames: Frames, wrong: Bool) -> Prior:
+    """What the simulation would say with the channels' own gains and offsets, by the pictures."""
+    signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
     points = np.where(wrong[..., None], np.nan, frames.points)
     decoder = simulated_decoder(prior, frames.dataset.rest_points)
-    return fit_gains(decoder, frames.inputs(Past(), channels), points)
-
-
-def simulated_decoder(prior: Prior, rest_points: Float) -> InputDecoder:
-    """The static decoder of positions that the simulation alone gives."""
-    features = Candidate(QUADRATIC, Past()).features(prior.signals, prior.signals.shape[1])
-    phi = features(prior.signals)
-    whitened = Whitened.of(phi, features.slopes(prior.signals), features.roughness())
-    beta, constant = solve(prior.sums(phi, whitened), np.array([_SIMULATED_NOISE]))
-    weights, shift = whitened.plain(beta[0], constant[0])
-    return InputDecoder(features, weights, shift + rest_points.ravel())
+    gain, offset = fit_gains(decoder, signals, points)
+    return replace(prior, signals=gain * prior.signals + offset)
 
 
 def _clock(frames: Frames) -> Float:
@@ -184,7 +175,7 @@ def branch(
     folds that were left out."""
     z = frames.inputs(tried.candidate.past, channels)
     signals = z[:, : len(channels)]
-    range_ = _range(z, signals)
+    range_ = trained_range(z, signals)
     decoder = _decoder(tried, None, frames)
     errors = np.full(outputs.shape[:2], np.nan)
     for k in range(int(fold.max()) + 1):
@@ -211,17 +202,6 @@ def _without(
     fold = fold_of(len(frames), options.folds)
     tried = try_candidate(best.candidate, frames, others, outputs, weights, fold, prior)
     return branch(tried, frames, others, outputs, weights, fold, options.level)
-
-
-def _range(inputs: Float, signals: Float) -> TrainedRange:
-    middle = inputs.mean(0)
-    spread = np.maximum(inputs.std(0), 1e-9)
-    correlation = np.cov(((inputs - middle) / spread).T).reshape(len(middle), -1)
-    values, vectors = np.linalg.eigh(correlation)
-    whiten = (vectors / np.sqrt(np.maximum(values, 1e-3))) / spread[:, None]
-    apart = np.sqrt((((inputs - middle) @ whiten) ** 2).mean(axis=1))
-    usual = max(float(np.quantile(apart, 0.99)), 1e-9)
-    return TrainedRange(middle, whiten, usual, signals.min(0), signals.max(0))
 
 
 def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[int]) -> Attempt:

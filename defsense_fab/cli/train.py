@@ -1,0 +1,164 @@
+"""The command `defsense train`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.errors import TrainingError
+from .output import console, progress_bars, results, say
+
+if TYPE_CHECKING:
+    from ..core.device import Device
+    from ..training.train_model import Training
+    from .options import Commands
+
+
+def add(commands: Commands) -> None:
+    """`train`."""
+    sub = commands.add_parser(
+        "train",
+        help="a model from recorded sessions: resistances to marker positions",
+        description="Train on processed sessions: the first 70 % of the pictures, in time, for"
+        " training, the last 30 % for testing. Contiguous folds choose the ridge's weight and the"
+        " decoder: affine (DefSense's, always in the table), quadratic, kernel, each also with a"
+        " memory of what the cords did before. With a built device, what the simulation says is"
+        " trained on, too, as far as the folds find it worth; without any session the model is the"
+        " simulation's alone.",
+        examples=[
+            "defsense train my-device/session --device my-device",
+            "defsense train --signals signals.csv --tracks aligned.csv --device my-device"
+            " --out model.json --json",
+            "defsense train --device my-device",
+        ],
+    )
+    sub.add_argument("sources", nargs="*", type=Path, metavar="SESSION",
+                     help="processed sessions, datasets, or XDF files")  # fmt: skip
+    sub.add_argument("--device", type=Path, metavar="DIR", help="folder with device.toml")
+    sub.add_argument("--signals", type=Path, metavar="CSV",
+                     help="in place of sessions: signals or resistances by time")  # fmt: skip
+    sub.add_argument("--tracks", type=Path, metavar="FILE",
+                     help="and the markers (.csv, .npz, .parquet, .c3d, .trc)")  # fmt: skip
+    sub.add_argument("--shift", default="0", metavar="S",
+                     help="s by which signals are later than markers, or auto (0)")  # fmt: skip
+    sub.add_argument("--decoder", default="auto", metavar="NAME",
+                     help="auto, affine, quadratic or kernel (auto)")  # fmt: skip
+    sub.add_argument("--no-memory", action="store_true",
+                     help="only decoders that see the present")  # fmt: skip
+    sub.add_argument("--unweighted", action="store_true",
+                     help="all markers count the same, wrong ones too")  # fmt: skip
+    sub.add_argument("--prior", default="auto", metavar="auto|yes|no",
+                     help="train on the device's simulation, too (auto: if built)")  # fmt: skip
+    sub.add_argument("--test-share", type=float, default=0.3, metavar="X",
+                     help="of the pictures, at the end, to test on (0.3)")  # fmt: skip
+    sub.add_argument("--folds", type=int, default=5, metavar="K", help="contiguous folds (5)")
+    sub.add_argument("--level", type=float, default=0.9, metavar="P",
+                     help="of the intervals (0.9)")  # fmt: skip
+    sub.add_argument("--out", type=Path, metavar="JSON",
+                     help="the model (model.json, of the device or session)")  # fmt: skip
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=_train)
+
+
+def _train(options: argparse.Namespace) -> int:
+    from ..core.device_file import load_device
+
+    device = load_device(options.device) if options.device else None
+    pair = options.signals, options.tracks
+    if (options.signals is None) != (options.tracks is None):
+        raise TrainingError("--signals and --tracks go together: give both, or sessions")
+    if not options.sources and options.signals is None:
+        if device is None:
+            raise TrainingError(
+                "nothing to train on: give sessions, --signals with --tracks, or --device for the"
+                " simulation's own model"
+            )
+        return _simulated(options, device)
+    from ..pipeline.train.datasets import load_datasets
+    from ..pipeline.train.model_file import write_model
+    from ..pipeline.train.train_device import model_path, train_device
+    from ..training.train_model import TrainingOptions
+
+    path = model_path(options.out, device, [p for p in options.sources if p.is_dir()])
+    how = TrainingOptions(
+        options.decoder, not options.no_memory, not options.unweighted, options.test_share,
+        options.folds, options.level,
+    )  # fmt: skip
+    with progress_bars(options) as progress:
+        dataset, notes = load_datasets(
+            options.sources, device, signals=pair[0], tracks=pair[1], shift=_shift(options.shift)
+        )
+        result, more = train_device(dataset, device, how, prior=options.prior, progress=progress)
+    write_model(path, result.model)
+    with results():
+        if options.json:
+            told = {"model": str(path), "notes": [*notes, *more], **result.model.told}
+            sys.stdout.write(json.dumps(told, indent=1) + "\n")
+        else:
+            _show(result, path, options, [*notes, *more])
+    return 0
+
+
+def _shift(text: str) -> float | None:
+    """s; None is to be found."""
+    if text == "auto":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise TrainingError(f"--shift {text}: give s, or auto") from None
+
+
+def _simulated(options: argparse.Namespace, device: Device) -> int:
+    from ..pipeline.train.model_file import write_model
+    from ..pipeline.train.train_device import model_path, simulate_only
+
+    path = model_path(options.out, device, [])
+    model = simulate_only(device)
+    write_model(path, model)
+    with results():
+        if options.json:
+            told = {"model": str(path), "decoder": model.kind, **model.told}
+            sys.stdout.write(json.dumps(told, indent=1) + "\n")
+            return 0
+        say([
+            f"{path}: {model.kind}, from {model.told['trained_on']}. Cords differ, and nothing of"
+            " this one was measured: expect errors of several times the prediction until it is"
+            " trained.",
+            f"Next:    defsense capture record {options.device} ..., then defsense train SESSION"
+            f" --device {options.device}",
+        ])  # fmt: skip
+    return 0
+
+
+def _show(result: Training, path: Path, options: argparse.Namespace, notes: list[str]) -> None:
+    from rich.table import Table
+
+    out = console()
+    table = Table(title="errors of markers, mm")
+    for name in ("decoder", "folds, RMSE", "test, RMSE", "peak", "average peak", "lambda", ""):
+        table.add_column(name, justify="left" if name in ("decoder", "") else "right")
+    for a in result.attempts:
+        test = ["-"] * 3
+        if a.test is not None:
+            sd = a.test.per_state.std()
+            test = [f"{a.test.rmse:.2f} ± {sd:.2f}", f"{a.test.peak:.2f}",
+                    f"{a.test.average_peak:.2f}"]  # fmt: skip
+        mark = "chosen" if a.name == result.chosen else ""
+        table.add_row(a.name, f"{a.cross_validated:.2f}", *test, f"{a.lambda_:.2g}", mark)
+    out.print(table)
+    chosen = next(a for a in result.attempts if a.name == result.chosen)
+    about = [f"trained on {len(result.trained)} pictures, tested on the {len(result.tested)} after"]
+    if chosen.moved or chosen.worked:
+        times = [f"{t:.2g} s" for t in (*chosen.moved, *chosen.worked)]
+        about.append(f"memory: {', '.join(times)}")
+    if result.wrong.any():
+        share = result.wrong.sum() / max(int(result.trained.seen.sum()), 1)
+        about.append(f"{share:.1%} of the markers were wrong, and left out")
+    say([f"note: {n}" for n in [*about, *notes]])
+    sessions = " ".join(map(str, options.sources)) or "SESSION"
+    say([f"Wrote:   {path}", f"Next:    defsense evaluate {path} {sessions}"])

@@ -1,0 +1,121 @@
+"""A routine of seconds after a cord was replaced or has aged: rest, and a few poses.
+
+Signals at a pose's extreme are x_pc = g_c a_p y_pc, y those of the training, a_p how far the pose
+was shown this time, near one; g_c the channels' gains: one, but for those that changed. Gains that
+lie far from one cost little more than those that lie near (soft L1), so that one cord which changed
+is found rather than spread over all. The offset is what the signals are at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..core.arrays import Float
+from ..core.errors import TrainingError
+from ..decoding.trained_model import TrainedModel
+from .dataset import Recording
+from .pose_signals import pose_signals, shows
+
+_SHOWN, _GAINS = 0.08, 0.03  # spreads of log a and log g
+_OFF = 0.06  # of a pose's own signal, and so much more, by which one show differs from the next
+_MORE = 0.003
+_ENOUGH = 2.0  # root mean square of what is left, in what one show differs by
+_FAR = 2.0  # a gain beyond which, or below whose inverse, the cord is another one
+
+
+@dataclass(frozen=True)
+class Recalibration:
+    """The corrected model; gains and offsets (c,) that were found, and their standard errors (c,);
+    how well they explain the poses (`left`, 1 is usual); why they do not suffice, if so."""
+
+    model: TrainedModel
+    gain: Float
+    offset: Float
+    error: Float
+    left: float
+    problems: tuple[str, ...]
+
+
+def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalibration:
+    """From recordings of rest and poses that the model was trained on. Raises TrainingError where
+    these are missing."""
+    offset = rest_offset(recordings)
+    zeroed = [replace(r, ohm=r.rest * (1 + r.signals - offset)) for r in recordings]
+    now = pose_signals(zeroed)
+    both = [name for name in now if name in model.poses]
+    if len(both) < 2:
+        raise TrainingError(
+            f"re-calibration needs two poses or more of {', '.join(model.poses) or 'none'}, and"
+            f" the recording shows {', '.join(now) or 'none'}; record rest and three poses"
+        )
+    x = np.array([now[name] for name in both])
+    y = model.gain * np.array([model.poses[name] for name in both])
+    gain, error, left = _gains(x, y)
+    found = replace(model, gain=model.gain * gain, offset=offset)
+    return Recalibration(found, gain, offset, error, left, _problems(model, gain, error, left))
+
+
+def rest_offset(recordings: Sequence[Recording]) -> Float:
+    """What the signals (c,) are at rest, where rest was asked for; zero where it was not."""
+    at_rest = [r.signals[part] for r in recordings for name, part in shows(r) if name == "rest"]
+    if not at_rest or not sum(map(len, at_rest)):
+        return np.zeros(recordings[0].ohm.shape[1])
+    return np.asarray(np.nanmedian(np.concatenate(at_rest), axis=0))
+
+
+def _gains(x: Float, y: Float) -> tuple[Float, Float, float]:
+    p, c = x.shape
+    scale = _OFF * np.linalg.norm(y, axis=1, keepdims=True) / np.sqrt(c) + _MORE
+
+    def residuals(z: Float) -> Float:
+        gains, shown = np.exp(z[:c]), np.exp(z[c:])
+        off = (x - shown[:, None] * gains * y) / scale
+        # Gains by the root of soft L1, the rest as it is.
+        g = z[:c] / _GAINS
+        return np.concatenate(
+            [off.ravel(), z[c:] / _SHOWN, np.sign(g) * np.sqrt(2 * (np.sqrt(1 + g**2) - 1))]
+        )
+
+    starts = [np.zeros(p + c)]
+    ratio = np.median(x / np.where(np.abs(y) > _MORE, y, np.nan), axis=0)
+    for k in range(c):
+        start = np.zeros(p + c)
+        start[k] = np.log(np.clip(np.nan_to_num(ratio[k], nan=1.0), 0.3, 3.0))
+        starts.append(start)
+    best = min((least_squares(residuals, s) for s in starts), key=lambda f: float(f.cost))
+    off = residuals(best.x)[: p * c]
+    J = best.jac
+    covariance = np.linalg.pinv(J.T @ J)
+    error = np.exp(best.x[:c]) * np.sqrt(np.maximum(np.diag(covariance)[:c], 0.0))
+    return np.exp(best.x[:c]), error, float(np.sqrt((off**2).mean()))
+
+
+def _problems(model: TrainedModel, gain: Float, error: Float, left: float) -> tuple[str, ...]:
+    out = []
+    if left > _ENOUGH:
+        out.append(
+            f"gains do not explain what the poses show ({left:.1f} times what one show usually"
+            " differs by): the cords lie otherwise, or the poses were shown otherwise; train again"
+        )
+    for name, g, e in zip(model.channels, gain, error, strict=True):
+        if not 1 / _FAR < g < _FAR:
+            out.append(f"{name}: its gain changed by {g:.2f}, as another cord's; train again")
+        elif e > 0.15:
+            out.append(f"{name}: these poses hardly strain it (gain {g:.2f} ± {e:.2f})")
+    return tuple(out)
+
+
+def as_told(found: Recalibration) -> Mapping[str, object]:
+    """In plain values, for `--json`."""
+    names = found.model.channels
+    return {
+        "gain": dict(zip(names, found.gain.tolist(), strict=True)),
+        "error": dict(zip(names, found.error.tolist(), strict=True)),
+        "offset": dict(zip(names, found.offset.tolist(), strict=True)),
+        "left": found.left,
+        "problems": list(found.problems),
+    }
