@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from defsense_fab.decoding.past import Past, PastStream
+
+
+def test_a_step_decays_with_the_time_constant() -> None:
+    time = np.concatenate([[0.0, 1.0], 1.001 + np.arange(0, 5, 0.01)])
+    step = np.where(time > 1.0005, 0.1, 0.0)[:, None]
+    z = Past(moved=(2.0,))(time, step)
+    expected = 0.1 * np.exp(-(time - 1.001) / 2.0)
+    np.testing.assert_allclose(z[2:, 1], expected[2:], rtol=1e-3)
+
+
+def test_a_slope_lags_by_the_slope_times_the_time_constant() -> None:
+    time = np.linspace(0, 30, 200)
+    z = Past(moved=(1.5,))(time, 0.02 * time[:, None])
+    assert z[-1, 1] == pytest.approx(0.03, rel=1e-6)
+
+
+def test_the_rate_of_sampling_does_not_matter() -> None:
+    coarse = np.arange(0, 10, 0.1)
+    fine = np.arange(0, 9.9 + 1e-9, 0.01)
+    signal = np.random.default_rng(0).normal(size=(len(coarse), 2)).cumsum(0)
+    between = np.stack([np.interp(fine, coarse, s) for s in signal.T], axis=1)
+    past = Past(moved=(0.4, 3.0))
+    np.testing.assert_allclose(past(coarse, signal), past(fine, between)[::10], atol=1e-9)
+
+
+def test_work_grows_with_the_way_in_either_direction() -> None:
+    time = np.arange(0, 20, 1 / 60)
+    up = np.clip(time - 5, 0, 1)[:, None]
+    q = Past(worked=(1000.0,))(time, np.concatenate([up, -up], axis=1))[:, 2:]
+    np.testing.assert_allclose(q[:, 0], q[:, 1])
+    assert q[-1, 0] == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_stream_says_what_the_whole_says() -> None:
+    rng = np.random.default_rng(1)
+    time = np.sort(rng.uniform(0, 20, 300))
+    signals = rng.normal(size=(300, 3)).cumsum(0) * 0.01
+    signals[100:110, 1] = np.nan
+    past = Past((0.3, 8.0), (2.0,))
+    stream = PastStream(past, 3)
+    one = np.array([stream(t, s) for t, s in zip(time, signals, strict=True)])
+    np.testing.assert_array_equal(one, past(time, signals))
+    assert np.isnan(one[100:110, 1]).all()
+    assert np.isfinite(one[110:]).all()
+
+
+def test_without_a_past_the_signals_are_all() -> None:
+    signals = np.random.default_rng(0).normal(size=(5, 2))
+    np.testing.assert_array_equal(Past()(np.arange(5.0), signals), signals)
