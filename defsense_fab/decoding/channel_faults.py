@@ -57,14 +57,16 @@ def find_faults(limits: FaultLimits, time: Float, signals: Float) -> list[Channe
 
 def unchanged(time: Float, signal: Float) -> Float:
     """For how long (n,) s a signal (n,) has been exactly the same."""
-    changed = np.append(True, np.diff(signal) != 0)
+    with np.errstate(invalid="ignore"):  # of an open circuit
+        changed = np.append(True, np.diff(signal) != 0)
     since = np.maximum.accumulate(np.where(changed, np.arange(len(signal)), 0))
     return np.asarray(time - time[since])
 
 
 def second_jumps(time: Float, signal: Float) -> Float:
     """Root mean square (n,) of the differences of a signal (n,), over the second before."""
-    square = np.append(0.0, np.diff(signal)) ** 2
+    with np.errstate(invalid="ignore"):
+        square = np.append(0.0, np.diff(signal)) ** 2
     square[~np.isfinite(square)] = 0.0
     total = np.append(0.0, np.cumsum(square))
     first = np.searchsorted(time, time - 1.0)
@@ -81,7 +83,8 @@ def _stuck(limits: FaultLimits, time: Float, signals: Float, channel: int) -> Bo
     moved = np.zeros(len(time), bool)
     for k in np.flatnonzero(long):
         window = others[max(k - span, 0) : k + 1]
-        moved[k] = bool((np.ptp(window, axis=0) > np.delete(limits.moves, channel)).any())
+        with np.errstate(invalid="ignore"):
+            moved[k] = bool((np.ptp(window, axis=0) > np.delete(limits.moves, channel)).any())
     return np.asarray(long & moved)
 
 

@@ -51,15 +51,13 @@ def coverage(frames: Frames, prior: Prior) -> Coverage:
     with np.errstate(all="ignore"):
         rested = np.sqrt(np.nanmean((moved[end] ** 2).sum(2), axis=1))
     ends = bool(np.median(rested) <= max(_LEAST, 0.1 * float(away.max())))
-    return Coverage(prior.names, nearest, seen, ends, _advice(prior, away, nearest, seen, ends))
+    return Coverage(prior.names, nearest, seen, ends, _advice(prior, nearest, seen, ends))
 
 
-def _advice(
-    prior: Prior, away: Float, nearest: Float, seen: Bool, ends_at_rest: bool
-) -> tuple[str, ...]:
+def _advice(prior: Prior, nearest: Float, seen: Bool, ends_at_rest: bool) -> tuple[str, ...]:
     missing = np.flatnonzero(~seen[1:]) + 1
     # What is farthest from all that was shown, first.
-    order = missing[np.argsort(-(nearest[missing] / np.maximum(away[missing], 1e-9)))]
+    order = missing[np.argsort(-nearest[missing])]
     out = [
         f"show {prior.names[k]}: pictures came within {nearest[k]:.1f} mm" for k in order[:_TOLD]
     ]

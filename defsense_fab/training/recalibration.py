@@ -2,7 +2,7 @@
 
 Signals at a pose's extreme are x_pc = g_c a_p y_pc, y those of the training, a_p how far the pose
 was shown this time, near one; g_c the channels' gains: one, but for those that changed. Gains that
-lie far from one cost little more than those that lie near (soft L1), so that one cord which changed
+lie far from one cost little more than those that lie near (Cauchy), so that one cord which changed
 is found rather than spread over all. The offset is what the signals are at rest.
 """
 
@@ -20,9 +20,9 @@ from ..decoding.trained_model import TrainedModel
 from .dataset import Recording
 from .pose_signals import pose_signals, shows
 
-_SHOWN, _GAINS = 0.08, 0.03  # spreads of log a and log g
-_OFF = 0.06  # of a pose's own signal, and so much more, by which one show differs from the next
-_MORE = 0.003
+_SHOWN, _GAINS = 0.15, 0.1  # spreads of log a and log g
+_OFF = 0.04  # of a pose's own signal, and so much more, by which one show differs from the next
+_MORE = 0.0015
 _ENOUGH = 2.0  # root mean square of what is left, in what one show differs by
 _FAR = 2.0  # a gain beyond which, or below whose inverse, the cord is another one
 
@@ -74,11 +74,8 @@ def _gains(x: Float, y: Float) -> tuple[Float, Float, float]:
     def residuals(z: Float) -> Float:
         gains, shown = np.exp(z[:c]), np.exp(z[c:])
         off = (x - shown[:, None] * gains * y) / scale
-        # Gains by the root of soft L1, the rest as it is.
-        g = z[:c] / _GAINS
-        return np.concatenate(
-            [off.ravel(), z[c:] / _SHOWN, np.sign(g) * np.sqrt(2 * (np.sqrt(1 + g**2) - 1))]
-        )
+        g = z[:c] / _GAINS  # Cauchy's, as far as it is from the least squares of the rest
+        return np.concatenate([off.ravel(), z[c:] / _SHOWN, np.sign(g) * np.sqrt(np.log1p(g**2))])
 
     starts = [np.zeros(p + c)]
     ratio = np.median(x / np.where(np.abs(y) > _MORE, y, np.nan), axis=0)

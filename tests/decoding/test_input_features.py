@@ -1,3 +1,5 @@
+"""Features of trained decoders: slopes, noise, roughness."""
+
 from __future__ import annotations
 
 import numpy as np

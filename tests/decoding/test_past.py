@@ -1,3 +1,5 @@
+"""Memories of signals against closed forms, and sample by sample."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Ridge over folds against scikit-learn, and folds that are shuffled."""
+
 from __future__ import annotations
 
 import numpy as np
