@@ -47,7 +47,7 @@ def test_channels_go_by_name_and_markers_by_number():
         ({"device": "bun"}, "session-2 is of the device 'bun', and session-1 of 'bar'"),
         ({"layout": "other"}, r"cords laid differently \(layouts abc and other\)"),
         ({"channels": ("left", "middle", "top")}, "session-2: has no channel right: its channels"),
-        ({"rest_points": REST + np.array([0, 0, 4])}, r"session-2: marker 1 is 4\.0 mm from where session-1"),
+        ({"rest_points": REST + np.array([0, 0, 4])}, r"marker 1 is 4\.0 mm from where session-1"),
     ],
 )  # fmt: skip
 def test_what_does_not_go_together(other, says):

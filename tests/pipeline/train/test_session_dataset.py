@@ -106,9 +106,7 @@ def test_sessions_that_cannot_be_used_say_what_to_run(processed, tmp_path):
     with pytest.raises(TrainingError, match="is no session"):
         session_dataset([tmp_path])
     raw = memory.create(tmp_path / "raw", 2, 12)
-    with pytest.raises(
-        TrainingError, match=f"not processed yet.*defsense capture process {raw.folder}"
-    ):
+    with pytest.raises(TrainingError, match=f"not processed yet.*capture process {raw.folder}"):
         session_dataset([raw.folder])
     later = shutil.copytree(session.folder, tmp_path / "later")
     shutil.copytree(later / "run-2", later / "run-3")
@@ -141,7 +139,7 @@ def test_times_that_go_back_are_left_out(processed, tmp_path):
     # The one of another's time, and the one without.
     assert len(whole.sample_time) - len(r.sample_time) == 2
     assert (np.diff(r.sample_time) > 0).all()
-    broken = lines[:50] + ["run-1,1,2,3"]
+    broken = [*lines[:50], "run-1,1,2,3"]
     (back / "samples.csv").write_text("\n".join(broken) + "\n")
     with pytest.raises(TrainingError, match=r"samples\.csv:51: 4 cells under 12 columns"):
         session_dataset([back])
