@@ -68,6 +68,32 @@ def in_order(part: Dataset, channels: Sequence[str]) -> Dataset:
     return replace(part, channels=tuple(channels), recordings=recordings)
 
 
+def without(
+    dataset: Dataset, channels: Sequence[str] = (), recordings: Sequence[str] = ()
+) -> Dataset:
+    """All but some channels and recordings. Raises TrainingError for names that there are not, and
+    where nothing is left."""
+    for what, names, known in (
+        ("channel", channels, dataset.channels),
+        ("recording", recordings, tuple(r.name for r in dataset.recordings)),
+    ):
+        others = [name for name in names if name not in known]
+        if others:
+            raise TrainingError(f"there is no {what} {others[0]}; there are {', '.join(known)}")
+        if len(set(names)) == len(known):
+            raise TrainingError(f"no {what} is left; leave fewer out")
+    kept = [k for k, name in enumerate(dataset.channels) if name not in channels]
+    return replace(
+        dataset,
+        channels=tuple(dataset.channels[k] for k in kept),
+        recordings=tuple(
+            replace(r, ohm=r.ohm[:, kept], rest=r.rest[kept])
+            for r in dataset.recordings
+            if r.name not in recordings
+        ),
+    )
+
+
 def _matched(part: Dataset, channels: tuple[str, ...], ids: Int) -> list[Recording]:
     missing = [c for c in channels if c not in part.channels]
     others = [c for c in part.channels if c not in channels]

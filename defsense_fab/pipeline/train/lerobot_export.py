@@ -21,7 +21,6 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import TrainingError
 from ...core.files import storage_errors, write_text
-from ...decoding.trained_model import at_times
 from ...training.dataset import Dataset, Recording
 from .dataset_parquet import parquet_library
 
@@ -109,7 +108,7 @@ def _episode(r: Recording, fps: int, number: int, first: int) -> dict[str, Any]:
     # A picture's own time counts, not that of its place in the grid.
     at = np.where(far, when, r.time[near])
     return {
-        "observation.state": at_times(at, r.sample_time, r.signals).astype(np.float32),
+        "observation.state": r.signals_at(at).astype(np.float32),
         "action": places.astype(np.float32),
         "timestamp": (k / fps).astype(np.float32),
         "frame_index": k,
