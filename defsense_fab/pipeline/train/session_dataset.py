@@ -60,9 +60,9 @@ def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Da
             f" has ({layout_hash(layout)}); train with the build that it was recorded with, or"
             " record anew"
         )
-    tracks = read_any(folder / ALIGNED)
+    signals = read_table(folder / SIGNALS)
+    tracks = _taken(read_any(folder / ALIGNED), signals)
     samples = read_table(folder / SAMPLES) if (folder / SAMPLES).exists() else None
-    signals = read_table(folder / SIGNALS) if samples is None else None
     runs = quality["runs"]
     recordings, skipped = [], [f"{s['run']}: {s['why']}" for s in quality.get("skipped", [])]
     for run in runs:
@@ -134,7 +134,7 @@ def _processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
 
 def _recording(
     folder: Path, session: CaptureSession, run: Mapping[str, Any], quality: Mapping[str, Any],
-    tracks: Tracks, samples: Table | None, signals: Table | None, runs: int,
+    tracks: Tracks, samples: Table | None, signals: Table, runs: int,
 ) -> Recording | str:  # fmt: skip
     """A run, or why it cannot be used."""
     name, c = str(run["run"]), len(session.channels)
@@ -148,12 +148,10 @@ def _recording(
         time = samples["time"][rows]
         ohm = samples.columns([f"{channel}_ohm" for channel in session.channels])[rows]
     else:
-        assert signals is not None
         rows = np.ones(len(signals.values), bool) if runs == 1 else _within(signals["time"], run)
         time, s = signals["time"][rows], signals.columns(session.channels)[rows]
         R0 = np.where(np.isfinite(R0), R0, 1.0)
-        k = np.clip(np.searchsorted(part.time, time - _ROUNDING), 0, len(part.time) - 1)
-        time = np.where(np.abs(part.time[k] - time) < _ROUNDING, part.time[k], time)
+        time = _rounded(time, part.time)
         there = np.isfinite(s).any(axis=1)  # frames that were dropped have none
         time, ohm = time[there], (R0 * (1 + s))[there]
     kept = rising(time)
@@ -167,6 +165,21 @@ def _recording(
         part.time, part.points, part.sigma, None if error is None else error / 1e3,
         tuple((float(at), str(pose)) for at, pose in run.get("steps", [])),
     )  # fmt: skip
+
+
+def _taken(tracks: Tracks, signals: Table) -> Tracks:
+    """Without the frames that were filled in for those that a camera dropped: nothing is known at
+    them but their times, in either file."""
+    others = [name for name in signals.names if name not in ("frame", "time")]
+    told = np.isfinite(signals.columns(others)).any(axis=1)
+    times = _rounded(signals["time"][told], tracks.time)
+    return tracks.part(np.isin(tracks.time, times) | tracks.seen.any(axis=1))
+
+
+def _rounded(time: Float, exact: Float) -> Float:
+    """Times (n,) as those (t,) that they are rounded from, where they are."""
+    k = np.clip(np.searchsorted(exact, time - _ROUNDING), 0, len(exact) - 1)
+    return np.where(np.abs(exact[k] - time) < _ROUNDING, exact[k], time)
 
 
 def _within(time: Float, run: Mapping[str, Any]) -> Bool:

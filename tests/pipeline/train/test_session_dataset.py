@@ -18,14 +18,19 @@ from defsense_fab.pipeline.train.session_dataset import session_dataset
 from tests.places import BAR
 
 SECONDS = 14.0
+SAMPLES, FRAMES = 60.0, (30.0, 15.0)  # Hz
 
 
 @pytest.fixture(scope="module")
 def processed(tmp_path_factory):
-    """A session of two runs whose cords had drifted in between, and what processing gave."""
+    """A session of two runs whose cords had drifted in between, with samples at 60 Hz, before
+    cameras of 30 and 15 pictures a second; and what processing gave."""
     session = memory.create(tmp_path_factory.mktemp("train") / "s", 2, 12)
-    for k, ohm in enumerate((1200.0, 1260.0)):
-        memory.record(session, SECONDS, np.random.default_rng(k), ohm=ohm, led=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(memory, "BOARD_RATE", SAMPLES)
+        for k, (ohm, rate) in enumerate(zip((1200.0, 1260.0), FRAMES, strict=True)):
+            patch.setattr(memory, "RATE", rate)
+            memory.record(session, SECONDS, np.random.default_rng(k), ohm=ohm, led=True)
     return session, process_session(session.folder)
 
 
@@ -47,8 +52,10 @@ def test_each_run_is_a_recording_with_its_own_clock_and_r0(processed):
         assert r.name == f"{session.folder}/run-{k + 1}"
         assert r.rest == pytest.approx([ohm] * 4, rel=1e-3)
         # All of the read-out board's samples, and no frame of the other run or of the pause.
-        assert len(r.sample_time) == SECONDS * memory.BOARD_RATE
-        assert len(r.time) == pytest.approx(SECONDS * memory.RATE, abs=1)
+        assert len(r.sample_time) == SECONDS * SAMPLES
+        assert np.diff(r.sample_time) == pytest.approx(1 / SAMPLES, rel=1e-2)
+        assert len(r.time) == pytest.approx(SECONDS * FRAMES[k], abs=1)
+        assert np.diff(r.time) == pytest.approx(1 / FRAMES[k], rel=1e-2)
         assert r.seen.any(axis=1).all()
         at = np.searchsorted(aligned.time, r.time)
         np.testing.assert_array_equal(r.points, aligned.points[at])
