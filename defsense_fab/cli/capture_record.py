@@ -70,6 +70,7 @@ def add(steps: Commands) -> None:
     sub.add_argument("--reference", metavar="OHM,...", help="of the dividers, or one for all"
                      f" ({REFERENCE:g})")  # fmt: skip
     sub.add_argument("--rate", type=int, default=50, metavar="HZ", help="samples per second (50)")
+    sub.add_argument("--unit", metavar="NAME", help="which device this is, of several built alike")
     sub.add_argument("--video", action="store_true",
                      help="keep the pictures, too: lossless, some 10 MB a second")  # fmt: skip
     sub.add_argument("--auto", action="store_true", help="take no keys: steps follow by themselves")
@@ -145,6 +146,11 @@ def _run(
                 f"{folder}: is a session of {session.device}, not of {device.name}; choose another"
                 " folder with --out"
             )
+        if options.unit is not None and options.unit != session.unit:
+            raise CaptureError(
+                f"{folder}: is a session of the unit {session.unit!r}, not of {options.unit!r};"
+                " choose another folder with --out"
+            )
         if not np.array_equal(session.markers.ids, markers.ids) or not np.allclose(
             session.markers.centers, markers.centers
         ):
@@ -193,16 +199,17 @@ def _begin(
     """A new session."""
     from ..core.errors import CaptureError
     from ..pipeline.artifacts.build_folder import build_folder
-    from ..pipeline.artifacts.layout import LAYOUT, load_layout
+    from ..pipeline.artifacts.layout import LAYOUT, layout_hash, load_layout
     from ..pipeline.sessions import session as sessions
     from ..pipeline.twin.live_twin import known_cameras
 
     built = build_folder(device)
     if (built / LAYOUT).exists():
-        cords = load_layout(built, CaptureError).by_channel()
-        channels: Sequence[str] = [cord.name for cord in cords]
+        layout = load_layout(built, CaptureError)
+        channels: Sequence[str] = [cord.name for cord in layout.by_channel()]
+        known_layout = layout_hash(layout)
     else:
-        channels = [s.name for s in device.sensors]
+        channels, known_layout = [s.name for s in device.sensors], ""
     if options.port == "none":
         channels = []
     reference = references(options.reference or f"{REFERENCE:g}", max(len(channels), 1))
@@ -219,8 +226,15 @@ def _begin(
         steps=sessions.plan([p.name for p in device.poses], options.rounds, options.seconds,
                             options.free, options.rest),
         channels=channels, reference=reference[: len(channels)], calibration=calibration,
-        markers=markers,
+        markers=markers, unit=_unit(options), layout=known_layout,
     )  # fmt: skip
+
+
+def _unit(options: argparse.Namespace) -> str:
+    """The name of the built device; a twin's seed makes another one."""
+    if options.unit is None and options.port == "twin":
+        return f"twin-{twin_values('--cameras', options.cameras[0])[0]}"
+    return options.unit or ""
 
 
 def _openers(

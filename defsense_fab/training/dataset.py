@@ -15,6 +15,7 @@ import numpy as np
 
 from ..core.arrays import Bool, Float, Int
 from ..core.errors import TrainingError
+from ..decoding.trained_model import at_times
 from ..sensing.signal import relative_change
 
 
@@ -63,6 +64,12 @@ class Recording:
         """(R - R0)/R0 (n, c) of the samples."""
         with np.errstate(all="ignore"):
             return relative_change(self.ohm, self.rest)
+
+    def signals_at(self, when: Float) -> Float:
+        """(R - R0)/R0 (t, c) at the times (t,) s: linear between samples, NaN where there are none
+        near, or a channel was open."""
+        known = np.where(np.isfinite(self.signals), self.signals, np.nan)
+        return at_times(when, self.sample_time, known)
 
     @property
     def seen(self) -> Bool:

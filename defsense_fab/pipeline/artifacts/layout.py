@@ -12,6 +12,7 @@ from ...core.arrays import Float
 from ...core.curve import Hermite, Plane
 from ...core.device import Sensor
 from ...core.errors import DefsenseError, StorageError
+from ...core.files import digest
 from ...core.prediction import Prediction
 from ...core.response import MeasuredResponse
 from ...sensing.built_cord import BuiltCord
@@ -171,6 +172,21 @@ class PredictionRecord:
     signals: Float
     errors: Float
     decoder: Mapping[str, Any]
+
+
+def layout_hash(layout: LayoutRecord) -> str:
+    """Of where the cords run, by channel, and how thick they are: of the same cords it is the same,
+    whatever else is predicted of them."""
+    return digest(
+        *(
+            (
+                c.name, c.channel, c.cord_diameter, c.plane.origin.tolist(),
+                c.plane.normal.tolist(), c.plane.x_axis.tolist(), c.control_points.tolist(),
+                c.tangents.tolist(),
+            )
+            for c in layout.by_channel()
+        )
+    )  # fmt: skip
 
 
 def save_layout(folder: Path, layout: LayoutRecord, prediction: PredictionRecord) -> None:

@@ -19,7 +19,8 @@ OLD_FILE = "session.toml"
 @dataclass(frozen=True)
 class CaptureManifest:
     """Of a session before cameras: the poses to show and for how many seconds; the channels' names
-    and reference resistors, ohm; when it was begun (ISO 8601)."""
+    and reference resistors, ohm; when it was begun (ISO 8601); which built device it is of (`unit`)
+    and the hash of its cords' `layout`, empty where not known."""
 
     SCHEMA: ClassVar[int] = 1
 
@@ -28,6 +29,8 @@ class CaptureManifest:
     channels: tuple[str, ...]
     reference: tuple[float, ...]
     steps: tuple[tuple[str, float], ...]
+    unit: str = ""
+    layout: str = ""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ... import __version__
 from ...capture.cameras.rig_file import Rig
 from ...capture.cameras.video import Video, timing
 from ...capture.clocks.clock_fit import fit_clocks
@@ -33,8 +34,9 @@ from .recorded_tags import CameraRecording, read_camera_tags
 from .report import lengths, write_report
 from .rest_frame import lay_on_rest
 from .rest_resistance import rest_resistances
+from .run_steps import begun, resting
 from .sample_table import ClockPart, write_samples
-from .session import BOARD, CAMERAS, REST, CaptureSession, ending, load, read_log
+from .session import BOARD, CAMERAS, CaptureSession, ending, load, read_log
 from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
 
 TRACKS, ALIGNED, SIGNALS, SAMPLES, QUALITY, REPORT = (
@@ -52,6 +54,7 @@ class _ProcessedRun:
     sync: dict[str, Any]
     told: dict[str, Any]
     clocks: list[ClockPart]
+    steps: list[tuple[float, str]]
 
 
 def process_session(
@@ -130,15 +133,16 @@ def _run(session: CaptureSession, run: Path, *, video: bool, progress: Progress)
         ohm, told, clocks = signals_in_step(session, recording, cameras, start, shift, tracks)
         if recording.cut:
             lost.append(f"lines of {run.name}/{BOARD}: {recording.cut}")
-    rest = _resting(events, tracks.time, start)
+    rest = resting(events, tracks.time, start)
     cut = sum(c.cut for c in cameras)
     lost += [f"lines of {n}'s files: {c.cut}" for n, c in zip(names, cameras, strict=True) if c.cut]
     if lost:
         processed.quality["warnings"].append(f"cut or damaged, and left out: {', '.join(lost)}")
     processed.quality["warnings"] += _ends_early(names, watched)
     return _ProcessedRun(
-        processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}, clocks
-    )
+        processed, ohm, rest, told, {"run": run.name, "ended": ending(run), "cut": cut}, clocks,
+        begun(events, start),
+    )  # fmt: skip
 
 
 def _recorded(session: CaptureSession, run: Path) -> tuple[Rig, list[CameraRecording], list[str]]:
@@ -196,10 +200,14 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
     processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int8), quality, *none)
     at = at_times(sync.to_device(tracks.time), device, ohm)
     arrival = fit_clocks(device, recording.host_ns / 1e9)
-    rest = _resting(read_log(run), arrival.to_host(sync.to_device(tracks.time)), 0)
+    events = read_log(run)
+    rest = resting(events, arrival.to_host(sync.to_device(tracks.time)))
+    shown = begun(events)
+    heard = (np.array([at for at, _ in shown]) - arrival.offset) / (1 + arrival.drift)
+    steps = [(float(t), name) for t, (_, name) in zip(sync.to_camera(heard), shown, strict=True)]
     about = {"run": run.name, "ended": ending(run), "cut": recording.cut, "tracks_of": str(path)}
     clocks = [ClockPart(slice(0, len(device)), sync.offset, sync.drift)]
-    return _ProcessedRun(processed, at, rest, about_sync, about, clocks)
+    return _ProcessedRun(processed, at, rest, about_sync, about, clocks, steps)
 
 
 def _ends_early(names: Sequence[str], watched: Sequence[VideoDetections]) -> list[str]:
@@ -242,19 +250,6 @@ def _again(
     return tags.without(rows != frame), count - len(time)
 
 
-def _resting(events: Sequence[dict[str, Any]], time: Float, start: int) -> Bool:
-    """Frames (t,) of finished rests, but for their beginnings."""
-    out = np.zeros(len(time), bool)
-    begun: dict[int, float] = {}
-    for event in events:
-        at, k = (event.get("host_ns", 0) - start) / 1e9, event.get("step", -1)
-        if event.get("event") == "step" and event.get("name") == REST:
-            begun[k] = at
-        elif event.get("event") == "done" and k in begun:
-            out |= (time > begun[k] + 0.3 * (at - begun[k])) & (time < at)
-    return out
-
-
 def _join(
     session: CaptureSession,
     runs: list[_ProcessedRun],
@@ -266,6 +261,7 @@ def _join(
     count, time, begin, dropped = len(resting), list[Float](), 0.0, 0
     clocks: dict[str, list[ClockPart]] = {}
     rates: list[float] = []
+    spans: list[dict[str, Any]] = []
     for run in runs:
         own = run.processed.tracks.time
         grid = frame_grid(own)
@@ -275,6 +271,9 @@ def _join(
         time.append(own + begin - own[0])
         later = begin - float(own[0])
         clocks[str(run.told["run"])] = [part.later(later) for part in run.clocks]
+        ends = float(time[-1][0]), float(time[-1][-1])
+        steps = [[at + later, name] for at, name in run.steps]
+        spans.append({"begin": ends[0], "end": ends[1], "steps": steps})
         pause = _PAUSE if grid is None else max(round(_PAUSE / grid.period), 1) * grid.period
         begin = float(time[-1][-1]) + pause
     corners = _corners(runs, ids[session.markers.anchor])
@@ -301,8 +300,12 @@ def _join(
     back = Tracks(T, ids, aligned.points, aligned.sigma, number)
     with np.errstate(all="ignore"):
         quality = {
-            "session": str(session.folder), "device": session.device,
-            "runs": [r.told | {"sync": r.sync, "tracks": r.processed.quality} for r in runs],
+            "session": str(session.folder), "device": session.device, "version": __version__,
+            "unit": session.unit, "layout": session.layout,
+            "runs": [
+                r.told | span | {"sync": r.sync, "tracks": r.processed.quality}
+                for r, span in zip(runs, spans, strict=True)
+            ],
             "skipped": list(skipped), "frames": len(T), "seconds": float(T[-1] - T[0]),
             "rate": 1 / grid.period if grid is not None and even else None, "dropped": dropped,
             "aligned_by": laid.by, "aligned_frames": float(aligned.ok.mean()),

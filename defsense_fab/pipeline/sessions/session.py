@@ -44,7 +44,8 @@ class PoseStep:
 
 @dataclass(frozen=True)
 class CaptureSession:
-    """What `session.json` says, with the cameras and tags beside it; `reference` (c,) ohm."""
+    """What `session.json` says, with the cameras and tags beside it; `reference` (c,) ohm; `unit`
+    and the hash of the cords' `layout`, empty where not known."""
 
     folder: Path
     device: str
@@ -54,6 +55,8 @@ class CaptureSession:
     rig: Rig
     markers: Markers
     begun: str
+    unit: str = ""
+    layout: str = ""
 
     @property
     def runs(self) -> list[Path]:
@@ -64,7 +67,8 @@ class CaptureSession:
 
 def create(
     folder: Path, *, device: str, steps: Sequence[PoseStep], channels: Sequence[str],
-    reference: Sequence[float], calibration: Path | None, markers: Markers,
+    reference: Sequence[float], calibration: Path | None, markers: Markers, unit: str = "",
+    layout: str = "",
 ) -> CaptureSession:  # fmt: skip
     """Begin a session, without cameras where there is no calibration. Raises CaptureError where the
     folder holds one, StorageError."""
@@ -83,6 +87,8 @@ def create(
             tuple(channels),
             tuple(float(r) for r in reference),
             tuple((s.name, float(s.seconds)) for s in steps),
+            unit,
+            layout,
         )
         typed_json.save(folder / FILE, manifest)
     return load(folder)
@@ -99,7 +105,7 @@ def load(folder: Path) -> CaptureSession:
     rig = read_rig(folder / CAMERAS) if (folder / CAMERAS).exists() else Rig(())
     return CaptureSession(
         folder, found.device, tuple(PoseStep(*s) for s in found.steps), found.channels,
-        found.reference, rig, read_markers(folder / MARKERS), found.begun,
+        found.reference, rig, read_markers(folder / MARKERS), found.begun, found.unit, found.layout,
     )  # fmt: skip
 
 

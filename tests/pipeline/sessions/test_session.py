@@ -113,6 +113,8 @@ def test_markers_of_another_system_take_the_cameras_place(tmp_path):
     sync = result.quality["runs"][0]["sync"]
     assert sync["method"] == "motion"
     assert sync["offset"] == pytest.approx(-4, abs=0.02)
+    (shown,) = result.quality["runs"][0]["steps"]  # at the board's beginning, by the tracks' clock
+    assert shown == [pytest.approx(-4, abs=0.03), "rest"]
     assert result.quality["residual"]["95 %"] < 0.01
     lift = result.aligned.points[:, 4, 2]
     assert np.corrcoef(lift, result.signals[:, 0])[0, 1] > 0.99
