@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 
 from .. import __version__
 from ..core.errors import DefsenseError
-from . import build, calibrate, capture, modes, study, train
+from . import build, calibrate, capture, modes, recalibrate, study, train
 from .command_parser import CommandParser
 from .output import progress_bars
 
@@ -113,6 +113,7 @@ def make_parser() -> CommandParser:
     calibrate.add(commands, progress_bars)
     capture.add(commands, progress_bars)
     train.add(commands)
+    recalibrate.add(commands)
     return parser
 
 

@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ..core.errors import TrainingError
 from .output import console, progress_bars, results, say
@@ -42,8 +42,12 @@ def add(commands: Commands) -> None:
                      help="in place of sessions: signals or resistances by time")  # fmt: skip
     sub.add_argument("--tracks", type=Path, metavar="FILE",
                      help="and the markers (.csv, .npz, .parquet, .c3d, .trc)")  # fmt: skip
+    sub.add_argument("--markers", type=Path, metavar="JSON",
+                     help="where these are at rest (markers.json, of the device)")  # fmt: skip
+    sub.add_argument("--offset", default="0", metavar="S",
+                     help="by which the tracks' clock is ahead, or auto (0)")  # fmt: skip
     sub.add_argument("--shift", default="0", metavar="S",
-                     help="s by which signals are later than markers, or auto (0)")  # fmt: skip
+                     help="to add to the times of the signals, or auto (0)")  # fmt: skip
     sub.add_argument("--decoder", default="auto", metavar="NAME",
                      help="auto, affine, quadratic or kernel (auto)")  # fmt: skip
     sub.add_argument("--no-memory", action="store_true",
@@ -68,7 +72,6 @@ def _train(options: argparse.Namespace) -> int:
     from ..core.device_file import load_device
 
     device = load_device(options.device) if options.device else None
-    pair = options.signals, options.tracks
     if (options.signals is None) != (options.tracks is None):
         raise TrainingError("--signals and --tracks go together: give both, or sessions")
     if not options.sources and options.signals is None:
@@ -78,8 +81,8 @@ def _train(options: argparse.Namespace) -> int:
                 " simulation's own model"
             )
         return _simulated(options, device)
-    from ..pipeline.train.datasets import load_datasets
     from ..pipeline.train.model_file import write_model
+    from ..pipeline.train.prepare import prepare
     from ..pipeline.train.train_device import model_path, train_device
     from ..training.train_model import TrainingOptions
 
@@ -89,8 +92,15 @@ def _train(options: argparse.Namespace) -> int:
         options.folds, options.level,
     )  # fmt: skip
     with progress_bars(options) as progress:
-        dataset, notes = load_datasets(
-            options.sources, device, signals=pair[0], tracks=pair[1], shift=_shift(options.shift)
+        dataset, notes = prepare(
+            options.sources,
+            device,
+            signals=options.signals,
+            tracks=options.tracks,
+            markers=options.markers,
+            offset=_seconds("--offset", options.offset),
+            shift=_seconds("--shift", options.shift),
+            progress=progress,
         )
         result, more = train_device(dataset, device, how, prior=options.prior, progress=progress)
     write_model(path, result.model)
@@ -103,14 +113,13 @@ def _train(options: argparse.Namespace) -> int:
     return 0
 
 
-def _shift(text: str) -> float | None:
-    """s; None is to be found."""
+def _seconds(option: str, text: str) -> float | Literal["auto"]:
     if text == "auto":
-        return None
+        return "auto"
     try:
         return float(text)
     except ValueError:
-        raise TrainingError(f"--shift {text}: give s, or auto") from None
+        raise TrainingError(f"{option} {text}: give s, or auto") from None
 
 
 def _simulated(options: argparse.Namespace, device: Device) -> int:
@@ -139,17 +148,20 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
     from rich.table import Table
 
     out = console()
-    table = Table(title="errors of markers, mm")
-    for name in ("decoder", "folds, RMSE", "test, RMSE", "peak", "average peak", "lambda", ""):
-        table.add_column(name, justify="left" if name in ("decoder", "") else "right")
+    table = Table(
+        title="errors of markers, mm: RMSE of folds and test, peaks of the test; *: chosen"
+    )
+    table.add_column("decoder", no_wrap=True)
+    for name in ("folds", "test", "peak", "mean peak", "lambda"):
+        table.add_column(name, justify="right", no_wrap=True)
     for a in result.attempts:
         test = ["-"] * 3
         if a.test is not None:
             sd = a.test.per_state.std()
             test = [f"{a.test.rmse:.2f} ± {sd:.2f}", f"{a.test.peak:.2f}",
                     f"{a.test.average_peak:.2f}"]  # fmt: skip
-        mark = "chosen" if a.name == result.chosen else ""
-        table.add_row(a.name, f"{a.cross_validated:.2f}", *test, f"{a.lambda_:.2g}", mark)
+        mark = "*" if a.name == result.chosen else " "
+        table.add_row(f"{mark} {a.name}", f"{a.cross_validated:.2f}", *test, f"{a.lambda_:.2g}")
     out.print(table)
     chosen = next(a for a in result.attempts if a.name == result.chosen)
     about = [f"trained on {len(result.trained)} pictures, tested on the {len(result.tested)} after"]

@@ -13,7 +13,7 @@ from .in_step import find_shift
 from .problems import Problem, refuse
 
 _EACH = 10  # frames for each weight of a decoder
-_LEAST = 100  # frames
+_LEAST = 50  # frames
 _SHORT = 60.0  # s of frames, fewer than which show little of how a device moves
 _REST = 0.5  # s
 _STILL = 3.0  # mm, root mean square, by which markers at rest are off their places

@@ -1,0 +1,68 @@
+"""The command `defsense recalibrate`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .output import console, results, say
+
+if TYPE_CHECKING:
+    from .options import Commands
+
+
+def add(commands: Commands) -> None:
+    """`recalibrate`."""
+    sub = commands.add_parser(
+        "recalibrate",
+        help="correct a model after a cord was replaced or has aged",
+        description="Correct gain and offset of each channel of a model by a short session of rest"
+        " and a few poses, which needs no camera; says when that is not enough. The poses are"
+        " those that the model was trained on, shown about as far.",
+        examples=[
+            "defsense capture record my-device --cameras none --port /dev/ttyUSB0 --rounds 1"
+            " --seconds 5 --free 0 --rest 5 --out routine",
+            "defsense recalibrate my-device/model.json routine",
+        ],
+    )
+    sub.add_argument("model", type=Path, metavar="MODEL", help="model.json, or its folder")
+    sub.add_argument("sessions", nargs="+", type=Path, metavar="SESSION", help="the routine's")
+    sub.add_argument("--out", type=Path, metavar="JSON",
+                     help="the corrected model (recalibrated.json, beside the model)")  # fmt: skip
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=_recalibrate)
+
+
+def _recalibrate(options: argparse.Namespace) -> int:
+    from ..pipeline.train.model_file import MODEL, load_model, write_model
+    from ..pipeline.train.recalibration_routine import recalibrate_from
+    from ..pipeline.train.train_device import model_path
+    from ..training.recalibration import as_told
+
+    model = load_model(options.model)
+    beside = options.model if options.model.is_dir() else options.model.parent
+    path = model_path(options.out or beside / f"recalibrated{Path(MODEL).suffix}", None, [])
+    found = recalibrate_from(model, options.sessions)
+    write_model(path, found.model)
+    with results():
+        if options.json:
+            told = {"model": str(path), "enough": not found.problems, **as_told(found)}
+            sys.stdout.write(json.dumps(told, indent=1) + "\n")
+            return 0
+        from rich.table import Table
+
+        table = Table(title="what has changed since the training")
+        for name in ("channel", "gain", "offset"):
+            table.add_column(name, justify="left" if name == "channel" else "right")
+        for name, gain, error, offset in zip(
+            model.channels, found.gain, found.error, found.offset, strict=True
+        ):
+            table.add_row(name, f"{gain:.3f} ± {error:.3f}", f"{offset:+.4f}")
+        console().print(table)
+        say([f"warning: {p}" for p in found.problems])
+        say([f"Wrote:   {path}", f"Next:    defsense evaluate {path} SESSION"])
+    return 0
