@@ -148,9 +148,7 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
     from rich.table import Table
 
     out = console()
-    table = Table(
-        title="errors of markers, mm: RMSE of folds and test, peaks of the test; *: chosen"
-    )
+    table = Table(title="errors of markers, mm (RMSE, peaks of the test); *: chosen")
     table.add_column("decoder", no_wrap=True)
     for name in ("folds", "test", "peak", "mean peak", "lambda"):
         table.add_column(name, justify="right", no_wrap=True)
