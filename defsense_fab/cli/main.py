@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 
 from .. import __version__
 from ..core.errors import DefsenseError
-from . import build, calibrate, capture, modes, study
+from . import build, calibrate, capture, modes, study, twin
 from .command_parser import CommandParser
 from .output import progress_bars
 
@@ -23,12 +23,14 @@ _LIGHTER = {
     "study": "give fewer cords with --sensors, or use a larger [mesh] edge_length in device.toml",
     "capture": "close other programs, or take fewer, smaller or shorter pictures and videos",
     "calibrate": "close other programs, or give fewer sessions at a time",
+    "twin": "give fewer --minutes or --sessions, or fewer [outputs] markers",
 }
 _INTERRUPTED = {
     "build": "interrupted; the last build is untouched, and the same command goes on from the last"
     " finished stage",
     "capture": "interrupted; what was recorded is there, and files that were being written are not",
     "calibrate": "interrupted; what was recorded is there, and the same command goes on",
+    "twin": "interrupted; no session is left half-written, and shapes that were solved are kept",
 }
 
 
@@ -110,6 +112,7 @@ def make_parser() -> CommandParser:
     study.add(commands)
     calibrate.add(commands, progress_bars)
     capture.add(commands, progress_bars)
+    twin.add(commands)
     return parser
 
 
