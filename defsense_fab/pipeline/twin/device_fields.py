@@ -4,6 +4,7 @@ that a twin does not agree with what the device was designed with."""
 from __future__ import annotations
 
 import threading
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -254,7 +255,7 @@ def _save(path: Path, found: DeviceFields) -> None:
 def _load(path: Path) -> DeviceFields | None:
     """None for a file that is damaged: it is made anew."""
     try:
-        with np.load(path) as data:
+        with path.open("rb") as file, np.load(file) as data:
             return DeviceFields(
                 tuple(data["poses"].tolist()), PoseSpace(data["axes"], data["states"]),
                 QuadraticMesh.from_linear(TetMesh(data["nodes"], data["tets"])),
@@ -262,5 +263,5 @@ def _load(path: Path) -> DeviceFields | None:
                 data["together"], float(data["error"]), float(data["signal_error"]),
                 tuple(data["warnings"].tolist()),
             )  # fmt: skip
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None

@@ -103,7 +103,7 @@ def simulate_runs(
     state, runs = RubberState.new(own.rubber, len(built.cords)), []
     for k in range(sessions):
         progress("recording", k / sessions, f"session {k + 1} of {sessions}")
-        run, state = _run(stage, k, seconds, [seed, unit, k], unit, state)
+        run, state = _run(stage, k, seconds, seed, unit, state)
         state = state.rested(own.rubber, own.between)
         runs.append(run)
     progress("recording", 1.0, "done")
@@ -152,10 +152,12 @@ class _Stage:
 
 
 def _run(
-    stage: _Stage, number: int, seconds: float, seeds: Sequence[int], unit: int, state: RubberState
+    stage: _Stage, number: int, seconds: float, seed: int, unit: int, state: RubberState
 ) -> tuple[TwinRun, RubberState]:
-    # Generators of their own, so that what one trait draws does not change the others.
-    hand, rubber, board, camera = (np.random.default_rng([*seeds, k]) for k in range(4))
+    # Generators of their own, so that what one trait draws does not change the others, and all
+    # units are moved alike.
+    hand = np.random.default_rng([seed, number])
+    rubber, board, camera = (np.random.default_rng([seed, number, unit, k]) for k in range(3))
     t, b = stage.traits, stage.traits.board
     path = walk(
         stage.fields.poses, stage.fields.together, seconds, hand, t.hand, len(stage.device.poses)
@@ -173,7 +175,7 @@ def _run(
     host_ns = np.maximum.accumulate(np.round(1e9 * arrival).astype(np.int64))
     off = b.sync_error * float(board.normal())
     clock = ClockPart(slice(0, len(at)), off - b.offset / (1 + b.drift), 1 / (1 + b.drift) - 1)
-    sample_time = clock.offset + (1 + clock.drift) * device_us / 1e6
+    sample_time: Float = clock.offset + (1 + clock.drift) * device_us.astype(float) / 1e6
     moved = stage.fields.space(path(time)) @ stage.shown.reshape(len(stage.shown), -1)
     points = stage.markers.centers + moved.reshape(len(time), -1, 3)
     thin = int(np.ptp(stage.markers.centers, axis=0).argmin())
