@@ -85,7 +85,7 @@ def _short(weight: float) -> float:
 def opposite(a: Pose, b: Pose) -> bool:
     """Whether a pose takes back what the other does, as bending up and down: then their mixtures
     are nearer to rest than either."""
-    mine, theirs = _acts(a), _acts(b)
+    mine, theirs = acts(a), acts(b)
     return any(
         float(np.linalg.norm(mine[key] + theirs[key]))
         < _LEFT * float(max(np.linalg.norm(mine[key]), np.linalg.norm(theirs[key])))
@@ -93,7 +93,7 @@ def opposite(a: Pose, b: Pose) -> bool:
     )
 
 
-def _acts(pose: Pose) -> dict[tuple[object, ...], Float]:
+def acts(pose: Pose) -> dict[tuple[object, ...], Float]:
     """All that a pose does, by what it does it to. Of a handle rotation (rad) and translation, in
     which 50 mm count as a radian, (6,); free is none."""
     out: dict[tuple[object, ...], Float] = {("gravity",): pose.gravity}

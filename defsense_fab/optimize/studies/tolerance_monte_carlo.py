@@ -84,7 +84,7 @@ def session(
     mixing = _taken_less_far(unseen, len(problem.markers), rng, tolerances.amplitude)
     columns, sigma = [], []
     for designed in cords:
-        cord, own = _as_laid(designed, reading, rng, tolerances)
+        cord, own = as_laid(designed, reading, rng, tolerances)
         moved = cord.path + np.tensordot(mixing, problem.deform(cord.path) - cord.path, 1)
         columns.append(np.append(0.0, own.signals(cord, moved)))
         sigma.append(own.noise(cord))
@@ -127,7 +127,7 @@ def _taken_less_far(
     return out
 
 
-def _as_laid(
+def as_laid(
     cord: BuiltCord, reading: CordReading, rng: np.random.Generator, tolerances: Tolerances
 ) -> tuple[BuiltCord, CordReading]:
     """One of the cords that a maker may get for this one, and how it is read."""

@@ -15,14 +15,13 @@ from ...capture.cameras.rig_file import Rig
 from ...capture.cameras.video import Video, timing
 from ...capture.clocks.clock_fit import fit_clocks
 from ...capture.clocks.synchronisation import by_motion
-from ...capture.files.even_frames import frame_grid, on_even_frames
+from ...capture.files.even_frames import frame_grid
 from ...capture.files.formats import read_any, write_any
 from ...capture.readout.recording import read_recording
 from ...capture.tracking.tag_store import FrameTags
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 from ...core.errors import CaptureError
-from ...core.files import storage_errors, write_json, write_text
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
 from ...sensing.signal import relative_change
@@ -34,14 +33,12 @@ from .recorded_tags import CameraRecording, read_camera_tags
 from .report import lengths, write_report
 from .rest_frame import lay_on_rest
 from .rest_resistance import rest_resistances
+from .result_files import REPORT, TRACKS, quantiles, write_results
 from .run_steps import begun, resting
-from .sample_table import ClockPart, write_samples
+from .sample_table import ClockPart
 from .session import BOARD, CAMERAS, CaptureSession, ending, load, read_log
 from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
 
-TRACKS, ALIGNED, SIGNALS, SAMPLES, QUALITY, REPORT = (
-    "tracks.csv", "aligned.csv", "signals.csv", "samples.csv", "quality.json", "report.html",
-)  # fmt: skip
 _PAUSE = 1.0  # s, between runs, in the tracks' time
 _ALONE = 5.0  # s without tags that are worth a word
 
@@ -92,7 +89,9 @@ def process_session(
     progress("session", 0.9, "laying the tracks onto the rest pose")
     result = _join(session, runs, skipped, anchor)
     progress("session", 0.95, "writing tracks, signals and the report")
-    _write(folder, session, result)
+    write_any(folder / TRACKS, result.tracks)
+    write_results(folder, session, result)
+    write_report(folder / REPORT, session, result)
     progress("session", 1.0, "done")
     return result
 
@@ -310,8 +309,8 @@ def _join(
             "rate": 1 / grid.period if grid is not None and even else None, "dropped": dropped,
             "aligned_by": laid.by, "aligned_frames": float(aligned.ok.mean()),
             "by_all": laid.by_all, "by_all_off": laid.off,
-            "residual": _quantiles(aligned.residual),
-            "sigma": _quantiles(lengths(back.sigma)[back.seen]),
+            "residual": quantiles(aligned.residual),
+            "sigma": quantiles(lengths(back.sigma)[back.seen]),
             "seen": dict(zip(map(str, ids.tolist()), back.seen.mean(axis=0).tolist(), strict=True)),
             "glued": laid.glued, "warnings": warnings,
             "R0": {
@@ -358,35 +357,3 @@ def _places(runs: list[_ProcessedRun], ids: Int) -> tuple[Float, Float]:
         gone = Tracks(np.zeros(0), t.ids, none, none, np.zeros(0, np.int64))
         runs[n] = replace(run, processed=replace(run.processed, tracks=gone))
     return P, S
-
-
-def _quantiles(values: Float) -> dict[str, float | None]:
-    good = values[np.isfinite(values)]
-    if not len(good):
-        return {"median": None, "95 %": None}
-    return {"median": float(np.median(good)), "95 %": float(np.quantile(good, 0.95))}
-
-
-def _write(folder: Path, session: CaptureSession, result: ProcessedSession) -> None:
-    write_any(folder / TRACKS, result.tracks)
-    write_any(folder / ALIGNED, result.aligned)
-    columns = ["frame", "time", *session.channels, "alignment_residual"]
-    t = result.tracks
-    whole, _ = on_even_frames(Tracks(t.time, t.ids[:0], t.points[:, :0], t.sigma[:, :0], t.frame))
-    rows = [f"{k},{at:.6f}{',' * (len(columns) - 2)}"
-            for k, at in zip(whole.frame, whole.time, strict=True)]  # fmt: skip
-    for row, k, at, signals, residual in zip(
-        np.searchsorted(whole.frame, t.frame), t.frame, t.time, result.signals, result.residual,
-        strict=True,
-    ):  # fmt: skip
-        rows[row] = ",".join([str(k), f"{at:.6f}", *map(_cell, signals), _cell(residual)])
-    with storage_errors(folder):
-        write_text(folder / SIGNALS, "\n".join([",".join(columns), *rows]) + "\n")
-        write_json(folder / QUALITY, result.quality)
-        write_samples(folder / SAMPLES, session, result.clocks, result.quality["R0"])
-    write_report(folder / REPORT, session, result)
-
-
-def _cell(value: float) -> str:
-    """A number, or nothing where there is none."""
-    return f"{value:.6f}" if np.isfinite(value) else ""

@@ -22,7 +22,7 @@ from ..artifacts import typed_json
 from ..artifacts.build_folder import build_folder
 from ..artifacts.layout import LAYOUT, LayoutRecord, layout_hash, load_layout
 from ..artifacts.session_manifest import manifest_path
-from ..sessions.processing import ALIGNED, QUALITY, SAMPLES, SIGNALS
+from ..sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from ..sessions.session import CaptureSession, load
 from .tables import Table, read_table
 

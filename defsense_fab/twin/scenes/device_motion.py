@@ -42,10 +42,21 @@ class Ramp:
         return CubicSpline(knots, np.eye(len(knots)), bc_type="natural")
 
 
+def through(times: Float, keys: Float, time: float | Float) -> Float:
+    """Values (..., r) at times (...) s of a path through `keys` (q, r) at `times` (q,) s, smooth
+    (the fifth degree, with neither speed nor acceleration at the keys); still before and after."""
+    t = np.clip(time, times[0], times[-1])
+    i = np.clip(np.searchsorted(times, t, "right") - 1, 0, max(len(times) - 2, 0))
+    j = np.minimum(i + 1, len(times) - 1)
+    span = np.maximum(times[j] - times[i], 1e-300)
+    x = np.asarray((t - times[i]) / span)[..., None]
+    s = x**3 * (10 - 15 * x + 6 * x * x)
+    return np.asarray(keys[i] + s * (keys[j] - keys[i]))
+
+
 @dataclass(frozen=True)
 class Motion:
-    """Goes through the levels `keys` (q, r) of the ramps at `times` (q,) s, smoothly (the fifth
-    degree, with neither speed nor acceleration at the keys); still before and after."""
+    """Goes through the levels `keys` (q, r) of the ramps at `times` (q,) s, as `through` does."""
 
     ramps: tuple[Ramp, ...]
     times: Float
@@ -67,13 +78,7 @@ class Motion:
 
     def levels(self, time: float | Float) -> Float:
         """Of the ramps (..., r) at times (...) s."""
-        t = np.clip(time, self.times[0], self.times[-1])
-        i = np.clip(np.searchsorted(self.times, t, "right") - 1, 0, max(len(self.times) - 2, 0))
-        j = np.minimum(i + 1, len(self.times) - 1)
-        span = np.maximum(self.times[j] - self.times[i], 1e-300)
-        x = np.asarray((t - self.times[i]) / span)[..., None]
-        s = x**3 * (10 - 15 * x + 6 * x * x)
-        return np.asarray(self.keys[i] + s * (self.keys[j] - self.keys[i]))
+        return through(self.times, self.keys, time)
 
     def weights(self, time: float | Float) -> Float:
         """Of the states (..., s) at times (...) s: of a mixture of poses, the sum of theirs."""

@@ -1,0 +1,184 @@
+"""A twin's sessions as files: those that 'defsense capture process' leaves, with the truth beside
+them and a page of what was taken for granted."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...capture.readout.recording import Recorder
+from ...capture.readout.source import Event, StampedSample
+from ...core.arrays import Float
+from ...core.device import Device
+from ...core.errors import CaptureError
+from ...core.files import replacing, storage_errors, write_text
+from ...core.progress import Progress, silent
+from ...core.tracks import Tracks
+from ...sensing.serial_frames import Sample
+from ...sensing.signal import relative_change
+from ..sessions.processed_session import ProcessedSession
+from ..sessions.report import lengths
+from ..sessions.result_files import quantiles, write_results
+from ..sessions.session import BOARD, LOG, CaptureSession, Log, PoseStep, create, load
+from .twin_recordings import TwinRun, TwinRuns
+
+TRUTH, ASSUMPTIONS = "truth.npz", "assumptions.md"
+_RUN = "run-1"
+
+
+def write_sessions(
+    out: Path, device: Device, made: TwinRuns, progress: Progress = silent
+) -> list[Path]:
+    """Into `out`, or folders session-1, session-2, ... in it where there are several; the folders.
+    Raises StorageError."""
+    several = len(made.runs) > 1
+    folders = [out / f"session-{k + 1}" if several else out for k in range(len(made.runs))]
+    for k, (folder, run) in enumerate(zip(folders, made.runs, strict=True)):
+        progress("writing", k / len(folders), str(folder))
+        with _whole(folder) as temporary:
+            _write_session(temporary, folder, device, made, run)
+    progress("writing", 1.0, "done")
+    return folders
+
+
+@contextmanager
+def _whole(folder: Path) -> Iterator[Path]:
+    """A folder to write to, that takes the place of `folder` at the end, and is gone after an
+    error."""
+    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    try:
+        with storage_errors(folder):
+            temporary.mkdir(parents=True)
+        yield temporary
+        with storage_errors(folder):
+            temporary.rename(folder)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_free(out: Path, sessions: int) -> None:
+    """Raises CaptureError where sessions would be written over something."""
+    for folder in [out, *(out / f"session-{k + 1}" for k in range(sessions) if sessions > 1)]:
+        if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
+            raise CaptureError(f"{folder}: is there already; choose another folder with --out")
+
+
+def _write_session(folder: Path, final: Path, device: Device, made: TwinRuns, run: TwinRun) -> None:
+    """Into an empty `folder`, that is to be at `final`."""
+    begins = [begin for begin, _ in run.walk.steps]
+    lasts = np.diff([*begins, float(run.walk.times[-1])])
+    steps = [PoseStep(n, float(s)) for (_, n), s in zip(run.walk.steps, lasts, strict=True)]
+    create(
+        folder, device=device.name, steps=steps, channels=made.dataset.channels,
+        reference=made.converter.reference.tolist(), calibration=None, markers=made.markers,
+    )  # fmt: skip
+    session = load(folder)
+    with storage_errors(folder):
+        (folder / _RUN).mkdir()
+    with Recorder(folder / _RUN / BOARD, len(session.channels)) as recorder:
+        recorder.extend(_said(made, run))
+    _write_log(folder / _RUN / LOG, run, steps, begins)
+    write_results(folder, session, _processed(final, session, made, run))
+    t = run.truth
+    with replacing(folder / TRUTH) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(
+            file, time=t.time, ids=made.markers.ids, points=t.points.astype(np.float32),
+            sample_time=t.sample_time, poses=np.array(made.fields.poses), weights=t.weights,
+            channels=np.array(session.channels), signals=t.signals, ohm=t.ohm,
+        )  # fmt: skip
+    write_text(folder / ASSUMPTIONS, assumptions_page(made))
+
+
+def _said(made: TwinRuns, run: TwinRun) -> Iterator[Event | StampedSample]:
+    """What the read-out board sends."""
+    converter = made.converter
+    yield Event(0, "start", {"full_scale": converter.full_scale, "rate": made.traits.board.rate})
+    rows = zip(run.host_ns.tolist(), run.device_us.tolist(), run.sums.tolist(), strict=True)
+    for k, (host, device, sums) in enumerate(rows):
+        sample = Sample(k, device % (1 << 32), False, False, converter.averages, tuple(sums))
+        yield StampedSample(host, device, sample)
+
+
+def _write_log(path: Path, run: TwinRun, steps: list[PoseStep], begins: list[float]) -> None:
+    log = Log(path)
+    try:
+        for k, (step, begin) in enumerate(zip(steps, begins, strict=True)):
+            end = begin + step.seconds
+            log.event(
+                "step", step=k, name=step.name, seconds=step.seconds, host_ns=round(1e9 * begin)
+            )
+            log.event("done", step=k, host_ns=round(1e9 * end))
+        log.event("end", why="all steps were shown", host_ns=round(1e9 * run.walk.times[-1]))
+    finally:
+        log.close()
+
+
+def _processed(
+    folder: Path, session: CaptureSession, made: TwinRuns, run: TwinRun
+) -> ProcessedSession:
+    r = run.recording
+    tracks = Tracks(r.time, made.markers.ids, r.points, r.sigma, np.arange(len(r.time)))
+    with np.errstate(all="ignore"):
+        signals = relative_change(run.at, r.rest)
+    quality = _quality(folder, session, made, run, tracks)
+    residual = np.full(len(r.time), np.nan)
+    return ProcessedSession(tracks, tracks, signals, run.at, residual, quality, {_RUN: [run.clock]})
+
+
+def _quality(
+    folder: Path, session: CaptureSession, made: TwinRuns, run: TwinRun, tracks: Tracks
+) -> dict[str, Any]:
+    """As of a session before cameras, and what makes it a twin's."""
+    b, told = made.traits.board, made.dataset.provenance
+    sync = {
+        "method": "twin", "offset": run.clock.offset, "drift": run.clock.drift,
+        "error_ms": 1e3 * b.sync_error, "notes": [],
+    }  # fmt: skip
+    about = {
+        "warnings": [], "by_several": float(tracks.seen.mean()), "by_one": 0.0, "impossible": 0,
+    }  # fmt: skip
+    ended = {"run": _RUN, "ended": "all steps were shown", "cut": 0, "sync": sync, "tracks": about}
+    seen = tracks.seen.mean(axis=0).tolist()
+    return {
+        "session": str(folder), "device": session.device, "runs": [ended], "skipped": [],
+        "frames": len(tracks.time), "seconds": float(tracks.time[-1] - tracks.time[0]),
+        "rate": made.traits.markers.rate, "dropped": 0, "aligned_by": "twin",
+        "aligned_frames": 1.0, "by_all": 0.0, "by_all_off": None,
+        "residual": quantiles(np.empty(0)),
+        "sigma": quantiles(lengths(tracks.sigma)[tracks.seen]),
+        "seen": dict(zip(map(str, tracks.ids.tolist()), seen, strict=True)), "glued": [],
+        "warnings": list(made.fields.warnings), "R0": {_RUN: _plain(run.recording.rest)},
+        "layout": made.dataset.layout, "unit": run.recording.unit, "twin": dict(told),
+    }  # fmt: skip
+
+
+def _plain(values: Float) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def assumptions_page(made: TwinRuns) -> str:
+    """Every number with its source, as Markdown."""
+    told, f = made.dataset.provenance, made.fields
+    off = ", ".join(told["off"]) or "nothing"
+    lines = [
+        f"# What the twin of {made.dataset.device} takes for granted", "",
+        f"Unit {told['unit']}, seed {told['seed']}, switched off: {off}. `--off NAME,NAME` switches"
+        " off all numbers of a trait; what cannot be switched off has no name in the first column.",
+        "",
+        f"Shapes are interpolated between {len(f.space.states)} solved states: states that are"
+        f" left out are found within {f.error:.3g} mm RMS at the markers and {f.signal_error:.2g}"
+        " of (R - R0)/R0.", "",
+        "| --off | number | value | unit | meaning | source |", "|---|---|---|---|---|---|",
+    ]  # fmt: skip
+    for a in made.traits.told:
+        name = a.trait if a.trait in made.traits.names else ""
+        value = ", ".join(f"{v:g}" for v in a.value) if isinstance(a.value, tuple) else a.value
+        cells = (name, a.name, str(value), a.unit, a.meaning, a.source)
+        lines.append("| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,79 @@
+"""The hand's walk through poses: what it shows, how fast, and never what does not go together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import CaptureError
+from defsense_fab.twin.scenes.assumption import without
+from defsense_fab.twin.scenes.hand_walk import FREE, REST, WalkTraits, walk
+
+NAMES = ("up", "down", "twist")
+TOGETHER = np.array([[0, 0, 1], [0, 0, 1], [1, 1, 0]], bool)
+
+
+def made(seed=0, seconds=120.0, traits=None, **options):
+    rng = np.random.default_rng(seed)
+    return walk(NAMES, TOGETHER, seconds, rng, traits, **options)
+
+
+def test_rests_poses_and_mixtures_by_turns():
+    path = made()
+    names = [name for _, name in path.steps]
+    assert names[0] == names[-1] == REST
+    assert set(names) == {REST, FREE, *NAMES}
+    begins = np.array([begin for begin, _ in path.steps])
+    assert (np.diff(begins) > 0).all()
+    assert path.times[-1] == pytest.approx(120.0)
+    assert (np.diff(path.times) > 0).all()
+    ends = np.array([0.0, 4.0, 119.0])
+    assert path(ends) == pytest.approx(np.zeros((3, 3)))
+    k = names.index("twist")
+    t = np.linspace(begins[k] + 4, begins[k + 1] - 0.1, 200)
+    assert (path(t)[:, :2] == 0).all()
+
+
+def test_what_does_not_go_together_is_never_mixed():
+    w = made(seconds=600.0)(np.arange(0, 600, 0.02))
+    assert (np.minimum(w[:, 0], w[:, 1]) == 0).all()
+    assert (np.minimum(w[:, 0], w[:, 2]) > 0.1).any()
+    assert (np.minimum(w[:, 1], w[:, 2]) > 0.1).any()
+    assert 1.0 < w.max() < 1.1
+    assert w.min() >= 0
+
+
+def test_quick_and_slow():
+    path = made(seconds=600.0, traits=without(WalkTraits(), {"tremor"}))
+    t = np.arange(0, 600, 0.01)
+    speed = np.abs(np.diff(path(t), axis=0)).max(axis=1) / 0.01
+    assert 0.2 < (speed == 0).mean() < 0.7
+    assert np.quantile(speed[speed > 0], 0.98) > 4 * np.median(speed[speed > 0])
+    assert speed.max() > 2
+
+
+def test_a_hand_trembles_but_not_at_rest():
+    shaking, still = made(), made(traits=without(WalkTraits(), {"tremor"}))
+    t = np.arange(0, 120, 0.01)
+    assert shaking.keys == pytest.approx(still.keys)
+    off = shaking(t) - still(t)
+    assert 0.001 < np.abs(off).max() < 0.06
+    assert (off[still(t) == 0] == 0).all()
+
+
+def test_the_same_seed_goes_the_same_way():
+    assert np.array_equal(made(3).keys, made(3).keys)
+    assert made(3).keys.shape != made(4).keys.shape or (made(3).keys != made(4).keys).any()
+
+
+def test_poses_beyond_those_shown_come_in_mixtures_alone():
+    path = made(seconds=400.0, shown=2)
+    assert "twist" not in {name for _, name in path.steps}
+    assert (path(np.arange(0, 400, 0.1))[:, 2] > 0.1).any()
+
+
+def test_short_walks_have_rests_and_too_short_ones_are_refused():
+    path = made(seconds=12.0, traits=replace(WalkTraits(), rest=5.0))
+    assert path(np.array([0.0, 11.99])) == pytest.approx(np.zeros((2, 3)))
+    with pytest.raises(CaptureError, match="5 s are too short"):
+        made(seconds=5.0)
