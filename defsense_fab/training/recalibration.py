@@ -1,9 +1,10 @@
-"""A routine of seconds after a cord was replaced or has aged: rest, and a few poses.
+"""A routine of seconds after a cord was replaced or has aged: a few poses, and rest.
 
-Signals at a pose's extreme are x_pc = g_c a_p y_pc, y those of the training, a_p how far the pose
+Signals at a pose's extreme are x_pc = g_c a_p y_pc + o_c, y those of the training, a_p how far the pose
 was shown this time, near one; g_c the channels' gains: one, but for those that changed. Gains that
 lie far from one cost little more than those that lie near (Cauchy), so that one cord which changed
-is found rather than spread over all. The offset is what the signals are at rest.
+is found rather than spread over all. The offset o_c is near what the signals are at rest: cords that
+have not moved for long read less than those that have, so it is the last rest that counts.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from .dataset import Recording
 from .pose_signals import pose_signals, shows
 
 _SHOWN, _GAINS = 0.15, 0.1  # spreads of log a and log g
+_RESTS = 0.01  # of a cord's signal from one rest to another, by what was done before
 _OFF = 0.04  # of a pose's own signal, and so much more, by which one show differs from the next
 _MORE = 0.0015
 _ENOUGH = 2.0  # root mean square of what is left, in what one show differs by
@@ -43,9 +45,7 @@ class Recalibration:
 def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalibration:
     """From recordings of rest and poses that the model was trained on. Raises TrainingError where
     these are missing."""
-    offset = rest_offset(recordings)
-    zeroed = [replace(r, ohm=r.rest * (1 + r.signals - offset)) for r in recordings]
-    now = pose_signals(zeroed)
+    now, at_rest = pose_signals(recordings), rest_signals(recordings)
     both = [name for name in now if name in model.poses]
     if len(both) < 2:
         raise TrainingError(
@@ -54,33 +54,37 @@ def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalib
         )
     x = np.array([now[name] for name in both])
     y = model.gain * np.array([model.poses[name] for name in both])
-    gain, error, left = _gains(x, y)
+    gain, offset, error, left = _fit(x, y, at_rest)
     found = replace(model, gain=model.gain * gain, offset=offset)
     return Recalibration(found, gain, offset, error, left, _problems(model, gain, error, left))
 
 
-def rest_offset(recordings: Sequence[Recording]) -> Float:
-    """What the signals (c,) are at rest, where rest was asked for; zero where it was not."""
+def rest_signals(recordings: Sequence[Recording]) -> Float:
+    """What the signals (c,) are in the last rest that was asked for; zero where none was."""
     at_rest = [r.signals[part] for r in recordings for name, part in shows(r) if name == "rest"]
-    if not at_rest or not sum(map(len, at_rest)):
+    at_rest = [s for s in at_rest if np.isfinite(s).any(axis=0).all()]
+    if not at_rest:
         return np.zeros(recordings[0].ohm.shape[1])
-    return np.asarray(np.nanmedian(np.concatenate(at_rest), axis=0))
+    return np.asarray(np.nanmedian(at_rest[-1], axis=0))
 
 
-def _gains(x: Float, y: Float) -> tuple[Float, Float, float]:
+def _fit(x: Float, y: Float, at_rest: Float) -> tuple[Float, Float, Float, float]:
+    """Gains and offsets (c,), the gains' standard errors (c,), and what is left of signals (p, c)
+    against those of the training (p, c)."""
     p, c = x.shape
     scale = _OFF * np.linalg.norm(y, axis=1, keepdims=True) / np.sqrt(c) + _MORE
 
     def residuals(z: Float) -> Float:
-        gains, shown = np.exp(z[:c]), np.exp(z[c:])
-        off = (x - shown[:, None] * gains * y) / scale
+        gains, shown, offset = np.exp(z[:c]), np.exp(z[c : c + p]), z[c + p :]
+        off = (x - shown[:, None] * gains * y - offset) / scale
         g = z[:c] / _GAINS  # Cauchy's, as far as it is from the least squares of the rest
         return np.concatenate([off.ravel(), z[c:] / _SHOWN, np.sign(g) * np.sqrt(np.log1p(g**2))])
 
-    starts = [np.zeros(p + c)]
-    ratio = np.median(x / np.where(np.abs(y) > _MORE, y, np.nan), axis=0)
+    begin = np.concatenate([np.zeros(c + p), at_rest])
+    starts = [begin]
+    ratio = np.median((x - at_rest) / np.where(np.abs(y) > _MORE, y, np.nan), axis=0)
     for k in range(c):
-        start = np.zeros(p + c)
+        start = begin.copy()
         start[k] = np.log(np.clip(np.nan_to_num(ratio[k], nan=1.0), 0.3, 3.0))
         starts.append(start)
     best = min((least_squares(residuals, s) for s in starts), key=lambda f: float(f.cost))
@@ -88,7 +92,7 @@ def _gains(x: Float, y: Float) -> tuple[Float, Float, float]:
     J = best.jac
     covariance = np.linalg.pinv(J.T @ J)
     error = np.exp(best.x[:c]) * np.sqrt(np.maximum(np.diag(covariance)[:c], 0.0))
-    return np.exp(best.x[:c]), error, float(np.sqrt((off**2).mean()))
+    return np.exp(best.x[:c]), best.x[c + p :], error, float(np.sqrt((off**2).mean()))
 
 
 def _problems(model: TrainedModel, gain: Float, error: Float, left: float) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,8 +66,20 @@ def try_candidate(
         return Tried(candidate, features, whitened, found, cross_validate(found))
     told = prior.sums(phi[len(z) :], whitened)
     paths = {worth: cross_validate(found, told, worth) for worth in WORTHS}
-    worth = min(paths, key=lambda w: paths[w].rmse)
+    worth = _worth(paths)
     return Tried(candidate, features, whitened, found, paths[worth], told, worth)
+
+
+def _worth(paths: Mapping[float, RidgePath]) -> float:
+    """The most that a prior may be worth without errors on folds that are larger than the least by
+    more than chance: the standard error of the folds' differences. Few pictures prove little."""
+    least = min(paths.values(), key=lambda path: path.rmse)
+
+    def as_good(path: RidgePath) -> bool:
+        more = path.folds - least.folds
+        return bool(more.mean() <= more.std(ddof=1) / np.sqrt(len(more)))
+
+    return max(worth for worth, path in paths.items() if path is least or as_good(path))
 
 
 def try_all(

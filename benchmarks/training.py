@@ -1,0 +1,203 @@
+"""What training makes of a device's twin, which no decoder and no design assumes.
+
+    python -m benchmarks.training my-device
+    python -m benchmarks.training fixtures/devices/bar --seeds 5 --minutes 10 --few --later
+
+Each device is built up to its layout; each seed is another built unit, moved by another hand, for
+so many minutes. Told are, for each: the design's promise and its band; RMSE (mm) on the last 30 % of
+the paper's affine decoder, of the best static one and of the one chosen; its peak and average peak;
+what cross-validation had promised; the share of marker positions inside of their 90 % intervals,
+over all and in the pose where it is least, and the intervals' mean radius.
+
+`--few` trains on less: nothing but the simulation, 60 pictures of the first minute, 5 minutes; each
+with and without the simulation, by RMSE on the same last 30 %. `--later` decodes another session of
+the same unit, twenty hours later, as it is and after a re-calibration by half a minute of it; and
+one with a cord whose gain changed by a fifth.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from defsense_fab.core.arrays import Float
+from defsense_fab.core.device import Device
+from defsense_fab.core.device_file import load_device
+from defsense_fab.core.errors import TrainingError
+from defsense_fab.decoding.trained_model import TrainedModel
+from defsense_fab.pipeline.artifacts.build_folder import build_folder
+from defsense_fab.pipeline.artifacts.layout import load_layout
+from defsense_fab.pipeline.build.build import build
+from defsense_fab.pipeline.train.simulated_prior import simulated_prior
+from defsense_fab.pipeline.twin.twin_recordings import simulate_runs
+from defsense_fab.training.dataset import Dataset, Recording
+from defsense_fab.training.pose_signals import shows
+from defsense_fab.training.recalibration import recalibrate
+from defsense_fab.training.simulated_model import simulated_model
+from defsense_fab.training.train_model import Training, TrainingOptions, train
+
+_TEST = 0.3
+
+
+def pictures(dataset: Dataset, keep: slice) -> Dataset:
+    """With some of the pictures of its first recording."""
+    r = dataset.recordings[0]
+    part = replace(r, time=r.time[keep], points=r.points[keep], sigma=r.sigma[keep])
+    return replace(dataset, recordings=(part,))
+
+
+def errors(model: TrainedModel, r: Recording, frames: slice) -> tuple[Float, Float]:
+    """Distances (t, m) mm from where cameras saw the markers, and the intervals' radius."""
+    found = model.decode(r.sample_time, r.signals, r.time[frames])
+    return np.linalg.norm(found.points - r.points[frames], axis=2), found.radius
+
+
+def rmse(off: Float) -> float:
+    return float(np.sqrt(np.nanmean(off**2)))
+
+
+def by_pose(r: Recording, frames: slice, inside: Float) -> dict[str, float]:
+    """Shares inside of what was asked for."""
+    out: dict[str, list[Float]] = {}
+    time = r.time[frames]
+    ends = [*(t for t, _ in r.poses[1:]), np.inf]
+    for (begin, name), end in zip(r.poses, ends, strict=False):
+        out.setdefault(name, []).append(inside[(time >= begin) & (time < end)].ravel())
+    joined = {name: np.concatenate(parts) for name, parts in out.items()}
+    return {name: float(np.nanmean(x)) for name, x in joined.items() if np.isfinite(x).sum() > 500}
+
+
+def device_rows(device: Device, options: argparse.Namespace) -> None:
+    layout = load_layout(build_folder(device))
+    promised = layout.unseen[layout.prediction.decoder]
+    band = layout.band
+    print(f"{device.name}: promised {promised:.2f} mm ({band.low:.2f}-{band.high:.2f})")
+    for seed in range(1, options.seeds + 1):
+        runs = simulate_runs(
+            device, seconds=60 * options.minutes, sessions=2 if options.later else 1, seed=seed,
+            unit=seed,
+        )  # fmt: skip
+        whole = replace(runs.dataset, recordings=runs.dataset.recordings[:1])
+        prior = simulated_prior(device, whole.channels, whole.rest_points)
+        result = train(whole, prior=prior)
+        r = whole.recordings[0]
+        after = slice(int(result.tested.row[0]), len(r.time))
+        off, radius = errors(result.model, r, after)
+        tell(
+            seed,
+            result,
+            off,
+            radius,
+            by_pose(r, after, np.where(np.isfinite(off), off <= radius, np.nan)),
+        )
+        if options.few:
+            few(whole, result, prior, after)
+        if options.later:
+            later(result.model, runs.dataset.recordings[1])
+
+
+def tell(seed: int, result: Training, off: Float, radius: Float, poses: dict[str, float]) -> None:
+    rows = {a.name: a for a in result.attempts}
+    static = min(a.test.rmse for a in rows.values() if a.test and not (a.moved or a.worked))
+    best = rows[result.chosen]
+    known = np.isfinite(off)
+    worst = min(poses, key=lambda p: poses[p])
+    assert best.test is not None
+    affine = rows["affine"].test
+    assert affine is not None
+    print(
+        f"  seed {seed}: affine {affine.rmse:.2f}, static {static:.2f}, {result.chosen}"
+        f" {best.test.rmse:.2f} ± {best.test.per_state.std():.2f} (folds"
+        f" {best.cross_validated:.2f}, peak {best.test.peak:.1f}, mean peak {best.test.average_peak:.2f}); inside"
+        f" {(off[known] <= radius[known]).mean():.1%}, least {poses[worst]:.1%} ({worst}), radius"
+        f" {np.nanmean(radius):.2f}; {len(result.tested)} tested",
+        flush=True,
+    )
+
+
+def few(whole: Dataset, full: Training, prior, after: slice) -> None:  # type: ignore[no-untyped-def]
+    r = whole.recordings[0]
+    goal = rmse(errors(full.model, r, after)[0])
+    alone = simulated_model(
+        whole.device, whole.layout, whole.channels, whole.ids, whole.rest_points, prior
+    )
+    print(f"    no picture: {rmse(errors(alone, r, after)[0]):.2f}; all: {goal:.2f}")
+    rate = 1 / float(np.median(np.diff(r.time)))
+    cut = int(full.tested.row[0])
+    cases = {
+        "60 pictures of the first minute": slice(0, round(60 * rate), round(rate)),
+        "60 pictures of the training": slice(0, cut, cut // 60),
+        "the first minute": slice(0, round(60 * rate)),
+        "5 minutes": slice(0, round(300 * rate)),
+    }
+    for name, part in cases.items():
+        told = []
+        for p in (None, prior):
+            try:
+                model = train(pictures(whole, part), TrainingOptions(test_share=0.0), prior=p).model
+                told.append(f"{rmse(errors(model, r, after)[0]):.2f}")
+            except TrainingError as error:
+                told.append(str(error)[:60])
+        print(f"    {name}: {told[0]} without the simulation, {told[1]} with it", flush=True)
+
+
+def later(model: TrainedModel, r: Recording) -> None:
+    """A session twenty hours later; and the same with the first cord's gain a fifth larger."""
+    for what, gain in (("20 h later", 1.0), ("and a gain of 1.2", 1.2)):
+        signals = r.signals.copy()
+        signals[:, 0] *= gain
+        now = replace(r, ohm=r.rest * (1 + signals))
+        every = slice(0, len(r.time))
+        off, radius = errors(model, now, every)
+        seen = np.isfinite(off)
+        told = f"    {what}: {rmse(off):.2f} mm, inside {(off[seen] <= radius[seen]).mean():.1%}"
+        try:
+            found = recalibrate(model, [routine(now, model)])
+        except TrainingError as error:
+            print(told, str(error))
+            continue
+        off, radius = errors(found.model, now, every)
+        gains = ", ".join(f"{g:.2f}" for g in found.gain)
+        print(f"{told}; re-calibrated {rmse(off):.2f} (gains {gains}) {found.problems}", flush=True)
+
+
+def routine(r: Recording, model: TrainedModel, seconds: float = 6.0) -> Recording:
+    """Up to three poses and a rest, a few seconds of each, after half a minute of movement."""
+    parts, marks, at = [], [], 0.0
+    warm = [(n, s) for n, s in shows(r) if r.sample_time[s.start] > 30]
+    first = {n: s for n, s in reversed(warm)}
+    poses = [n for n in first if n in model.poses][:3]
+    for name in (*poses, "rest"):
+        samples = first[name]
+        time = r.sample_time[samples]
+        keep = np.flatnonzero(time < time[0] + seconds) + samples.start
+        marks.append((at, name))
+        parts.append((r.sample_time[keep] - time[0] + at, r.ohm[keep]))
+        at += seconds + 0.1
+    none = np.zeros((0, *r.points.shape[1:]))
+    return replace(
+        r, sample_time=np.concatenate([t for t, _ in parts]),
+        ohm=np.concatenate([o for _, o in parts]), time=np.zeros(0), points=none, sigma=none,
+        poses=tuple(marks),
+    )  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("devices", nargs="+", type=Path)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--few", action="store_true")
+    parser.add_argument("--later", action="store_true")
+    options = parser.parse_args()
+    for folder in options.devices:
+        device = load_device(folder)
+        build(device, "optimize")
+        device_rows(device, options)
+
+
+if __name__ == "__main__":
+    main()
