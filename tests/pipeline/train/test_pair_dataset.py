@@ -117,6 +117,12 @@ def test_tracks_in_another_frame_are_laid_onto_the_rest_pose(tmp_path, r):
     write_any(tmp_path / "m.csv", metres)
     with pytest.raises(TrainingError, match=r"off\), and cannot be laid onto its rest.*in mm"):
         pair_dataset(signals, tmp_path / "m.csv", markers=markers())
+    exchanged = replace(take, ids=IDS[[1, 0, 2, 3, 4]])
+    write_any(tmp_path / "e.csv", exchanged)
+    with pytest.raises(
+        TrainingError, match=r"have the places of markers\.json: .*; check the mark"
+    ):
+        pair_dataset(signals, tmp_path / "e.csv", markers=markers())
     others = replace(take, ids=IDS + 30)
     write_any(tmp_path / "o.csv", others)
     with pytest.raises(TrainingError, match="its markers are 31, 32, 35, 37, 38, the device's are"):
