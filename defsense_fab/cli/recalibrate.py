@@ -19,8 +19,8 @@ def add(commands: Commands) -> None:
     sub = commands.add_parser(
         "recalibrate",
         help="correct a model after a cord was replaced or has aged",
-        description="Correct gain and offset of each channel of a model by a short session of rest"
-        " and a few poses, which needs no camera; says when that is not enough. The poses are"
+        description="Correct the gain of each channel of a model by a short session of a few poses"
+        " and rest, which needs no camera, after the device was moved for half a minute; says when that is not enough. The poses are"
         " those that the model was trained on, shown about as far.",
         examples=[
             "defsense capture record my-device --cameras none --port /dev/ttyUSB0 --rounds 1"
@@ -56,12 +56,10 @@ def _recalibrate(options: argparse.Namespace) -> int:
         from rich.table import Table
 
         table = Table(title="what has changed since the training")
-        for name in ("channel", "gain", "offset"):
+        for name in ("channel", "gain"):
             table.add_column(name, justify="left" if name == "channel" else "right")
-        for name, gain, error, offset in zip(
-            model.channels, found.gain, found.error, found.offset, strict=True
-        ):
-            table.add_row(name, f"{gain:.3f} ± {error:.3f}", f"{offset:+.4f}")
+        for name, gain, error in zip(model.channels, found.gain, found.error, strict=True):
+            table.add_row(name, f"{gain:.3f} ± {error:.3f}")
         console().print(table)
         say([f"warning: {p}" for p in found.problems])
         say([f"Wrote:   {path}", f"Next:    defsense evaluate {path} SESSION"])

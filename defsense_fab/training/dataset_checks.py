@@ -18,8 +18,7 @@ _SHORT = 60.0  # s of frames, fewer than which show little of how a device moves
 _REST = 0.5  # s
 _STILL = 3.0  # mm, root mean square, by which markers at rest are off their places
 _HIDDEN = 0.5  # of the frames
-_LATE, _WRONG = 0.1, 0.2  # s
-_BETTER, _SURE = 0.02, 0.6  # of the variance, and of the folds
+_WRONG = 0.2  # s, by which signals out of step forbid training
 
 
 def check_dataset(
@@ -200,10 +199,7 @@ def _steps(dataset: Dataset) -> list[Problem]:
     out = []
     for r in dataset.recordings:
         found = find_shift(r)
-        if found is None:
-            continue
-        better = found.best - found.now
-        if abs(found.seconds) < _LATE or better < _BETTER or found.sure < _SURE:
+        if found is None or not found.stands_out:
             continue
         out.append(
             Problem(

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -26,6 +27,7 @@ _OFTEN = 0.5  # of the frames, in which a marker must be seen to be compared
 _MOVEMENTS = 3  # main ones, that are compared
 _RIDGE = 1e-3  # of a signal's variance
 _MOVES = 0.5  # mm, standard deviation of what moves at all
+_LATE, _BETTER, _SURE = 0.1, 0.02, 0.6  # s, of the variance, of the folds: less may be chance
 _TOLD = 0.2  # of the movements' variance, that signals must tell at their best shift
 
 
@@ -38,6 +40,12 @@ class Shift:
     best: float
     now: float
     sure: float
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether signals are out of step, by all that can be told."""
+        better = self.best - self.now > _BETTER and self.sure > _SURE
+        return abs(self.seconds) > _LATE and better
 
 
 def find_shift(r: Recording, within: float = WITHIN) -> Shift | None:
@@ -65,13 +73,17 @@ def find_shift(r: Recording, within: float = WITHIN) -> Shift | None:
     return Shift(seconds, float(scores[k]), float(scores[zero]), sure)
 
 
-def shifted(dataset: Dataset, seconds: float | Mapping[str, float]) -> Dataset:
-    """With so many s added to the times of the samples: of all recordings, or of those named."""
-    each = (
-        {r.name: float(seconds) for r in dataset.recordings}
-        if isinstance(seconds, int | float)
-        else seconds
-    )
+def shifted(dataset: Dataset, seconds: float | Mapping[str, float] | Literal["auto"]) -> Dataset:
+    """With so many s added to the times of the samples: of all recordings, of those named, or of
+    those that are found to be out of step. Raises TrainingError for what is no number."""
+    if seconds == "auto":
+        found = {r.name: find_shift(r) for r in dataset.recordings}
+        each = {name: s.seconds for name, s in found.items() if s is not None and s.stands_out}
+    elif isinstance(seconds, int | float):
+        each = {r.name: float(seconds) for r in dataset.recordings}
+    else:
+        assert isinstance(seconds, Mapping)
+        each = dict(seconds)
     if not all(np.isfinite(s) for s in each.values()):
         raise TrainingError(f"a shift of {seconds} s cannot be; give a number, or auto")
     recordings = tuple(

@@ -1,10 +1,11 @@
 """A routine of seconds after a cord was replaced or has aged: a few poses, and rest.
 
-Signals at a pose's extreme are x_pc = g_c a_p y_pc + o_c, y those of the training, a_p how far the pose
-was shown this time, near one; g_c the channels' gains: one, but for those that changed. Gains that
-lie far from one cost little more than those that lie near (Cauchy), so that one cord which changed
-is found rather than spread over all. The offset o_c is near what the signals are at rest: cords that
-have not moved for long read less than those that have, so it is the last rest that counts.
+Signals refer to the resistances at rest, which are measured anew: so much for what is added. What
+is left are gains. At a pose's extreme x_pc = g_c a_p y_pc + o_c, y being the signals of the
+training, a_p how far the pose was shown this time, near one; g_c the channels' gains: one, but for
+those that changed; o_c by how much this rest differs from others. Gains that lie far from one cost
+little more than those that lie near (Cauchy), so that one cord which changed is found rather than
+spread over all.
 """
 
 from __future__ import annotations
@@ -31,13 +32,14 @@ _FAR = 2.0  # a gain beyond which, or below whose inverse, the cord is another o
 
 @dataclass(frozen=True)
 class Recalibration:
-    """The corrected model; gains and offsets (c,) that were found, and their standard errors (c,);
-    how well they explain the poses (`left`, 1 is usual); why they do not suffice, if so."""
+    """The corrected model; gains (c,) that were found, and their standard errors (c,); what the
+    signals were `at_rest` (c,), by the R0 that they had; how well gains explain the poses (`left`,
+    1 is usual); why they do not suffice, if so."""
 
     model: TrainedModel
     gain: Float
-    offset: Float
     error: Float
+    at_rest: Float
     left: float
     problems: tuple[str, ...]
 
@@ -52,11 +54,11 @@ def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalib
             f"re-calibration needs two poses or more of {', '.join(model.poses) or 'none'}, and"
             f" the recording shows {', '.join(now) or 'none'}; record rest and three poses"
         )
-    x = np.array([now[name] for name in both])
+    x = (np.array([now[name] for name in both]) - at_rest) / (1 + at_rest)
     y = model.gain * np.array([model.poses[name] for name in both])
-    gain, offset, error, left = _fit(x, y, at_rest)
-    found = replace(model, gain=model.gain * gain, offset=offset)
-    return Recalibration(found, gain, offset, error, left, _problems(model, gain, error, left))
+    gain, error, left = _fit(x, y)
+    found = replace(model, gain=model.gain * gain)
+    return Recalibration(found, gain, error, at_rest, left, _problems(model, gain, error, left))
 
 
 def rest_signals(recordings: Sequence[Recording]) -> Float:
@@ -68,9 +70,9 @@ def rest_signals(recordings: Sequence[Recording]) -> Float:
     return np.asarray(np.nanmedian(at_rest[-1], axis=0))
 
 
-def _fit(x: Float, y: Float, at_rest: Float) -> tuple[Float, Float, Float, float]:
-    """Gains and offsets (c,), the gains' standard errors (c,), and what is left of signals (p, c)
-    against those of the training (p, c)."""
+def _fit(x: Float, y: Float) -> tuple[Float, Float, float]:
+    """Gains (c,), their standard errors (c,), and what is left of signals (p, c) against those of
+    the training (p, c)."""
     p, c = x.shape
     scale = _OFF * np.linalg.norm(y, axis=1, keepdims=True) / np.sqrt(c) + _MORE
 
@@ -78,11 +80,14 @@ def _fit(x: Float, y: Float, at_rest: Float) -> tuple[Float, Float, Float, float
         gains, shown, offset = np.exp(z[:c]), np.exp(z[c : c + p]), z[c + p :]
         off = (x - shown[:, None] * gains * y - offset) / scale
         g = z[:c] / _GAINS  # Cauchy's, as far as it is from the least squares of the rest
-        return np.concatenate([off.ravel(), z[c:] / _SHOWN, np.sign(g) * np.sqrt(np.log1p(g**2))])
+        return np.concatenate(
+            [off.ravel(), z[c : c + p] / _SHOWN, offset / _RESTS,
+             np.sign(g) * np.sqrt(np.log1p(g**2))]
+        )  # fmt: skip
 
-    begin = np.concatenate([np.zeros(c + p), at_rest])
+    begin = np.zeros(2 * c + p)
     starts = [begin]
-    ratio = np.median((x - at_rest) / np.where(np.abs(y) > _MORE, y, np.nan), axis=0)
+    ratio = np.median(x / np.where(np.abs(y) > _MORE, y, np.nan), axis=0)
     for k in range(c):
         start = begin.copy()
         start[k] = np.log(np.clip(np.nan_to_num(ratio[k], nan=1.0), 0.3, 3.0))
@@ -92,7 +97,7 @@ def _fit(x: Float, y: Float, at_rest: Float) -> tuple[Float, Float, Float, float
     J = best.jac
     covariance = np.linalg.pinv(J.T @ J)
     error = np.exp(best.x[:c]) * np.sqrt(np.maximum(np.diag(covariance)[:c], 0.0))
-    return np.exp(best.x[:c]), best.x[c + p :], error, float(np.sqrt((off**2).mean()))
+    return np.exp(best.x[:c]), error, float(np.sqrt((off**2).mean()))
 
 
 def _problems(model: TrainedModel, gain: Float, error: Float, left: float) -> tuple[str, ...]:
@@ -116,7 +121,7 @@ def as_told(found: Recalibration) -> Mapping[str, object]:
     return {
         "gain": dict(zip(names, found.gain.tolist(), strict=True)),
         "error": dict(zip(names, found.error.tolist(), strict=True)),
-        "offset": dict(zip(names, found.offset.tolist(), strict=True)),
+        "at_rest": dict(zip(names, found.at_rest.tolist(), strict=True)),
         "left": found.left,
         "problems": list(found.problems),
     }

@@ -191,6 +191,7 @@ def test_signals_that_are_not_in_step(good, late):
     mended = shifted(off, {problem.of[0]: problem.value})
     assert check_dataset(mended) == ()
     assert mended.provenance["shifts"] == {problem.of[0]: problem.value}
+    assert shifted(off, "auto").provenance == mended.provenance
     both = shifted(dataset(recording(1, late=late), recording(2, late=late)), -late)
     for r, true in zip(both.recordings, good.recordings, strict=True):
         np.testing.assert_allclose(r.sample_time, true.sample_time, atol=1e-9)

@@ -82,12 +82,12 @@ def test_a_cord_that_lies_otherwise_is_told(recorded: Maker) -> None:
     assert any("train again" in p for p in found.problems)
 
 
-def test_an_offset_at_rest_is_taken_out(recorded: Maker) -> None:
+def test_another_resistance_at_rest_is_no_gain(recorded: Maker) -> None:
     _, model = trained(recorded)
     run = routine(recorded, [1.0] * 3)
     aged = replace(run, ohm=run.ohm + np.array([0.0, 45.0, 0.0]))
     found = recalibrate(model, [aged])  # type: ignore[arg-type]
-    np.testing.assert_allclose(found.offset, [0.0, 0.03, 0.0], atol=2e-3)
+    np.testing.assert_allclose(found.at_rest, [0.0, 0.03, 0.0], atol=2e-3)
     np.testing.assert_allclose(found.gain, 1.0, atol=0.05)
 
 

@@ -96,7 +96,8 @@ def series_of(source: str, names: list[str], time: Float, values: Float) -> Seri
     def pick(end: str) -> Float:
         return values[:, [names.index(n + end) for n in channels]]
 
-    known = np.isfinite(time)
+    # A row without any number is no sample, such as those of frames that were dropped.
+    known = np.isfinite(time) & ~np.isnan(values).all(axis=1)
     return Series(
         source, channels, time[known], pick(OHM)[known] if ohm else None,
         pick("")[known] if change else None,

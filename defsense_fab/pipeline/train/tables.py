@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from ...core.errors import TrainingError
 
 #: The one column of text.
 RUN = "run"
+_BLOCK = 10_000  # lines that are taken apart at once
 
 
 @dataclass(frozen=True)
@@ -56,32 +58,36 @@ def read_table(path: Path) -> Table:
     twice = [name for k, name in enumerate(head) if name in head[:k]]
     if twice:
         raise TrainingError(f"{path}:1: has two columns {twice[0]!r}; rename one")
-    numbers = [k for k, line in enumerate(lines[1:], 2) if line.strip()]
-    rows = [lines[k - 1].split(",") for k in numbers]
-    for k, row in zip(numbers, rows, strict=True):
-        if len(row) != len(head):
-            raise TrainingError(
-                f"{path}:{k}: {len(row)} cells under {len(head)} columns; is it cut off? Delete the"
-                " line, or copy the file again"
-            )
     kept = [k for k, name in enumerate(head) if name != RUN]
-    run = tuple(row[head.index(RUN)].strip() for row in rows) if RUN in head else ()
-    names = tuple(head[k] for k in kept)
-    return Table(path, names, _values(path, numbers, rows, kept, names), run)
+    names, run = tuple(head[k] for k in kept), list[str]()
+    parts = [np.empty((0, len(kept)))]
+    for begin in range(1, len(lines), _BLOCK):
+        block = enumerate(lines[begin : begin + _BLOCK], begin + 1)
+        rows = [(k, line.split(",")) for k, line in block if line.strip()]
+        for k, row in rows:
+            if len(row) != len(head):
+                raise TrainingError(
+                    f"{path}:{k}: {len(row)} cells under {len(head)} columns; is it cut off? Delete"
+                    " the line, or copy the file again"
+                )
+        if RUN in head:
+            run += [sys.intern(row[head.index(RUN)].strip()) for _, row in rows]
+        parts.append(_values(path, rows, kept, names))
+    return Table(path, names, np.concatenate(parts), tuple(run))
 
 
 def _values(
-    path: Path, numbers: list[int], rows: list[list[str]], kept: list[int], names: tuple[str, ...]
+    path: Path, rows: list[tuple[int, list[str]]], kept: list[int], names: tuple[str, ...]
 ) -> Float:
     out = np.empty((len(rows), len(kept)))
     for k, column in enumerate(kept):
-        cells = [row[column] or "nan" for row in rows]
+        cells = [row[column].strip() or "nan" for _, row in rows]
         try:
-            out[:, k] = cells
+            out[:, k] = np.fromiter(map(float, cells), float, len(cells))
         except ValueError:
-            bad = next(i for i, cell in enumerate(cells) if cell.strip() and not _number(cell))
+            bad = next(i for i, cell in enumerate(cells) if not _number(cell))
             raise TrainingError(
-                f"{path}:{numbers[bad]}: {names[k]} is not a number: {cells[bad][:40]!r}"
+                f"{path}:{rows[bad][0]}: {names[k]} is not a number: {cells[bad][:40]!r}"
             ) from None
     return out
 

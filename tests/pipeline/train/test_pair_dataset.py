@@ -12,6 +12,7 @@ from defsense_fab.capture.files.formats import write_any
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.tracks import Tracks
 from defsense_fab.pipeline.train.pair_dataset import pair_dataset
+from defsense_fab.training.dataset_checks import check_dataset
 from tests.pipeline.train.files_of_others import markers, tracks_of, write_csv, write_signals
 from tests.training.synthetic import CHANNELS, IDS, QUIET, R0, REST, recording
 
@@ -116,6 +117,12 @@ def test_tracks_in_another_frame_are_laid_onto_the_rest_pose(tmp_path, r):
     write_any(tmp_path / "m.csv", metres)
     with pytest.raises(TrainingError, match=r"off\), and cannot be laid onto its rest.*in mm"):
         pair_dataset(signals, tmp_path / "m.csv", markers=markers())
+    exchanged = replace(take, ids=IDS[[1, 0, 2, 3, 4]])
+    write_any(tmp_path / "e.csv", exchanged)
+    with pytest.raises(
+        TrainingError, match=r"have the places of markers\.json: .*; check the mark"
+    ):
+        pair_dataset(signals, tmp_path / "e.csv", markers=markers())
     others = replace(take, ids=IDS + 30)
     write_any(tmp_path / "o.csv", others)
     with pytest.raises(TrainingError, match="its markers are 31, 32, 35, 37, 38, the device's are"):
@@ -142,6 +149,18 @@ def test_tables_that_cannot_be_used(tmp_path, r, table, says):
     write_any(tmp_path / "take.csv", tracks_of(r).part(slice(0, 10)))
     with pytest.raises(TrainingError, match=says):
         pair_dataset(tmp_path / "s.csv", tmp_path / "take.csv")
+
+
+def test_rows_without_signals_are_no_samples(tmp_path, r):
+    """As `capture process` writes for frames that a camera dropped."""
+    lines = write_signals(tmp_path / "s.csv", r).read_text().splitlines()
+    for k in range(600, 720):
+        lines[k] = ",".join(lines[k].split(",")[:2]) + ",,,,"
+    (tmp_path / "s.csv").write_text("\n".join(lines))
+    write_any(tmp_path / "take.csv", tracks_of(r))
+    found = pair_dataset(tmp_path / "s.csv", tmp_path / "take.csv", markers=markers())
+    assert len(found.recordings[0].sample_time) == len(r.sample_time) - 120
+    assert {p.kind for p in check_dataset(found)} == {"few frames"}
 
 
 def test_tracks_in_which_nothing_is_seen(tmp_path, r):

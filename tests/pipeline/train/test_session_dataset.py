@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,9 +13,13 @@ from benchmarks import memory
 from defsense_fab.capture.files.formats import read_any
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import TrainingError
+from defsense_fab.pipeline.artifacts import typed_json
+from defsense_fab.pipeline.artifacts.layout import layout_hash
+from defsense_fab.pipeline.sessions import processing
 from defsense_fab.pipeline.sessions import session as sessions
 from defsense_fab.pipeline.sessions.processing import process_session
 from defsense_fab.pipeline.train.session_dataset import session_dataset
+from tests.pipeline.artifacts.layouts import layout
 from tests.places import BAR
 
 SECONDS = 14.0
@@ -31,7 +36,8 @@ def processed(tmp_path_factory):
         for k, (ohm, rate) in enumerate(zip((1200.0, 1260.0), FRAMES, strict=True)):
             patch.setattr(memory, "RATE", rate)
             memory.record(session, SECONDS, np.random.default_rng(k), ohm=ohm, led=True)
-    return session, process_session(session.folder)
+        patch.setattr(processing, "write_report", lambda *_: None)  # takes as long as the rest
+        return session, process_session(session.folder)
 
 
 def changed(folder, name, **values):
@@ -153,3 +159,25 @@ def test_times_that_go_back_are_left_out(processed, tmp_path):
     (back / "samples.csv").write_text("\n".join([*lines[:50], lines[50] + "x"]) + "\n")
     with pytest.raises(TrainingError, match=r"samples\.csv:51: d_ohm is not a number"):
         session_dataset([back])
+
+
+def test_sessions_are_of_the_cords_that_the_device_has(processed, straight, tmp_path):
+    session, _ = processed
+    known = layout(*(straight(name, y=k) for k, name in enumerate("dcba")))
+    bar = shutil.copytree(BAR, tmp_path / "bar", ignore=shutil.ignore_patterns("build"))
+    (bar / "build").mkdir()
+    typed_json.save(bar / "build" / "layout.json", known)
+    device = load_device(bar)
+    own = shutil.copytree(session.folder, tmp_path / "own")
+    changed(own, sessions.FILE, device=device.name, layout=layout_hash(known))
+    found, whole = session_dataset([own], device), session_dataset([own])
+    assert found.layout == layout_hash(known)
+    assert found.channels == tuple("dcba")
+    np.testing.assert_array_equal(found.recordings[0].ohm, whole.recordings[0].ohm[:, ::-1])
+    changed(own, sessions.FILE, layout="other")
+    with pytest.raises(TrainingError, match=r"own: was recorded with other cords \(other\) than"):
+        session_dataset([own], device)
+    changed(own, sessions.FILE, layout="")
+    typed_json.save(bar / "build" / "layout.json", replace(known, sensors=known.sensors[:3]))
+    with pytest.raises(TrainingError, match="has a channel a more"):
+        session_dataset([own], device)
