@@ -5,9 +5,9 @@
 
 Each device is built up to its layout; each seed is another built unit, moved by another hand, for
 so many minutes. Told are, for each: the design's promise and its band; RMSE (mm) on the last 30 %
-of the paper's affine decoder, of the best static one and of the one chosen; its peak and average peak;
-what cross-validation had promised; the share of marker positions inside of their 90 % intervals,
-over all and in the pose where it is least, and the intervals' mean radius.
+of the paper's affine decoder, of the best static one and of the one chosen; its peak and average
+peak; what cross-validation had promised; the share of marker positions inside of their 90 %
+intervals, over all and in the pose where it is least, and the intervals' mean radius.
 
 `--few` trains on less: nothing but the simulation, 60 pictures of the first minute, 5 minutes; each
 with and without the simulation, by RMSE on the same last 30 %. `--later` decodes another session of
@@ -108,12 +108,13 @@ def tell(seed: int, result: Training, off: Float, radius: Float, poses: dict[str
     assert best.test is not None
     affine = rows["affine"].test
     assert affine is not None
+    inside = (off[known] <= radius[known]).mean()
     print(
         f"  seed {seed}: affine {affine.rmse:.2f}, static {static:.2f}, {result.chosen}"
         f" {best.test.rmse:.2f} ± {best.test.per_state.std():.2f} (folds"
         f" {best.cross_validated:.2f}, peak {best.test.peak:.1f}, mean peak"
-        f" {best.test.average_peak:.2f}); inside {(off[known] <= radius[known]).mean():.1%}, least {poses[worst]:.1%} ({worst}), radius"
-        f" {np.nanmean(radius):.2f}; {len(result.tested)} tested",
+        f" {best.test.average_peak:.2f}); inside {inside:.1%}, least {poses[worst]:.1%} ({worst}),"
+        f" radius {np.nanmean(radius):.2f}; {len(result.tested)} tested",
         flush=True,
     )
 

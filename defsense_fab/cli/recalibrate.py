@@ -20,8 +20,9 @@ def add(commands: Commands) -> None:
         "recalibrate",
         help="correct a model after a cord was replaced or has aged",
         description="Correct the gain of each channel of a model by a short session of a few poses"
-        " and rest, which needs no camera, after the device was moved for half a minute; says when that is not enough. The poses are"
-        " those that the model was trained on, shown about as far.",
+        " and rest, which needs no camera, after the device was moved for half a minute; says when"
+        " that is not enough. The poses are those that the model was trained on, shown about as"
+        " far.",
         examples=[
             "defsense capture record my-device --cameras none --port /dev/ttyUSB0 --rounds 1"
             " --seconds 5 --free 0 --rest 5 --out routine",

@@ -23,7 +23,7 @@ from .dataset import Recording
 from .pose_signals import pose_signals, shows
 
 _SHOWN, _GAINS = 0.15, 0.1  # spreads of log a and log g
-_RESTS = 0.01  # of a cord's signal from one rest to another, by what was done before
+_RESTS = 0.003  # of a cord's signal from one rest to another, by what was done before
 _OFF = 0.04  # of a pose's own signal, and so much more, by which one show differs from the next
 _MORE = 0.0015
 _ENOUGH = 2.0  # root mean square of what is left, in what one show differs by

@@ -150,10 +150,10 @@ def test_no_rest_pose(good):
 
 
 def test_too_few_frames(good):
-    short = recording(1, 3.0)
+    short = recording(1, 1.5)
     problem = told(check_dataset(dataset(short)), "too few frames")
     assert problem.fatal
-    assert "of 90 frames have markers and all signals, and 3 channels need 100" in problem.what
+    assert "of 45 frames have markers and all signals, and 3 channels need 50" in problem.what
     problem = told(check_dataset(dataset(good.recordings[0])), "few frames")
     assert not problem.fatal
     assert "last 40 s in all" in problem.what

@@ -61,7 +61,7 @@ def test_a_gain_that_changed_by_a_fifth_is_found_and_mended(recorded: Maker) -> 
         gain[channel] = 1.2
         later = recorded(30, seed=4, gain=gain)
         found = recalibrate(model, [routine(recorded, gain)])  # type: ignore[arg-type]
-        np.testing.assert_allclose(found.gain, gain, rtol=0.06)
+        np.testing.assert_allclose(found.gain, gain, rtol=0.08)
         assert found.problems == ()
         same = error(model, recorded(30, seed=4))
         assert error(found.model, later) < 0.5 * error(model, later)
