@@ -1,0 +1,110 @@
+"""Training against scikit-learn: seconds with the same folds, and of one decoded sample.
+
+    python -m benchmarks.train
+    python -m benchmarks.train --minutes 10 60 --markers 40
+
+Signals of three cords at 60 Hz and markers at 30 Hz, smooth and noisy, for so many minutes. Affine:
+the ridge's weight chosen by five contiguous folds among as many as here, by this project and by
+scikit-learn's RidgeCV, which is given the same features, folds and weights (it refits for each; its
+fastest way, leave one out by the singular values, has no folds). All: every decoder that
+`defsense train` tries, time constants and intervals with them. CPU seconds, the median of so many
+rounds, this project and the peer in turns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from statistics import median
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from sklearn.linear_model import RidgeCV
+from sklearn.model_selection import PredefinedSplit
+
+from defsense_fab.core.arrays import Float
+from defsense_fab.decoding.past import Past
+from defsense_fab.training.candidates import AFFINE, Candidate
+from defsense_fab.training.dataset import Dataset, Recording
+from defsense_fab.training.frames import Frames
+from defsense_fab.training.select_decoder import try_candidate
+from defsense_fab.training.splits import first_and_last, fold_of
+from defsense_fab.training.train_model import train
+from defsense_fab.training.weighted_ridge import NOISES
+
+
+def recorded(minutes: float, markers: int, seed: int = 0) -> Dataset:
+    """Of a device that wanders smoothly through three dimensions."""
+    rng = np.random.default_rng(seed)
+    when = np.arange(0, 60 * minutes, 1 / 60)
+    knots = np.arange(int(when[-1] / 2) + 3) * 2.0
+    levels = np.tanh(CubicSpline(knots, rng.uniform(-1, 1, (len(knots), 3)))(when))
+    signals = 0.1 * levels + 0.02 * levels[:, [1, 2, 0]] * levels
+    ohm = 1500 * (1 + signals + 2e-3 * rng.normal(size=signals.shape))
+    at = np.arange(0.02, when[-1], 1 / 30)
+    now = np.stack([np.interp(at, when, x) for x in levels.T], axis=1)
+    rest = rng.uniform(-50, 50, (markers, 3))
+    points = rest + np.tensordot(now, 8 * rng.normal(size=(3, markers, 3)), 1)
+    points += 0.1 * rng.normal(size=points.shape)
+    unknown = np.full(points.shape, np.nan)
+    run = Recording("run-1", "s", "1", when, ohm, np.full(3, 1500.0), at, points, unknown)
+    return Dataset("toy", "", ("a", "b", "c"), np.arange(markers), rest, (run,))
+
+
+def cpu(work: Callable[[], object]) -> float:
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
+def affine(dataset: Dataset, rounds: int) -> tuple[float, float]:
+    frames, _ = first_and_last(Frames.all_of(dataset))
+    x: Float = frames.inputs(Past(), range(3))
+    outputs = frames.points - dataset.rest_points
+    weights, fold = np.ones(outputs.shape[:2]), fold_of(len(frames))
+    peer = RidgeCV(alphas=len(frames) * NOISES**2, cv=PredefinedSplit(fold))
+
+    def own() -> None:
+        try_candidate(Candidate(AFFINE, Past()), frames, range(3), outputs, weights, fold).decoder()
+
+    def theirs() -> None:
+        peer.fit(frames.inputs(Past(), range(3)), outputs.reshape(len(x), -1))
+
+    times = [(cpu(own), cpu(theirs)) for _ in range(rounds)]
+    return median(a for a, _ in times), median(b for _, b in times)
+
+
+def one_sample(dataset: Dataset) -> float:
+    """Microseconds, by the wall clock, of the chosen decoder: the median of a thousand."""
+    model = train(dataset).model
+    r = dataset.recordings[0]
+    stream, taken = model.stream(), []
+    for when, signals in zip(r.sample_time[:1200], r.signals[:1200], strict=True):
+        begin = time.perf_counter()
+        stream(float(when), signals)
+        taken.append(time.perf_counter() - begin)
+    return 1e6 * median(taken[200:])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--minutes", type=float, nargs="+", default=[10.0, 60.0])
+    parser.add_argument("--markers", type=int, default=40)
+    parser.add_argument("--rounds", type=int, default=5)
+    options = parser.parse_args()
+    train(recorded(1.0, options.markers))  # compiles
+    for minutes in options.minutes:
+        dataset = recorded(minutes, options.markers)
+        own, peer = affine(dataset, options.rounds)
+        every = median(cpu(lambda d=dataset: train(d)) for _ in range(min(options.rounds, 3)))  # type: ignore[misc]
+        print(
+            f"{minutes:g} min, {len(dataset.recordings[0].time)} pictures of {options.markers}"
+            f" markers: affine {own:.3f} s, RidgeCV {peer:.3f} s, ratio {own / peer:.2f}; all"
+            f" decoders {every:.1f} s; a sample {one_sample(dataset):.1f} us",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
