@@ -18,6 +18,8 @@ from .channel_faults import FaultLimits
 from .input_features import InputDecoder
 from .past import Past, PastStream
 
+_ROUNDING = 2e-6  # s
+
 
 @dataclass(frozen=True)
 class Intervals:
@@ -157,13 +159,17 @@ def decoded(branch: Branch, inputs: Float, markers: int) -> Decoded:
 
 def at_times(when: Float, time: Float, values: Float, gap: float = 0.25) -> Float:
     """Values (n, d) with times (n,) s at other times (t,) s: linear in between, NaN outside and in
-    gaps of over `gap` s."""
+    gaps of over `gap` s. Times that differ by what files round off are the same."""
     if len(time) < 2:
         return np.full((len(when), values.shape[1]), np.nan)
     k = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
+    after = when - time[k - 1]
     span = time[k] - time[k - 1]
-    x = (when - time[k - 1]) / span
+    before_it, at_it = np.abs(after) < _ROUNDING, np.abs(after - span) < _ROUNDING
+    x = np.where(before_it, 0.0, np.where(at_it, 1.0, after / span))
     out = values[k - 1] + x[:, None] * (values[k] - values[k - 1])
-    outside: Bool = (x < -1e-9) | (x > 1 + 1e-9) | (span > gap)
-    out[outside] = np.nan
+    exact = before_it | at_it
+    out[before_it], out[at_it] = values[k - 1][before_it], values[k][at_it]
+    between: Bool = (x > 0) & (x < 1) & (span <= gap)
+    out[~(exact | between)] = np.nan
     return np.asarray(out)

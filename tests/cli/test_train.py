@@ -1,0 +1,124 @@
+"""`defsense train` and `recalibrate` as a user runs them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sklearn.linear_model import Ridge
+
+from defsense_fab.capture.files.formats import write_any
+from defsense_fab.cli.main import main
+from defsense_fab.core.arrays import Float
+from defsense_fab.core.tracks import Tracks
+from defsense_fab.pipeline.train.model_file import load_model
+
+NAMES = ("left", "top", "right")
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> tuple[Path, Path, Float, Float]:
+    """signals.csv and tracks.csv of half a minute, and their numbers."""
+    rng = np.random.default_rng(0)
+    time = np.arange(90, 990) / 30  # three seconds of rest first
+    still = time < 6
+    levels = np.stack([np.sin(w * time) for w in (1.1, 1.7, 2.3)], axis=1)
+    levels[still] = 0
+    signals = np.round(0.1 * levels + 0.002 * rng.normal(size=levels.shape), 6)
+    moves = 10 * rng.normal(size=(3, 15))
+    points = (levels @ moves).reshape(-1, 5, 3) + rng.uniform(-40, 40, (5, 3))
+    points = np.round(points + 0.1 * rng.normal(size=points.shape), 6)
+    lines = ["frame,time," + ",".join(NAMES) + ",alignment_residual"]
+    lines += [
+        f"{k},{t:.6f}," + ",".join(f"{x:.6f}" for x in s) + ",0.05"
+        for k, (t, s) in enumerate(zip(time, signals, strict=True))
+    ]
+    (tmp_path / "signals.csv").write_text("\n".join(lines) + "\n")
+    tracks = Tracks(time, np.arange(5), points, np.full(points.shape, 0.1), np.arange(len(time)))
+    write_any(tmp_path / "tracks.csv", tracks)
+    return tmp_path / "signals.csv", tmp_path / "tracks.csv", signals, points
+
+
+def run(*words: object) -> int:
+    return main([str(w) for w in words])
+
+
+def test_two_files_become_a_model_whose_affine_row_is_a_library_s_ridge(
+    pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    signals, tracks, s, points = pair
+    model = tmp_path / "model.json"
+    assert run("train", "--signals", signals, "--tracks", tracks, "--decoder", "affine",
+               "--no-memory", "--out", model, "--json") == 0  # fmt: skip
+    told = json.loads(capsys.readouterr().out)
+    row = told["candidates"][0]
+    assert told["decoder"] == row["decoder"] == "affine"
+    assert len(row["folds"]) == 5
+    assert told["pictures"] == {"trained": 630, "tested": 270}
+    peer = Ridge(alpha=row["lambda"] ** 2, solver="cholesky", tol=1e-12)
+    peer.fit(s[:630], points[:630].reshape(630, -1))
+    off = peer.predict(s[630:]).reshape(-1, 5, 3) - points[630:]
+    assert row["test"]["rmse"] == pytest.approx(np.sqrt((off**2).sum(2).mean()), rel=1e-9)
+    assert row["test"]["peak"] == pytest.approx(np.linalg.norm(off, axis=2).max(), rel=1e-6)
+    decoder = load_model(model).main.decoder
+    np.testing.assert_allclose(decoder.weights, peer.coef_.T, rtol=1e-9, atol=1e-9)
+
+
+def test_the_table_has_the_paper_s_row_and_says_what_comes_next(
+    pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    signals, tracks, _, _ = pair
+    assert run("train", "--signals", signals, "--tracks", tracks, "--out", tmp_path) == 0
+    out = capsys.readouterr().out
+    assert "affine" in out
+    assert f"Next:    defsense evaluate {tmp_path / 'model.json'}" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "nothing to train on"),
+        (("--signals", "signals.csv"), "--signals and --tracks go together"),
+        (("nowhere",), "there is no such file or folder"),
+        (
+            ("--shift", "soon", "--signals", "{s}", "--tracks", "{t}"),
+            "--shift soon: give s, or auto",
+        ),
+        (("--signals", "{s}", "--tracks", "{t}", "--prior", "yes"), "needs --device"),
+        (("--signals", "{s}", "--tracks", "{t}", "--out", "no/folder/model.json"), "no folder"),
+        (("--signals", "{s}", "--tracks", "{t}", "--out", "model.txt"), "is a .json file"),
+        (("--signals", "{s}", "--tracks", "{t}", "--decoder", "neural"), "no decoder is called"),
+    ],
+)
+def test_what_cannot_be_is_one_line(
+    pair: tuple[Path, Path, Float, Float], capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...], message: str,
+) -> None:  # fmt: skip
+    signals, tracks, _, _ = pair
+    named = [w.format(s=signals, t=tracks) for w in words]
+    assert run("train", *named) == 2
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith("error: ")
+    assert message in error
+    assert not list(signals.parent.glob("*.json"))
+
+
+def test_signals_half_a_second_late_are_noticed_and_mended(
+    pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    signals, tracks, _, _ = pair
+    rows = signals.read_text().splitlines()
+    late = [rows[0]]
+    for row in rows[1:]:
+        frame, time, rest = row.split(",", 2)
+        late.append(f"{frame},{float(time) + 0.5:.6f},{rest}")
+    signals.write_text("\n".join(late) + "\n")
+    words = ("train", "--signals", signals, "--tracks", tracks, "--out", tmp_path)
+    assert run(*words) == 2
+    told = capsys.readouterr().err
+    assert "signals are 0.50 s late" in told or "signals are 0.48 s late" in told
+    assert "--shift auto" in told
+    assert run(*words, "--shift", "auto") == 0
+    assert "signals are shifted by -0." in capsys.readouterr().out
