@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.arrays import Bool, Float
+from ...core.arrays import Bool, Float, Int
 from ...core.device import Device, Pose
 from ...core.errors import CaptureError, DeviceError
 from ...core.files import digest, replacing, storage_errors
@@ -36,9 +36,10 @@ from .pose_samples import Ray, companions, coordinates, corners, scattered, sing
 
 FOLDER = "twin"
 #: Of what is kept in files: raised when the same input gives other fields.
-_VERSION = 1
+_VERSION = 2
 _SEED = 5
 _STEP = 12  # rays that are added at once
+_MANY = 64  # states, at most, that are solved before it is looked how well they do
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class MechanicsTraits:
     own_law: bool = assumed(
         False, "mechanics", "", "whether the law is that of the design", off=True
     )
-    states: int = 16  # at least for each way to move, and at most in all
+    states: int = 16  # for each way to move, to begin with, at most 64
     most: int = 110
     accuracy: float = 0.05  # mm RMS at the markers, that states left out are to be known within
 
@@ -135,9 +136,9 @@ def _solve(
     axes = coordinates(poses)
     sampler = _Sampler(device, poses, mesh, law(device, traits), traits.most, progress)
     rays = [*singles(len(poses)), *corners(together)]
-    few = min(traits.states * len(axes), traits.most) - sum(len(r.parts) for r in rays)
-    rays += scattered(together, max(few // 2, 0), rng)
+    few = min(traits.states * len(axes), _MANY) - sum(len(r.parts) for r in rays)
     sampler.add(rays)
+    sampler.add(scattered(together & ~sampler.apart, max(few // 2, _STEP // 2), rng), random=True)
     together &= ~sampler.apart
     markers = load_prediction(folder).markers
     while True:
@@ -150,15 +151,15 @@ def _solve(
             tuple(p.name for p in poses), space, mesh, np.array(sampler.fields), together, 0.0, 0.0,
             tuple(sampler.warnings),
         )  # fmt: skip
-        off, _ = space.left_out(found.displacements(markers))
+        off, _ = space.left_out(found.displacements(markers), np.array(sampler.groups))
         error = float(np.sqrt((off**2).sum(-1).mean())) if off.size else 0.0
         if error <= traits.accuracy or len(sampler.states) >= traits.most:
             break
-        sampler.add(scattered(together, _STEP, rng))
+        sampler.add(scattered(together, _STEP, rng), random=True)
     progress("twin", 1.0, "done")
     return DeviceFields(
         found.poses, space, mesh, found.fields, together, error,
-        _signal_error(device, folder, found), found.warnings,
+        _signal_error(device, folder, found, np.array(sampler.groups)), found.warnings,
     )  # fmt: skip
 
 
@@ -181,12 +182,14 @@ class _Sampler:
         self._most, self._progress, self._lock = most, progress, threading.Lock()
         self.states: list[Float] = []
         self.fields: list[Float] = []
+        self.groups: list[int] = []  # as `PoseSpace.left_out` takes them
         self.warnings: list[str] = []
         self.apart = np.zeros((len(poses), len(poses)), bool)  # pairs that could not be solved
         self.why = "no state was asked for"
 
-    def add(self, rays: Sequence[Ray]) -> None:
-        """Solve what these pass through."""
+    def add(self, rays: Sequence[Ray], *, random: bool = False) -> None:
+        """Solve what these pass through; `random` ones are left out as a whole to see how well the
+        others know them, of others all but their ends, each by itself."""
         jobs, kept = [], []
         for ray in rays:
             try:
@@ -211,6 +214,11 @@ class _Sampler:
                 if result.u is None or result.problem is not None:
                     self._fails(ray, result.problem or "it did not converge")
                     break
+                new = max(self.groups, default=-1) + 1
+                if random:
+                    self.groups.append(new if part == ray.parts[0] else new - 1)
+                else:
+                    self.groups.append(-1 if part == ray.parts[-1] else new)
                 self.states.append(part * ray.end)
                 self.fields.append(np.asarray(result.u, np.float32).astype(float))
 
@@ -228,13 +236,13 @@ class _Sampler:
             self.apart[np.ix_(moved, moved)] = True
 
 
-def _signal_error(device: Device, folder: Path, found: DeviceFields) -> float:
+def _signal_error(device: Device, folder: Path, found: DeviceFields, groups: Int) -> float:
     """RMS of (R - R0)/R0 of the cords as designed, in states that are left out."""
     reading, errors = CordReading.of(device), []
     for record in load_layout(folder).by_channel():
         cord = record.built
         moved = found.displacements(cord.path)
-        off, which = found.space.left_out(moved)
+        off, which = found.space.left_out(moved, groups)
         if len(which):
             told = reading.signals(cord, cord.path + moved[which] + off)
             errors.append(told - reading.signals(cord, cord.path + moved[which]))
