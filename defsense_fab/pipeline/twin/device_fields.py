@@ -38,6 +38,7 @@ FOLDER = "twin"
 #: Of what is kept in files: raised when the same input gives other fields.
 _VERSION = 2
 _SEED = 5
+_REACHED = 0.99  # of each pose's amplitude, at least
 _STEP = 12  # rays that are added at once
 _MANY = 64  # states, at most, that are solved before it is looked how well they do
 
@@ -88,8 +89,8 @@ def device_fields(
     poses: Sequence[Pose] | None = None,
 ) -> DeviceFields:  # fmt: skip
     """Of a built device, from its build's folder where they were solved before. `poses`: others
-    than the device's own. Raises CaptureError for a device that is not built, or of whose shapes
-    none can be solved."""
+    than the device's own. Raises CaptureError for a device that is not built, or of which a
+    pose cannot be solved."""
     own = traits or MechanicsTraits()
     all_poses = tuple(poses or device.poses)
     folder = finished_build(device, LAYOUT, PREDICTION, RECORD)
@@ -138,14 +139,11 @@ def _solve(
     rays = [*singles(len(poses)), *corners(together)]
     few = min(traits.states * len(axes), _MANY) - sum(len(r.parts) for r in rays)
     sampler.add(rays)
+    sampler.check_singles()
     sampler.add(scattered(together & ~sampler.apart, max(few // 2, _STEP // 2), rng), random=True)
     together &= ~sampler.apart
     markers = load_prediction(folder).markers
     while True:
-        if not sampler.states:
-            raise CaptureError(
-                f"{device.source}: the twin's solver reaches none of the poses: {sampler.why}"
-            )
         space = PoseSpace(axes, np.array(sampler.states))
         found = DeviceFields(
             tuple(p.name for p in poses), space, mesh, np.array(sampler.fields), together, 0.0, 0.0,
@@ -153,13 +151,22 @@ def _solve(
         )  # fmt: skip
         off, _ = space.left_out(found.displacements(markers), np.array(sampler.groups))
         error = float(np.sqrt((off**2).sum(-1).mean())) if off.size else 0.0
-        if error <= traits.accuracy or len(sampler.states) >= traits.most:
+        room, before = traits.most - len(sampler.states), len(sampler.states)
+        if error <= traits.accuracy or room < 1:
             break
-        sampler.add(scattered(together, _STEP, rng), random=True)
+        more = scattered(together, min(_STEP, max(room // 2, 1)), rng)
+        sampler.add(more, random=True)
+        if len(sampler.states) == before:  # no more can be solved
+            break
+    if error > traits.accuracy:
+        sampler.warnings.append(
+            f"the twin's shapes are known within {error:.2g} mm RMS only, of {before} states that"
+            " could be solved; errors near that are the twin's own"
+        )
     progress("twin", 1.0, "done")
     return DeviceFields(
         found.poses, space, mesh, found.fields, together, error,
-        _signal_error(device, folder, found, np.array(sampler.groups)), found.warnings,
+        _signal_error(device, folder, found, np.array(sampler.groups)), tuple(sampler.warnings),
     )  # fmt: skip
 
 
@@ -185,7 +192,6 @@ class _Sampler:
         self.groups: list[int] = []  # as `PoseSpace.left_out` takes them
         self.warnings: list[str] = []
         self.apart = np.zeros((len(poses), len(poses)), bool)  # pairs that could not be solved
-        self.why = "no state was asked for"
 
     def add(self, rays: Sequence[Ray], *, random: bool = False) -> None:
         """Solve what these pass through; `random` ones are left out as a whole to see how well the
@@ -222,6 +228,18 @@ class _Sampler:
                 self.states.append(part * ray.end)
                 self.fields.append(np.asarray(result.u, np.float32).astype(float))
 
+    def check_singles(self) -> None:
+        """Raises CaptureError for a pose that was not reached: a hand would show another shape."""
+        for k, pose in enumerate(self._poses):
+            alone = [w[k] for w in self.states if w[k] and np.count_nonzero(w) == 1]
+            reached = max(alone, default=0.0)
+            if reached < _REACHED:
+                raise CaptureError(
+                    f"{self._device.source}: the twin's solver reaches {reached:.0%} of the pose"
+                    f" {pose.name}; give --off mechanics, which solves it as the design"
+                    " does"
+                )
+
     def _conditions(self, ray: Ray) -> BoundaryConditions:
         d = self._device
         weights = {p.name: float(w) for p, w in zip(self._poses, ray.end, strict=True) if w}
@@ -229,8 +247,7 @@ class _Sampler:
 
     def _fails(self, ray: Ray, why: str) -> None:
         names = [f"{w:.2g} {p.name}" for p, w in zip(self._poses, ray.end, strict=True) if w]
-        self.why = f"{' + '.join(names)}: {why}"
-        self.warnings.append(f"the twin's {self.why}")
+        self.warnings.append(f"the twin's {' + '.join(names)}: {why}")
         moved = np.flatnonzero(ray.end)
         if len(moved) > 1:
             self.apart[np.ix_(moved, moved)] = True
