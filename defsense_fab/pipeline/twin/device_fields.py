@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.arrays import Bool, Float
+from ...core.arrays import Bool, Float, Int
 from ...core.device import Device, Pose
 from ...core.errors import CaptureError, DeviceError
 from ...core.files import digest, replacing, storage_errors
@@ -36,9 +36,11 @@ from .pose_samples import Ray, companions, coordinates, corners, scattered, sing
 
 FOLDER = "twin"
 #: Of what is kept in files: raised when the same input gives other fields.
-_VERSION = 1
+_VERSION = 2
 _SEED = 5
+_REACHED = 0.99  # of each pose's amplitude, at least
 _STEP = 12  # rays that are added at once
+_MANY = 64  # states, at most, that are solved before it is looked how well they do
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class MechanicsTraits:
     own_law: bool = assumed(
         False, "mechanics", "", "whether the law is that of the design", off=True
     )
-    states: int = 16  # at least for each way to move, and at most in all
+    states: int = 16  # for each way to move, to begin with, at most 64
     most: int = 110
     accuracy: float = 0.05  # mm RMS at the markers, that states left out are to be known within
 
@@ -87,8 +89,8 @@ def device_fields(
     poses: Sequence[Pose] | None = None,
 ) -> DeviceFields:  # fmt: skip
     """Of a built device, from its build's folder where they were solved before. `poses`: others
-    than the device's own. Raises CaptureError for a device that is not built, or of whose shapes
-    none can be solved."""
+    than the device's own. Raises CaptureError for a device that is not built, or of which a
+    pose cannot be solved."""
     own = traits or MechanicsTraits()
     all_poses = tuple(poses or device.poses)
     folder = finished_build(device, LAYOUT, PREDICTION, RECORD)
@@ -135,30 +137,36 @@ def _solve(
     axes = coordinates(poses)
     sampler = _Sampler(device, poses, mesh, law(device, traits), traits.most, progress)
     rays = [*singles(len(poses)), *corners(together)]
-    few = min(traits.states * len(axes), traits.most) - sum(len(r.parts) for r in rays)
-    rays += scattered(together, max(few // 2, 0), rng)
+    few = min(traits.states * len(axes), _MANY) - sum(len(r.parts) for r in rays)
     sampler.add(rays)
+    sampler.check_singles()
+    sampler.add(scattered(together & ~sampler.apart, max(few // 2, _STEP // 2), rng), random=True)
     together &= ~sampler.apart
     markers = load_prediction(folder).markers
     while True:
-        if not sampler.states:
-            raise CaptureError(
-                f"{device.source}: the twin's solver reaches none of the poses: {sampler.why}"
-            )
         space = PoseSpace(axes, np.array(sampler.states))
         found = DeviceFields(
             tuple(p.name for p in poses), space, mesh, np.array(sampler.fields), together, 0.0, 0.0,
             tuple(sampler.warnings),
         )  # fmt: skip
-        off, _ = space.left_out(found.displacements(markers))
+        off, _ = space.left_out(found.displacements(markers), np.array(sampler.groups))
         error = float(np.sqrt((off**2).sum(-1).mean())) if off.size else 0.0
-        if error <= traits.accuracy or len(sampler.states) >= traits.most:
+        room, before = traits.most - len(sampler.states), len(sampler.states)
+        if error <= traits.accuracy or room < 1:
             break
-        sampler.add(scattered(together, _STEP, rng))
+        more = scattered(together, min(_STEP, max(room // 2, 1)), rng)
+        sampler.add(more, random=True)
+        if len(sampler.states) == before:  # no more can be solved
+            break
+    if error > traits.accuracy:
+        sampler.warnings.append(
+            f"the twin's shapes are known within {error:.2g} mm RMS only, of {before} states that"
+            " could be solved; errors near that are the twin's own"
+        )
     progress("twin", 1.0, "done")
     return DeviceFields(
         found.poses, space, mesh, found.fields, together, error,
-        _signal_error(device, folder, found), found.warnings,
+        _signal_error(device, folder, found, np.array(sampler.groups)), tuple(sampler.warnings),
     )  # fmt: skip
 
 
@@ -181,12 +189,13 @@ class _Sampler:
         self._most, self._progress, self._lock = most, progress, threading.Lock()
         self.states: list[Float] = []
         self.fields: list[Float] = []
+        self.groups: list[int] = []  # as `PoseSpace.left_out` takes them
         self.warnings: list[str] = []
         self.apart = np.zeros((len(poses), len(poses)), bool)  # pairs that could not be solved
-        self.why = "no state was asked for"
 
-    def add(self, rays: Sequence[Ray]) -> None:
-        """Solve what these pass through."""
+    def add(self, rays: Sequence[Ray], *, random: bool = False) -> None:
+        """Solve what these pass through; `random` ones are left out as a whole to see how well the
+        others know them, of others all but their ends, each by itself."""
         jobs, kept = [], []
         for ray in rays:
             try:
@@ -211,8 +220,25 @@ class _Sampler:
                 if result.u is None or result.problem is not None:
                     self._fails(ray, result.problem or "it did not converge")
                     break
+                new = max(self.groups, default=-1) + 1
+                if random:
+                    self.groups.append(new if part == ray.parts[0] else new - 1)
+                else:
+                    self.groups.append(-1 if part == ray.parts[-1] else new)
                 self.states.append(part * ray.end)
                 self.fields.append(np.asarray(result.u, np.float32).astype(float))
+
+    def check_singles(self) -> None:
+        """Raises CaptureError for a pose that was not reached: a hand would show another shape."""
+        for k, pose in enumerate(self._poses):
+            alone = [w[k] for w in self.states if w[k] and np.count_nonzero(w) == 1]
+            reached = max(alone, default=0.0)
+            if reached < _REACHED:
+                raise CaptureError(
+                    f"{self._device.source}: the twin's solver reaches {reached:.0%} of the pose"
+                    f" {pose.name}; give --off mechanics, which solves it as the design"
+                    " does"
+                )
 
     def _conditions(self, ray: Ray) -> BoundaryConditions:
         d = self._device
@@ -221,20 +247,19 @@ class _Sampler:
 
     def _fails(self, ray: Ray, why: str) -> None:
         names = [f"{w:.2g} {p.name}" for p, w in zip(self._poses, ray.end, strict=True) if w]
-        self.why = f"{' + '.join(names)}: {why}"
-        self.warnings.append(f"the twin's {self.why}")
+        self.warnings.append(f"the twin's {' + '.join(names)}: {why}")
         moved = np.flatnonzero(ray.end)
         if len(moved) > 1:
             self.apart[np.ix_(moved, moved)] = True
 
 
-def _signal_error(device: Device, folder: Path, found: DeviceFields) -> float:
+def _signal_error(device: Device, folder: Path, found: DeviceFields, groups: Int) -> float:
     """RMS of (R - R0)/R0 of the cords as designed, in states that are left out."""
     reading, errors = CordReading.of(device), []
     for record in load_layout(folder).by_channel():
         cord = record.built
         moved = found.displacements(cord.path)
-        off, which = found.space.left_out(moved)
+        off, which = found.space.left_out(moved, groups)
         if len(which):
             told = reading.signals(cord, cord.path + moved[which] + off)
             errors.append(told - reading.signals(cord, cord.path + moved[which]))

@@ -28,13 +28,15 @@ from ...core.compiled import compiled
 from ..scenes.assumption import assumed
 
 _SHEET = (
-    "data sheet of the paper's supplier: released after a stretch of 50 % R falls to about +10 %"
-    " of R0 and then decays"
+    "chosen to agree with a supplier's data sheet (Images Scientific, stretch sensor, also the"
+    " paper's): released after a stretch of 50 % R falls to about +10 % of R0 and then decays"
 )
-_MINUTES = "sellers of 2 mm cord: a minute or two to recover"
-_DRIFTS = "users: old cord drifts (5 to 13.5 kohm in one report); rate assumed"
-#: Standard temperature coefficients reach from nearly zero to 0.07/K for one styrene-butadiene.
-_TCR = "assumed; published: near 0 (grafted black) to 0.07/K (styrene-butadiene, 50 phr)"
+_MINUTES = "chosen to agree with sellers of 2 mm cord: a minute or two to recover"
+_DRIFTS = "assumed; users: old cord drifts (5 to 13.5 kohm in one report)"
+_TCR = (
+    "assumed; published: near 0 (grafted black, J. Soc. Mater. Sci. Japan 25, 1005, 1976) to 0.07/K"
+    " (styrene-butadiene with 50 phr of HAF black)"
+)
 
 
 @dataclass(frozen=True)

@@ -47,30 +47,19 @@ class PoseSpace:
             out[k : k + _BLOCK] = self._terms(z[k : k + _BLOCK]) @ self._cardinal
         return out
 
-    def left_out(self, values: Float) -> tuple[Float, Int]:
-        """What states' values (s, ...) are by the others, each tenth of the states left out in
-        turn, less what they are; and which states those are: all but the outermost, which the
-        others do not reach."""
-        inner = np.flatnonzero(self._inner())
-        order = np.random.default_rng(0).permutation(inner)
+    def left_out(self, values: Float, groups: Int) -> tuple[Float, Int]:
+        """What states' values (s, ...) are by the others, less what they are, and which states
+        those are. States of one number of `groups` (s,) are left out together, a tenth of the
+        groups at a time; those of -1, which the others do not reach, never."""
+        numbers = np.random.default_rng(0).permutation(np.unique(groups[groups >= 0]))
+        chosen = np.flatnonzero(groups >= 0)
         flat = values.reshape(len(values), -1)
-        off = np.zeros((len(inner), flat.shape[1]))
-        for fold in range(_FOLDS):
-            gone = np.sort(order[fold::_FOLDS])
-            if not len(gone):
-                continue
-            kept = np.setdiff1d(np.arange(len(values)), gone)
-            less = PoseSpace(self.axes, self.states[kept])
-            off[np.searchsorted(inner, gone)] = less(self.states[gone]) @ flat[kept] - flat[gone]
-        return off.reshape(len(inner), *values.shape[1:]), inner
-
-    def _inner(self) -> Float:
-        """States (s,) beyond which another one lies, in nearly the same direction."""
-        z = self.states @ self.axes.T
-        size = np.linalg.norm(z, axis=1)
-        along = z @ z.T / np.maximum(np.outer(size, size), 1e-300)
-        farther = (along > np.cos(np.radians(25))) & (size > 1.02 * size[:, None])
-        return np.asarray(farther.any(axis=1))
+        off = np.zeros((len(chosen), flat.shape[1]))
+        for fold in range(min(_FOLDS, len(numbers))):
+            gone = np.isin(groups, numbers[fold::_FOLDS])
+            less = PoseSpace(self.axes, self.states[~gone])
+            off[gone[chosen]] = less(self.states[gone]) @ flat[~gone] - flat[gone]
+        return off.reshape(len(chosen), *values.shape[1:]), chosen
 
     @cached_property
     def _knots(self) -> Float:

@@ -8,8 +8,10 @@ import pytest
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.mechanics.elements.material import Material
+from defsense_fab.mechanics.loading.boundary_conditions import State
 from defsense_fab.mechanics.loading.pose import mix
 from defsense_fab.mechanics.solver.batch import Job, solve_all
+from defsense_fab.mechanics.solver.load_stepping import Equilibrium, Status
 from defsense_fab.pipeline.artifacts.layout import load_prediction
 from defsense_fab.pipeline.artifacts.mesh import load_mesh
 from defsense_fab.pipeline.twin.device_fields import MechanicsTraits, device_fields, law
@@ -109,6 +111,44 @@ def test_grips_pull_where_no_pose_holds(device):
         assert np.linalg.norm(p.drags[0].by) == pytest.approx(8.0)
         assert 10 < p.drags[0].at[0] < 140
     assert grips(device, device.source / "build", 0) == ()
+
+
+def test_shapes_that_are_not_known_well_enough_are_told(device, monkeypatch):
+    """What the solver no longer reaches ends the search for more states."""
+    from defsense_fab.pipeline.twin import device_fields as module
+
+    asked = []
+    solve = module.solve_all
+
+    def until_later(mesh, material, jobs, show):
+        asked.append(len(jobs))
+        if len(asked) > 2:
+            return [[Equilibrium(Status.NOT_REACHED, None, 0.0, None)] for _ in jobs]
+        return solve(mesh, material, jobs, show)
+
+    monkeypatch.setattr(module, "solve_all", until_later)
+    coarse = MechanicsTraits(edge=1.0, states=1, accuracy=1e-6)
+    found = device_fields(device, coarse)
+    assert asked == [3, 6, 12]
+    assert any("known within" in w for w in found.warnings)
+    assert any("it did not converge" in w for w in found.warnings)
+    assert 1e-6 < found.error < 0.2
+
+
+def test_a_pose_that_is_not_reached_is_refused(device, monkeypatch):
+    """By its name: between other states there is no such shape."""
+    from defsense_fab.pipeline.twin import device_fields as module
+
+    def but_the_second(mesh, material, jobs, show):
+        none = np.zeros((0, 3))
+        state = State(np.zeros_like(mesh.nodes), none, none, jobs[0].conditions)
+        there = Equilibrium(Status.OK, state, 1.0, None)
+        gone = Equilibrium(Status.NOT_REACHED, None, 0.0, None)
+        return [[gone if k == 1 else there for _ in job.fractions] for k, job in enumerate(jobs)]
+
+    monkeypatch.setattr(module, "solve_all", but_the_second)
+    with pytest.raises(CaptureError, match="reaches 0% of the pose twist; give --off mechanics"):
+        device_fields(device, MechanicsTraits(edge=1.0, states=2))
 
 
 def test_a_device_without_a_build_is_refused(device, tmp_path):

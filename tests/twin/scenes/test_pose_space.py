@@ -44,13 +44,24 @@ def test_between_states_it_is_right_and_says_how_far_it_is_off():
     fresh = 0.9 * states(200, rng)
     off = (space(fresh) @ values.reshape(45, -1)).reshape(200, 2, 3) - bent(fresh)
     true = np.sqrt((off**2).sum(-1).mean())
-    left, which = space.left_out(values)
+    groups = np.repeat(np.arange(15), 3)
+    groups[np.linalg.norm(w @ OPPOSITE.T, axis=1) > 1.05] = -1
+    left, which = space.left_out(values, groups)
     told = np.sqrt((left**2).sum(-1).mean())
     assert true < 0.1
     assert 0.3 * true < told < 6 * true
-    assert len(left) == len(which) > 25
-    farthest = np.linalg.norm(w @ OPPOSITE.T, axis=1).argmax()
-    assert farthest not in which
+    assert np.array_equal(which, np.flatnonzero(groups >= 0))
+    assert left.shape == (len(which), 2, 3)
+
+
+def test_states_that_are_left_out_are_told_by_the_others_alone():
+    rng = np.random.default_rng(0)
+    w = states(30, rng)
+    values = bent(w)
+    values[7] += 5.0
+    off, which = PoseSpace(OPPOSITE, w).left_out(values, np.where(np.arange(30) == 7, 0, -1))
+    assert which.tolist() == [7]
+    assert off[0] == pytest.approx(np.full((2, 3), -5.0), abs=0.5)
 
 
 def test_terms_that_no_state_tells_apart_are_left_out():
