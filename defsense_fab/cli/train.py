@@ -83,7 +83,7 @@ def _train(options: argparse.Namespace) -> int:
         return _simulated(options, device)
     from ..pipeline.train.model_file import write_model
     from ..pipeline.train.prepare import prepare
-    from ..pipeline.train.train_device import model_path, train_device
+    from ..pipeline.train.train_device import model_path, train_dataset
     from ..training.train_model import TrainingOptions
 
     path = model_path(options.out, device, [p for p in options.sources if p.is_dir()])
@@ -92,7 +92,7 @@ def _train(options: argparse.Namespace) -> int:
         options.folds, options.level,
     )  # fmt: skip
     with progress_bars(options) as progress:
-        dataset, notes = prepare(
+        dataset, prior, notes = prepare(
             options.sources,
             device,
             signals=options.signals,
@@ -100,16 +100,17 @@ def _train(options: argparse.Namespace) -> int:
             markers=options.markers,
             offset=_seconds("--offset", options.offset),
             shift=_seconds("--shift", options.shift),
+            wanted=options.prior,
             progress=progress,
         )
-        result, more = train_device(dataset, device, how, prior=options.prior, progress=progress)
+        result = train_dataset(dataset, how, prior, progress)
     write_model(path, result.model)
     with results():
         if options.json:
-            told = {"model": str(path), "notes": [*notes, *more], **result.model.told}
+            told = {"model": str(path), "notes": notes, **result.model.told}
             sys.stdout.write(json.dumps(told, indent=1) + "\n")
         else:
-            _show(result, path, options, [*notes, *more])
+            _show(result, path, options, notes)
     return 0
 
 

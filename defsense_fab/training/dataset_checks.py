@@ -36,9 +36,12 @@ def check_dataset(
     return tuple(sorted(out, key=lambda p: not p.fatal))
 
 
-def checked(dataset: Dataset, channels: Sequence[str] | None = None) -> tuple[Problem, ...]:
+def checked(
+    dataset: Dataset, channels: Sequence[str] | None = None,
+    predicted: Mapping[str, Float] | None = None,
+) -> tuple[Problem, ...]:  # fmt: skip
     """The problems that do not forbid training. Raises TrainingError for those that do."""
-    problems = check_dataset(dataset, channels=channels)
+    problems = check_dataset(dataset, channels=channels, predicted=predicted)
     refuse(problems)
     return problems
 

@@ -10,6 +10,8 @@ import pytest
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.coverage import coverage
 from defsense_fab.training.dataset import Dataset
+from defsense_fab.training.dataset_checks import check_dataset
+from defsense_fab.training.expected_signals import expected_signals
 from defsense_fab.training.frames import Frames
 from defsense_fab.training.prior import Prior
 from defsense_fab.training.simulated_model import simulated_model
@@ -105,3 +107,23 @@ def test_a_recording_that_shows_all_and_ends_at_rest_has_no_advice(recorded: Mak
     found = coverage(Frames.all_of(replace(dataset, recordings=(run,))), prior)
     assert found.advice == ()
     assert found.share == 1.0
+
+
+def test_signals_are_expected_where_markers_are(recorded: Maker) -> None:
+    prior, dataset = simulated(recorded), recorded(30, noise=0.0, gaps=0.3)
+    run = dataset.recordings[0]
+    found = expected_signals(prior, run, dataset.rest_points)
+    off = found - run.signals_at(run.time)
+    known = np.isfinite(off).all(axis=1)
+    assert known.mean() > 0.8
+    assert np.sqrt((off[known] ** 2).mean()) < 0.15 * run.signals.std()
+
+
+def test_channels_that_are_exchanged_are_noticed_in_one_session(recorded: Maker) -> None:
+    prior, dataset = simulated(recorded), recorded(90)
+    run = dataset.recordings[0]
+    predicted = {run.name: expected_signals(prior, run, dataset.rest_points)}
+    swapped = replace(dataset, recordings=(replace(run, ohm=run.ohm[:, [1, 0, 2]]),))
+    kinds = {p.kind for p in check_dataset(swapped, predicted=predicted)}
+    assert "permuted channels" in kinds
+    assert "permuted channels" not in {p.kind for p in check_dataset(dataset, predicted=predicted)}

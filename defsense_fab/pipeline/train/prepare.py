@@ -7,11 +7,19 @@ from pathlib import Path
 from typing import Literal
 
 from ...core.device import Device
+from ...core.errors import DefsenseError, TrainingError
 from ...core.progress import Progress, silent
+from ...training.coverage import coverage
 from ...training.dataset import Dataset
 from ...training.dataset_checks import checked
+from ...training.expected_signals import expected_signals
+from ...training.frames import Frames
 from ...training.in_step import find_shift, shifted
+from ...training.prior import Prior
 from .datasets import load_datasets
+from .simulated_prior import simulated_prior
+
+AUTO, YES, NO = "auto", "yes", "no"
 
 _WORTH_A_WORD = 0.02  # s
 
@@ -20,15 +28,16 @@ def prepare(
     sources: Sequence[Path], device: Device | None, *, signals: Path | None = None,
     tracks: Path | None = None, markers: Path | None = None,
     offset: float | Literal["auto"] = 0.0, shift: float | Literal["auto"] = 0.0,
-    progress: Progress = silent,
-) -> tuple[Dataset, list[str]]:  # fmt: skip
-    """The dataset of `load_datasets`, with the times of its samples later by `shift` s, and notes.
-    Raises TrainingError for what forbids training."""
+    wanted: str = "auto", progress: Progress = silent,
+) -> tuple[Dataset, Prior | None, list[str]]:  # fmt: skip
+    """The dataset of `load_datasets`, with the times of its samples later by `shift` s; what the
+    simulation says of its device, if that is `wanted`; and notes: what is doubtful, and what was
+    not shown. Raises TrainingError for what forbids training."""
     progress("data", 0.0, "reading")
     dataset = load_datasets(
         sources, device, signals=signals, tracks=tracks, markers=markers, offset=offset
     )
-    notes = []
+    notes: list[str] = []
     if shift == "auto":
         progress("data", 0.4, "putting signals and markers in step")
         found = {r.name: find_shift(r) for r in dataset.recordings}
@@ -38,6 +47,34 @@ def prepare(
     elif shift:
         dataset = shifted(dataset, shift)
     progress("data", 0.6, "checking")
-    notes += [str(problem) for problem in checked(dataset)]
+    prior, why = found_prior(dataset, device, wanted)
+    notes += why
+    predicted = {}
+    if prior is not None:
+        predicted = {
+            r.name: expected_signals(prior, r, dataset.rest_points) for r in dataset.recordings
+        }
+    notes += [str(problem) for problem in checked(dataset, predicted=predicted)]
+    if prior is not None:
+        notes += coverage(Frames.all_of(dataset), prior).advice
     progress("data", 1.0, "done")
-    return dataset, notes
+    return dataset, prior if wanted != NO else None, notes
+
+
+def found_prior(
+    dataset: Dataset, device: Device | None, wanted: str
+) -> tuple[Prior | None, list[str]]:
+    """What the device's simulation says, if it is built, and notes. Raises TrainingError where it
+    is `wanted` and cannot be had."""
+    if wanted not in (AUTO, YES, NO):
+        raise TrainingError(f"--prior {wanted}: choose {AUTO}, {YES} or {NO}")
+    if device is None:
+        if wanted == YES:
+            raise TrainingError("--prior yes needs --device DIR, a built device")
+        return None, []
+    try:
+        return simulated_prior(device, dataset.channels, dataset.rest_points), []
+    except DefsenseError as error:
+        if wanted == YES:
+            raise
+        return None, [f"the simulation is not used: {error}"]

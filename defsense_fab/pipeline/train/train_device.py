@@ -1,4 +1,4 @@
-"""Training as the command runs it: with what the simulation says, and what is told of the model."""
+"""Training as the command runs it: models with what there is to tell of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from ... import __version__
 from ...core.device import Device
-from ...core.errors import DefsenseError, TrainingError
+from ...core.errors import TrainingError
 from ...core.files import digest
 from ...core.progress import Progress, silent
 from ...decoding.trained_model import TrainedModel
@@ -24,7 +24,6 @@ from ..artifacts.build_folder import build_folder
 from ..artifacts.layout import LAYOUT, load_layout, load_prediction
 from .simulated_prior import simulated_prior
 
-AUTO, YES, NO = "auto", "yes", "no"
 #: In which units the numbers of a model are.
 UNITS = {
     "signals": "(R - R0)/R0, R0 being the resistance at rest",
@@ -33,16 +32,14 @@ UNITS = {
 }
 
 
-def train_device(
-    dataset: Dataset, device: Device | None, options: TrainingOptions, *, prior: str = AUTO,
+def train_dataset(
+    dataset: Dataset, options: TrainingOptions, prior: Prior | None = None,
     progress: Progress = silent,
-) -> tuple[Training, list[str]]:  # fmt: skip
-    """The training, its model with what there is to tell of it, and notes. The simulation's states
-    of a built `device` are trained on, too, where `prior` says so. Raises TrainingError."""
-    found, notes = _prior(dataset, device, prior)
-    result = train(dataset, options, progress, found)
-    told = told_of(result, dataset, options, found)
-    return replace(result, model=replace(result.model, told=told)), notes
+) -> Training:  # fmt: skip
+    """The training, its model with what there is to tell of it. Raises TrainingError."""
+    result = train(dataset, options, progress, prior)
+    told = told_of(result, dataset, options, prior)
+    return replace(result, model=replace(result.model, told=told))
 
 
 def simulate_only(device: Device) -> TrainedModel:
@@ -57,21 +54,6 @@ def simulate_only(device: Device) -> TrainedModel:
     model = simulated_model(device.name, hash_, channels, ids, markers, prior)
     told = {**_origin(), "trained_on": f"{len(prior.names)} simulated states, no picture"}
     return replace(model, told=told)
-
-
-def _prior(dataset: Dataset, device: Device | None, wanted: str) -> tuple[Prior | None, list[str]]:
-    if wanted not in (AUTO, YES, NO):
-        raise TrainingError(f"--prior {wanted}: choose {AUTO}, {YES} or {NO}")
-    if wanted == NO or (device is None and wanted == AUTO):
-        return None, []
-    if device is None:
-        raise TrainingError("--prior yes needs --device DIR, a built device")
-    try:
-        return simulated_prior(device, dataset.channels, dataset.rest_points), []
-    except DefsenseError as error:
-        if wanted == YES:
-            raise
-        return None, [f"the simulation is not used: {error}"]
 
 
 def _origin() -> dict[str, Any]:
