@@ -165,14 +165,14 @@ def later(model: TrainedModel, r: Recording) -> None:
         print(f"{told}; re-calibrated {rmse(off):.2f} (gains {gains}) {found.problems}", flush=True)
 
 
-def routine(r: Recording, model: TrainedModel, seconds: float = 6.0) -> Recording:
-    """Up to three poses and a rest, a few seconds of each, after half a minute of movement."""
+def routine(r: Recording, model: TrainedModel, seconds: float = 9.0) -> Recording:
+    """Up to three poses and a rest, a few seconds of each, after half a minute of movement: of each
+    pose the show that went farthest, as the hand of the twin often goes a part of the way."""
     parts, marks, at = [], [], 0.0
     warm = [(n, s) for n, s in shows(r) if r.sample_time[s.start] > 30]
-    first = {n: s for n, s in reversed(warm)}
-    poses = [n for n in first if n in model.poses][:3]
+    poses = [n for n in model.poses if any(n == name for name, _ in warm)][:3]
     for name in (*poses, "rest"):
-        samples = first[name]
+        samples = max((s for n, s in warm if n == name), key=lambda s: _reach(r, s))
         time = r.sample_time[samples]
         keep = np.flatnonzero(time < time[0] + seconds) + samples.start
         marks.append((at, name))
@@ -184,6 +184,15 @@ def routine(r: Recording, model: TrainedModel, seconds: float = 6.0) -> Recordin
         ohm=np.concatenate([o for _, o in parts]), time=np.zeros(0), points=none, sigma=none,
         poses=tuple(marks),
     )  # fmt: skip
+
+
+def _reach(r: Recording, samples: slice) -> float:
+    """mm, of the markers from their mean places, at most in a show."""
+    begin, end = r.sample_time[samples][[0, -1]]
+    within = (r.time >= begin) & (r.time <= end)
+    off = r.points[within] - np.nanmean(r.points, axis=0)
+    with np.errstate(all="ignore"):
+        return float(np.nanmax(np.nanmean((off**2).sum(2), axis=1), initial=0.0))
 
 
 def main() -> None:

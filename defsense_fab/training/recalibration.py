@@ -5,7 +5,7 @@ is left are gains. At a pose's extreme x_pc = g_c a_p y_pc + o_c, y being the si
 training, a_p how far the pose was shown this time, near one; g_c the channels' gains: one, but for
 those that changed; o_c by how much this rest differs from others. Gains that lie far from one cost
 little more than those that lie near (Cauchy), so that one cord which changed is found rather than
-spread over all.
+spread over all; those that are not proven to have changed are one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..core.arrays import Float
+from ..core.arrays import Bool, Float
 from ..core.errors import TrainingError
 from ..decoding.trained_model import TrainedModel
 from .dataset import Recording
@@ -27,6 +27,7 @@ _RESTS = 0.003  # of a cord's signal from one rest to another, by what was done 
 _OFF = 0.04  # of a pose's own signal, and so much more, by which one show differs from the next
 _MORE = 0.0015
 _ENOUGH = 2.0  # root mean square of what is left, in what one show differs by
+_SURE, _LITTLE = 1.0, 0.1  # standard errors, and the change of a gain, that prove one
 _FAR = 2.0  # a gain beyond which, or below whose inverse, the cord is another one
 
 
@@ -56,7 +57,10 @@ def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalib
         )
     x = (np.array([now[name] for name in both]) - at_rest) / (1 + at_rest)
     y = model.gain * np.array([model.poses[name] for name in both])
-    gain, error, left = _fit(x, y)
+    every = np.ones(x.shape[1], bool)
+    gain, error, _ = _fit(x, y, every)
+    changed = np.abs(np.log(gain)) > np.maximum(_SURE * error / gain, np.log(1 + _LITTLE))
+    gain, error, left = _fit(x, y, changed)
     found = replace(model, gain=model.gain * gain)
     return Recalibration(found, gain, error, at_rest, left, _problems(model, gain, error, left))
 
@@ -70,14 +74,14 @@ def rest_signals(recordings: Sequence[Recording]) -> Float:
     return np.asarray(np.nanmedian(at_rest[-1], axis=0))
 
 
-def _fit(x: Float, y: Float) -> tuple[Float, Float, float]:
+def _fit(x: Float, y: Float, free: Bool) -> tuple[Float, Float, float]:
     """Gains (c,), their standard errors (c,), and what is left of signals (p, c) against those of
-    the training (p, c)."""
+    the training (p, c); gains that are not `free` (c,) are one."""
     p, c = x.shape
     scale = _OFF * np.linalg.norm(y, axis=1, keepdims=True) / np.sqrt(c) + _MORE
 
     def residuals(z: Float) -> Float:
-        gains, shown, offset = np.exp(z[:c]), np.exp(z[c : c + p]), z[c + p :]
+        gains, shown, offset = np.exp(free * z[:c]), np.exp(z[c : c + p]), z[c + p :]
         off = (x - shown[:, None] * gains * y - offset) / scale
         g = z[:c] / _GAINS  # Cauchy's, as far as it is from the least squares of the rest
         return np.concatenate(
@@ -97,7 +101,7 @@ def _fit(x: Float, y: Float) -> tuple[Float, Float, float]:
     J = best.jac
     covariance = np.linalg.pinv(J.T @ J)
     error = np.exp(best.x[:c]) * np.sqrt(np.maximum(np.diag(covariance)[:c], 0.0))
-    return np.exp(best.x[:c]), error, float(np.sqrt((off**2).mean()))
+    return np.exp(free * best.x[:c]), error, float(np.sqrt((off**2).mean()))
 
 
 def _problems(model: TrainedModel, gain: Float, error: Float, left: float) -> tuple[str, ...]:
