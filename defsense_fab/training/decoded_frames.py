@@ -76,8 +76,8 @@ def decode_frames(model: TrainedModel, dataset: Dataset, last_share: float = 1.0
         raise TrainingError(f"the last {last_share:g} of the frames: give a share above 0, up to 1")
     data = matched(model, dataset)
     parts = [_tested(model, r, last_share) for r in data.recordings]
-    seen: list[Bool] = [np.isfinite(_whole(r.points[k:])).any(axis=(1, 2)) for r, k, _ in parts]
-    told: list[Bool] = [np.isfinite(d.points).all(axis=(1, 2)) for _, _, d in parts]
+    seen = [np.asarray(np.isfinite(_whole(r.points[k:])).any(axis=(1, 2))) for r, k, _ in parts]
+    told = [np.asarray(np.isfinite(d.points).all(axis=(1, 2))) for _, _, d in parts]
     keep = [a & b for a, b in zip(seen, told, strict=True)]
     if not any(k.any() for k in keep):
         raise TrainingError(
