@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from defsense_fab.decoding.features import affine
+from defsense_fab.decoding.features import affine, quadratic
 from defsense_fab.decoding.past import Past
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.decoding.trained_model import Branch, Intervals, TrainedModel, TrainedRange
@@ -93,9 +93,9 @@ def trained(data, features=affine, past=None, noise=1e-4):
     )
     own = r.seen.all(1)
     decoder = fit(features(z.shape[1]), z[own], r.points[own].reshape(own.sum(), -1), noise)
-    value, turn = np.linalg.eigh(np.cov(z.T) + 1e-12 * np.eye(z.shape[1]))
-    within = TrainedRange(z.mean(0), turn / np.sqrt(value), 1.0, z.min(0), z.max(0))
-    within = replace(within, usual=float(np.quantile(within.distance(z), 0.99)))
+    value, turn = np.linalg.eigh(np.cov(z[own].T) + 1e-9 * np.eye(z.shape[1]))
+    within = TrainedRange(z[own].mean(0), turn / np.sqrt(value), 1.0, z.min(0), z.max(0))
+    within = replace(within, usual=float(np.quantile(within.distance(z[own]), 0.99)))
     miss = np.linalg.norm(decoder(z).reshape(len(z), -1, 3) - r.points, axis=2)
     m = len(data.ids)
     intervals = Intervals(0.9, np.ones(m), np.nanquantile(miss, 0.9, axis=0), np.zeros(m))
@@ -103,3 +103,6 @@ def trained(data, features=affine, past=None, noise=1e-4):
         "bar", "abc", "affine", data.channels, data.ids, data.rest_points, np.ones(3), np.zeros(3),
         Branch((0, 1, 2), past, decoder, within, intervals),
     )  # fmt: skip
+
+
+__all__ = ["affine", "quadratic"]

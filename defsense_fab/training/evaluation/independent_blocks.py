@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.arrays import Float, Int
+from ...core.arrays import Float, Int
 
 # Blocks are this many times as long as errors remember: neighbours' means are correlated by 4 %.
 _LONG = 6.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.arrays import Float, Int
+from ...core.arrays import Float, Int
 
 _BESIDE = 2  # frames on either side
 _NEAR = 0.25  # s: frames further apart are not neighbours

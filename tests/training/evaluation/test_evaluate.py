@@ -8,8 +8,8 @@ import pytest
 
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.ridge import measure
-from defsense_fab.training.evaluation import evaluate
-from defsense_fab.training.marker_motion import velocities
+from defsense_fab.training.evaluation.evaluate import evaluate
+from defsense_fab.training.evaluation.marker_motion import velocities
 from tests.training import soft_bar as bar
 
 

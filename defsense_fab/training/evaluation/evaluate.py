@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import Bool, Float, Int
-from ..core.errors import TrainingError
-from ..decoding.trained_model import TrainedModel
-from .dataset import Dataset
+from ...core.arrays import Bool, Float, Int
+from ...core.errors import TrainingError
+from ...decoding.trained_model import TrainedModel
+from ..dataset import Dataset
 from .decoded_frames import DecodedFrames, decode_frames, matched
 from .marker_motion import outwards, rms, velocities
 

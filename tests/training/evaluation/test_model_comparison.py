@@ -6,8 +6,18 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.training.independent_blocks import autocorrelation_time, block_length, block_means
-from defsense_fab.training.model_comparison import FrameErrors, analyse, compare, pairs, welch
+from defsense_fab.training.evaluation.independent_blocks import (
+    autocorrelation_time,
+    block_length,
+    block_means,
+)
+from defsense_fab.training.evaluation.model_comparison import (
+    FrameErrors,
+    analyse,
+    compare,
+    pairs,
+    welch,
+)
 
 NAMES = ("a", "b", "c")
 

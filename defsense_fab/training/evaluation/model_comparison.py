@@ -14,8 +14,8 @@ from itertools import combinations
 
 import numpy as np
 
-from ..core.arrays import Float, Int
-from ..core.errors import TrainingError
+from ...core.arrays import Float, Int
+from ...core.errors import TrainingError
 from .independent_blocks import autocorrelation_time, block_length, block_means
 
 #: Below this probability of chance something counts as different.
