@@ -69,40 +69,46 @@ class DecodedFrames:
         return np.asarray(np.sqrt(np.nanmean(self.miss**2, axis=1)))
 
 
-def decode_frames(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> DecodedFrames:
-    """What `model` says of the last share of the pictures of each run. Raises TrainingError where
-    the model is not of this device's layout, or nothing can be tested."""
+def decode_frames(model: TrainedModel, dataset: Dataset, last_share: float) -> DecodedFrames:
+    """What `model` says of the last share of all pictures that can be tested, one run after another
+    as they are divided for training (`splits.py`). Raises TrainingError where the model is not of
+    this device's layout, or nothing can be tested."""
     if not 0 < last_share <= 1:
         raise TrainingError(f"the last {last_share:g} of the frames: give a share above 0, up to 1")
     data = matched(model, dataset)
-    parts = [_tested(model, r, last_share) for r in data.recordings]
-    seen = [np.asarray(np.isfinite(_whole(r.points[k:])).any(axis=(1, 2))) for r, k, _ in parts]
-    told = [np.asarray(np.isfinite(d.points).all(axis=(1, 2))) for _, _, d in parts]
-    keep = [a & b for a, b in zip(seen, told, strict=True)]
-    if not any(k.any() for k in keep):
+    runs = data.recordings
+    told = [decode_signals(model, r.sample_time, r.signals, r.time) for r in runs]
+    points = [_whole(r.points) for r in runs]
+    run = np.repeat(np.arange(len(runs)), [len(r.time) for r in runs])
+    time = np.concatenate([r.time for r in runs])
+    measured = np.concatenate(points)
+    predicted = np.concatenate([d.points for d in told])
+    seen = np.asarray(np.isfinite(measured).any(axis=(1, 2)))
+    known = np.asarray(np.isfinite(predicted).all(axis=(1, 2)))
+    own = np.flatnonzero(seen & known)
+    own = own[len(own) - round(last_share * len(own)) :]
+    if not len(own):
         raise TrainingError(
-            f"{data.device}: none of {sum(map(len, keep))} pictures has both markers and samples of"
-            " all channels; record the session again, or test on another"
+            f"{data.device}: none of {len(time)} pictures has both markers and samples of all"
+            " channels; record the session again, or test on another"
         )
-    names = [[_pose(r, t) for t in r.time[k:][own]]
-             for (r, k, _), own in zip(parts, keep, strict=True)]  # fmt: skip
-    poses = tuple(dict.fromkeys(name for own in names for name in own))
-    times = [r.time[k:][own] for (r, k, _), own in zip(parts, keep, strict=True)]
-    both = list(zip(parts, keep, strict=True))
+    names = [_pose(runs[k], t) for k, t in zip(run[own], time[own], strict=True)]
+    poses = tuple(dict.fromkeys(names))
+    first = 0 if last_share == 1 else int(own[0])
     return DecodedFrames(
-        runs=tuple(r.name for r in data.recordings),
+        runs=tuple(r.name for r in runs),
         poses=poses,
-        run=np.repeat(np.arange(len(parts)), [len(t) for t in times]),
-        pose=np.array([poses.index(name) for own in names for name in own], int),
-        time=np.concatenate(times),
-        elapsed=_laid_end_to_end(times),
-        predicted=np.concatenate([d.points[own] for (_, _, d), own in both]),
-        measured=np.concatenate([_whole(r.points[k:][own]) for (r, k, _), own in both]),
-        sigma=np.concatenate([r.sigma[k:][own] for (r, k, _), own in both]),
-        radius=np.concatenate([d.radius[own] for (_, _, d), own in both]),
-        distance=np.concatenate([d.distance[own] for (_, _, d), own in both]),
-        without_samples=sum(int((a & ~b).sum()) for a, b in zip(seen, told, strict=True)),
-        without_markers=sum(int((~a).sum()) for a in seen),
+        run=run[own],
+        pose=np.array([poses.index(name) for name in names], int),
+        time=time[own],
+        elapsed=_laid_end_to_end([time[own][run[own] == k] for k in range(len(runs))]),
+        predicted=predicted[own],
+        measured=measured[own],
+        sigma=np.concatenate([r.sigma for r in runs])[own],
+        radius=np.concatenate([d.radius for d in told])[own],
+        distance=np.concatenate([d.distance for d in told])[own],
+        without_samples=int((seen & ~known)[first:].sum()),
+        without_markers=int((~seen)[first:].sum()),
     )
 
 
@@ -150,19 +156,6 @@ def decode_inputs(model: TrainedModel, inputs: Float) -> Decoded:
         np.concatenate([p.radius for p in parts]),
         np.concatenate([p.distance for p in parts]),
     )
-
-
-def first_tested(recording: Recording, last_share: float) -> int:
-    """Index of the first of the last share of a run's pictures."""
-    return len(recording.time) - round(last_share * len(recording.time))
-
-
-def _tested(
-    model: TrainedModel, recording: Recording, last_share: float
-) -> tuple[Recording, int, Decoded]:
-    first = first_tested(recording, last_share)
-    told = decode_signals(model, recording.sample_time, recording.signals, recording.time[first:])
-    return recording, first, told
 
 
 def _pose(recording: Recording, time: float) -> str:

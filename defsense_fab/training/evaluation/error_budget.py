@@ -32,9 +32,8 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
-from ...decoding.features import quadratic
+from ...decoding.input_features import InputFeatures
 from ...decoding.past import Past
-from ...decoding.radial_basis import RadialBasis
 from ...decoding.trained_model import TrainedModel, at_times
 from ..dataset import Dataset
 from .channel_correction import ChannelCorrection, decoded_again
@@ -73,7 +72,7 @@ def error_budget(
     model: TrainedModel, dataset: Dataset, last_share: float = 1.0,
     training: Dataset | None = None,
 ) -> ErrorBudget:  # fmt: skip
-    """Of the last share of the pictures of each run; `training` is what the model was trained on.
+    """Of the last share of the pictures; `training` is what the model was trained on.
     Raises TrainingError as `decode_frames` does."""
     data = matched(model, dataset)
     frames = decode_frames(model, data, last_share)
@@ -245,15 +244,13 @@ def _branch_inputs(model: TrainedModel, data: Dataset, frames: DecodedFrames) ->
 
 
 def _basis(inputs: Float) -> Callable[[Float], Float]:
-    """Features of second degree, of few inputs, and radial basis functions about inputs (n, d),
-    evenly spread over them in time, wider than these are spread."""
+    """Features of inputs (t, d): themselves, products of pairs of few, and radial basis functions
+    about inputs (n, d) evenly spread over time, wider than these are spread."""
     d = inputs.shape[1]
-    spread = inputs.std(axis=0)
-    scale = np.where(spread > 0, spread, np.inf) * np.sqrt(d)
+    middle, spread = inputs.mean(axis=0), inputs.std(axis=0)
+    scale = np.where(spread > 0, spread, np.inf)
     some = np.linspace(0, len(inputs) - 1, min(_CENTERS, len(inputs))).astype(int)
-    radial = RadialBasis(inputs[some], scale)
-    if d > _MOST_SQUARED:
-        return radial
-    squares = quadratic(d)
-    middle = inputs.mean(axis=0)
-    return lambda z: np.concatenate([squares((z - middle) / scale), radial(z)[:, d:]], axis=1)
+    centers = (inputs[some] - middle) / scale
+    pairs = np.stack(np.triu_indices(d if d <= _MOST_SQUARED else 0), axis=1)
+    features = InputFeatures(d, pairs, centers, np.full(d, np.sqrt(d)))
+    return lambda z: features((z - middle) / scale)

@@ -88,7 +88,7 @@ class Evaluation:
 
 
 def evaluate(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> Evaluation:
-    """The model's errors on the last share of the pictures of each run. Raises TrainingError where
+    """The model's errors on the last share of the pictures. Raises TrainingError where
     they do not go together, or nothing can be tested."""
     frames = decode_frames(model, dataset, last_share)
     rest = matched(model, dataset).rest_points

@@ -10,6 +10,8 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.ridge import measure
 from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import velocities
+from defsense_fab.training.frames import Frames
+from defsense_fab.training.splits import first_and_last
 from tests.training import soft_bar as bar
 
 
@@ -81,14 +83,22 @@ def test_frames_that_cannot_be_tested_are_counted(model):
     assert len(found.time) == len(run.time) - 40 - found.without_samples
 
 
-def test_the_last_share_of_each_run(model):
-    runs = bar.recording(20, seed=1), bar.recording(10, seed=2, name="run-2")
-    found = evaluate(model, bar.dataset(*runs), 0.3).frames
-    assert [int((found.run == k).sum()) for k in (0, 1)] == [round(0.3 * len(r.time)) for r in runs]
-    for k, r in enumerate(runs):
-        assert (found.time[found.run == k] == r.time[-round(0.3 * len(r.time)) :]).all()
+def test_the_last_share_is_that_which_was_not_trained_on(model):
+    """Of all runs together, as training divides them."""
+    first = bar.recording(20, seed=1)
+    points = first.points.copy()
+    points[50:90] = np.nan
+    runs = replace(first, points=points), bar.recording(10, seed=2, name="run-2")
+    data = bar.dataset(*runs)
+    for share in (0.3, 0.6):
+        found = evaluate(model, data, share).frames
+        _, held_out = first_and_last(Frames.all_of(data), share)
+        assert (found.run == held_out.of).all()
+        assert (found.time == held_out.time).all()
+    assert found.without_markers == 0
     assert (np.diff(found.elapsed) > 0).all()
-    assert found.elapsed[-1] == pytest.approx(9, abs=0.2)
+    assert found.elapsed[-1] == pytest.approx(0.6 * (30 - 40 / 30), abs=0.3)
+    assert evaluate(model, data).frames.without_markers == 40
 
 
 def test_by_pose(model):
