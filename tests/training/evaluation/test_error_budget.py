@@ -53,6 +53,24 @@ def test_noise_of_the_read_out_is_found():
     assert abs(out.shares[budget.UNEXPLAINED]) < 0.1 * out.total
 
 
+def test_noise_beyond_the_trained_range_counts_once(model):
+    """Of a model that was trained without."""
+    out = found(model, noise=0.004)
+    assert out.shares[budget.READ_OUT] == pytest.approx(out.total, rel=0.1)
+    assert out.shares[budget.UNSEEN] < 0.01 * out.total
+
+
+def test_gains_that_bring_frames_out_of_the_trained_range_are_found():
+    """They are not poses that were never seen: with the gains corrected, they were."""
+    causes = {"noise": 0.002, "sigma": 0.15, "memory": 0.3}
+    model = bar.trained(bar.dataset(bar.recording(120, **causes)), bar.quadratic, noise=0.002)
+    data = bar.dataset(bar.recording(60, seed=5, drift=0.03, gain=(1.1, 1, 0.9), **causes))
+    assert evaluate(model, data).outside.frames > 1000
+    out = budget.error_budget(model, data)
+    assert out.shares[budget.PLACEMENT] > 0.4 * out.total
+    assert out.shares[budget.UNSEEN] < 0.05 * out.total
+
+
 def test_a_drift_is_found(model):
     """That which is 0 in the middle: its mean would be an offset."""
     run = bar.recording(60, seed=1)
