@@ -78,7 +78,7 @@ def test_json_of_what_training_held_out(files, capsys, no_figures):
         (["nowhere.json", "first"], "nowhere.json: cannot be read"),
         (["affine", "first", "--last-share", "1.5"], "--last-share 1.5: give a share above 0"),
         (["affine", "first", "--last-share", "nan"], "--last-share nan: give a share above 0"),
-        (["affine", "second", "--against", "affine"], "give two models or more, of different"),
+        (["affine", "second", "--against", "affine"], "give each model once"),
         (["affine", "second", "--out", "second"], "second: is no evaluation and would be over"),
     ],
 )

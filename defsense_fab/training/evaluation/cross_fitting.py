@@ -63,14 +63,14 @@ def folds(frames: DecodedFrames) -> Int:
 def by_parameters(residual: Residual, slopes: Float) -> tuple[Float, Float]:
     """The correction (t, m, 3) mm that parameters (p,) of all markers together, with `slopes`
     (t, m, 3, p), give of frames left out; and the parameters of all frames."""
-    weighted = slopes * residual.fitting[..., None, None]
     p = slopes.shape[3]
     normal = np.zeros((_FOLDS, p, p))
     right = np.zeros((_FOLDS, p))
     for k in range(_FOLDS):
         own = residual.fold == k
-        a = weighted[own].reshape(-1, p)
-        normal[k] = a.T @ slopes[own].reshape(-1, p)
+        here = slopes[own]
+        a = (here * residual.fitting[own][..., None, None]).reshape(-1, p)
+        normal[k] = a.T @ here.reshape(-1, p)
         right[k] = a.T @ residual.error[own].ravel()
     correction = np.zeros_like(residual.error)
     for k in range(_FOLDS):

@@ -179,6 +179,18 @@ def _delays(data: Dataset, frames: DecodedFrames, residual: Residual) -> Float:
     return correction
 
 
+def _corrected(
+    model: TrainedModel, data: Dataset, frames: DecodedFrames, left: Residual
+) -> tuple[Residual, Residual, ChannelCorrection]:
+    """After placement and gain, after drift, and what was corrected."""
+    channels = ChannelCorrection(model, data, frames)
+    placed = left.less(channels.placed(left))
+    drifted = placed.less(channels.drifted(placed))
+    if np.abs(channels.gains).max() > _GAINS:
+        return left, left, channels
+    return placed, drifted, channels
+
+
 def _channels(
     model: TrainedModel, data: Dataset, frames: DecodedFrames, left: Residual
 ) -> tuple[Residual, Residual, DecodedFrames]:
@@ -187,20 +199,16 @@ def _channels(
 
     Poses that were not trained are not to be put down to the channels, so that corrections are
     fitted within the range. But channels that changed may bring all frames out of it: where those
-    fitted to all frames bring most back, by gains that cords can have, they are believed."""
-    channels = ChannelCorrection(model, data, frames)
-    placed = left.less(channels.placed(left))
-    drifted = placed.less(channels.drifted(placed))
+    fitted to all frames bring most back, they are believed. Gains that no cord can have are not."""
+    placed, drifted, _ = _corrected(model, data, frames, left)
     within = float((frames.distance <= 1).mean())
     if within > 1 - _BACK:
         return placed, drifted, frames
     every = replace(left, fitting=left.weights)
-    channels = ChannelCorrection(model, data, frames)
-    moved = every.less(channels.placed(every))
-    all_moved = moved.less(channels.drifted(moved))
+    moved, all_moved, channels = _corrected(model, data, frames, every)
     corrected = replace(frames, distance=channels.distance())
     back = float((corrected.distance <= 1).mean()) - within
-    if back < _BACK or np.abs(channels.gains).max() > _GAINS or all_moved.square > drifted.square:
+    if back < _BACK or all_moved.square >= min(drifted.square, left.square):
         return placed, drifted, frames
     fitting = residual_of(corrected).fitting
     return moved, replace(all_moved, fitting=fitting), corrected

@@ -160,7 +160,8 @@ def _by_speed(speed: Float, errors: Float, too_far: Float) -> SpeedBins:
     for k in np.flatnonzero(frames >= _FEWEST):
         own = known & (bins == k)
         rmse[k] = np.sqrt((errors[own] ** 2).mean())
-        far[k] = too_far[own][np.isfinite(too_far[own])].mean()
+        apart = too_far[own & np.isfinite(too_far)]
+        far[k] = apart.mean() if len(apart) else np.nan  # none of a device that is exactly at rest
     return SpeedBins(edges, frames, rmse, far)
 
 

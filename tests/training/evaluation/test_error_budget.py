@@ -104,6 +104,16 @@ def test_a_delay_of_the_clocks_is_found(model):
     assert unknown.shares[budget.CLOCKS] == 0
 
 
+def test_what_no_cord_can_have_is_not_a_gain(model):
+    """Clocks that are wrong by seconds, where gains near 0 would help."""
+    run = bar.recording(20, seed=2)
+    late = replace(run, sample_time=run.sample_time + 3)
+    trained = bar.dataset(bar.recording(90))
+    out = budget.error_budget(model, bar.dataset(late), training=trained)
+    assert out.shares[budget.PLACEMENT] == 0
+    assert out.shares[budget.UNEXPLAINED] > 0.5 * out.total
+
+
 def test_a_decoder_that_cannot_bend_is_found():
     data = bar.dataset(bar.recording(90))
     model = bar.trained(data)

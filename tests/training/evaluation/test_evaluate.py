@@ -212,3 +212,12 @@ def test_refusals(model):
     run = data.recordings[0]
     with pytest.raises(TrainingError, match=f"none of {len(run.time)} pictures has both"):
         evaluate(model, edited(run, ohm=run.ohm * np.nan))
+
+
+def test_a_device_at_rest(model):
+    """It neither goes out nor comes back."""
+    run = bar.recording(10)
+    points = np.broadcast_to(bar.REST, run.points.shape)
+    found = evaluate(model, edited(run, ohm=np.broadcast_to(bar.R0, run.ohm.shape), points=points))
+    assert np.isnan(found.by_speed.too_far).all()
+    assert found.by_speed.frames.sum() == len(run.time)

@@ -63,6 +63,9 @@ def evaluate_models(
 ) -> SessionEvaluation:  # fmt: skip
     """Of models by name. Without a share, the pictures that training held out where a model was
     trained on one of the sessions, all pictures where none was. Raises TrainingError."""
+    names = [name for name, _ in models]
+    if len(set(names)) < len(names):
+        raise TrainingError(f"{', '.join(names)}: give each model once")
     known = [_trained_on(model, dataset) for _, model in models]
     share = last_share
     if share is None:
@@ -88,7 +91,12 @@ def evaluate_models(
         found.append(Evaluated(name, model, result, error_budget(model, dataset, share)))
     notes += _notes(found[0].evaluation)
     progress("evaluate", 0.95, "comparing")
-    comparison = compare([_frame_errors(f) for f in found]) if len(found) > 1 else None
+    comparison = None
+    if len(found) > 1:
+        try:
+            comparison = compare([_frame_errors(f) for f in found])
+        except TrainingError as problem:  # the models' errors are worth telling without it
+            notes.append(str(problem))
     if comparison is not None and comparison.by_block is None:
         notes.append(
             f"errors go on for so long (blocks of {comparison.length} frames) that these sessions"

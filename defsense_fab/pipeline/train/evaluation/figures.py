@@ -180,13 +180,15 @@ def _coverage(figure: Any, found: Evaluated) -> None:
     c = found.evaluation.coverage
     assert c is not None
     ax = figure.subplots()
-    ax.bar(10 * np.arange(10) + 5, 100 * c.by_tenth, 8, color=_BAND, edgecolor=_DARK, lw=0.6)
-    ax.axhline(100 * c.level, color=_LIGHT, ls="--", label=f"nominal, {c.level:.0%}")
+    ax.plot(10 * np.arange(10) + 5, 100 * c.by_tenth, "o-", color=_BLUE, ms=4, mec=_DARK, mew=0.4,
+            label="measured")  # fmt: skip
+    ax.axhline(100 * c.level, color=_LIGHT, ls="--", label=f"nominal, {100 * c.level:.0f} %")
+    ax.set_xlim(0, 100)
     low = float(np.nanmin(c.by_tenth))
     ax.set_ylim(max(0.0, 100 * min(low, c.level) - 15), 101)
     ax.set_xlabel("tested time, %")
     ax.set_ylabel("inside the interval, %")
-    figure.legend(loc="outside upper right")
+    figure.legend(loc="outside upper right", ncols=2)
 
 
 def _budget(figure: Any, found: Evaluated) -> None:
@@ -241,7 +243,7 @@ def _broken(time: Float, values: Float) -> tuple[Float, Float]:
 
 def _interval(found: Evaluated) -> str:
     intervals = found.model.main.intervals
-    return f"{intervals.level:.0%} interval" if intervals else "interval"
+    return f"{100 * intervals.level:.0f} % interval" if intervals else "interval"
 
 
 def _short(name: str) -> str:

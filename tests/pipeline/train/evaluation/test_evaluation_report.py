@@ -163,6 +163,17 @@ def test_what_a_model_was_trained_on_is_held_out(models, unseen):
         evaluate_models([(name, none)], unseen)
 
 
+def test_one_frame(models, tmp_path):
+    """Too few to compare by, and told all the same."""
+    run = bar.recording(10, seed=2)
+    one = replace(run, time=run.time[:1], points=run.points[:1], sigma=run.sigma[:1])
+    result = evaluate_models(models, bar.dataset(one))
+    assert result.comparison is None
+    assert "1 frames are few: record for longer" in result.notes
+    assert "do not vary at all" in result.notes[-1]
+    write_evaluation(tmp_path / "out", result)
+
+
 def test_names_of_models(tmp_path):
     assert _names([tmp_path / "a" / "model.json", tmp_path / "b.json"]) == ["a", "b"]
     same = [tmp_path / "a" / "x.json", tmp_path / "b" / "x.json"]
