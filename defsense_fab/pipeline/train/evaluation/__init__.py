@@ -1,0 +1,1 @@
+"""Evaluations of trained models on sessions: tables, figures, their page."""

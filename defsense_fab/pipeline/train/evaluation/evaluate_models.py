@@ -1,0 +1,148 @@
+"""Trained models on recorded sessions: each one's errors and their causes, and whether they
+differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ....core.errors import TrainingError
+from ....core.files import digest
+from ....core.progress import Progress, silent
+from ....decoding.trained_model import TrainedModel
+from ....training.dataset import Dataset
+from ....training.evaluation.error_budget import ErrorBudget, error_budget
+from ....training.evaluation.evaluate import Evaluation, evaluate
+from ....training.evaluation.model_comparison import Comparison, FrameErrors, compare
+from ....training.splits import TEST_SHARE
+
+_FEW = 200  # frames
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A model by name, its errors, and what they come from."""
+
+    name: str
+    model: TrainedModel
+    evaluation: Evaluation
+    budget: ErrorBudget
+
+
+@dataclass(frozen=True)
+class SessionEvaluation:
+    """Of `sessions` (names) the last share of the pictures; the model that was asked about first,
+    those that it is compared with after it; `comparison` is None of one alone."""
+
+    device: str
+    sessions: tuple[str, ...]
+    last_share: float
+    models: tuple[Evaluated, ...]
+    comparison: Comparison | None
+    notes: tuple[str, ...]
+
+
+def evaluate_files(
+    models: Sequence[Path], sources: Sequence[Path], last_share: float | None = None,
+    progress: Progress = silent,
+) -> SessionEvaluation:  # fmt: skip
+    """Of files of models, and of sessions and datasets. Raises TrainingError, and what the readers
+    raise."""
+    from ..datasets import load_datasets
+    from ..model_file import load_model
+
+    progress("evaluate", 0.0, "reading")
+    loaded = list(zip(_names(models), map(load_model, models), strict=True))
+    return evaluate_models(loaded, load_datasets(sources), last_share, progress)
+
+
+def evaluate_models(
+    models: Sequence[tuple[str, TrainedModel]], dataset: Dataset, last_share: float | None = None,
+    progress: Progress = silent,
+) -> SessionEvaluation:  # fmt: skip
+    """Of models by name. Without a share, the pictures that training held out where a model was
+    trained on one of the sessions, all pictures where none was. Raises TrainingError."""
+    names = [name for name, _ in models]
+    if len(set(names)) < len(names):
+        raise TrainingError(f"{', '.join(names)}: give each model once")
+    known = [_trained_on(model, dataset) for _, model in models]
+    share = last_share
+    if share is None:
+        share = min((held for _, held in filter(None, known)), default=1.0)
+    if share == 0:
+        raise TrainingError(
+            f"{models[0][0]}: was trained on all pictures of these sessions; record another one to"
+            " test it on"
+        )
+    notes = []
+    for (name, _), own in zip(models, known, strict=True):
+        if own and share > own[1] + 1e-9:
+            notes.append(
+                f"{name} was trained on part of these pictures (session {', '.join(own[0])}), which"
+                f" makes it look better than it is: give --last-share {own[1]:g}, or another"
+                " session"
+            )
+    found = []
+    for k, (name, model) in enumerate(models):
+        progress("evaluate", (k + 0.2) / len(models), f"{name}: errors")
+        result = evaluate(model, dataset, share)
+        progress("evaluate", (k + 0.4) / len(models), f"{name}: causes of errors")
+        found.append(Evaluated(name, model, result, error_budget(model, dataset, share)))
+    notes += _notes(found[0].evaluation)
+    progress("evaluate", 0.95, "comparing")
+    comparison = None
+    if len(found) > 1:
+        try:
+            comparison = compare([_frame_errors(f) for f in found])
+        except TrainingError as problem:  # the models' errors are worth telling without it
+            notes.append(str(problem))
+    if comparison is not None and comparison.by_block is None:
+        notes.append(
+            f"errors go on for so long (blocks of {comparison.length} frames) that these sessions"
+            " are too short to tell the models apart; record for longer"
+        )
+    progress("evaluate", 1.0, "done")
+    sessions = tuple(dict.fromkeys(r.session for r in dataset.recordings))
+    return SessionEvaluation(
+        dataset.device, sessions, share, tuple(found), comparison, tuple(notes)
+    )
+
+
+def _trained_on(model: TrainedModel, dataset: Dataset) -> tuple[list[str], float] | None:
+    """The sessions that the model was trained on, and the share that its training held out."""
+    own = {r.session for r in dataset.recordings} & set(model.told.get("sessions", ()))
+    options = model.told.get("options", {})
+    return (sorted(own), float(options.get("test_share", TEST_SHARE))) if own else None
+
+
+def _frame_errors(found: Evaluated) -> FrameErrors:
+    frames = found.evaluation.frames
+    test = digest(frames.run.tolist(), frames.time.tolist())
+    return FrameErrors(found.name, frames.per_frame, frames.run, test)
+
+
+def _notes(found: Evaluation) -> list[str]:
+    frames, out = found.frames, []
+    if frames.without_samples:
+        out.append(f"{frames.without_samples} pictures without samples of all channels were left"
+                   " out")  # fmt: skip
+    if frames.without_markers:
+        out.append(f"{frames.without_markers} pictures without markers were left out")
+    if not frames.seen.any(axis=0).all():
+        out.append(f"{int((~frames.seen.any(axis=0)).sum())} markers were never seen")
+    if len(frames.time) < _FEW:
+        out.append(f"{len(frames.time)} frames are few: record for longer")
+    if found.outside is not None and found.outside.frames > 0.1 * found.total.frames:
+        out.append(
+            f"{found.outside.frames / found.total.frames:.0%} of the frames lie beyond what the"
+            " model was trained on"
+        )
+    return out
+
+
+def _names(models: Sequence[Path]) -> list[str]:
+    """Short ones that differ: of the files, of their folders, or the paths as they are."""
+    stems = [p.resolve().parent.name if p.stem == "model" and not p.is_dir() else p.stem
+             for p in models]  # fmt: skip
+    return stems if len(set(stems)) == len(stems) else [str(p) for p in models]

@@ -1,0 +1,89 @@
+"""`defsense evaluate` from files: a model that was trained, and datasets."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from defsense_fab.cli.main import main
+from defsense_fab.pipeline.train.dataset_parquet import write_dataset
+from defsense_fab.pipeline.train.evaluation import evaluation_report
+from defsense_fab.pipeline.train.model_file import write_model
+from defsense_fab.training.train_model import TrainingOptions, train
+from tests.training import soft_bar as bar
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """The sessions it was trained on and another, an affine model of the first and a better one."""
+    folder = tmp_path_factory.mktemp("device")
+    causes = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1}
+    trained = bar.dataset(bar.recording(40, **causes))
+    write_dataset(folder / "first", trained)
+    other = replace(bar.recording(40, seed=2, **causes), session="session-2")
+    write_dataset(folder / "second", bar.dataset(other))
+    for name in ("affine", "quadratic"):
+        (folder / name).mkdir()
+        model = train(trained, TrainingOptions(name, memory=False)).model
+        told = {"sessions": ["session-1"], "options": {"test_share": 0.3}}
+        write_model(folder / name / "model.json", replace(model, told=told))
+    return folder
+
+
+@pytest.fixture
+def no_figures(monkeypatch):
+    """They take seconds, and have tests of their own."""
+    monkeypatch.setattr(evaluation_report, "svg_figures", lambda _: {})
+
+
+def test_the_table(files, tmp_path, capsys, no_figures, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    out = tmp_path / "out"
+    arguments = ["evaluate", files / "affine" / "model.json", files / "second", "--out", out]
+    assert main([str(a) for a in [*arguments, "--against", files / "quadratic"]]) == 0
+    shown = capsys.readouterr().out
+    data = json.loads((out / "evaluation.json").read_text())
+    for name in ("affine", "quadratic"):
+        e = data["models"][name]["errors"]
+        assert f"{e['rmse']:.2f} ± {e['deviation']:.2f}" in shown
+    assert data["models"]["affine"]["errors"]["frames"] > 1000
+    assert "4.46 ± 1.76" in shown
+    assert "squared error by cause: " in shown
+    assert "quadratic" in data["comparison"]["names"]
+    assert f"Look at: {out / 'evaluation.html'}" in shown
+    assert (out / "evaluation.html").exists()
+
+
+def test_json_of_what_training_held_out(files, capsys, no_figures):
+    """Beside the model where no folder is given; the same test as training's own."""
+    assert main(["evaluate", str(files / "affine"), str(files / "first"), "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["folder"] == str(files / "affine" / "evaluation")
+    assert data["last_share"] == 0.3
+    training = train(
+        bar.dataset(bar.recording(40, noise=0.002, sigma=0.15, gaps=0.1)),
+        TrainingOptions("affine", memory=False),
+    )
+    [own] = [a for a in training.attempts if a.name == training.chosen]
+    errors = data["models"]["affine"]["errors"]
+    assert errors["frames"] == len(training.tested)
+    assert errors["peak"] == pytest.approx(own.test.peak, rel=1e-6)
+    assert errors["average_peak"] == pytest.approx(own.test.average_peak, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["affine", "nowhere"], "nowhere: there is no such file or folder"),
+        (["nowhere.json", "first"], "nowhere.json: cannot be read"),
+        (["affine", "first", "--last-share", "1.5"], "--last-share 1.5: give a share above 0"),
+        (["affine", "first", "--last-share", "nan"], "--last-share nan: give a share above 0"),
+        (["affine", "second", "--against", "affine"], "give each model once"),
+        (["affine", "second", "--out", "second"], "second: is no evaluation and would be over"),
+    ],
+)
+def test_refusals(files, capsys, monkeypatch, no_figures, arguments, message):
+    monkeypatch.chdir(files)
+    assert main(["evaluate", *arguments]) == 2
+    [error] = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+    assert message in error

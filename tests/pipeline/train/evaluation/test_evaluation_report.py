@@ -1,0 +1,180 @@
+"""The folder of an evaluation: page, figures and tables agree with the records, whole or not at
+all."""
+
+import csv
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+from defsense_fab.core.errors import StorageError, TrainingError
+from defsense_fab.decoding.past import Past
+from defsense_fab.pipeline.train.evaluation import evaluation_report
+from defsense_fab.pipeline.train.evaluation.evaluate_models import _names, evaluate_models
+from defsense_fab.pipeline.train.evaluation.evaluation_report import write_evaluation
+from tests.training import soft_bar as bar
+
+CAUSES = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1, "memory": 0.3}
+
+
+@pytest.fixture(scope="module")
+def models():
+    data = bar.dataset(bar.recording(60, **CAUSES))
+    memory = bar.trained(data, past=Past((1.0,)), noise=0.002)
+    return [("plain", bar.trained(data)), ("with-memory", memory)]
+
+
+@pytest.fixture(scope="module")
+def unseen():
+    return bar.dataset(replace(bar.recording(60, seed=2, **CAUSES), session="session-2"))
+
+
+@pytest.fixture(scope="module")
+def result(models, unseen):
+    return evaluate_models(models, unseen)
+
+
+@pytest.fixture(scope="module")
+def folder(result, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out") / "evaluation"
+    write_evaluation(out, result)
+    return out
+
+
+def rows(folder, name):
+    with (folder / name).open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_page_is_self_contained(folder, result):
+    page = (folder / "evaluation.html").read_text()
+    total = result.models[0].evaluation.total
+    assert f"RMSE {total.rmse:.2f} &plusmn; {total.deviation:.2f} mm" in page
+    assert page.count("data:image/svg+xml;base64,") == 7
+    assert not re.findall(r"(?:src|href)=\"(?!data:)", page)
+    assert "4.46 &plusmn; 1.76</td><td>21.78</td><td>8.98" in page
+    assert "with-memory has smaller errors than any other" in page
+
+
+def test_tables_agree_with_the_records(folder, result):
+    table = rows(folder, "table-1.csv")
+    assert [r["model"] for r in table[:2]] == ["plain", "with-memory"]
+    for row, model in zip(table, result.models, strict=False):
+        assert float(row["rmse_mm"]) == pytest.approx(model.evaluation.total.rmse, rel=1e-5)
+    assert [float(r["rmse_mm"]) for r in table[2:]] == [4.46, 3.66, 1.17]
+    frames = [r for r in rows(folder, "frames.csv") if r["model"] == "plain"]
+    assert len(frames) == result.models[0].evaluation.total.frames
+    mean = sum(float(r["error_mm"]) ** 2 for r in frames) / len(frames)
+    assert mean**0.5 == pytest.approx(result.models[0].evaluation.total.rmse, rel=1e-4)
+    budget = [r for r in rows(folder, "error-budget.csv") if r["model"] == "plain"]
+    assert sum(float(r["mean_square_mm2"]) for r in budget[:-1]) == pytest.approx(
+        float(budget[-1]["mean_square_mm2"]), rel=1e-4
+    )
+    tests = {(r["samples"], r["test"]) for r in rows(folder, "comparison.csv")}
+    assert {("frames", "anova"), ("blocks", "anova")} <= tests
+
+
+def test_numbers_for_programs(folder, result):
+    data = json.loads((folder / "evaluation.json").read_text())
+    plain = data["models"]["plain"]
+    assert plain["errors"]["frames"] == result.models[0].evaluation.total.frames
+    assert set(plain["poses"]) == {"bend", "twist", "bend and twist"}
+    assert data["comparison"]["by_frame"]["anova"]["p"] < 1e-6
+
+
+def test_figures_are_one_column_wide(folder):
+    for path in folder.glob("*.svg"):
+        head = path.read_text()[:1500]
+        width = float(re.search(r'width="([\d.]+)pt"', head)[1])
+        assert width == pytest.approx(85 / 25.4 * 72, rel=1e-3)
+    assert len(list(folder.glob("*.svg"))) == 7
+
+
+def test_the_same_again_is_the_same(folder, result, tmp_path):
+    again = tmp_path / "again"
+    write_evaluation(again, result)
+    for path in again.iterdir():
+        assert path.read_bytes() == (folder / path.name).read_bytes(), path.name
+
+
+def test_whole_or_not_at_all(result, tmp_path, monkeypatch):
+    """An evaluation that is there stays, and nothing is beside it, when the page fails."""
+    monkeypatch.setattr(evaluation_report, "svg_figures", lambda _: {"paths": "<svg/>"})
+    out = tmp_path / "evaluation"
+    write_evaluation(out, result)
+    before = sorted((p.name, p.stat().st_mtime_ns) for p in out.iterdir())
+
+    def fail(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(evaluation_report, "write_page", fail)
+        with pytest.raises(StorageError, match="the disk is full"):
+            write_evaluation(out, result)
+    assert sorted((p.name, p.stat().st_mtime_ns) for p in out.iterdir()) == before
+    assert [p.name for p in tmp_path.iterdir()] == ["evaluation"]
+    write_evaluation(out, result)
+    assert [p.name for p in tmp_path.iterdir()] == ["evaluation"]
+
+
+def test_a_folder_of_something_else_is_left_alone(result, tmp_path):
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(TrainingError, match="is no evaluation and would be overwritten"):
+        write_evaluation(tmp_path, result)
+    with pytest.raises(TrainingError, match="is no evaluation"):
+        write_evaluation(tmp_path / "thesis.tex", result)
+
+
+def test_what_is_not_known_is_not_shown(models, tmp_path):
+    """No intervals, no noise of the cameras, one pose without a name, a marker never seen."""
+    name, model = models[0]
+    model = replace(model, main=replace(model.main, intervals=None))
+    run = bar.recording(10, seed=2)
+    points = run.points.copy()
+    points[:, 0] = float("nan")
+    bare = replace(run, points=points, poses=(), sync_error=None, sigma=run.sigma * float("nan"))
+    result = evaluate_models([(name, model)], bar.dataset(bare))
+    write_evaluation(tmp_path / "out", result)
+    page = (tmp_path / "out" / "evaluation.html").read_text()
+    assert "noise is not known" in page
+    assert "no intervals" in page
+    assert "Do the models differ" not in page
+    assert "1 markers were never seen" in page
+    assert not (tmp_path / "out" / "coverage.svg").exists()
+    assert not (tmp_path / "out" / "comparison.csv").exists()
+    assert json.loads((tmp_path / "out" / "evaluation.json").read_text())["models"]
+
+
+def test_what_a_model_was_trained_on_is_held_out(models, unseen):
+    """The pictures that training held out by default, and a note when more are asked for."""
+    name, model = models[0]
+    told = {"sessions": ["session-2"], "options": {"test_share": 0.25}}
+    knowing = [(name, replace(model, told=told))]
+    held = evaluate_models(knowing, unseen)
+    assert held.last_share == 0.25
+    frames = evaluate_models(models[:1], unseen).models[0].evaluation.total.frames
+    assert held.models[0].evaluation.total.frames == round(0.25 * frames)
+    assert not any("trained on part" in note for note in held.notes)
+    every = evaluate_models(knowing, unseen, 1.0)
+    assert "was trained on part of these pictures (session session-2)" in every.notes[0]
+    none = replace(model, told={**told, "options": {"test_share": 0.0}})
+    with pytest.raises(TrainingError, match="trained on all pictures"):
+        evaluate_models([(name, none)], unseen)
+
+
+def test_one_frame(models, tmp_path):
+    """Too few to compare by, and told all the same."""
+    run = bar.recording(10, seed=2)
+    one = replace(run, time=run.time[:1], points=run.points[:1], sigma=run.sigma[:1])
+    result = evaluate_models(models, bar.dataset(one))
+    assert result.comparison is None
+    assert "1 frames are few: record for longer" in result.notes
+    assert "do not vary at all" in result.notes[-1]
+    write_evaluation(tmp_path / "out", result)
+
+
+def test_names_of_models(tmp_path):
+    assert _names([tmp_path / "a" / "model.json", tmp_path / "b.json"]) == ["a", "b"]
+    same = [tmp_path / "a" / "x.json", tmp_path / "b" / "x.json"]
+    assert _names(same) == [str(p) for p in same]

@@ -1,0 +1,218 @@
+"""Each cause of errors, put into a recording alone, is found as itself, and shares add up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import TrainingError
+from defsense_fab.decoding.past import Past
+from defsense_fab.training.evaluation import error_budget as budget
+from defsense_fab.training.evaluation.cross_fitting import RIDGES, by_features, residual_of
+from defsense_fab.training.evaluation.decoded_frames import decode_frames
+from defsense_fab.training.evaluation.evaluate import evaluate
+from defsense_fab.training.evaluation.sample_noise import sample_noise
+from tests.training import soft_bar as bar
+
+
+@pytest.fixture(scope="module")
+def model():
+    """Right to 0.1 mm on clean recordings."""
+    return bar.trained(bar.dataset(bar.recording(90)), bar.quadratic)
+
+
+def found(model, **causes):
+    data = bar.dataset(bar.recording(60, seed=1, **causes))
+    out = budget.error_budget(model, data)
+    assert sum(out.shares.values()) == pytest.approx(out.total, rel=1e-12)
+    assert out.total == pytest.approx(evaluate(model, data).total.rmse ** 2)
+    return out
+
+
+@pytest.mark.parametrize(
+    ("cause", "causes", "least"),
+    [
+        (budget.CAMERAS, {"sigma": 0.5}, 0.95),
+        (budget.PLACEMENT, {"gain": (1.2, 0.9, 1.1)}, 0.9),
+    ],
+)
+def test_a_cause_alone_is_found(model, cause, causes, least):
+    out = found(model, **causes)
+    assert out.total > 20 * found(model).total
+    assert out.shares[cause] > least * out.total
+    assert abs(out.shares[budget.UNEXPLAINED]) < 0.05 * out.total
+    others = {k: v for k, v in out.shares.items() if k not in (cause, budget.UNEXPLAINED)}
+    assert max(others.values()) < (1 - least) * out.total
+
+
+def test_noise_of_the_read_out_is_found():
+    """Of a model that was trained with it: its trained range is as wide."""
+    noisy = bar.trained(bar.dataset(bar.recording(90, noise=0.004)), bar.quadratic, noise=0.004)
+    out = found(noisy, noise=0.004)
+    assert out.shares[budget.READ_OUT] == pytest.approx(out.total, rel=0.1)
+    assert abs(out.shares[budget.UNEXPLAINED]) < 0.1 * out.total
+
+
+def test_noise_beyond_the_trained_range_counts_once(model):
+    """Of a model that was trained without."""
+    out = found(model, noise=0.004)
+    assert out.shares[budget.READ_OUT] == pytest.approx(out.total, rel=0.1)
+    assert out.shares[budget.UNSEEN] < 0.01 * out.total
+
+
+def test_gains_that_bring_frames_out_of_the_trained_range_are_found():
+    """They are not poses that were never seen: with the gains corrected, they were."""
+    causes = {"noise": 0.002, "sigma": 0.15, "memory": 0.3}
+    model = bar.trained(bar.dataset(bar.recording(120, **causes)), bar.quadratic, noise=0.002)
+    data = bar.dataset(bar.recording(60, seed=5, drift=0.03, gain=(1.1, 1, 0.9), **causes))
+    assert evaluate(model, data).outside.frames > 1000
+    out = budget.error_budget(model, data)
+    assert out.shares[budget.PLACEMENT] > 0.4 * out.total
+    assert out.shares[budget.UNSEEN] < 0.05 * out.total
+
+
+def test_a_drift_is_found(model):
+    """That which is 0 in the middle: its mean would be an offset."""
+    run = bar.recording(60, seed=1)
+    course = 0.06 * (run.sample_time / 60 - 0.5)
+    drifting = replace(run, ohm=bar.R0 * (1 + run.signals + course[:, None]))
+    out = budget.error_budget(model, bar.dataset(drifting))
+    assert out.shares[budget.DRIFT] > 0.6 * out.total
+    constant = budget.error_budget(model, bar.dataset(bar.recording(60, seed=1, drift=0.06)))
+    assert constant.shares[budget.PLACEMENT] > 0.6 * constant.total
+
+
+def test_hysteresis_is_found(model):
+    """What of it is in step with the signals is a gain, the rest is not."""
+    out = found(model, memory=0.3)
+    assert out.total > 100 * found(model).total
+    assert 0.3 < out.shares[budget.HYSTERESIS] / out.total < 0.6
+    assert 0.3 < out.shares[budget.PLACEMENT] / out.total < 0.6
+    assert out.shares[budget.DECODER] < 0.05 * out.total
+    assert abs(out.shares[budget.UNEXPLAINED]) < 0.05 * out.total
+
+
+def test_a_delay_of_the_clocks_is_found(model):
+    """Of twice the standard error, and no more than that is put down to clocks."""
+    run = bar.recording(60, seed=1)
+    late = replace(run, sample_time=run.sample_time + 0.04, sync_error=0.02)
+    out = budget.error_budget(model, bar.dataset(late))
+    assert out.shares[budget.CLOCKS] > 0.9 * out.total
+    small = budget.error_budget(model, bar.dataset(replace(late, sync_error=0.004)))
+    assert 0 < small.shares[budget.CLOCKS] < 0.5 * small.total
+    unknown = budget.error_budget(model, bar.dataset(replace(late, sync_error=None)))
+    assert unknown.shares[budget.CLOCKS] == 0
+
+
+def test_what_no_cord_can_have_is_not_a_gain(model):
+    """Clocks that are wrong by seconds, where gains near 0 would help."""
+    run = bar.recording(20, seed=2)
+    late = replace(run, sample_time=run.sample_time + 3)
+    trained = bar.dataset(bar.recording(90))
+    out = budget.error_budget(model, bar.dataset(late), training=trained)
+    assert out.shares[budget.PLACEMENT] == 0
+    assert out.shares[budget.UNEXPLAINED] > 0.5 * out.total
+
+
+def test_a_decoder_that_cannot_bend_is_found():
+    data = bar.dataset(bar.recording(90))
+    model = bar.trained(data)
+    test = bar.dataset(bar.recording(60, seed=1))
+    for training in (None, data):
+        out = budget.error_budget(model, test, training=training)
+        inside = sum(v for k, v in out.shares.items() if k != budget.UNSEEN)
+        assert out.shares[budget.DECODER] > 0.95 * inside
+
+
+def test_poses_that_were_not_trained_are_found():
+    """Trained on the bends alone, tested on twists."""
+    run = bar.recording(90)
+    bends = replace(
+        run, points=np.where((run.time // 10 % 3 == 0)[:, None, None], run.points, np.nan)
+    )
+    model = bar.trained(bar.dataset(bends))
+    out = budget.error_budget(model, bar.dataset(bar.recording(60, seed=1)))
+    assert out.shares[budget.UNSEEN] > 0.9 * out.total
+
+
+def test_noise_is_not_explained(model):
+    """Corrections with many coefficients do not fit errors that are chance."""
+    run = bar.recording(60, seed=1)
+    rng = np.random.default_rng(0)
+    noisy = bar.dataset(replace(run, points=run.points + rng.normal(0, 1, run.points.shape)))
+    out = budget.error_budget(model, noisy)
+    assert out.shares[budget.UNEXPLAINED] > 0.97 * out.total
+    frames = decode_frames(model, noisy, 1.0)
+    many = np.random.default_rng(1).normal(size=(len(frames.time), 40))
+    residual = residual_of(frames)
+    for ridge in RIDGES:
+        assert residual.less(by_features(residual, many, ridge)) is residual
+
+
+def test_gaps_and_several_runs(model):
+    runs = [
+        bar.recording(30, seed=k, gaps=0.2, gain=(1.2, 0.9, 1.1), name=f"run-{k}") for k in (1, 2)
+    ]
+    out = budget.error_budget(model, bar.dataset(*runs), 0.5)
+    assert sum(out.shares.values()) == pytest.approx(out.total)
+    assert out.shares[budget.PLACEMENT] > 0.8 * out.total
+
+
+def test_a_model_with_memories():
+    """Hysteresis that the decoder knows of is none."""
+    data = bar.dataset(bar.recording(90, memory=0.3))
+    test = bar.dataset(bar.recording(60, seed=1, memory=0.3))
+    plain = budget.error_budget(bar.trained(data), test)
+    knowing = budget.error_budget(bar.trained(data, past=Past((1.0,))), test)
+    assert knowing.total < 0.7 * plain.total
+    assert knowing.shares[budget.HYSTERESIS] < 0.3 * plain.shares[budget.HYSTERESIS]
+
+
+def test_by_substitution(model):
+    """Each cause is taken out in turn, and its share is what that gains."""
+
+    def recorded(**causes):
+        return bar.dataset(bar.recording(60, seed=1, **causes))
+
+    stages = [
+        ("recorded", recorded(sigma=0.5, noise=0.004, drift=0.05)),
+        ("camera noise", recorded(noise=0.004, drift=0.05)),
+        ("read-out noise", recorded(drift=0.05)),
+        ("drift", recorded()),
+    ]
+    out = budget.by_substitution(model, stages)
+    squares = [evaluate(model, data).total.rmse ** 2 for _, data in stages]
+    assert out.total == pytest.approx(squares[0])
+    assert [out.shares[c] for c, _ in stages[1:]] == pytest.approx(-np.diff(squares))
+    assert sum(out.shares.values()) == pytest.approx(out.total)
+    assert out.shares["camera noise"] == pytest.approx(0.75, rel=0.05)
+    formula = found(model, noise=0.004).shares[budget.READ_OUT]
+    assert out.shares["read-out noise"] == pytest.approx(formula, rel=0.15)
+
+
+def test_by_substitution_on_the_same_frames(model):
+    """What a twin knows has no gaps: only what was seen counts."""
+    run = bar.recording(20, seed=1, gaps=0.3)
+    stages = [("recorded", bar.dataset(run)), ("gaps", bar.dataset(bar.recording(20, seed=1)))]
+    out = budget.by_substitution(model, stages)
+    assert out.shares["gaps"] == pytest.approx(0, abs=1e-12)
+    with pytest.raises(TrainingError, match="at least one cause"):
+        budget.by_substitution(model, stages[:1])
+    other = bar.dataset(replace(run, time=run.time + 1e-4))
+    with pytest.raises(TrainingError, match="no pictures in common"):
+        budget.by_substitution(model, [stages[0], ("clock", other)])
+
+
+def test_noise_of_the_samples():
+    """Found beside movement, at rest, and where there is no rest."""
+    for noise in (0.002, 0.02):
+        run = bar.recording(60, noise=noise)
+        assert sample_noise(run) == pytest.approx(noise, rel=0.1)
+    assert (sample_noise(bar.recording(60)) < 2e-4).all()
+    run = bar.recording(60, noise=0.002)
+    dead = replace(
+        run, ohm=np.where([True, False, True], run.ohm, np.nan), points=run.points * np.nan
+    )
+    size = sample_noise(dead)
+    assert size[1] == 0
+    assert size[0] == pytest.approx(0.002, rel=0.1)

@@ -1,0 +1,189 @@
+"""Tests between models' errors against hand-computed and library values, and by simulation."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.signal import lfilter
+
+from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.evaluation.independent_blocks import (
+    autocorrelation_time,
+    block_length,
+    block_means,
+)
+from defsense_fab.training.evaluation.model_comparison import (
+    FrameErrors,
+    analyse,
+    compare,
+    pairs,
+    welch,
+)
+
+NAMES = ("a", "b", "c")
+
+
+def autoregressive(rng, count, memory, series=1):
+    """(series, count) of AR(1) from its stationary state on, of unit noise."""
+    noise = rng.normal(size=(series, count + 500))
+    return lfilter([1], [1, -memory], noise, axis=1)[:, 500:]
+
+
+def frame_errors(name, errors, test="session", run=None):
+    return FrameErrors(name, errors, np.zeros(len(errors), int) if run is None else run, test)
+
+
+def test_by_hand():
+    """Means 2, 3 and 7 of three samples each: between 42, within 6, F = 21/1."""
+    samples = [np.array([1.0, 2, 3]), np.array([2.0, 3, 4]), np.array([6.0, 7, 8])]
+    found = analyse(NAMES, samples)
+    assert found.anova.value == pytest.approx(21)
+    assert (found.anova.between, found.anova.within) == (2, 6)
+    assert found.anova.p == pytest.approx(stats.f.sf(21, 2, 6))
+    assert found.eta_squared == pytest.approx(42 / 48)
+    assert found.omega_squared == pytest.approx((42 - 2 * 1) / (48 + 1))
+    after = pairs(NAMES, samples, alike=True)
+    assert [p.difference for p in after] == pytest.approx([-1, -5, -4])
+    q = 5 / np.sqrt(1 / 3)
+    assert after[1].p == pytest.approx(stats.studentized_range.sf(q, 3, 6), rel=1e-6)
+    assert not found.variances_differ
+    assert found.told is found.anova
+
+
+def test_two_samples_are_the_t_test():
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(0, 1, 12), rng.normal(1, 5, 30)
+    found = analyse(NAMES[:2], [a, b])
+    t = stats.ttest_ind(a, b)
+    assert found.anova.value == pytest.approx(t.statistic**2)
+    assert found.anova.p == pytest.approx(t.pvalue)
+    uneven = stats.ttest_ind(a, b, equal_var=False)
+    assert found.welch.value == pytest.approx(uneven.statistic**2)
+    assert found.welch.p == pytest.approx(uneven.pvalue)
+    assert found.welch.within == pytest.approx(uneven.df)
+    assert found.variances_differ
+    assert found.told is found.welch
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_pairs_are_those_of_the_library(alike):
+    rng = np.random.default_rng(9)
+    samples = [rng.normal(m, s, n) for m, s, n in ((0, 1, 8), (1, 2, 11), (2, 4, 9))]
+    library = stats.tukey_hsd(*samples, equal_var=alike)
+    interval = library.confidence_interval(0.95)
+    for found, at in zip(pairs(NAMES, samples, alike), ((0, 1), (0, 2), (1, 2)), strict=True):
+        assert found.p == pytest.approx(library.pvalue[at], rel=1e-6)
+        assert (found.low, found.high) == pytest.approx((interval.low[at], interval.high[at]))
+
+
+def test_three_samples_of_different_variance():
+    """Welch's of the library, where it is new enough to have it."""
+    rng = np.random.default_rng(1)
+    samples = [rng.normal(0, s, n) for s, n in ((1, 10), (3, 20), (9, 15))]
+    expected = stats.f_oneway(*samples, equal_var=False)
+    assert welch(samples).value == pytest.approx(expected.statistic)
+    assert welch(samples).p == pytest.approx(expected.pvalue)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])
+def test_autocorrelation_time(memory):
+    """(1 + phi)/(1 - phi) of an AR(1) series, in one run or many."""
+    rng = np.random.default_rng(2)
+    errors = autoregressive(rng, 60_000, memory)[0]
+    expected = (1 + memory) / (1 - memory)
+    for runs in (1, 20):
+        run = np.arange(60_000) * runs // 60_000
+        assert autocorrelation_time(errors, run) == pytest.approx(expected, rel=0.1)
+
+
+def test_errors_that_do_not_vary_are_independent():
+    assert autocorrelation_time(np.full(100, 0.3), np.zeros(100, int)) == 1
+
+
+def test_blocks_are_of_one_run():
+    run = np.repeat([0, 1, 2], [10, 3, 8])
+    errors = run.astype(float)
+    assert block_means(errors, run, 4).tolist() == [0, 0, 2, 2]
+    assert block_means(np.arange(10.0), run[:10], 4).tolist() == [2, 7]
+
+
+def test_frames_that_go_on_from_each_other_are_no_samples():
+    """Models that are alike: frame by frame they are told apart nearly always, block by block about
+    as often as said (5 %)."""
+    rng = np.random.default_rng(3)
+    trials = 250
+    frames, blocks = 0, 0
+    run = np.zeros(2000, int)
+    for _ in range(trials):
+        series = 2 + 0.1 * autoregressive(rng, 2000, 0.9, series=3)
+        length = block_length(max(autocorrelation_time(x, run) for x in series))
+        means = [block_means(x, run, length) for x in series]
+        frames += stats.f_oneway(*series).pvalue < 0.05
+        blocks += len(means[0]) >= 4 and analyse(NAMES, means).anova.p < 0.05
+    assert 0.03 <= blocks / trials <= 0.08
+    assert frames / trials > 0.7
+
+
+def test_a_difference_is_found():
+    """Of the layouts of the paper, by hand, by eye and by optimisation, as large as it was."""
+    rng = np.random.default_rng(5)
+    models = [
+        frame_errors(name, mean + spread * 0.4 * autoregressive(rng, 2040, 0.9)[0], test=name)
+        for name, mean, spread in (
+            ("manual", 4.1, 1.76),
+            ("visual", 3.4, 1.33),
+            ("full", 0.94, 0.7),
+        )
+    ]
+    found = compare(models)
+    assert found.by_block.told.p < 1e-3
+    assert found.pairs_by_block[1].first == "manual"
+    assert found.pairs_by_block[1].low > 1
+    assert found.by_block.omega_squared > 0.5
+    assert found.paired == ()
+
+
+def test_the_same_frames_are_compared_pair_by_pair():
+    """What both models miss in the same frames takes nothing from their difference."""
+    rng = np.random.default_rng(6)
+    shared = 2 + 0.3 * autoregressive(rng, 2000, 0.95)[0]
+    own = 0.02 * autoregressive(rng, 2000, 0.5, series=2)
+    models = [frame_errors("a", shared + own[0]), frame_errors("b", shared + 0.05 + own[1])]
+    found = compare(models)
+    assert found.by_block.anova.p > 0.5
+    [pair] = found.paired
+    assert pair.p < 1e-4
+    assert pair.low < -0.05 < pair.high
+    assert pair.samples > 50
+
+
+def test_pairs_are_corrected_for_their_number():
+    """Holm: the smallest p counts three times, the next twice."""
+    rng = np.random.default_rng(7)
+    series = 1 + 0.1 * rng.random((3, 400)) + np.array([[0.0], [0.004], [0.01]])
+    found = compare([frame_errors(n, s) for n, s in zip(NAMES, series, strict=True)])
+    plain = []
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        apart, run = series[i] - series[j], np.zeros(400, int)
+        blocks = block_means(apart, run, block_length(autocorrelation_time(apart, run)))
+        plain.append(stats.ttest_1samp(blocks, 0).pvalue)
+    order = np.argsort(plain)
+    expected = np.maximum.accumulate(np.array(plain)[order] * [3, 2, 1])
+    assert [found.paired[k].p for k in order] == pytest.approx(np.minimum(expected, 1))
+
+
+def test_too_few_blocks_are_no_test():
+    rng = np.random.default_rng(8)
+    models = [frame_errors(n, autoregressive(rng, 200, 0.97)[0]) for n in NAMES[:2]]
+    assert compare(models).by_block is None
+
+
+def test_refusals():
+    good = frame_errors("a", np.arange(5.0))
+    with pytest.raises(TrainingError, match="two models or more"):
+        compare([good])
+    with pytest.raises(TrainingError, match="of different names"):
+        compare([good, good])
+    with pytest.raises(TrainingError, match="must be numbers"):
+        frame_errors("a", np.array([1.0, np.nan]))
+    with pytest.raises(TrainingError, match="do not vary at all"):
+        compare([frame_errors(n, np.full(50, 0.3)) for n in NAMES])
