@@ -25,13 +25,13 @@ from sklearn.model_selection import PredefinedSplit
 
 from defsense_fab.core.arrays import Float
 from defsense_fab.decoding.past import Past
-from defsense_fab.training.candidates import AFFINE, Candidate
-from defsense_fab.training.dataset import Dataset, Recording
-from defsense_fab.training.frames import Frames
-from defsense_fab.training.select_decoder import try_candidate
-from defsense_fab.training.splits import first_and_last, fold_of
-from defsense_fab.training.train_model import train
-from defsense_fab.training.weighted_ridge import NOISES
+from defsense_fab.training.data.dataset import Dataset, Recording
+from defsense_fab.training.fitting.select_decoder import try_candidate
+from defsense_fab.training.fitting.train_model import train
+from defsense_fab.training.ridge.candidates import AFFINE, Candidate
+from defsense_fab.training.ridge.frames import Frames
+from defsense_fab.training.ridge.splits import first_and_last, fold_of
+from defsense_fab.training.ridge.weighted_ridge import NOISES
 
 
 def recorded(minutes: float, markers: int, seed: int = 0) -> Dataset:

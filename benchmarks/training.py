@@ -31,13 +31,13 @@ from defsense_fab.decoding.trained_model import TrainedModel
 from defsense_fab.pipeline.artifacts.build_folder import build_folder
 from defsense_fab.pipeline.artifacts.layout import load_layout
 from defsense_fab.pipeline.build.build import build
-from defsense_fab.pipeline.train.simulated_prior import simulated_prior
+from defsense_fab.pipeline.train.models.simulated_prior import simulated_prior
 from defsense_fab.pipeline.twin.twin_recordings import simulate_runs
-from defsense_fab.training.dataset import Dataset, Recording
-from defsense_fab.training.pose_signals import shows
-from defsense_fab.training.recalibration import recalibrate
-from defsense_fab.training.simulated_model import simulated_model
-from defsense_fab.training.train_model import Training, TrainingOptions, train
+from defsense_fab.training.data.dataset import Dataset, Recording
+from defsense_fab.training.fitting.pose_signals import shows
+from defsense_fab.training.fitting.recalibration import recalibrate
+from defsense_fab.training.fitting.train_model import Training, TrainingOptions, train
+from defsense_fab.training.simulation.simulated_model import simulated_model
 
 _TEST = 0.3
 

@@ -39,10 +39,10 @@ def add(commands: Commands) -> None:
 
 
 def _recalibrate(options: argparse.Namespace) -> int:
-    from ..pipeline.train.model_file import MODEL, load_model, write_model
-    from ..pipeline.train.recalibration_routine import recalibrate_from
-    from ..pipeline.train.train_device import model_path
-    from ..training.recalibration import as_told
+    from ..pipeline.train.models.model_file import MODEL, load_model, write_model
+    from ..pipeline.train.models.recalibration_routine import recalibrate_from
+    from ..pipeline.train.models.train_device import model_path
+    from ..training.fitting.recalibration import as_told
 
     model = load_model(options.model)
     beside = options.model if options.model.is_dir() else options.model.parent

@@ -13,7 +13,7 @@ from .output import console, progress_bars, results, say
 
 if TYPE_CHECKING:
     from ..core.device import Device
-    from ..training.train_model import Training
+    from ..training.fitting.train_model import Training
     from .options import Commands
 
 
@@ -81,10 +81,10 @@ def _train(options: argparse.Namespace) -> int:
                 " simulation's own model"
             )
         return _simulated(options, device)
-    from ..pipeline.train.model_file import write_model
-    from ..pipeline.train.prepare import prepare
-    from ..pipeline.train.train_device import model_path, train_dataset
-    from ..training.train_model import TrainingOptions
+    from ..pipeline.train.models.model_file import write_model
+    from ..pipeline.train.models.prepare import prepare
+    from ..pipeline.train.models.train_device import model_path, train_dataset
+    from ..training.fitting.train_model import TrainingOptions
 
     path = model_path(options.out, device, [p for p in options.sources if p.is_dir()])
     how = TrainingOptions(
@@ -124,8 +124,8 @@ def _seconds(option: str, text: str) -> float | Literal["auto"]:
 
 
 def _simulated(options: argparse.Namespace, device: Device) -> int:
-    from ..pipeline.train.model_file import write_model
-    from ..pipeline.train.train_device import model_path, simulate_only
+    from ..pipeline.train.models.model_file import write_model
+    from ..pipeline.train.models.train_device import model_path, simulate_only
 
     path = model_path(options.out, device, [])
     model = simulate_only(device)

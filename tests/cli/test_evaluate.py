@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 
 from defsense_fab.cli.main import main
-from defsense_fab.pipeline.train.dataset_parquet import write_dataset
+from defsense_fab.pipeline.train.data.dataset_parquet import write_dataset
 from defsense_fab.pipeline.train.evaluation import evaluation_report
-from defsense_fab.pipeline.train.model_file import write_model
-from defsense_fab.training.train_model import TrainingOptions, train
+from defsense_fab.pipeline.train.models.model_file import write_model
+from defsense_fab.training.fitting.train_model import TrainingOptions, train
 from tests.training import soft_bar as bar
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from defsense_fab.core.arrays import Float
-from defsense_fab.training.dataset import Dataset, Recording
+from defsense_fab.training.data.dataset import Dataset, Recording
 
 CHANNELS = ("left", "top", "right")
 Maker = Callable[..., Dataset]

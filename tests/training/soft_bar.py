@@ -8,7 +8,7 @@ from defsense_fab.decoding.features import affine, quadratic
 from defsense_fab.decoding.past import Past
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.decoding.trained_model import Branch, Intervals, TrainedModel, TrainedRange
-from defsense_fab.training.dataset import Dataset, Recording
+from defsense_fab.training.data.dataset import Dataset, Recording
 
 IDS = np.array([3, 5, 7, 11, 13, 17])
 CHANNELS = ("upper", "lower", "side")

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from defsense_fab.training.dataset import Dataset, Recording
+from defsense_fab.training.data.dataset import Dataset, Recording
 
 CHANNELS = ("left", "middle", "right")
 R0 = np.array([1200.0, 2100.0, 320.0])

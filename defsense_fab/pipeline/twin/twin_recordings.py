@@ -15,7 +15,7 @@ from ...core.files import digest
 from ...core.markers import Markers
 from ...core.progress import Progress, silent
 from ...sensing.voltage_divider import reference
-from ...training.dataset import Dataset, Recording
+from ...training.data.dataset import Dataset, Recording
 from ...twin.electronics.rubber_cords import RubberState
 from ...twin.electronics.sampled_board import Converter
 from ...twin.scenes.hand_walk import REST, Walk, walk

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...decoding.trained_model import Decoded, TrainedModel
-from ..dataset import Dataset
+from ..data.dataset import Dataset
 from .cross_fitting import Residual, by_parameters
 from .decoded_frames import DecodedFrames, decode_signals
 

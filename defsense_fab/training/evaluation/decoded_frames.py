@@ -10,7 +10,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
 from ...decoding.trained_model import Decoded, TrainedModel, at_times, decoded
-from ..dataset import Dataset, Recording
+from ..data.dataset import Dataset, Recording
 
 ALL, BEFORE = "all", "before the first pose"
 _AT_ONCE = 1000  # frames: features of more would take much memory

@@ -36,7 +36,7 @@ from ...core.errors import TrainingError
 from ...decoding.input_features import InputFeatures
 from ...decoding.past import Past
 from ...decoding.trained_model import TrainedModel, at_times
-from ..dataset import Dataset
+from ..data.dataset import Dataset
 from .channel_correction import ChannelCorrection, decoded_again
 from .cross_fitting import (
     RIDGES,

@@ -14,7 +14,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
 from ...decoding.trained_model import TrainedModel
-from ..dataset import Dataset
+from ..data.dataset import Dataset
 from .decoded_frames import DecodedFrames, decode_frames, matched
 from .marker_motion import outwards, rms, velocities
 

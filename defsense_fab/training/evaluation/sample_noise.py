@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
-from ..dataset import Recording
+from ..data.dataset import Recording
 from .marker_motion import rms, velocities
 
 _QUIET = 0.25  # share of the pictures, those in which markers move least

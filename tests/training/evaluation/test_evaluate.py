@@ -10,8 +10,8 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.ridge import measure
 from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import velocities
-from defsense_fab.training.frames import Frames
-from defsense_fab.training.splits import first_and_last
+from defsense_fab.training.ridge.frames import Frames
+from defsense_fab.training.ridge.splits import first_and_last
 from tests.training import soft_bar as bar
 
 

@@ -11,11 +11,11 @@ from ....core.errors import TrainingError
 from ....core.files import digest
 from ....core.progress import Progress, silent
 from ....decoding.trained_model import TrainedModel
-from ....training.dataset import Dataset
+from ....training.data.dataset import Dataset
 from ....training.evaluation.error_budget import ErrorBudget, error_budget
 from ....training.evaluation.evaluate import Evaluation, evaluate
 from ....training.evaluation.model_comparison import Comparison, FrameErrors, compare
-from ....training.splits import TEST_SHARE
+from ....training.ridge.splits import TEST_SHARE
 
 _FEW = 200  # frames
 
@@ -49,8 +49,8 @@ def evaluate_files(
 ) -> SessionEvaluation:  # fmt: skip
     """Of files of models, and of sessions and datasets. Raises TrainingError, and what the readers
     raise."""
-    from ..datasets import load_datasets
-    from ..model_file import load_model
+    from ..data.datasets import load_datasets
+    from ..models.model_file import load_model
 
     progress("evaluate", 0.0, "reading")
     loaded = list(zip(_names(models), map(load_model, models), strict=True))

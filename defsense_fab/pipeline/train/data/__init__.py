@@ -1,0 +1,1 @@
+"""Datasets of sessions, and of files of others."""

@@ -1,0 +1,151 @@
+"""Datasets of two files: signals, and tracks of any motion-capture system."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ....capture.clocks.synchronisation import by_motion
+from ....capture.files.formats import read_any
+from ....core.arrays import Bool, Float
+from ....core.errors import CaptureError, TrainingError
+from ....core.markers import Markers
+from ....core.tracks import Tracks
+from ....training.data.dataset import Dataset, Recording
+from ...sessions.signals import motion
+from .design_frame import in_design_frame
+from .series import Series, read_series
+from .session_dataset import rising
+
+Offset = float | Literal["auto"]
+#: s at the beginning, in which the device is taken to rest where nothing else tells.
+QUIET = 3.0
+_STILL = 1.0  # mm, root mean square, by which markers at rest are off their places
+
+
+def pair_dataset(
+    signals: Path, tracks: Path, *, device: str | None = None, layout: str = "", unit: str = "",
+    markers: Markers | None = None, offset: Offset = 0.0, quiet: float = QUIET,
+) -> Dataset:  # fmt: skip
+    """One recording of a table of `signals` (see `series.read_series`) and a file of `tracks`
+    (.csv, .npz, .parquet, .c3d, .trc), whose markers are named by their numbers.
+
+    tracks' time = signals' time + `offset` s; "auto" finds it by how motion and signals go
+    together. With `markers`, tracks in another frame than the device's are laid onto its rest pose.
+    The device rests in the first `quiet` s. Raises TrainingError, CaptureError."""
+    return of_series(
+        read_series(signals), read_any(tracks), str(tracks), device=device, layout=layout,
+        unit=unit, markers=markers, offset=offset, quiet=quiet,
+    )  # fmt: skip
+
+
+def of_series(
+    series: Series, tracks: Tracks, source: str, *, device: str | None, layout: str, unit: str,
+    markers: Markers | None, offset: Offset, quiet: float,
+) -> Dataset:  # fmt: skip
+    """The same of what was read, the tracks from the file `source`."""
+    if len(tracks.time) < 2 or not tracks.seen.any():
+        raise TrainingError(f"{source}: no marker was seen in {len(tracks.time)} frames")
+    series = _part(series, rising(series.time))
+    time, error, how = _in_step(series, tracks, source, offset)
+    if time[-1] < tracks.time[0] or time[0] > tracks.time[-1]:
+        raise TrainingError(
+            f"{series.source} and {source} have no time in common ({time[0]:.1f} to {time[-1]:.1f}"
+            f" s, {tracks.time[0]:.1f} to {tracks.time[-1]:.1f} s); give the offset between them,"
+            " or let it be found (auto)"
+        )
+    begin = max(float(tracks.time[0]), float(time[0]))
+    early = np.asarray(tracks.time <= begin + quiet)
+    notes: list[str] = []
+    if markers is None:
+        rest = _medians(tracks.points, early)
+        notes.append(
+            f"markers at rest: where they are in the first {quiet:g} s; the tracks are taken to be"
+            " in the device's frame"
+        )
+    else:
+        tracks, told = in_design_frame(tracks, markers, early, source)
+        rest = markers.centers
+        notes += told
+    resting, when = early, f"of the first {quiet:g} s"
+    if markers is not None:
+        still = _still(tracks, rest)
+        lasted = float(still.mean()) * float(np.ptp(tracks.time))
+        if lasted > 0.5:
+            resting, when = still, f"of the {lasted:.1f} s in which the markers are at rest"
+    R0, why = series.rest(_beside(time, tracks.time, resting))
+    notes.append(f"R0: {why}" + (f" ({when})" if why.endswith("at rest") else ""))
+    ohm = series.ohm if series.ohm is not None else R0 * (1 + _changes(series))
+    name = device or (markers.device if markers is not None else Path(source).stem)
+    recording = Recording(
+        series.source, series.source, unit or name, time, ohm, R0, tracks.time, tracks.points,
+        tracks.sigma, error,
+    )  # fmt: skip
+    about: dict[str, Any] = {
+        "folder": series.source, "tracks": source, "device": name, "unit": unit, "layout": layout,
+        "offset": how, "notes": notes,
+    }  # fmt: skip
+    return Dataset(
+        name, layout, series.channels, tracks.ids, rest, (recording,), {"sessions": [about]}
+    )
+
+
+def _part(series: Series, kept: Bool) -> Series:
+    def rows(values: Float | None) -> Float | None:
+        return None if values is None else values[kept]
+
+    return replace(series, time=series.time[kept], ohm=rows(series.ohm), change=rows(series.change))
+
+
+def _changes(series: Series) -> Float:
+    assert series.change is not None
+    return series.change
+
+
+def _in_step(
+    series: Series, tracks: Tracks, source: str, offset: Offset
+) -> tuple[Float, float | None, str]:
+    """The samples' times on the tracks' clock (n,) s, the standard error of that, where it is
+    known, and how it was found."""
+    if offset != "auto":
+        return series.time + float(offset), None, f"{float(offset):g} s, as given"
+    values = series.ohm if series.ohm is not None else _changes(series)
+    try:
+        sync = by_motion(tracks.time, motion(tracks), series.time, values)
+    except CaptureError as error:
+        raise TrainingError(
+            f"{series.source} and {source}: no offset is found by motion ({error}); give it"
+        ) from None
+    told = f"{sync.offset:.4f} s and a drift of {sync.drift:.2e}, by motion"
+    return sync.to_camera(series.time), sync.error, told
+
+
+def _medians(points: Float, frames: Bool) -> Float:
+    """Where markers are (m, 3) mm in some frames, or in all where they were not seen in those."""
+    out = np.full(points.shape[1:], np.nan)
+    for part in (points[frames], points):
+        for k in np.flatnonzero(np.isnan(out[:, 0])):
+            seen = part[np.isfinite(part[:, k, 0]), k]
+            if len(seen):
+                out[k] = np.median(seen, axis=0)
+    return out
+
+
+def _still(tracks: Tracks, rest: Float) -> Bool:
+    """Frames (t,) in which at least three markers are seen, all at their places at rest."""
+    with np.errstate(all="ignore"):
+        off = np.linalg.norm(tracks.points - rest, axis=2)
+        seen = np.isfinite(off)
+        rms = np.sqrt(np.where(seen, off**2, 0).sum(axis=1) / seen.sum(axis=1))
+    return np.asarray((seen.sum(axis=1) >= 3) & (rms < _STILL))
+
+
+def _beside(when: Float, time: Float, flags: Bool) -> Bool:
+    """The flag (t,) of the nearest frame for each sample (n,); none beyond the frames."""
+    k = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
+    k -= when - time[k - 1] < time[k] - when
+    inside = (when >= time[0]) & (when <= time[-1])
+    return np.asarray(flags[k] & inside)

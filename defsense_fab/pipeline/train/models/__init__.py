@@ -1,0 +1,1 @@
+"""Models made of datasets and of simulations, kept, and corrected."""

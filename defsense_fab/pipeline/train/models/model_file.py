@@ -1,0 +1,60 @@
+"""`model.json`: a trained model as plain numbers, which any program reads (docs/model.md).
+
+A hash of its content tells a file that was cut off, or edited: what moves a character or plays an
+organ should not do so by half a matrix.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from ....core.errors import TrainingError
+from ....core.files import load_json, write_text
+from ....decoding.trained_model import TrainedModel
+from ...artifacts import typed_json
+
+MODEL = "model.json"
+_REMEDY = "'defsense train' writes such a file"
+
+
+def write_model(path: Path, model: TrainedModel) -> None:
+    """Raises StorageError."""
+    data = {"schema": model.SCHEMA, **typed_json.to_json(model)}
+    write_text(path, _text({**data, "sha256": _hash(data)}) + "\n")
+
+
+def load_model(path: Path) -> TrainedModel:
+    """Of a file, or of the folder that holds it. Raises TrainingError for what is no whole model
+    as it was written."""
+    path = path / MODEL if path.is_dir() else path
+    data = load_json(path, TrainingError, _REMEDY)
+    if not isinstance(data, dict) or "sha256" not in data:
+        raise TrainingError(f"{path}: is no trained model; {_REMEDY}")
+    if data.pop("schema", None) != TrainedModel.SCHEMA:
+        raise TrainingError(
+            f"{path}: this version reads schema {TrainedModel.SCHEMA}; train the model again"
+        )
+    told = data.pop("sha256")
+    if _hash({"schema": TrainedModel.SCHEMA, **data}) != told:
+        raise TrainingError(
+            f"{path}: was changed after it was written (its hash does not fit); take a copy that"
+            " was not, or train the model again"
+        )
+    try:
+        return typed_json.from_json(data, TrainedModel)
+    except msgspec.ValidationError as problem:
+        raise TrainingError(f"{path}: is damaged ({problem}); train the model again") from None
+
+
+def _hash(data: dict[str, Any]) -> str:
+    return hashlib.sha256(_text(data).encode()).hexdigest()
+
+
+def _text(data: dict[str, Any]) -> str:
+    """Numbers as they are, nothing between them: a model has tens of thousands."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False)

@@ -1,0 +1,124 @@
+"""Training as the command runs it: models with what there is to tell of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .... import __version__
+from ....core.device import Device
+from ....core.errors import TrainingError
+from ....core.files import digest
+from ....core.progress import Progress, silent
+from ....decoding.trained_model import TrainedModel
+from ....training.data.dataset import Dataset
+from ....training.fitting.train_model import Attempt, Training, TrainingOptions, train
+from ....training.simulation.prior import Prior
+from ....training.simulation.simulated_model import simulated_model
+from ...artifacts.build_folder import build_folder
+from ...artifacts.layout import LAYOUT, load_layout, load_prediction
+from .simulated_prior import simulated_prior
+
+#: In which units the numbers of a model are.
+UNITS = {
+    "signals": "(R - R0)/R0, R0 being the resistance at rest",
+    "positions": "mm in the device's rest frame",
+    "time": "s",
+}
+
+
+def train_dataset(
+    dataset: Dataset, options: TrainingOptions, prior: Prior | None = None,
+    progress: Progress = silent,
+) -> Training:  # fmt: skip
+    """The training, its model with what there is to tell of it. Raises TrainingError."""
+    result = train(dataset, options, progress, prior)
+    told = told_of(result, dataset, options, prior)
+    return replace(result, model=replace(result.model, told=told))
+
+
+def simulate_only(device: Device) -> TrainedModel:
+    """A model of a built device before the first picture, for its design's own markers. Raises
+    TrainingError."""
+    folder = build_folder(device)
+    layout, markers = load_layout(folder, TrainingError), load_prediction(folder).markers
+    channels = tuple(record.name for record in layout.by_channel())
+    prior = simulated_prior(device, channels, markers)
+    ids = np.arange(len(markers))
+    hash_ = digest(folder / LAYOUT)
+    model = simulated_model(device.name, hash_, channels, ids, markers, prior)
+    told = {**_origin(), "trained_on": f"{len(prior.names)} simulated states, no picture"}
+    return replace(model, told=told)
+
+
+def _origin() -> dict[str, Any]:
+    return {
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
+        "version": __version__,
+        "units": UNITS,
+    }
+
+
+def told_of(
+    result: Training, dataset: Dataset, options: TrainingOptions, prior: Prior | None
+) -> dict[str, Any]:
+    """What there is to know of a training, in plain values: for the model's file and `--json`."""
+    trained = result.trained
+    return {
+        **_origin(),
+        "decoder": result.chosen,
+        "options": asdict(options),
+        "pictures": {"trained": len(trained), "tested": len(result.tested)},
+        "wrong_markers": float(result.wrong.sum() / max(int(trained.seen.sum()), 1)),
+        "simulated_states": 0 if prior is None else len(prior.names),
+        "candidates": [row(a) for a in result.attempts],
+        "sessions": sorted({r.session for r in dataset.recordings}),
+        "units_trained": sorted({r.unit for r in dataset.recordings}),
+        "runs": [r.name for r in dataset.recordings],
+        "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
+        "sync_error": {r.name: r.sync_error for r in dataset.recordings},
+        "provenance": dict(dataset.provenance),
+    }
+
+
+def row(attempt: Attempt) -> Mapping[str, Any]:
+    """A candidate, in plain values; lengths in mm."""
+    test = attempt.test
+    return {
+        "decoder": attempt.name,
+        "features": attempt.features,
+        "lambda": attempt.lambda_,
+        "noise": attempt.noise,
+        "memory": list(attempt.moved),
+        "work": list(attempt.worked),
+        "prior_worth": attempt.worth,
+        "folds": attempt.folds.tolist(),
+        "cross_validated": attempt.cross_validated,
+        "test": None
+        if test is None
+        else {
+            "rmse": test.rmse,
+            "sd": float(test.per_state.std()),
+            "peak": test.peak,
+            "average_peak": test.average_peak,
+        },
+    }
+
+
+def model_path(out: Path | None, device: Device | None, sources: list[Path]) -> Path:
+    """Where the model goes: where it was asked for, or into the device's folder, or the session's.
+    Raises TrainingError where its folder is not there."""
+    from .model_file import MODEL
+
+    path = out or (device.source if device else sources[0] if sources else Path()) / MODEL
+    path = path / MODEL if path.is_dir() else path
+    if path.suffix != ".json":
+        raise TrainingError(f"{path}: a model is a .json file")
+    if not path.parent.is_dir():
+        raise TrainingError(f"{path}: there is no folder {path.parent}; make it, or choose another")
+    return path

@@ -1,0 +1,1 @@
+"""Datasets: what recordings hold, and what may be wrong with them."""

@@ -1,0 +1,218 @@
+"""What may be wrong with a dataset, before anything is trained on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...core.arrays import Bool, Float
+from .channel_checks import channel_problems, longest_at
+from .dataset import Dataset, Recording
+from .in_step import find_shift
+from .problems import Problem, refuse
+
+_EACH = 10  # frames for each weight of a decoder
+_LEAST = 50  # frames
+_SHORT = 60.0  # s of frames, fewer than which show little of how a device moves
+_REST = 0.5  # s
+_STILL = 3.0  # mm, root mean square, by which markers at rest are off their places
+_HIDDEN = 0.5  # of the frames
+_WRONG = 0.2  # s, by which signals out of step forbid training
+
+
+def check_dataset(
+    dataset: Dataset, *, channels: Sequence[str] | None = None,
+    predicted: Mapping[str, Float] | None = None,
+) -> tuple[Problem, ...]:  # fmt: skip
+    """All problems, those that forbid training first. `channels`: those that the device has;
+    `predicted`: see `channel_problems`."""
+    out = [*_together(dataset), *_named(dataset, channels), *_numbers(dataset)]
+    if not any(p.fatal for p in out):  # what follows computes with them
+        out += [
+            *_frames(dataset), *_rest(dataset), *channel_problems(dataset, predicted),
+            *_steps(dataset),
+        ]  # fmt: skip
+    return tuple(sorted(out, key=lambda p: not p.fatal))
+
+
+def checked(
+    dataset: Dataset, channels: Sequence[str] | None = None,
+    predicted: Mapping[str, Float] | None = None,
+) -> tuple[Problem, ...]:  # fmt: skip
+    """The problems that do not forbid training. Raises TrainingError for those that do."""
+    problems = check_dataset(dataset, channels=channels, predicted=predicted)
+    refuse(problems)
+    return problems
+
+
+def usable(r: Recording) -> Bool:
+    """Frames (t,) in which a marker is seen and every channel has a signal."""
+    signals = r.signals_at(r.time)
+    return np.asarray(np.isfinite(signals).all(axis=1) & r.seen.any(axis=1))
+
+
+def _together(dataset: Dataset) -> list[Problem]:
+    out = []
+    for key, what in (("device", "devices"), ("layout", "layouts of cords")):
+        known = {
+            str(s[key]): str(s.get("folder", "?"))
+            for s in dataset.provenance.get("sessions", ())
+            if s.get(key)
+        }
+        if len(known) > 1:
+            told = ", ".join(f"{value} ({folder})" for value, folder in known.items())
+            out.append(
+                Problem(
+                    f"different {what}", True, f"sessions are of different {what}: {told}",
+                    "train a model for each",
+                )
+            )  # fmt: skip
+    return out
+
+
+def _named(dataset: Dataset, channels: Sequence[str] | None) -> list[Problem]:
+    missing = [c for c in channels or () if c not in dataset.channels]
+    if not missing:
+        return []
+    what = f"{', '.join(missing)} of {dataset.device} is not among the channels"
+    have = ", ".join(dataset.channels)
+    return [
+        Problem(
+            "missing channel", True, f"{what} {have}", "name the columns as the cords are named"
+        )
+    ]
+
+
+def _numbers(dataset: Dataset) -> list[Problem]:
+    """Numbers that are none, where there must be one."""
+    out = []
+    nowhere = dataset.ids[~np.isfinite(dataset.rest_points).all(axis=1)]
+    if len(nowhere):
+        told = ", ".join(map(str, nowhere.tolist()))
+        out.append(
+            Problem(
+                "no number", True, f"markers {told} have no place at rest",
+                "give their markers.json, or leave them out",
+            )
+        )  # fmt: skip
+    for r in dataset.recordings:
+        part = np.isfinite(r.points).any(axis=2) != np.isfinite(r.points).all(axis=2)
+        wrong = part | np.isinf(r.points).any(axis=2)
+        if wrong.any():
+            frame, k = (int(i) for i in np.argwhere(wrong)[0])
+            out.append(
+                Problem(
+                    "no number", True,
+                    f"{r.name}: marker {dataset.ids[k]} has a place at {r.time[frame]:.2f} s of"
+                    " which a part is no number",
+                    "write three numbers, or none", of=(r.name,),
+                )
+            )  # fmt: skip
+    return out
+
+
+def _frames(dataset: Dataset) -> list[Problem]:
+    out = []
+    counts = {r.name: int(usable(r).sum()) for r in dataset.recordings}
+    total, c = sum(counts.values()), len(dataset.channels)
+    needed = max(_LEAST, _EACH * (1 + c))
+    lasts = sum(
+        counts[r.name] * float(np.median(np.diff(r.time)))
+        for r in dataset.recordings
+        if len(r.time) > 1
+    )
+    if total < needed:
+        out.append(
+            Problem(
+                "too few frames", True,
+                f"{total} of {dataset.frames} frames have markers and all signals, and {c} channels"
+                f" need {needed}",
+                "record for longer", total,
+            )
+        )  # fmt: skip
+    elif lasts < _SHORT:
+        out.append(
+            Problem(
+                "few frames", False,
+                f"frames with markers and all signals last {lasts:.0f} s in all",
+                f"record {_SHORT:.0f} s or more, with all ways in which the device moves", lasts,
+            )
+        )  # fmt: skip
+    for r in dataset.recordings:
+        hidden = float((~r.seen.any(axis=1)).mean()) if len(r.time) else 1.0
+        if hidden > _HIDDEN:
+            out.append(
+                Problem(
+                    "frames without markers", hidden == 1,
+                    f"{r.name}: {hidden:.0%} of the frames show no marker",
+                    "move the cameras or the hands that cover the markers, and record again"
+                    if hidden < 1 else "leave the recording out",
+                    hidden, (r.name,),
+                )
+            )  # fmt: skip
+    never = dataset.ids[~np.any([r.seen.any(axis=0) for r in dataset.recordings], axis=0)]
+    if len(never):
+        told = ", ".join(map(str, never.tolist()))
+        out.append(
+            Problem(
+                "markers never seen", False, f"markers {told} were never seen",
+                "they are not decoded; turn the device so that cameras see them", len(never),
+            )
+        )  # fmt: skip
+    return out
+
+
+def _rest(dataset: Dataset) -> list[Problem]:
+    lacking = [r.name for r in dataset.recordings if _rested(dataset, r) < _REST]
+    if not lacking:
+        return []
+    every = len(lacking) == len(dataset.recordings)
+    return [
+        Problem(
+            "no rest pose", every,
+            f"{', '.join(lacking)}: the markers are never at rest for {_REST} s, within"
+            f" {_STILL:.0f} mm of where they are designed",
+            "begin with some seconds in which nothing touches the device; check that the tracks are"
+            " in its frame",
+            of=tuple(lacking),
+        )
+    ]  # fmt: skip
+
+
+def _rested(dataset: Dataset, r: Recording) -> float:
+    """s at once in which the markers that move are where they are at rest, as often as they are
+    seen."""
+    spread = np.zeros(len(dataset.ids))
+    for k, there in enumerate(r.seen.T):
+        if there.any():
+            spread[k] = np.sqrt(r.points[there, k].var(axis=0).sum())
+    moving = spread > _STILL / 3
+    which = moving if moving.any() else np.ones_like(moving)
+    seen = r.seen & which
+    off = ((np.where(seen[..., None], r.points - dataset.rest_points, 0.0)) ** 2).sum(axis=(1, 2))
+    frames = np.flatnonzero(seen.any(axis=1))
+    still = off[frames] <= _STILL**2 * seen[frames].sum(axis=1)
+    begin, end = longest_at(np.asarray(still))
+    return float(r.time[frames[end - 1]] - r.time[frames[begin]]) if end > begin else 0.0
+
+
+def _steps(dataset: Dataset) -> list[Problem]:
+    """Signals that are not in step with the markers."""
+    out = []
+    for r in dataset.recordings:
+        found = find_shift(r)
+        if found is None or not found.stands_out:
+            continue
+        out.append(
+            Problem(
+                "out of step", abs(found.seconds) > _WRONG,
+                f"{r.name}: signals are {abs(found.seconds):.2f} s"
+                f" {'late' if found.seconds < 0 else 'early'}: they tell {found.best:.0%} of the"
+                f" markers' movement when shifted by {found.seconds:+.2f} s, and {found.now:.0%} as"
+                " they are",
+                f"let them be shifted (--shift auto, or --shift {found.seconds:.2f})",
+                found.seconds, (r.name,),
+            )
+        )  # fmt: skip
+    return out

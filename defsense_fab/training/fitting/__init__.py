@@ -1,0 +1,1 @@
+"""Decoders chosen and fitted, with their intervals and limits; re-calibrated."""

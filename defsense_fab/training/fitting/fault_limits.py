@@ -1,0 +1,36 @@
+"""Limits beyond which a channel's signal is a fault, from the recordings that were trained on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...decoding.channel_faults import FaultLimits, second_jumps, unchanged
+from ..data.dataset import Dataset
+
+#: Beyond the range that was seen, in its width; at least so much, for a cord that was hardly moved.
+_BEYOND, _LEAST = 3.0, 0.5
+_SHORT = -0.8  # (R - R0)/R0 of a cord of which a fifth is left is no compression
+_STILL = 3.0  # times the longest time without a change, and so many s more
+_MORE = 0.5
+_MOVES = 0.1  # of its range, by which another channel must move meanwhile
+_JUMP = 8.0  # times the roughest second
+
+
+def fault_limits(dataset: Dataset) -> FaultLimits:
+    """Of all recordings of a dataset; what was torn while it was recorded is not counted."""
+    c = len(dataset.channels)
+    low, high = np.full(c, np.inf), np.full(c, -np.inf)
+    still, jump = np.zeros(c), np.zeros(c)
+    for r in dataset.recordings:
+        for k in range(c):
+            good = np.isfinite(r.signals[:, k])
+            if good.sum() < 2:
+                continue
+            s, time = r.signals[good, k], r.sample_time[good]
+            low[k], high[k] = min(low[k], float(s.min())), max(high[k], float(s.max()))
+            still[k] = max(still[k], float(unchanged(time, s).max()))
+            jump[k] = max(jump[k], float(second_jumps(time, s)[time > time[0] + 1].max(initial=0)))
+    width = np.maximum(high - low, 1e-9)
+    more = np.maximum(_BEYOND * width, _LEAST)
+    lowest = np.maximum(low - more, np.minimum(_SHORT, low - 0.1))
+    return FaultLimits(lowest, high + more, _STILL * still + _MORE, _MOVES * width, _JUMP * jump)

@@ -1,0 +1,232 @@
+"""From a dataset to a trained model, with what every candidate was worth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...core.arrays import Bool, Float, Int
+from ...core.errors import TrainingError
+from ...core.progress import Progress, silent
+from ...decoding.folds import FOLDS
+from ...decoding.input_features import InputDecoder
+from ...decoding.past import Past
+from ...decoding.ridge import ErrorMeasures
+from ...decoding.trained_model import Branch, TrainedModel
+from ..data.dataset import Dataset
+from ..ridge.candidates import FORMS
+from ..ridge.frames import Frames
+from ..ridge.robust_weights import certainty_weights, wrong_markers
+from ..ridge.splits import TEST_SHARE, first_and_last, fold_of
+from ..ridge.trained_range import trained_range
+from ..simulation.channel_gains import fit_gains
+from ..simulation.prior import Prior
+from ..simulation.simulated_model import simulated_decoder
+from .conformal import LEVEL, conformal
+from .fault_limits import fault_limits
+from .pose_signals import pose_signals
+from .select_decoder import Tried, chosen, try_all, try_candidate
+
+AUTO = "auto"
+
+
+@dataclass(frozen=True)
+class TrainingOptions:
+    """`decoder`: a form, or the best of all; whether its past is looked at (`memory`); whether
+    markers weigh by their certainty, and wrong ones are left out (`weighted`); the `test_share` of
+    the pictures, at the end; contiguous `folds`; the `level` of the intervals."""
+
+    decoder: str = AUTO
+    memory: bool = True
+    weighted: bool = True
+    test_share: float = TEST_SHARE
+    folds: int = FOLDS
+    level: float = LEVEL
+
+    def __post_init__(self) -> None:
+        if self.decoder != AUTO and self.decoder not in FORMS:
+            raise TrainingError(
+                f"no decoder is called {self.decoder}; there are {AUTO}, {', '.join(FORMS)}"
+            )
+        if self.folds < 2:
+            raise TrainingError(f"{self.folds} folds: cross-validation needs 2 or more")
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A candidate's row of the table: the ridge's `noise` (of the inputs) and its lambda (Eq. 8);
+    RMSE (mm) of the `folds` (k,) left out, and of all of them; errors on the test (None: none); its
+    memory's time constants, s; how many pictures the prior is `worth`."""
+
+    name: str
+    features: int
+    noise: float
+    lambda_: float
+    folds: Float
+    cross_validated: float
+    test: ErrorMeasures | None
+    moved: tuple[float, ...]
+    worked: tuple[float, ...]
+    worth: float
+
+
+@dataclass(frozen=True)
+class Training:
+    """The model, its rows, which of them it is; pictures trained on and tested on; which markers of
+    the training (t, m) were wrong."""
+
+    model: TrainedModel
+    attempts: tuple[Attempt, ...]
+    chosen: str
+    trained: Frames
+    tested: Frames
+    wrong: Bool
+
+
+def train(
+    dataset: Dataset, options: TrainingOptions | None = None, progress: Progress = silent,
+    prior: Prior | None = None,
+) -> Training:  # fmt: skip
+    """With what the simulation says as a `prior`, if given. Raises TrainingError where there is too
+    little to train on."""
+    options = options or TrainingOptions()
+    frames, tested = first_and_last(Frames.all_of(dataset), options.test_share)
+    fold = fold_of(len(frames), options.folds)
+    outputs = frames.points - dataset.rest_points
+    progress("train", 0.0, "looking for wrong markers")
+    weights, wrong = _weights(frames, options)
+    if prior is not None:
+        prior = _as_built(prior, frames, wrong)
+    _need_every_marker(frames, weights)
+    channels = tuple(range(len(dataset.channels)))
+    forms = FORMS if options.decoder == AUTO else (options.decoder,)
+    tried = try_all(
+        frames,
+        channels,
+        outputs,
+        weights,
+        fold,
+        forms,
+        memory=options.memory,
+        prior=prior,
+        progress=progress,
+    )
+    among = tried if options.decoder == AUTO else [t for t in tried if t.candidate.form in forms]
+    best = chosen(among)
+    progress("train", 0.8, "intervals, and decoders without each channel")
+    main = branch(best, frames, channels, outputs, weights, fold, options.level)
+    without = {
+        name: _without(k, best, frames, outputs, weights, options, prior)
+        for k, name in enumerate(dataset.channels)
+        if len(channels) > 1
+    }
+    rows = tuple(_attempt(t, frames, tested, channels) for t in tried)
+    model = TrainedModel(
+        dataset.device, dataset.layout, best.candidate.name, dataset.channels, dataset.ids,
+        dataset.rest_points, np.ones(len(channels)), np.zeros(len(channels)), main, without,
+        fault_limits(dataset), pose_signals(dataset.recordings),
+    )  # fmt: skip
+    progress("train", 1.0, "done")
+    return Training(model, rows, best.candidate.name, frames, tested, wrong)
+
+
+def _as_built(prior: Prior, frames: Frames, wrong: Bool) -> Prior:
+    """What the simulation would say with the channels' own gains and offsets, by the pictures."""
+    signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
+    points = np.where(wrong[..., None], np.nan, frames.points)
+    decoder = simulated_decoder(prior, frames.dataset.rest_points)
+    gain, offset = fit_gains(decoder, signals, points)
+    return replace(prior, signals=gain * prior.signals + offset)
+
+
+def _clock(frames: Frames) -> Float:
+    """(t,) s, far apart between recordings."""
+    return frames.time + 1e6 * frames.of
+
+
+def _weights(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
+    seen = frames.seen
+    if not options.weighted:
+        return seen.astype(float), np.zeros_like(seen)
+    signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
+    wrong, scale = wrong_markers(signals, frames.points, _clock(frames))
+    return certainty_weights(frames.sigma, seen & ~wrong, scale), wrong
+
+
+def _need_every_marker(frames: Frames, weights: Float) -> None:
+    """Raises TrainingError for markers that are hardly ever known."""
+    few = (weights > 0).sum(0) < 20
+    if few.any():
+        ids = ", ".join(map(str, frames.dataset.ids[few].tolist()))
+        raise TrainingError(
+            f"{frames.dataset.device}: marker {ids} was seen in fewer than 20 of the"
+            f" {len(frames)} pictures to train on; record with a camera that sees it, or leave it"
+            " out with --without-markers"
+        )
+
+
+def branch(
+    tried: Tried, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
+    fold: Int, level: float,
+) -> Branch:  # fmt: skip
+    """The candidate fitted to all of the frames, with its range, and intervals from errors on the
+    folds that were left out."""
+    z = frames.inputs(tried.candidate.past, channels)
+    signals = z[:, : len(channels)]
+    range_ = trained_range(z, signals)
+    decoder = _decoder(tried, None, frames)
+    errors = np.full(outputs.shape[:2], np.nan)
+    for k in range(int(fold.max()) + 1):
+        left = fold == k
+        guess = _decoder(tried, k, frames)(z[left]).reshape(-1, *outputs.shape[1:])
+        errors[left] = np.linalg.norm(guess - frames.points[left], axis=2)
+    errors[weights <= 0] = np.nan
+    intervals = conformal(errors, range_.distance(z), _clock(frames), level)
+    return Branch(tuple(channels), tried.candidate.past, decoder, range_, intervals)
+
+
+def _decoder(tried: Tried, without: int | None, frames: Frames) -> InputDecoder:
+    """Of positions: fitted to all folds, or to all but one."""
+    found = tried.decoder(without)
+    return replace(found, constant=found.constant + frames.dataset.rest_points.ravel())
+
+
+def _without(
+    lost: int, best: Tried, frames: Frames, outputs: Float, weights: Float,
+    options: TrainingOptions, prior: Prior | None,
+) -> Branch:  # fmt: skip
+    """The same form and past from the other channels."""
+    others = [k for k in range(len(frames.dataset.channels)) if k != lost]
+    fold = fold_of(len(frames), options.folds)
+    tried = try_candidate(best.candidate, frames, others, outputs, weights, fold, prior)
+    return branch(tried, frames, others, outputs, weights, fold, options.level)
+
+
+def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[int]) -> Attempt:
+    total = float(tried.sums.weight.sum(0).mean())
+    test = None
+    if len(tested):
+        z = tested.inputs(tried.candidate.past, channels)
+        guess = _decoder(tried, None, frames)(z).reshape(tested.points.shape)
+        test = errors_of(guess, tested.points)
+    return Attempt(
+        tried.candidate.name, tried.features.count, tried.path.noise,
+        float(tried.path.noise * np.sqrt(total)), tried.path.folds, tried.rmse, test,
+        tried.candidate.past.moved, tried.candidate.past.worked, tried.worth,
+    )  # fmt: skip
+
+
+def errors_of(guess: Float, points: Float) -> ErrorMeasures:
+    """Of positions (t, m, 3) mm against those seen, NaN in gaps; every marker that was seen counts
+    the same."""
+    distance = np.linalg.norm(guess - points, axis=2)
+    with np.errstate(all="ignore"):
+        per_state = np.sqrt(np.nanmean(distance**2, axis=1))
+    return ErrorMeasures(
+        rmse=float(np.sqrt(np.nanmean(distance**2))),
+        peak=float(np.nanmax(distance)),
+        average_peak=float(np.nanmean(np.nanmax(distance, axis=1))),
+        per_state=per_state,
+    )

@@ -1,0 +1,1 @@
+"""Ridge regression of many pictures, and what decoders are fitted to."""

@@ -1,0 +1,1 @@
+"""What the simulation says of a device, for training and for checking."""

@@ -1,0 +1,251 @@
+"""What is wrong with a dataset is told, with what to do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.data.dataset_checks import check_dataset, checked
+from defsense_fab.training.data.in_step import find_shift, shifted
+from defsense_fab.training.data.joining import without
+from tests.training.synthetic import CHANNELS, IDS, QUIET, R0, REST, dataset, recording
+
+
+def told(problems, kind):
+    """The only problem of this kind."""
+    (found,) = [p for p in problems if p.kind == kind]
+    return found
+
+
+def of_channel(r, k, change):
+    """A recording with another resistance of one channel."""
+    ohm = r.ohm.copy()
+    ohm[:, k] = change(ohm[:, k])
+    return replace(r, ohm=ohm)
+
+
+@pytest.fixture(scope="module")
+def good():
+    return dataset()
+
+
+def test_nothing_is_said_of_a_good_dataset(good):
+    assert check_dataset(good, channels=CHANNELS) == ()
+    assert checked(good) == ()
+    three = dataset(*(recording(k, session=f"s{k}") for k in (1, 2, 3)))
+    assert check_dataset(three) == ()
+
+
+@pytest.mark.parametrize(("key", "kind"), [("device", "devices"), ("layout", "layouts of cords")])
+def test_sessions_of_different_devices_or_layouts(good, key, kind):
+    sessions = [{"folder": "a", key: "one"}, {"folder": "b", key: "two"}, {"folder": "c", key: ""}]
+    mixed = replace(good, provenance={"sessions": sessions})
+    problem = told(check_dataset(mixed), f"different {kind}")
+    assert problem.fatal
+    assert "one (a), two (b)" in problem.what
+    with pytest.raises(TrainingError, match="train a model for each"):
+        checked(mixed)
+
+
+def test_a_channel_that_is_missing(good):
+    problem = told(check_dataset(good, channels=[*CHANNELS, "top"]), "missing channel")
+    assert problem.fatal
+    assert "top of bar is not among the channels left, middle, right" in problem.what
+    gone = of_channel(good.recordings[0], 1, lambda R: np.full_like(R, np.nan))
+    problem = told(check_dataset(dataset(gone, good.recordings[1])), "missing channel")
+    assert "session-1/run-1: middle has no resistance" in problem.what
+    rest = replace(good.recordings[0], rest=R0 * [1, np.nan, 1])
+    assert told(check_dataset(dataset(rest)), "missing channel").fatal
+    # What the remedy says can be done.
+    assert check_dataset(without(dataset(gone, good.recordings[1]), ["middle"])) == ()
+    left = without(good, recordings=["session-1/run-1"])
+    assert [r.session for r in left.recordings] == ["session-2"]
+    with pytest.raises(TrainingError, match="no channel top; there are left, middle, right"):
+        without(good, ["top"])
+    with pytest.raises(TrainingError, match="no channel is left"):
+        without(good, CHANNELS)
+
+
+def test_channels_in_another_order(good):
+    a, b = good.recordings
+    swapped = replace(b, ohm=b.ohm[:, [1, 0, 2]], rest=b.rest[[1, 0, 2]])
+    problems = check_dataset(dataset(a, swapped))
+    problem = told(problems, "permuted channels")
+    assert problem.fatal
+    assert problem.of == ("session-2/run-1",)
+    assert "session-2: by the other sessions, left looks like middle, middle" in problem.what
+    turned = replace(b, ohm=b.ohm[:, [2, 0, 1]], rest=b.rest[[2, 0, 1]], unit="other")
+    # Another unit is compared with what is predicted of it.
+    assert "permuted channels" not in {p.kind for p in check_dataset(dataset(a, turned))}
+    predicted = {b.name: np.stack([np.interp(b.time, b.sample_time, s) for s in b.signals.T], 1)}
+    problem = told(check_dataset(dataset(a, turned), predicted=predicted), "permuted channels")
+    assert "by the prediction, left looks like right" in problem.what
+
+
+@pytest.mark.parametrize(
+    ("bad", "says"), [(np.inf, "open"), (np.nan, "open"), (0.0, "shorted"), (-5.0, "shorted")]
+)
+def test_a_channel_that_is_open_or_shorted_for_long(good, bad, says):
+    def broken(seconds):
+        def change(R):
+            out = R.copy()
+            out[600 : 600 + int(60 * seconds)] = bad
+            return out
+
+        return dataset(of_channel(good.recordings[0], 2, change), good.recordings[1])
+
+    problem = told(check_dataset(broken(4.0)), "saturated channel")
+    assert not problem.fatal
+    assert f"right is {says}" in problem.what
+    assert "10% of the samples, 4.0 s at once" in problem.what
+    assert check_dataset(broken(0.5)) == ()
+    assert told(check_dataset(broken(25.0)), "saturated channel").fatal
+
+
+def test_a_channel_at_the_end_of_its_range(good):
+    top = np.percentile(good.recordings[0].ohm[:, 0], 80)
+    clipped = of_channel(good.recordings[0], 0, lambda R: np.minimum(R, top))
+    problem = told(check_dataset(dataset(clipped, good.recordings[1])), "saturated channel")
+    assert "left is at the end of its range for 20%" in problem.what
+    # At rest nothing moves: a coarse converter says the same there, the least there is, too.
+    rest = good.recordings[0].sample_time < QUIET
+    low = float(good.recordings[0].ohm[:, 0].min())
+    quiet = of_channel(good.recordings[0], 0, lambda R: np.where(rest, low, R))
+    assert check_dataset(dataset(quiet, good.recordings[1])) == ()
+
+
+def test_a_channel_that_is_stuck_or_constant(good):
+    def stuck(R):
+        return np.where(np.abs(np.arange(len(R)) - 1500) < 150, R[1500], R)
+
+    problem = told(
+        check_dataset(dataset(of_channel(good.recordings[0], 1, stuck), good.recordings[1])),
+        "stuck channel",
+    )
+    assert "middle stays the same for 5.0 s, from 22.5 s on" in problem.what
+    flat = [of_channel(r, 1, lambda R: np.full_like(R, 2100.0)) for r in good.recordings]
+    problem = told(check_dataset(dataset(*flat)), "constant channel")
+    assert problem.fatal
+    assert "middle does not change in any recording" in problem.what
+    assert "constant channel" not in {
+        p.kind for p in check_dataset(dataset(flat[0], good.recordings[1]))
+    }
+
+
+def test_no_rest_pose(good):
+    def late(r):
+        kept = r.time > QUIET + 2
+        return replace(r, time=r.time[kept], points=r.points[kept], sigma=r.sigma[kept])
+
+    one = check_dataset(dataset(late(recording(1, noise=1e-4)), good.recordings[1]))
+    assert not told(one, "no rest pose").fatal
+    away = [replace(r, points=r.points + 9 * np.eye(3)[2]) for r in good.recordings]
+    problem = told(check_dataset(dataset(*away)), "no rest pose")
+    assert problem.fatal
+    assert problem.of == ("session-1/run-1", "session-2/run-1")
+    assert "never at rest for 0.5 s, within 3 mm" in problem.what
+
+
+def test_too_few_frames(good):
+    short = recording(1, 1.5)
+    problem = told(check_dataset(dataset(short)), "too few frames")
+    assert problem.fatal
+    assert "of 45 frames have markers and all signals, and 3 channels need 50" in problem.what
+    problem = told(check_dataset(dataset(good.recordings[0])), "few frames")
+    assert not problem.fatal
+    assert "last 40 s in all" in problem.what
+    # Frames without signals are none.
+    gone = replace(good.recordings[0], sample_time=good.recordings[0].sample_time + 1000)
+    assert told(check_dataset(dataset(gone)), "too few frames").value == 0
+
+
+def test_frames_without_markers(good):
+    r = good.recordings[0]
+    points = r.points.copy()
+    points[::3], points[1::3] = np.nan, np.nan
+    points[:, 3] = np.nan
+    hidden = dataset(replace(r, points=points), replace(good.recordings[1], points=points))
+    problems = check_dataset(hidden)
+    found = [p for p in problems if p.kind == "frames without markers"]
+    assert [p.of for p in found] == [("session-1/run-1",), ("session-2/run-1",)]
+    assert "67% of the frames show no marker" in found[0].what
+    assert told(problems, "markers never seen").what == f"markers {IDS[3]} were never seen"
+    nothing = replace(r, points=np.full_like(points, np.nan))
+    assert told(check_dataset(dataset(nothing, good.recordings[1])), "frames without markers").fatal
+
+
+@pytest.mark.parametrize("late", [0.5, -0.5, 0.14, 0.93])
+def test_signals_that_are_not_in_step(good, late):
+    off = dataset(recording(1, late=late), good.recordings[1])
+    problem = told(check_dataset(off), "out of step")
+    assert problem.of == ("session-1/run-1",)
+    assert problem.value == pytest.approx(-late, abs=0.04)
+    assert problem.fatal == (abs(late) > 0.2)
+    assert (
+        f"signals are {abs(problem.value):.2f} s {'late' if late > 0 else 'early'}" in problem.what
+    )
+    assert "--shift auto" in problem.remedy
+    mended = shifted(off, {problem.of[0]: problem.value})
+    assert check_dataset(mended) == ()
+    assert mended.provenance["shifts"] == {problem.of[0]: problem.value}
+    assert shifted(off, "auto").provenance == mended.provenance
+    both = shifted(dataset(recording(1, late=late), recording(2, late=late)), -late)
+    for r, true in zip(both.recordings, good.recordings, strict=True):
+        np.testing.assert_allclose(r.sample_time, true.sample_time, atol=1e-9)
+
+
+def test_what_relaxes_is_not_taken_for_a_shift(good):
+    for r in good.recordings:
+        assert abs(find_shift(r).seconds) < 0.06
+    still = recording(1, 20.0)
+    still = replace(still, points=np.broadcast_to(REST, still.points.shape))
+    assert find_shift(still) is None
+    rng = np.random.default_rng(0)
+    noise = replace(good.recordings[0], ohm=R0 + rng.normal(size=good.recordings[0].ohm.shape))
+    assert find_shift(noise) is None
+    with pytest.raises(TrainingError, match="a shift of nan s cannot be"):
+        shifted(good, float("nan"))
+
+
+def test_a_cord_that_was_replaced(good):
+    drifted = [recording(k, rest=R0 * (1 + 0.02 * k), session=f"s{k}") for k in (1, 2, 3, 4)]
+    assert check_dataset(dataset(*drifted)) == ()
+    other = recording(5, rest=R0 * [1.0, 1.5, 1.0], session="s5")
+    problem = told(check_dataset(dataset(*drifted, other)), "replaced cord")
+    assert problem.of == ("s5/run-1",)
+    assert "s5: R0 of middle is 1.4" in problem.what
+    two = check_dataset(dataset(drifted[0], other))
+    assert "R0 of middle is 1." in told(two, "replaced cord").what
+    # Another unit has other cords.
+    assert check_dataset(dataset(*drifted, replace(other, unit="unit-2"))) == ()
+    # All cords at once: another temperature.
+    warm = recording(5, rest=R0 * 1.3, session="s5")
+    assert check_dataset(dataset(*drifted, warm)) == ()
+    # The same R0, another rubber.
+    softer = of_channel(recording(5, session="s5"), 0, lambda R: R0[0] + 1.7 * (R - R0[0]))
+    problem = told(check_dataset(dataset(*drifted, softer)), "changed gain")
+    assert problem.of == ("s5/run-1",)
+    assert problem.value == pytest.approx(1.7, rel=0.1)
+    assert "left changes 1." in problem.what
+
+
+def test_what_is_no_number(good):
+    r = good.recordings[0]
+    points = r.points.copy()
+    points[300, 2, 1] = np.nan
+    problem = told(check_dataset(dataset(replace(r, points=points))), "no number")
+    assert problem.fatal
+    assert f"marker {IDS[2]} has a place at 10.00 s of which a part is no number" in problem.what
+    points[300, 2] = np.inf
+    assert told(check_dataset(dataset(replace(r, points=points))), "no number").fatal
+    rest = REST.copy()
+    rest[1] = np.nan
+    problem = told(check_dataset(dataset(rest_points=rest)), "no number")
+    assert "markers 2 have no place at rest" in problem.what
+    # All that is wrong is counted.
+    both = dataset(replace(r, points=points), rest_points=rest)
+    with pytest.raises(TrainingError, match=r"leave them out \(and 1 more\)"):
+        checked(both)

@@ -1,0 +1,72 @@
+"""Datasets of one layout as one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.data.joining import in_order, join
+from tests.training.synthetic import CHANNELS, IDS, REST, dataset, recording
+
+
+def permuted(part, order):
+    recordings = tuple(replace(r, ohm=r.ohm[:, order], rest=r.rest[order]) for r in part.recordings)
+    return replace(part, channels=tuple(part.channels[k] for k in order), recordings=recordings)
+
+
+def test_channels_go_by_name_and_markers_by_number():
+    a = dataset(recording(1))
+    fewer = [2, 0, 3, 1]
+    r = recording(2)
+    b = dataset(
+        replace(r, points=r.points[:, fewer], sigma=r.sigma[:, fewer]),
+        ids=IDS[fewer], rest_points=REST[fewer], provenance={"sessions": [{"folder": "b"}]},
+    )  # fmt: skip
+    both = join([a, permuted(b, [2, 0, 1])])
+    assert both.channels == CHANNELS
+    assert both.ids.tolist() == IDS.tolist()
+    np.testing.assert_array_equal(both.recordings[1].ohm, r.ohm)
+    np.testing.assert_array_equal(both.recordings[1].rest, r.rest)
+    np.testing.assert_array_equal(both.recordings[1].points[:, :4], r.points[:, :4])
+    assert np.isnan(both.recordings[1].points[:, 4]).all()
+    np.testing.assert_array_equal(both.rest_points, REST)
+    assert both.provenance["sessions"] == [{"folder": "b"}]
+    turned = join([b, a])
+    assert turned.ids.tolist() == sorted(IDS.tolist())
+    np.testing.assert_array_equal(turned.rest_points[turned.ids == 8], REST[4:])
+    np.testing.assert_array_equal(in_order(both, CHANNELS[::-1]).recordings[0].ohm[:, 2],
+                                  both.recordings[0].ohm[:, 0])  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        ({"device": "bun"}, "session-2 is of the device 'bun', and session-1 of 'bar'"),
+        ({"layout": "other"}, r"cords laid differently \(layouts abc and other\)"),
+        ({"channels": ("left", "middle", "top")}, "session-2: has no channel right: its channels"),
+        ({"rest_points": REST + np.array([0, 0, 4])}, r"marker 1 is 4\.0 mm from where session-1"),
+    ],
+)  # fmt: skip
+def test_what_does_not_go_together(other, says):
+    with pytest.raises(TrainingError, match=says):
+        join([dataset(recording(1)), dataset(recording(2), **other)])
+
+
+def test_a_channel_too_many_and_nothing_at_all():
+    a = dataset(recording(1))
+    more = replace(
+        a, channels=(*CHANNELS, "spare"),
+        recordings=tuple(
+            replace(r, ohm=np.hstack([r.ohm, r.ohm[:, :1]]), rest=np.append(r.rest, 1.0))
+            for r in a.recordings
+        ),
+    )  # fmt: skip
+    with pytest.raises(TrainingError, match="has a channel spare more"):
+        join([a, more])
+    with pytest.raises(TrainingError, match="there is nothing to train on"):
+        join([])
+    # A layout that is not known is no other one.
+    assert join([dataset(recording(1), layout=""), a]).layout == "abc"

@@ -1,0 +1,98 @@
+"""Rest and three poses after a cord has changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.data.dataset import Dataset, Recording
+from defsense_fab.training.fitting.recalibration import recalibrate
+from defsense_fab.training.fitting.train_model import TrainingOptions, train
+
+from ..conftest import Maker
+
+POSES = {"bend": [0.8, -0.5, 0.3], "twist": [-0.3, 0.9, 0.4], "pull": [0.2, 0.3, -0.9]}
+
+
+def routine(
+    recorded: Maker, gain: list[float], seconds: float = 5.0, shown: float = 1.0, seed: int = 3
+) -> Recording:
+    """Rest, then each pose from rest to its extreme and back, by the toy's own map: its samples are
+    those of the walk's pictures that are nearest to the levels wanted."""
+    rng = np.random.default_rng(seed)
+    body = np.random.default_rng(7)
+    bend = 0.06 * np.eye(3) + 0.02 * body.normal(size=(3, 3))
+    more = body.normal(size=(6, 3))
+    i, j = np.triu_indices(3)
+    time = np.arange(0, seconds * (1 + len(POSES)), 1 / 60)
+    levels, marks = np.zeros((len(time), 3)), [(0.0, "rest")]
+    for k, (name, full) in enumerate(POSES.items(), 1):
+        marks.append((k * seconds, name))
+        into = (time - k * seconds) / seconds
+        way = np.where((into > 0) & (into < 1), np.sin(np.pi * np.clip(into, 0, 1)) ** 2, 0.0)
+        levels += shown * way[:, None] * np.array(full) * rng.uniform(0.95, 1.05)
+    signals = levels @ bend + 0.005 * (levels[:, i] * levels[:, j]) @ more
+    ohm = 1500 * (1 + np.array(gain) * signals + 5e-4 * rng.normal(size=signals.shape))
+    none = np.full((1, 6, 3), np.nan)
+    return Recording("routine", "s", "1", time, ohm, np.full(3, 1500.0), np.zeros(1) + 0.5, none,
+                     none, None, tuple(marks))  # fmt: skip
+
+
+def trained(recorded: Maker) -> tuple[Dataset, object]:
+    dataset = recorded(90)
+    shown = replace(routine(recorded, [1.0, 1.0, 1.0]), name="shown")
+    both = replace(dataset, recordings=(dataset.recordings[0], shown))
+    return dataset, train(both, TrainingOptions(memory=False)).model
+
+
+def error(model: object, dataset: Dataset) -> float:
+    run = dataset.recordings[0]
+    found = model.decode(run.sample_time, run.signals, run.time)  # type: ignore[attr-defined]
+    return float(np.sqrt(((found.points - run.points) ** 2).sum(2).mean()))
+
+
+def test_a_gain_that_changed_by_a_fifth_is_found_and_mended(recorded: Maker) -> None:
+    _, model = trained(recorded)
+    for channel in range(3):
+        gain = [1.0, 1.0, 1.0]
+        gain[channel] = 1.2
+        later = recorded(30, seed=4, gain=gain)
+        found = recalibrate(model, [routine(recorded, gain)])  # type: ignore[arg-type]
+        np.testing.assert_allclose(found.gain, gain, rtol=0.08)
+        assert found.problems == ()
+        same = error(model, recorded(30, seed=4))
+        assert error(found.model, later) < 0.5 * error(model, later)
+        assert error(found.model, later) < 3 * same
+
+
+def test_poses_that_are_shown_less_far_change_no_gain(recorded: Maker) -> None:
+    _, model = trained(recorded)
+    found = recalibrate(model, [routine(recorded, [1.0] * 3, shown=0.9)])  # type: ignore[arg-type]
+    np.testing.assert_allclose(found.gain, 1.0, atol=0.05)
+
+
+def test_a_cord_that_lies_otherwise_is_told(recorded: Maker) -> None:
+    _, model = trained(recorded)
+    run = routine(recorded, [1.0] * 3)
+    swapped = replace(run, ohm=run.ohm[:, [1, 0, 2]])
+    found = recalibrate(model, [swapped])  # type: ignore[arg-type]
+    assert any("train again" in p for p in found.problems)
+
+
+def test_another_resistance_at_rest_is_no_gain(recorded: Maker) -> None:
+    _, model = trained(recorded)
+    run = routine(recorded, [1.0] * 3)
+    aged = replace(run, ohm=run.ohm + np.array([0.0, 45.0, 0.0]))
+    found = recalibrate(model, [aged])  # type: ignore[arg-type]
+    np.testing.assert_allclose(found.at_rest, [0.0, 0.03, 0.0], atol=2e-3)
+    np.testing.assert_allclose(found.gain, 1.0, atol=0.05)
+
+
+def test_a_recording_without_poses_is_refused(recorded: Maker) -> None:
+    _, model = trained(recorded)
+    run = replace(routine(recorded, [1.0] * 3), poses=((0.0, "rest"), (5.0, "bend")))
+    with pytest.raises(TrainingError, match="needs two poses or more of bend, twist, pull"):
+        recalibrate(model, [run])  # type: ignore[arg-type]

@@ -1,0 +1,198 @@
+"""Training as a whole, on a device that is none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sklearn.linear_model import Ridge
+
+from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.data.dataset import Dataset
+from defsense_fab.training.fitting.train_model import TrainingOptions, train
+from defsense_fab.training.ridge.frames import Frames
+from defsense_fab.training.ridge.splits import first_and_last
+
+from ..conftest import Maker
+
+
+def changed(dataset: Dataset, **changes: object) -> Dataset:
+    """With its one recording changed."""
+    run = replace(dataset.recordings[0], **changes)  # type: ignore[arg-type]
+    return replace(dataset, recordings=(run,))
+
+
+def test_the_affine_decoder_is_the_ridge_of_a_library(recorded: Maker) -> None:
+    dataset = recorded(60)
+    result = train(dataset, TrainingOptions(decoder="affine", memory=False))
+    row = result.attempts[0]
+    frames, _ = first_and_last(Frames.all_of(dataset))
+    x = frames.inputs(result.model.main.past, range(3))
+    peer = Ridge(alpha=row.lambda_**2, solver="cholesky", tol=1e-12)
+    peer.fit(x, frames.points.reshape(len(x), -1))
+    decoder = result.model.main.decoder
+    np.testing.assert_allclose(decoder.weights, peer.coef_.T, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(decoder.constant, peer.intercept_, rtol=1e-9, atol=1e-9)
+
+
+def test_signals_that_bend_get_a_decoder_that_bends(recorded: Maker) -> None:
+    result = train(recorded(60, noise=0.0))
+    rmse = {a.name: a.test.rmse for a in result.attempts if a.test}
+    assert result.chosen in ("quadratic", "kernel")
+    assert rmse["quadratic"] < 0.5 * rmse["affine"]
+    assert next(a for a in result.attempts if a.name == "quadratic").cross_validated == (
+        pytest.approx(rmse["quadratic"], rel=0.5)
+    )
+
+
+def test_cords_that_relax_get_a_memory(recorded: Maker) -> None:
+    result = train(recorded(180, tear=0.3, noise=2e-3))
+    best = next(a for a in result.attempts if a.name == result.chosen)
+    static = min(a.test.rmse for a in result.attempts if a.test and not (a.moved or a.worked))
+    assert best.moved or best.worked
+    assert best.test is not None
+    assert best.test.rmse < 0.8 * static
+
+
+def test_a_past_that_is_none_is_not_looked_for(recorded: Maker) -> None:
+    result = train(recorded(180, noise=0.0))
+    assert result.chosen in ("quadratic", "kernel")
+
+
+def test_intervals_hold_on_what_comes_later(recorded: Maker) -> None:
+    inside = []
+    for seed in range(4):
+        dataset = recorded(200, seed=seed, noise=2e-3, tear=0.1)
+        result = train(dataset, TrainingOptions(decoder="quadratic", memory=False))
+        run, later = dataset.recordings[0], result.tested.row
+        found = result.model.decode(run.sample_time, run.signals, run.time[later])
+        off = np.linalg.norm(found.points - run.points[later], axis=2)
+        inside.append((off <= found.radius).mean())
+    assert 0.88 < np.mean(inside) < 0.95  # of few blocks, rather more than too little
+
+
+def test_decoders_without_a_channel_do_without_it(recorded: Maker) -> None:
+    dataset = recorded(60)
+    model = train(dataset, TrainingOptions(decoder="quadratic", memory=False)).model
+    run = dataset.recordings[0]
+    torn = run.signals.copy()
+    torn[:, 1] = np.nan
+    found = model.decode(run.sample_time, torn, run.time, lost="top")
+    with_all = model.decode(run.sample_time, run.signals, run.time)
+    assert np.isfinite(found.points).all()
+    assert found.radius.mean() > 2 * with_all.radius.mean()
+    with pytest.raises(TrainingError, match="without bottom"):
+        model.branch("bottom")
+
+
+def test_a_stream_decodes_as_the_whole(recorded: Maker) -> None:
+    dataset = recorded(60, tear=0.3)
+    model = train(dataset, TrainingOptions(decoder="quadratic")).model
+    run = dataset.recordings[0]
+    when, signals = run.sample_time[:200], run.signals[:200]
+    stream = model.stream()
+    one = np.array([stream(t, s) for t, s in zip(when, signals, strict=True)])
+    np.testing.assert_allclose(one, model.decode(when, signals, when).points, atol=1e-9)
+
+
+def test_wrong_markers_do_not_spoil_the_rest(recorded: Maker) -> None:
+    clean = recorded(60)
+    run = clean.recordings[0]
+    rng = np.random.default_rng(0)
+    wrong = rng.random(run.points.shape[:2]) < 0.15
+    points = run.points.copy()
+    points[wrong] += [30.0, 10.0, -20.0]
+    points[300:304] += 25.0  # pictures laid wrongly onto the rest pose
+    dirty = changed(clean, points=points)
+    after = first_and_last(Frames.all_of(clean))[1].row
+
+    def error(options: TrainingOptions) -> float:
+        found = train(dirty, options).model.decode(run.sample_time, run.signals, run.time[after])
+        return float(np.sqrt(((found.points - run.points[after]) ** 2).sum(2).mean()))
+
+    good = next(a.test.rmse for a in train(clean).attempts if a.name == "quadratic" and a.test)
+    assert error(TrainingOptions(decoder="quadratic")) < 1.05 * good
+    assert error(TrainingOptions(decoder="quadratic", weighted=False)) > 10 * good
+    result = train(dirty)
+    hit = result.wrong & (
+        wrong[result.trained.row] | (np.abs(result.trained.row - 301.5) < 2)[:, None]
+    )
+    assert hit.sum() == result.wrong.sum() > 0.98 * wrong[result.trained.row].sum()
+
+
+def test_a_decoder_that_fails_for_long_does_not_make_its_markers_wrong(recorded: Maker) -> None:
+    dataset = recorded(60)
+    run = dataset.recordings[0]
+    ohm = run.ohm.copy()
+    ohm[600:900] *= 1.02  # the cords, not the cameras
+    assert not train(changed(dataset, ohm=ohm)).wrong.any()
+
+
+def test_less_certain_markers_weigh_less(recorded: Maker) -> None:
+    """Half of the pictures are of a poor camera; weighing by its stated uncertainty helps."""
+    dataset = recorded(120, sigma=0.02)
+    run = dataset.recordings[0]
+    rng = np.random.default_rng(1)
+    poor = rng.random(len(run.time)) < 0.7
+    points = run.points + np.where(poor[:, None, None], 4.0, 0.0) * rng.normal(
+        size=run.points.shape
+    )
+    sigma = np.broadcast_to(np.where(poor[:, None, None], 4.0, 0.02), points.shape)
+    noisy = changed(dataset, points=points, sigma=np.array(sigma))
+
+    def error(weighted: bool) -> float:
+        options = TrainingOptions(decoder="kernel", memory=False, weighted=weighted)
+        found = train(noisy, options).model.decode(run.sample_time, run.signals, run.time[-900:])
+        return float(np.sqrt(((found.points - run.points[-900:]) ** 2).sum(2).mean()))
+
+    assert error(True) < 0.8 * error(False)
+
+
+def test_gaps_and_lost_samples_are_left_out(recorded: Maker) -> None:
+    dataset = recorded(60, gaps=0.3)
+    run = dataset.recordings[0]
+    ohm = run.ohm.copy()
+    ohm[1000:1200] = np.nan
+    result = train(changed(dataset, ohm=ohm))
+    lost = np.abs(run.time[result.trained.row] - run.sample_time[1100]) < 100 / 60 - 0.02
+    assert not lost.any()
+    assert next(a.test.rmse for a in result.attempts if a.name == "quadratic" and a.test) < 0.4
+
+
+@pytest.mark.parametrize(
+    ("seconds", "message"),
+    [(1.0, "training needs 50 or more"), (3.0, "")],
+)
+def test_too_few_pictures_are_refused_with_their_number(
+    recorded: Maker, seconds: float, message: str
+) -> None:
+    dataset = recorded(seconds)
+    if message:
+        with pytest.raises(TrainingError, match=message):
+            train(dataset)
+    else:
+        assert len(train(dataset, TrainingOptions(memory=False)).trained) > 50
+
+
+def test_a_marker_that_no_camera_saw_is_named(recorded: Maker) -> None:
+    dataset = recorded(20)
+    points = dataset.recordings[0].points.copy()
+    points[:, 4] = np.nan
+    with pytest.raises(TrainingError, match="marker 4 was seen in fewer than 20"):
+        train(changed(dataset, points=points))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"decoder": "neural"}, "no decoder is called neural"),
+        ({"folds": 1}, "needs 2 or more"),
+        ({"test_share": 1.0}, "must be from 0 to below 1"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(
+    recorded: Maker, options: dict[str, object], message: str
+) -> None:
+    with pytest.raises(TrainingError, match=message):
+        train(recorded(10), TrainingOptions(**options))  # type: ignore[arg-type]

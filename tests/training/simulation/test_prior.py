@@ -1,0 +1,129 @@
+"""The simulation as a prior, and the pose space that a recording covers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.data.dataset import Dataset
+from defsense_fab.training.data.dataset_checks import check_dataset
+from defsense_fab.training.fitting.train_model import TrainingOptions, train
+from defsense_fab.training.ridge.frames import Frames
+from defsense_fab.training.simulation.coverage import coverage
+from defsense_fab.training.simulation.expected_signals import expected_signals
+from defsense_fab.training.simulation.prior import Prior
+from defsense_fab.training.simulation.simulated_model import simulated_model
+
+from ..conftest import Maker
+
+
+def simulated(recorded: Maker, states: int = 40) -> Prior:
+    """States as a simulation has them: without noise, of the same body."""
+    dataset = recorded(60, seed=99, noise=0.0, sigma=0.0)
+    run = dataset.recordings[0]
+    at = np.linspace(5, len(run.time) - 5, states).astype(int)
+    signals = np.stack([np.interp(run.time[at], run.sample_time, s) for s in run.signals.T], axis=1)
+    moved = run.points[at] - dataset.rest_points
+    names = ("rest", *(f"state {k}" for k in range(states)))
+    rest = np.zeros((1, signals.shape[1])), np.zeros((1, *moved.shape[1:]))
+    return Prior(names, np.concatenate([rest[0], signals]), np.concatenate([rest[1], moved]))
+
+
+def part(dataset: Dataset, pictures: slice) -> Dataset:
+    """Some of its pictures."""
+    run = dataset.recordings[0]
+    few = replace(
+        run, time=run.time[pictures], points=run.points[pictures], sigma=run.sigma[pictures]
+    )
+    return replace(dataset, recordings=(few,))
+
+
+def error(result_of: object, dataset: Dataset) -> float:
+    run = dataset.recordings[0]
+    found = result_of.decode(run.sample_time, run.signals, run.time)  # type: ignore[attr-defined]
+    return float(np.sqrt(((found.points - run.points) ** 2).sum(2).mean()))
+
+
+def test_sixty_pictures_and_the_simulation_are_nearly_as_good_as_thousands(
+    recorded: Maker,
+) -> None:
+    prior = simulated(recorded)
+    long, later = recorded(120, gain=[1.1, 0.9, 1.05]), recorded(30, seed=5, gain=[1.1, 0.9, 1.05])
+    few = part(long, slice(0, 240, 4))
+    options = TrainingOptions(test_share=0.0)
+    full = error(train(long, options).model, later)
+    alone = error(train(few, options).model, later)
+    helped = error(train(few, options, prior=prior).model, later)
+    assert helped < 1.5 * full
+    assert helped < 0.5 * alone
+
+
+def test_a_simulation_of_another_device_is_worth_nothing(recorded: Maker) -> None:
+    prior = simulated(recorded)
+    other = replace(prior, signals=prior.signals[::-1].copy())
+    dataset = recorded(60)
+    with_it = train(dataset, prior=other)
+    assert all(a.worth == 0 for a in with_it.attempts if a.name == with_it.chosen)
+    assert next(a.worth for a in with_it.attempts if a.name == "affine") == 0
+
+
+def test_the_simulation_alone_is_a_model_without_intervals(recorded: Maker) -> None:
+    prior, dataset = simulated(recorded), recorded(30, noise=0.0)
+    model = simulated_model("toy", "", dataset.channels, dataset.ids, dataset.rest_points, prior)
+    assert error(model, dataset) < 0.5
+    assert model.main.intervals is None
+    assert set(model.without) == set(dataset.channels)
+
+
+def test_a_prior_without_states_is_refused() -> None:
+    with pytest.raises(TrainingError, match="build the device again"):
+        Prior(("rest",), np.zeros((1, 3)), np.zeros((1, 4, 3)))
+
+
+def test_coverage_names_what_was_not_shown(recorded: Maker) -> None:
+    prior, dataset = simulated(recorded), recorded(60)
+    far = replace(
+        prior, names=(*prior.names, "pull"), signals=np.append(prior.signals, [[0.3] * 3], axis=0),
+        displacements=np.append(prior.displacements, 40 + prior.displacements[-1:], axis=0),
+    )  # fmt: skip
+    found = coverage(Frames.all_of(dataset), far)
+    assert not found.seen[-1]
+    assert found.advice[0].startswith("show pull: pictures came within")
+    assert found.share > 0.5
+    assert not found.ends_at_rest
+    assert found.advice[-1].startswith("rest for 10 s at the end")
+
+
+def test_a_recording_that_shows_all_and_ends_at_rest_has_no_advice(recorded: Maker) -> None:
+    prior, dataset = simulated(recorded, 5), recorded(60)
+    run = dataset.recordings[0]
+    shown = dataset.rest_points + np.repeat(prior.displacements, 60, axis=0)
+    rest = np.broadcast_to(dataset.rest_points, (300, *dataset.rest_points.shape))
+    points = np.concatenate([shown, rest])
+    run = replace(run, time=run.time[: len(points)], points=points, sigma=np.zeros_like(points))
+    found = coverage(Frames.all_of(replace(dataset, recordings=(run,))), prior)
+    assert found.advice == ()
+    assert found.share == 1.0
+
+
+def test_signals_are_expected_where_markers_are(recorded: Maker) -> None:
+    prior, dataset = simulated(recorded), recorded(30, noise=0.0, gaps=0.3)
+    run = dataset.recordings[0]
+    found = expected_signals(prior, run, dataset.rest_points)
+    off = found - run.signals_at(run.time)
+    known = np.isfinite(off).all(axis=1)
+    assert known.mean() > 0.8
+    assert np.sqrt((off[known] ** 2).mean()) < 0.15 * run.signals.std()
+
+
+def test_channels_that_are_exchanged_are_noticed_in_one_session(recorded: Maker) -> None:
+    prior, dataset = simulated(recorded), recorded(90)
+    run = dataset.recordings[0]
+    predicted = {run.name: expected_signals(prior, run, dataset.rest_points)}
+    swapped = replace(dataset, recordings=(replace(run, ohm=run.ohm[:, [1, 0, 2]]),))
+    kinds = {p.kind for p in check_dataset(swapped, predicted=predicted)}
+    assert "permuted channels" in kinds
+    assert "permuted channels" not in {p.kind for p in check_dataset(dataset, predicted=predicted)}
