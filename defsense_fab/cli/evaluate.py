@@ -101,9 +101,11 @@ def _show(found: SessionEvaluation, folder: Path) -> None:
         )
     if e.coverage is not None:
         c = e.coverage
-        lines.append(f"intervals of {c.level:.0%} hold {c.share:.1%}, ± {c.radius:.2f} mm")
+        lines.append(
+            f"intervals of {100 * c.level:.0f} % hold {100 * c.share:.1f} %, ± {c.radius:.2f} mm"
+        )
     if budget.total > 0:
-        told = ", ".join(f"{cause} {s / budget.total:.0%}" for cause, s in shares
+        told = ", ".join(f"{cause} {100 * s / budget.total:.0f} %" for cause, s in shares
                          if abs(s) >= 0.005 * budget.total)  # fmt: skip
         lines.append(f"squared error by cause: {told}")
     if found.comparison is not None:
