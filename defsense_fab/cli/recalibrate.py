@@ -21,13 +21,10 @@ def add(commands: Commands) -> None:
         help="correct a model after a cord was replaced or has aged",
         description="Correct the gain of each channel of a model by a short session of a few poses"
         " and rest, which needs no camera, after the device was moved for half a minute; says when"
-        " that is not enough. The poses are those that the model was trained on, shown about as"
-        " far.",
-        examples=[
-            "defsense capture record my-device --cameras none --port /dev/ttyUSB0 --rounds 1"
-            " --seconds 5 --free 0 --rest 5 --out routine",
-            "defsense recalibrate my-device/model.json routine",
-        ],
+        " that is not enough, and writes no model then. The poses are those that the model was"
+        " trained on, shown about as far: 'defsense capture record my-device --cameras none --port"
+        " /dev/ttyUSB0 --rounds 1 --seconds 5 --free 0 --rest 5 --out routine'.",
+        examples=["defsense recalibrate my-device/model.json routine"],
     )
     sub.add_argument("model", type=Path, metavar="MODEL", help="model.json, or its folder")
     sub.add_argument("sessions", nargs="+", type=Path, metavar="SESSION", help="the routine's")
@@ -48,10 +45,12 @@ def _recalibrate(options: argparse.Namespace) -> int:
     beside = options.model if options.model.is_dir() else options.model.parent
     path = model_path(options.out or beside / f"recalibrated{Path(MODEL).suffix}", None, [])
     found = recalibrate_from(model, options.sessions)
-    write_model(path, found.model)
+    if not found.problems:
+        write_model(path, found.model)
     with results():
         if options.json:
-            told = {"model": str(path), "enough": not found.problems, **as_told(found)}
+            written = None if found.problems else str(path)
+            told = {"model": written, "enough": not found.problems, **as_told(found)}
             sys.stdout.write(json.dumps(told, indent=1) + "\n")
             return 0
         from rich.table import Table
@@ -63,5 +62,9 @@ def _recalibrate(options: argparse.Namespace) -> int:
             table.add_row(name, f"{gain:.3f} ± {error:.3f}")
         console().print(table)
         say([f"warning: {p}" for p in found.problems])
-        say([f"Wrote:   {path}", f"Next:    defsense evaluate {path} SESSION"])
+        if found.problems:
+            say(["No model was written: gains do not suffice.",
+                 "Next:    defsense capture record ..., then defsense train"])  # fmt: skip
+        else:
+            say([f"Wrote:   {path}", f"Next:    defsense evaluate {path} SESSION"])
     return 0
