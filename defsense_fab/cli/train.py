@@ -159,8 +159,9 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
             sd = a.test.per_state.std()
             test = [f"{a.test.rmse:.2f} ± {sd:.2f}", f"{a.test.peak:.2f}",
                     f"{a.test.average_peak:.2f}"]  # fmt: skip
+        weight = f"{a.lambda_:.2g}" if a.lambda_ < float("inf") else "-"
         mark = "*" if a.name == result.chosen else " "
-        table.add_row(f"{mark} {a.name}", f"{a.cross_validated:.2f}", *test, f"{a.lambda_:.2g}")
+        table.add_row(f"{mark} {a.name}", f"{a.cross_validated:.2f}", *test, weight)
     out.print(table)
     chosen = next(a for a in result.attempts if a.name == result.chosen)
     about = [f"trained on {len(result.trained)} pictures, tested on the {len(result.tested)} after"]

@@ -17,6 +17,7 @@ from ..core.errors import TrainingError
 from .channel_faults import FaultLimits
 from .input_features import InputDecoder
 from .past import Past, PastStream
+from .shared_memory import SharedMemory
 
 _ROUNDING = 2e-6  # s
 
@@ -58,17 +59,29 @@ class TrainedRange:
 @dataclass(frozen=True)
 class Branch:
     """A decoder of some of the `channels`, by index (k,), with the past that it sees, the range
-    that it was trained in, and its intervals (None: not known)."""
+    that it was trained in, and its intervals (None: not known). Where there is a `simulated` map,
+    positions are its own and the decoder's together."""
 
     channels: tuple[int, ...]
     past: Past
     decoder: InputDecoder
     range: TrainedRange
     intervals: Intervals | None
+    simulated: SharedMemory | None = None
 
     def inputs(self, time: Float, signals: Float) -> Float:
         """z (t, d) of all signals (t, c) at times (t,) s."""
         return self.past(time, signals[:, list(self.channels)])
+
+    def positions(self, inputs: Float) -> Float:
+        """(t, o) mm of inputs (t, d)."""
+        found = self.decoder(inputs)
+        return found if self.simulated is None else found + self.simulated(inputs)
+
+    def one(self, inputs: Float) -> Float:
+        """(o,) mm of one sample's inputs (d,)."""
+        found = self.decoder.one(inputs)
+        return found if self.simulated is None else found + self.simulated.one(inputs)
 
 
 @dataclass(frozen=True)
@@ -145,12 +158,12 @@ class ModelStream:
         """Positions (m, 3) mm of the signals (c,) at a time, s."""
         s = self._model.corrected(signals)[self._pick]
         z = self._past(time, s) if self._branch.past.count else s
-        return self._branch.decoder.one(z).reshape(-1, 3)
+        return self._branch.one(z).reshape(-1, 3)
 
 
 def decoded(branch: Branch, inputs: Float, markers: int) -> Decoded:
     """Of inputs (t, d)."""
-    points = branch.decoder(inputs).reshape(len(inputs), markers, 3)
+    points = branch.positions(inputs).reshape(len(inputs), markers, 3)
     distance = branch.range.distance(inputs)
     if branch.intervals is None:
         return Decoded(points, np.full(points.shape[:2], np.nan), distance)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +11,11 @@ from ...core.arrays import Float, Int
 from ...core.progress import Progress, silent
 from ...decoding.input_features import InputDecoder, InputFeatures
 from ...decoding.past import Past
-from ..ridge.candidates import AFFINE, FORMS, QUADRATIC, Candidate
+from ..ridge.candidates import AFFINE, FORMS, MEMORY, QUADRATIC, SIMULATED, Candidate
 from ..ridge.frames import Frames
 from ..ridge.weighted_ridge import RidgePath, Sums, Whitened, cross_validate, solve, sums
-from ..simulation.prior import WORTHS, Prior
+from ..simulation.memory_fit import PASTS
+from ..simulation.simulated_map import SimulatedMap
 
 #: Time constants, s, among which memories are looked for; the best is refined between these.
 _TIMES = np.logspace(-1, 2, 10)
@@ -27,76 +28,115 @@ _SIMPLER = 1.01  # of the least error: a simpler decoder that stays below it is 
 
 @dataclass(frozen=True)
 class Tried:
-    """A candidate with its features and its errors: `path` over the ridge's weights; sums over the
-    states of a `prior`, and how many pictures they are `worth`."""
+    """A candidate with its errors: its ridge over the `sums` of `features`, `path` over the ridge's
+    weights, on what a `simulated` map leaves. Where there are no `sums`, it is that map alone."""
 
     candidate: Candidate
     features: InputFeatures
-    whitened: Whitened
-    sums: Sums
     path: RidgePath
-    prior: Sums | None = None
-    worth: float = 0.0
+    whitened: Whitened | None = None
+    sums: Sums | None = None
+    simulated: SimulatedMap | None = None
+
+    @property
+    def name(self) -> str:
+        """affine, simulated + memory, ..."""
+        if self.simulated is None:
+            return self.candidate.name
+        parts = [SIMULATED, *([] if self.sums is None else [self.candidate.form])]
+        return " + ".join([*parts, *([MEMORY] if self.candidate.past.count else [])])
 
     @property
     def rmse(self) -> float:
         """mm, on the folds left out."""
         return self.path.rmse
 
+    @property
+    def count(self) -> int:
+        """Numbers that were fitted for each output, or for all together."""
+        return self.features.count if self.sums is not None else 0
+
     def decoder(self, without: int | None = None) -> InputDecoder:
-        """Of displacements: fitted to all folds or all but one, and to what the prior is worth."""
-        total = self.sums.without(without).plus(self.prior, self.worth)
-        beta, constant = solve(total, np.array([self.path.noise]))
+        """Of displacements, besides the simulated map: fitted to all folds or all but one."""
+        if self.sums is None or self.whitened is None:
+            assert self.simulated is not None
+            outputs = len(self.simulated.whole.decoder.constant)
+            zeros = np.zeros((self.features.count, outputs))
+            return InputDecoder(self.features, zeros, np.zeros(outputs))
+        beta, constant = solve(self.sums.without(without), np.array([self.path.noise]))
         return InputDecoder(self.features, *self.whitened.plain(beta[0], constant[0]))
+
+    def displacements(self, inputs: Float, without: int | None = None) -> Float:
+        """(t, o) mm of inputs (t, d)."""
+        found = self.decoder(without)(inputs)
+        return found if self.simulated is None else found + self.simulated.map(without)(inputs)
 
 
 def try_candidate(
     candidate: Candidate, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
-    fold: Int, prior: Prior | None = None,
+    fold: Int, simulated: SimulatedMap | None = None,
 ) -> Tried:  # fmt: skip
-    """With outputs (t, m, 3) mm, weights (t, m) and folds (t,) of the frames."""
+    """With outputs (t, m, 3) mm, weights (t, m) and folds (t,) of the frames, on what a `simulated`
+    map leaves of the outputs."""
     z = frames.inputs(candidate.past, channels)
-    states = prior.inputs(candidate.past, list(channels)) if prior else z[:0]
-    every = np.concatenate([z, states])
-    features = candidate.features(every, len(channels))
-    phi = features(every)
-    whitened = Whitened.of(phi, features.slopes(every), features.roughness())
-    found = sums(whitened(phi[: len(z)]), outputs, weights, fold)
-    if prior is None:
-        return Tried(candidate, features, whitened, found, cross_validate(found))
-    told = prior.sums(phi[len(z) :], whitened)
-    paths = {worth: cross_validate(found, told, worth) for worth in WORTHS}
-    worth = _worth(paths)
-    return Tried(candidate, features, whitened, found, paths[worth], told, worth)
+    features = candidate.features(z, len(channels))
+    phi = features(z)
+    whitened = Whitened.of(phi, features.slopes(z), features.roughness())
+    left = outputs
+    if simulated is not None:
+        left = outputs - simulated.whole(z).reshape(outputs.shape)
+    found = sums(whitened(phi), left, weights, fold)
+    return Tried(candidate, features, cross_validate(found), whitened, found, simulated)
 
 
-def _worth(paths: Mapping[float, RidgePath]) -> float:
-    """The most that a prior may be worth without errors on folds that are larger than the least by
-    more than chance: the standard error of the folds' differences. Few pictures prove little."""
-    least = min(paths.values(), key=lambda path: path.rmse)
+def try_simulated(
+    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int,
+    decoder: InputDecoder, past: Past,
+) -> Tried:  # fmt: skip
+    """A simulated `decoder` of displacements behind a memory with the time constants of `past`."""
+    z = frames.inputs(past, channels)
+    found = SimulatedMap.fitted(decoder, past, z, outputs, weights, fold)
+    candidate = Candidate(AFFINE, past)
+    path = RidgePath(np.array([np.inf]), found.errors[:, None])
+    return Tried(candidate, candidate.features(z, len(channels)), path, simulated=found)
 
-    def as_good(path: RidgePath) -> bool:
-        more = path.folds - least.folds
-        return bool(more.mean() <= more.std(ddof=1) / np.sqrt(len(more)))
 
-    return max(worth for worth, path in paths.items() if path is least or as_good(path))
+def best_simulated(
+    frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int,
+    decoder: InputDecoder, *, memory: bool = True,
+) -> Tried:  # fmt: skip
+    """The one with the memory that does best."""
+    pasts = PASTS if memory else PASTS[:1]
+    tried = [
+        try_simulated(frames, channels, outputs, weights, fold, decoder, past) for past in pasts
+    ]
+    return min(tried, key=lambda t: t.rmse)
 
 
 def try_all(
     frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int,
-    forms: Sequence[str] = FORMS, *, memory: bool = True, prior: Prior | None = None,
+    forms: Sequence[str] = FORMS, *, memory: bool = True, decoder: InputDecoder | None = None,
     progress: Progress = silent,
 ) -> list[Tried]:  # fmt: skip
-    """All candidates. The affine one comes first, and is the paper's: it knows of no prior, and
-    markers that are seen weigh the same."""
+    """All candidates. The affine one comes first, and is the paper's: markers that are seen weigh
+    the same. With a simulated `decoder` of displacements there are those that start from it."""
     static = [Candidate(form, Past()) for form in dict.fromkeys((AFFINE, *forms))]
     out = []
     for k, candidate in enumerate(static):
         progress("train", 0.1 + 0.1 * k, f"trying {candidate.name}")
-        plain = candidate.form == AFFINE
-        w, p = ((weights > 0).astype(float), None) if plain else (weights, prior)
-        out.append(try_candidate(candidate, frames, channels, outputs, w, fold, p))
-    if not memory or len(frames) < _FEWEST_FOR_MEMORY:
+        w = (weights > 0).astype(float) if candidate.form == AFFINE else weights
+        out.append(try_candidate(candidate, frames, channels, outputs, w, fold))
+    few = len(frames) < _FEWEST_FOR_MEMORY
+    if decoder is not None:
+        progress("train", 0.35, "fitting the simulation's map")
+        start = best_simulated(frames, channels, outputs, weights, fold, decoder, memory=memory)
+        out.append(start)
+        bent = [Candidate(f, start.candidate.past) for f in forms if f != AFFINE and not few]
+        out += [
+            try_candidate(c, frames, channels, outputs, weights, fold, start.simulated)
+            for c in bent
+        ]
+    if not memory or few:
         return out
     progress("train", 0.4, "fitting time constants")
     found = fit_past(frames, channels, outputs, weights, fold)
@@ -104,7 +144,7 @@ def try_all(
     for k, past in enumerate(pasts):
         for candidate in [Candidate(c.form, past) for c in static]:
             progress("train", 0.6 + 0.1 * k, f"trying {candidate.name}")
-            out.append(try_candidate(candidate, frames, channels, outputs, weights, fold, prior))
+            out.append(try_candidate(candidate, frames, channels, outputs, weights, fold))
     return out
 
 
@@ -112,7 +152,7 @@ def chosen(tried: Sequence[Tried]) -> Tried:
     """The one with the fewest features among those that are nearly the best."""
     least = min(t.rmse for t in tried)
     near = [t for t in tried if t.rmse <= _SIMPLER * least]
-    return min(near, key=lambda t: t.features.count)
+    return min(near, key=lambda t: t.count)
 
 
 def fit_past(

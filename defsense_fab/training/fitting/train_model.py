@@ -11,7 +11,6 @@ from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
 from ...core.progress import Progress, silent
 from ...decoding.folds import FOLDS
-from ...decoding.input_features import InputDecoder
 from ...decoding.past import Past
 from ...decoding.ridge import ErrorMeasures
 from ...decoding.trained_model import Branch, TrainedModel
@@ -21,13 +20,12 @@ from ..ridge.frames import Frames
 from ..ridge.robust_weights import certainty_weights, wrong_markers
 from ..ridge.splits import TEST_SHARE, first_and_last, fold_of
 from ..ridge.trained_range import trained_range
-from ..simulation.channel_gains import fit_gains
 from ..simulation.prior import Prior
 from ..simulation.simulated_model import simulated_decoder
 from .conformal import LEVEL, conformal
 from .fault_limits import fault_limits
 from .pose_signals import pose_signals
-from .select_decoder import Tried, chosen, try_all, try_candidate
+from .select_decoder import Tried, chosen, try_all, try_candidate, try_simulated
 
 AUTO = "auto"
 
@@ -58,7 +56,8 @@ class TrainingOptions:
 class Attempt:
     """A candidate's row of the table: the ridge's `noise` (of the inputs) and its lambda (Eq. 8);
     RMSE (mm) of the `folds` (k,) left out, and of all of them; errors on the test (None: none); its
-    memory's time constants, s; how many pictures the prior is `worth`."""
+    memory's time constants, s. Where nothing but the simulation's map was fitted, noise and lambda
+    are infinite."""
 
     name: str
     features: int
@@ -69,7 +68,6 @@ class Attempt:
     test: ErrorMeasures | None
     moved: tuple[float, ...]
     worked: tuple[float, ...]
-    worth: float
 
 
 @dataclass(frozen=True)
@@ -97,8 +95,6 @@ def train(
     outputs = frames.points - dataset.rest_points
     progress("train", 0.0, "looking for wrong markers")
     weights, wrong = _weights(frames, options)
-    if prior is not None:
-        prior = _as_built(prior, frames, wrong)
     _need_every_marker(frames, weights)
     channels = tuple(range(len(dataset.channels)))
     forms = FORMS if options.decoder == AUTO else (options.decoder,)
@@ -110,7 +106,7 @@ def train(
         fold,
         forms,
         memory=options.memory,
-        prior=prior,
+        decoder=None if prior is None else simulated_decoder(prior),
         progress=progress,
     )
     among = tried if options.decoder == AUTO else [t for t in tried if t.candidate.form in forms]
@@ -124,21 +120,12 @@ def train(
     }
     rows = tuple(_attempt(t, frames, tested, channels) for t in tried)
     model = TrainedModel(
-        dataset.device, dataset.layout, best.candidate.name, dataset.channels, dataset.ids,
+        dataset.device, dataset.layout, best.name, dataset.channels, dataset.ids,
         dataset.rest_points, np.ones(len(channels)), np.zeros(len(channels)), main, without,
         fault_limits(dataset), pose_signals(dataset.recordings),
     )  # fmt: skip
     progress("train", 1.0, "done")
-    return Training(model, rows, best.candidate.name, frames, tested, wrong)
-
-
-def _as_built(prior: Prior, frames: Frames, wrong: Bool) -> Prior:
-    """What the simulation would say with the channels' own gains and offsets, by the pictures."""
-    signals = frames.inputs(Past(), range(len(frames.dataset.channels)))
-    points = np.where(wrong[..., None], np.nan, frames.points)
-    decoder = simulated_decoder(prior, frames.dataset.rest_points)
-    gain, offset = fit_gains(decoder, signals, points)
-    return replace(prior, signals=gain * prior.signals + offset)
+    return Training(model, rows, best.name, frames, tested, wrong)
 
 
 def _clock(frames: Frames) -> Float:
@@ -176,21 +163,19 @@ def branch(
     z = frames.inputs(tried.candidate.past, channels)
     signals = z[:, : len(channels)]
     range_ = trained_range(z, signals)
-    decoder = _decoder(tried, None, frames)
-    errors = np.full(outputs.shape[:2], np.nan)
+    errors, away = np.full(outputs.shape[:2], np.nan), np.empty(len(frames))
     for k in range(int(fold.max()) + 1):
         left = fold == k
-        guess = _decoder(tried, k, frames)(z[left]).reshape(-1, *outputs.shape[1:])
-        errors[left] = np.linalg.norm(guess - frames.points[left], axis=2)
+        guess = tried.displacements(z[left], k).reshape(-1, *outputs.shape[1:])
+        errors[left] = np.linalg.norm(guess - outputs[left], axis=2)
+        # As far as a picture lies from a training that it was not part of.
+        away[left] = trained_range(z[~left], signals[~left]).distance(z[left])
     errors[weights <= 0] = np.nan
-    intervals = conformal(errors, range_.distance(z), _clock(frames), level)
-    return Branch(tuple(channels), tried.candidate.past, decoder, range_, intervals)
-
-
-def _decoder(tried: Tried, without: int | None, frames: Frames) -> InputDecoder:
-    """Of positions: fitted to all folds, or to all but one."""
-    found = tried.decoder(without)
-    return replace(found, constant=found.constant + frames.dataset.rest_points.ravel())
+    intervals = conformal(errors, away, _clock(frames), level)
+    found = tried.decoder()
+    decoder = replace(found, constant=found.constant + frames.dataset.rest_points.ravel())
+    simulated = None if tried.simulated is None else tried.simulated.whole
+    return Branch(tuple(channels), tried.candidate.past, decoder, range_, intervals, simulated)
 
 
 def _without(
@@ -200,21 +185,28 @@ def _without(
     """The same form and past from the other channels."""
     others = [k for k in range(len(frames.dataset.channels)) if k != lost]
     fold = fold_of(len(frames), options.folds)
-    tried = try_candidate(best.candidate, frames, others, outputs, weights, fold, prior)
+    simulated = None
+    if best.simulated is not None and prior is not None:
+        decoder, past = simulated_decoder(prior, others), best.candidate.past
+        start = try_simulated(frames, others, outputs, weights, fold, decoder, past)
+        if best.sums is None:
+            return branch(start, frames, others, outputs, weights, fold, options.level)
+        simulated = start.simulated
+    tried = try_candidate(best.candidate, frames, others, outputs, weights, fold, simulated)
     return branch(tried, frames, others, outputs, weights, fold, options.level)
 
 
 def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[int]) -> Attempt:
-    total = float(tried.sums.weight.sum(0).mean())
-    test = None
+    total = 1.0 if tried.sums is None else float(tried.sums.weight.sum(0).mean())
+    noise, test = tried.path.noise, None
     if len(tested):
         z = tested.inputs(tried.candidate.past, channels)
-        guess = _decoder(tried, None, frames)(z).reshape(tested.points.shape)
-        test = errors_of(guess, tested.points)
+        guess = tried.displacements(z).reshape(tested.points.shape)
+        test = errors_of(guess + frames.dataset.rest_points, tested.points)
     return Attempt(
-        tried.candidate.name, tried.features.count, tried.path.noise,
-        float(tried.path.noise * np.sqrt(total)), tried.path.folds, tried.rmse, test,
-        tried.candidate.past.moved, tried.candidate.past.worked, tried.worth,
+        tried.name, tried.count, noise,
+        noise * np.sqrt(total), tried.path.folds, tried.rmse, test,
+        tried.candidate.past.moved, tried.candidate.past.worked,
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from ...decoding.past import Past
 AFFINE, QUADRATIC, KERNEL = "affine", "quadratic", "kernel"
 #: From simple to rich; of those that are as good, the first is taken.
 FORMS = (AFFINE, QUADRATIC, KERNEL)
-MEMORY, WORK = "memory", "work"
+MEMORY, WORK, SIMULATED = "memory", "work", "simulated"
 _CENTERS = 40
 _DRAWN = 2000  # pictures among which centers are chosen
 _WIDTH = 1.5  # of the functions, in the mean distance from a center to its nearest

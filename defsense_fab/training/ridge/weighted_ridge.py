@@ -20,7 +20,7 @@ from ...decoding.ridge import regular
 
 _BLOCK = 2_000_000  # numbers of products of features at once
 #: Standard deviations of the inputs among which cross-validation chooses.
-NOISES = np.logspace(-6, -0.5, 23)
+NOISES = np.logspace(-6, 1, 29)
 
 
 @dataclass(frozen=True)
@@ -76,16 +76,6 @@ class Sums:
             *(x[keep].sum(0, keepdims=True) for x in
               (self.weight, self.phi, self.square, self.out, self.cross, self.out2)),
             self.group,
-        )  # fmt: skip
-
-    def plus(self, other: Sums | None, times: float) -> Sums:
-        """With `times` of the sums of others, which are one fold and of one group or the same."""
-        if other is None or times == 0:
-            return self
-        return Sums(
-            self.weight + times * other.weight, self.phi + times * other.phi,
-            self.square + times * other.square, self.out + times * other.out,
-            self.cross + times * other.cross, self.out2 + times * other.out2, self.group,
         )  # fmt: skip
 
 
@@ -201,18 +191,11 @@ def _over(folds: Float) -> Float:
     return np.asarray(np.sqrt((folds**2).mean(0)))
 
 
-def cross_validate(
-    found: Sums,
-    prior: Sums | None = None,
-    worth: float = 0.0,
-    noises: Float = NOISES,
-    axes: int = 3,
-) -> RidgePath:
-    """Each fold left out in turn, with `worth` of a prior. Errors are of markers with `axes`
-    outputs each."""
+def cross_validate(found: Sums, noises: Float = NOISES, axes: int = 3) -> RidgePath:
+    """Each fold left out in turn. Errors are of markers with `axes` outputs each."""
     errors = []
     for k in range(len(found.weight)):
-        beta, constant = solve(found.without(k).plus(prior, worth), noises)
+        beta, constant = solve(found.without(k), noises)
         tested = found.only(k)
         square = np.maximum(squared_error(tested, beta, constant), 0.0).sum(1)
         weight = tested.weight[0][tested.group].sum() / axes

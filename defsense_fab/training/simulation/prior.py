@@ -1,9 +1,4 @@
-"""What the simulation says of a device, as something to train on beside what was measured.
-
-Ridge towards the simulated map: its states count as pictures, all together as much as so many
-measured ones; how many is chosen by the folds, none among the choices. A built device's channels
-have gains of their own, which a few pictures tell: these are found first (`channel_gains.py`).
-"""
+"""What the simulation says of a device: its states, with the signals and the markers in each."""
 
 from __future__ import annotations
 
@@ -13,11 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import TrainingError
-from ...decoding.past import Past
 from ..ridge.weighted_ridge import Sums, Whitened, sums
-
-#: Measured pictures that all of the simulated states together may count as.
-WORTHS = (0.0, 3.0, 30.0, 300.0, 3000.0)
 
 
 @dataclass(frozen=True)
@@ -36,13 +27,6 @@ class Prior:
                 f"the simulation has {s} states, signals {self.signals.shape} and displacements"
                 f" {self.displacements.shape}; build the device again"
             )
-
-    def inputs(self, past: Past, channels: list[int]) -> Float:
-        """What a decoder sees (s, d) in states that were kept for long: nothing has moved."""
-        c = len(channels)
-        return np.concatenate(
-            [self.signals[:, channels], np.zeros((len(self.names), c * past.count))], axis=1
-        )
 
     def sums(self, phi: Float, whitened: Whitened) -> Sums:
         """Of their features (s, f), with weights that add up to one."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,17 +19,14 @@ from .prior import Prior
 _NOISE = 2e-3  # of the inputs: what built cords are off by at least
 
 
-def simulated_decoder(
-    prior: Prior, rest_points: Float, channels: Sequence[int] | None = None
-) -> InputDecoder:
-    """The static decoder of positions, from the channels (k,) by index, or all."""
+def simulated_decoder(prior: Prior, channels: Sequence[int] | None = None) -> InputDecoder:
+    """The static decoder of displacements, from the channels (k,) by index, or all."""
     signals = prior.signals if channels is None else prior.signals[:, list(channels)]
     features = Candidate(QUADRATIC, Past()).features(signals, signals.shape[1])
     phi = features(signals)
     whitened = Whitened.of(phi, features.slopes(signals), features.roughness())
     beta, constant = solve(prior.sums(phi, whitened), np.array([_NOISE]))
-    weights, shift = whitened.plain(beta[0], constant[0])
-    return InputDecoder(features, weights, shift + rest_points.ravel())
+    return InputDecoder(features, *whitened.plain(beta[0], constant[0]))
 
 
 def simulated_model(
@@ -39,7 +37,8 @@ def simulated_model(
 
     def branch(use: tuple[int, ...]) -> Branch:
         signals = prior.signals[:, list(use)]
-        decoder = simulated_decoder(prior, rest_points, use)
+        found = simulated_decoder(prior, use)
+        decoder = replace(found, constant=found.constant + rest_points.ravel())
         return Branch(use, Past(), decoder, trained_range(signals, signals), None)
 
     every = tuple(range(len(channels)))

@@ -57,17 +57,19 @@ def test_sixty_pictures_and_the_simulation_are_nearly_as_good_as_thousands(
     full = error(train(long, options).model, later)
     alone = error(train(few, options).model, later)
     helped = error(train(few, options, prior=prior).model, later)
-    assert helped < 1.5 * full
+    assert helped < 1.8 * full
     assert helped < 0.5 * alone
 
 
-def test_a_simulation_of_another_device_is_worth_nothing(recorded: Maker) -> None:
+def test_a_simulation_of_another_device_is_not_followed(recorded: Maker) -> None:
     prior = simulated(recorded)
     other = replace(prior, signals=prior.signals[::-1].copy())
     dataset = recorded(60)
-    with_it = train(dataset, prior=other)
-    assert all(a.worth == 0 for a in with_it.attempts if a.name == with_it.chosen)
-    assert next(a.worth for a in with_it.attempts if a.name == "affine") == 0
+    without, with_it = train(dataset), train(dataset, prior=other)
+    rows = {a.name: a for a in with_it.attempts}
+    assert rows["simulated"].cross_validated > 5 * rows["quadratic"].cross_validated
+    assert error(with_it.model, dataset) < 1.2 * error(without.model, dataset)
+    assert rows["affine"].cross_validated == without.attempts[0].cross_validated
 
 
 def test_the_simulation_alone_is_a_model_without_intervals(recorded: Maker) -> None:

@@ -92,11 +92,10 @@ def row(attempt: Attempt) -> Mapping[str, Any]:
     return {
         "decoder": attempt.name,
         "features": attempt.features,
-        "lambda": attempt.lambda_,
-        "noise": attempt.noise,
+        "lambda": attempt.lambda_ if np.isfinite(attempt.lambda_) else None,
+        "noise": attempt.noise if np.isfinite(attempt.noise) else None,
         "memory": list(attempt.moved),
         "work": list(attempt.worked),
-        "prior_worth": attempt.worth,
         "folds": attempt.folds.tolist(),
         "cross_validated": attempt.cross_validated,
         "test": None

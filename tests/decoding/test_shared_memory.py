@@ -1,0 +1,63 @@
+"""A map behind a memory that all channels share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from defsense_fab.decoding.input_features import InputDecoder, InputFeatures, all_products
+from defsense_fab.decoding.past import Past
+from defsense_fab.decoding.shared_memory import SharedMemory
+from defsense_fab.training.simulation.memory_fit import fit_memory
+
+
+def static(channels: int = 2) -> InputDecoder:
+    rng = np.random.default_rng(0)
+    features = InputFeatures(
+        channels, all_products(channels), np.zeros((0, channels)), np.ones(channels)
+    )
+    return InputDecoder(features, 100 * rng.normal(size=(features.count, 6)), np.zeros(6))
+
+
+def made() -> SharedMemory:
+    return SharedMemory(
+        np.array([1.1, 0.9]), np.array([0.01, -0.02]), np.array([-0.2, 0.1]), np.array([-0.05]),
+        static(),
+    )  # fmt: skip
+
+
+def test_ideal_signals_are_signals_without_memory_offset_and_gain() -> None:
+    s, h1, h2, q = np.random.default_rng(1).normal(size=(4, 5, 2))
+    found = made().ideal(np.concatenate([s, h1, h2, q], axis=1))
+    expected = (s - 0.2 * h1 + 0.1 * h2 - 0.05 * q - [0.01, -0.02]) / [1.1, 0.9]
+    np.testing.assert_allclose(found, expected)
+
+
+def test_one_sample_is_decoded_as_many_are() -> None:
+    z = np.random.default_rng(1).normal(size=(5, 8))
+    np.testing.assert_allclose(np.array([made().one(row) for row in z]), made()(z), rtol=1e-12)
+
+
+def test_a_dozen_numbers_are_found_from_sixty_pictures() -> None:
+    """Cords that tear with any change and heal: what the memory of work undoes."""
+    rng = np.random.default_rng(2)
+    time = np.arange(0, 120, 1 / 60)
+    ideal = 0.1 * np.stack([np.sin(0.9 * time), np.sin(1.3 * time + 1)], axis=1)
+    added = np.zeros_like(ideal)
+    for k in range(1, len(time)):
+        step = np.abs(ideal[k] - ideal[k - 1])
+        added[k] = added[k - 1] * np.exp(-1 / 60 / 8.0) + 0.15 * step
+    signals = np.array([1.15, 0.9]) * (ideal + added) + 5e-4 * rng.normal(size=ideal.shape)
+    past, decoder = Past((2.0,), (8.0,)), static()
+    z = past(time, signals)
+    points = decoder(ideal).reshape(-1, 2, 3)
+    few = np.arange(60) * 60
+    known = np.ones((len(time), 2), bool)
+    known[few[::3], 0] = False
+    found = fit_memory(decoder, past, z[few], points[few], known[few])
+    plain = fit_memory(decoder, Past(), signals[few], points[few], known[few])
+    off = (found(z).reshape(points.shape) - points)[4000:]
+    before = (plain(signals).reshape(points.shape) - points)[4000:]
+    assert np.sqrt((off**2).mean()) < 0.4 * np.sqrt((before**2).mean())
+    np.testing.assert_allclose(found.gain, [1.15, 0.9], rtol=0.1)
+    again = fit_memory(decoder, past, z[few], points[few], known[few], found)
+    np.testing.assert_allclose(again.gain, found.gain, rtol=1e-3)
