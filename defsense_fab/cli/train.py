@@ -44,6 +44,8 @@ def add(commands: Commands) -> None:
                      help="and the markers (.csv, .npz, .parquet, .c3d, .trc)")  # fmt: skip
     sub.add_argument("--markers", type=Path, metavar="JSON",
                      help="where these are at rest (markers.json, of the device)")  # fmt: skip
+    sub.add_argument("--without-markers", default="", metavar="ID,...",
+                     help="markers to leave out")  # fmt: skip
     sub.add_argument("--offset", default="0", metavar="S",
                      help="by which the tracks' clock is ahead, or auto (0)")  # fmt: skip
     sub.add_argument("--shift", default="0", metavar="S",
@@ -101,6 +103,7 @@ def _train(options: argparse.Namespace) -> int:
             offset=_seconds("--offset", options.offset),
             shift=_seconds("--shift", options.shift),
             wanted=options.prior,
+            without=_numbers(options.without_markers),
             progress=progress,
         )
         result = train_dataset(dataset, how, prior, progress)
@@ -112,6 +115,13 @@ def _train(options: argparse.Namespace) -> int:
         else:
             _show(result, path, options, notes)
     return 0
+
+
+def _numbers(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise TrainingError(f"--without-markers {text}: give numbers, such as 4,7") from None
 
 
 def _seconds(option: str, text: str) -> float | Literal["auto"]:
@@ -146,12 +156,13 @@ def _simulated(options: argparse.Namespace, device: Device) -> int:
 
 
 def _show(result: Training, path: Path, options: argparse.Namespace, notes: list[str]) -> None:
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     out = console()
-    table = Table(title="errors of markers, mm (RMSE, peaks of the test); *: chosen")
+    table = Table(title="errors of markers, mm (RMSE ± SD, peaks of the test)", box=SIMPLE_HEAD)
     table.add_column("decoder", no_wrap=True)
-    for name in ("folds", "test", "peak", "mean peak", "lambda"):
+    for name in ("folds", "test", "peak", "mean peak"):
         table.add_column(name, justify="right", no_wrap=True)
     for a in result.attempts:
         test = ["-"] * 3
@@ -159,18 +170,26 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
             sd = a.test.per_state.std()
             test = [f"{a.test.rmse:.2f} ± {sd:.2f}", f"{a.test.peak:.2f}",
                     f"{a.test.average_peak:.2f}"]  # fmt: skip
-        weight = f"{a.lambda_:.2g}" if a.lambda_ < float("inf") else "-"
         mark = "*" if a.name == result.chosen else " "
-        table.add_row(f"{mark} {a.name}", f"{a.cross_validated:.2f}", *test, weight)
+        table.add_row(f"{mark} {a.name}", f"{a.cross_validated:.2f}", *test)
     out.print(table)
     chosen = next(a for a in result.attempts if a.name == result.chosen)
-    about = [f"trained on {len(result.trained)} pictures, tested on the {len(result.tested)} after"]
+    about = [
+        "*: chosen by the folds",
+        f"trained on {len(result.trained)} pictures, tested on the {len(result.tested)} after",
+    ]
     if chosen.moved or chosen.worked:
         times = [f"{t:.2g} s" for t in (*chosen.moved, *chosen.worked)]
         about.append(f"memory: {', '.join(times)}")
     if result.wrong.any():
         share = result.wrong.sum() / max(int(result.trained.seen.sum()), 1)
-        about.append(f"{share:.1%} of the markers were wrong, and left out")
+        about.append(f"{share:.2%} of the markers were wrong, and left out of the training")
+    if result.wrong_tested.any():
+        share = result.wrong_tested.sum() / max(int(result.tested.seen.sum()), 1)
+        about.append(
+            f"{share:.2%} of the markers of the test seem wrong; its errors are with them: look at"
+            " the tracks"
+        )
     say([f"note: {n}" for n in [*about, *notes]])
     sessions = " ".join(map(str, options.sources)) or "SESSION"
     say([f"Wrote:   {path}", f"Next:    defsense evaluate {path} {sessions}"])

@@ -75,17 +75,17 @@ def second_jumps(time: Float, signal: Float) -> Float:
 
 
 def _stuck(limits: FaultLimits, time: Float, signals: Float, channel: int) -> Bool:
-    long = unchanged(time, signals[:, channel]) > limits.still[channel]
-    if not long.any():
-        return np.asarray(long)
-    others = np.delete(signals, channel, axis=1)
-    span = max(int(np.searchsorted(time, time[0] + limits.still[channel])), 1)
-    moved = np.zeros(len(time), bool)
-    for k in np.flatnonzero(long):
-        window = others[max(k - span, 0) : k + 1]
-        with np.errstate(invalid="ignore"):
-            moved[k] = bool((np.ptp(window, axis=0) > np.delete(limits.moves, channel)).any())
-    return np.asarray(long & moved)
+    """Since when (n,) a channel has been the same while another has moved."""
+    same = unchanged(time, signals[:, channel])
+    out = np.zeros(len(time), bool)
+    if same[-1] <= limits.still[channel]:
+        return out
+    since = int(np.searchsorted(time, time[-1] - same[-1]))
+    others = np.delete(signals, channel, axis=1)[since:]
+    with np.errstate(invalid="ignore"):
+        moved = (np.ptp(others, axis=0) > np.delete(limits.moves, channel)).any()
+    out[since:] = moved
+    return out
 
 
 def _loose(limits: FaultLimits, time: Float, signal: Float, channel: int) -> Bool:

@@ -98,13 +98,6 @@ class InputDecoder:
         f = self.features
         return np.asarray(_one(inputs, f.products, f.centers, f.scale, self.weights, self.constant))
 
-    def noise_variance(self, inputs: Float, noise: Float | float) -> Float:
-        """Variance (t, o) mm^2 that independent noise (d,) of the inputs (t, d) puts on each
-        output, to first order."""
-        change = np.einsum("tfd,fo->tdo", self.features.slopes(inputs), self.weights)
-        variance = np.broadcast_to(np.square(noise), inputs.shape[1:])
-        return np.asarray(np.einsum("d,tdo->to", variance, change**2))
-
 
 @compiled(error_model="numpy")
 def _one(z, products, centers, scale, weights, constant):  # type: ignore[no-untyped-def]

@@ -7,8 +7,8 @@ exponential memories of its own signal. Of each time constant T and each signal 
     h = s - m,  m' = (s - m)/T        how far it is from where it was: a rate for short T
     q' = |r'| - q/T                   how much it has moved, either way
 
-with r the signal without what changes within a fifth of a second: noise is no movement. All but r
-are exact for signals that run straight between samples, at any rate of sampling.
+with r the signal without what changes within a fifth of a second: noise is no movement. h is exact
+for signals that run straight between samples, at any rate of sampling; q is so for r that does.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ class Past:
     def __call__(self, time: Float, signals: Float) -> Float:
         """Signals (n, c) at times (n,) s and what is known of their past, (n, c (1 + count)): the
         signals, then h of each time constant, then q. Signals are taken to have been for long what
-        they are first. NaN is where a signal is; the memories go on from what it was last."""
+        they are first. NaN is where a signal is; over a gap signals are taken to have gone straight
+        from the sample before it to the one after."""
         if not self.count:
             return signals
         h, q = _memories(
@@ -56,6 +57,7 @@ class PastStream:
         self._past = past
         self._moved, self._worked = np.array(past.moved), np.array(past.worked)
         self._time = np.nan
+        self._since = np.zeros(channels)
         self._last = np.full(channels, np.nan)
         self._m = np.full((len(past.moved), channels), np.nan)
         self._q = np.zeros((len(past.worked), channels))
@@ -65,38 +67,47 @@ class PastStream:
         """(c (1 + count),) of the sample (c,) at a time, s, later than the one before."""
         dt = time - self._time if np.isfinite(self._time) else 0.0
         self._time = time
-        h, q = _step(dt, signals, self._last, self._m, self._q, self._r, self._moved, self._worked)
+        h, q = _step(
+            dt, signals, self._since, self._last, self._m, self._q, self._r, self._moved,
+            self._worked,
+        )  # fmt: skip
         return np.concatenate([signals, h, q])
 
 
 @compiled(error_model="numpy")
-def _step(dt, signals, last, m, q, r, moved, worked):  # type: ignore[no-untyped-def]
-    """One sample on; `last` and `r` (c,), `m` and `q` (k, c) are changed."""
+def _step(past, signals, since, last, m, q, r, moved, worked):  # type: ignore[no-untyped-def]
+    """One sample on, `past` s after the one before. Changed are `since` (c,), s since a channel was
+    known, `last` and `r` (c,), `m` and `q` (k, c)."""
     c = len(signals)
     h_out, q_out = np.empty(len(moved) * c), np.empty(len(worked) * c)
     for j in range(c):
-        s = signals[j]
-        known = np.isfinite(s)
-        before = last[j] if np.isfinite(last[j]) else s
-        now = s if known else before
+        now = signals[j]
+        since[j] += past
+        if not np.isfinite(now):
+            h_out[j::c] = np.nan
+            q_out[j::c] = np.nan
+            continue
+        first = not np.isfinite(last[j])
+        before = now if first else last[j]
+        dt = 0.0 if first else since[j]
         slope = (now - before) / dt if dt > 0 else 0.0
         for k in range(len(moved)):
             keep = np.exp(-dt / moved[k])
-            if not np.isfinite(m[k, j]):
+            if first:
                 m[k, j] = before
             # Of a straight line, m lags by the slope times T once it has settled.
             lag = slope * moved[k]
             m[k, j] = now - lag + (m[k, j] - before + lag) * keep
-            h_out[k * c + j] = s - m[k, j]
-        smooth = r[j] if np.isfinite(r[j]) else before
+            h_out[k * c + j] = now - m[k, j]
+        smooth = before if first else r[j]
         lag = slope * _SMOOTH
         r[j] = now - lag + (smooth - before + lag) * np.exp(-dt / _SMOOTH)
         moves = abs(r[j] - smooth) / dt if dt > 0 else 0.0
         for k in range(len(worked)):
             keep = np.exp(-dt / worked[k])
             q[k, j] = q[k, j] * keep + moves * worked[k] * (1 - keep)
-            q_out[k * c + j] = q[k, j] if known else np.nan
-        last[j] = now
+            q_out[k * c + j] = q[k, j]
+        last[j], since[j] = now, 0.0
     return h_out, q_out
 
 
@@ -104,10 +115,10 @@ def _step(dt, signals, last, m, q, r, moved, worked):  # type: ignore[no-untyped
 def _memories(time, signals, moved, worked):  # type: ignore[no-untyped-def]
     n, c = signals.shape
     h, q = np.empty((n, len(moved) * c)), np.empty((n, len(worked) * c))
-    last, r = np.full(c, np.nan), np.full(c, np.nan)
+    last, r, since = np.full(c, np.nan), np.full(c, np.nan), np.zeros(c)
     m = np.full((len(moved), c), np.nan)
     w = np.zeros((len(worked), c))
     for i in range(n):
         dt = time[i] - time[i - 1] if i else 0.0
-        h[i], q[i] = _step(dt, signals[i], last, m, w, r, moved, worked)
+        h[i], q[i] = _step(dt, signals[i], since, last, m, w, r, moved, worked)
     return h, q

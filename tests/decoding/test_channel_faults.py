@@ -56,3 +56,12 @@ def test_a_fault_that_is_over_is_none() -> None:
     signals = moving()
     signals[50:100, 1] = np.inf
     assert find_faults(LIMITS, TIME, signals) == []
+
+
+def test_a_stuck_channel_stays_stuck_however_slowly_the_others_move() -> None:
+    signals = moving()
+    signals[:, 1] = 0.004 * TIME + 1e-4 * np.sin(50 * TIME)
+    signals[60:, 0] = signals[60, 0]
+    found = [find_faults(LIMITS, TIME[:k], signals[:k]) for k in range(240, 300)]
+    assert all(len(f) == 1 and f[0].kind == "stuck" for f in found)
+    assert all(f[0].since == pytest.approx(TIME[60]) for f in found)

@@ -31,15 +31,6 @@ def test_one_sample_is_decoded_as_many_are() -> None:
     np.testing.assert_allclose(one, decoder(z), rtol=1e-12, atol=1e-12)
 
 
-def test_noise_on_the_inputs_comes_out_as_was_said() -> None:
-    decoder = made()
-    rng = np.random.default_rng(2)
-    z, noise = rng.normal(size=(3, 5)), np.array([1e-3, 2e-3, 1e-3, 5e-4, 1e-3])
-    shown = decoder((z[:, None] + noise * rng.normal(size=(3, 20000, 5))).reshape(-1, 5))
-    found = shown.reshape(3, 20000, -1).var(axis=1)
-    np.testing.assert_allclose(found, decoder.noise_variance(z, noise), rtol=0.06)
-
-
 def test_roughness_is_the_norm_of_the_radial_functions() -> None:
     """Of one center it is its weight squared by its width squared; of two that coincide, that of
     their sum."""

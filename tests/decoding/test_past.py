@@ -70,3 +70,24 @@ def test_times_that_files_round_are_the_samples_own() -> None:
 def test_nothing_is_told_in_gaps() -> None:
     found = at_times(np.array([0.5, 0.02]), np.array([0.0, 0.04, 1.0]), np.ones((3, 1)))
     np.testing.assert_array_equal(found[:, 0], [np.nan, 1.0])
+
+
+def test_a_run_that_begins_without_samples_has_memories_from_its_first_on() -> None:
+    time = np.arange(200) / 60
+    signals = 0.1 * np.sin(time)[:, None]
+    late = signals.copy()
+    late[:5] = np.nan
+    z = Past((0.5,), (2.0,))(time, late)
+    assert np.isfinite(z[5:]).all()
+    assert np.isnan(z[:5]).all()
+    np.testing.assert_allclose(z[5:], Past((0.5,), (2.0,))(time[5:], signals[5:]))
+
+
+def test_samples_that_are_none_and_samples_that_are_missing_are_one_gap() -> None:
+    time = np.arange(600) / 60
+    signals = 0.01 * time[:, None]
+    gone = signals.copy()
+    gone[100:400] = np.nan
+    past = Past((1.0,), (2.0,))
+    kept = np.r_[:100, 400:600]
+    np.testing.assert_allclose(past(time, gone)[kept], past(time[kept], signals[kept]))

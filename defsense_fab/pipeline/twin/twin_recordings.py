@@ -11,7 +11,6 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.device import CONVERTERS, Device
-from ...core.files import digest
 from ...core.markers import Markers
 from ...core.progress import Progress, silent
 from ...sensing.voltage_divider import reference
@@ -21,7 +20,7 @@ from ...twin.electronics.sampled_board import Converter
 from ...twin.scenes.hand_walk import REST, Walk, walk
 from ...twin.scenes.marker_measurement import measured
 from ..artifacts.build_folder import finished_build
-from ..artifacts.layout import LAYOUT, PREDICTION, LayoutRecord, load_layout
+from ..artifacts.layout import LAYOUT, PREDICTION, LayoutRecord, layout_hash, load_layout
 from ..sessions.rest_resistance import rest_resistances
 from ..sessions.sample_table import ClockPart
 from ..sessions.signals import at_times
@@ -113,7 +112,7 @@ def simulate_runs(
         "interpolation_mm": fields.error, "interpolation_signal": fields.signal_error,
     }  # fmt: skip
     dataset = Dataset(
-        device.name, digest(folder / LAYOUT), tuple(r.name for r in layout.by_channel()), seen.ids,
+        device.name, layout_hash(layout), tuple(r.name for r in layout.by_channel()), seen.ids,
         seen.centers, tuple(r.recording for r in runs), told,
     )  # fmt: skip
     return TwinRuns(dataset, tuple(runs), seen, stage.converter, own, fields)

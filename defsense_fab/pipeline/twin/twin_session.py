@@ -143,7 +143,11 @@ def _quality(
     about = {
         "warnings": [], "by_several": float(tracks.seen.mean()), "by_one": 0.0, "impossible": 0,
     }  # fmt: skip
-    ended = {"run": _RUN, "ended": "all steps were shown", "cut": 0, "sync": sync, "tracks": about}
+    ended = {
+        "run": _RUN, "ended": "all steps were shown", "cut": 0, "sync": sync, "tracks": about,
+        "begin": float(tracks.time[0]), "end": float(tracks.time[-1]),
+        "steps": [[float(at), name] for at, name in run.recording.poses],
+    }  # fmt: skip
     seen = tracks.seen.mean(axis=0).tolist()
     return {
         "session": str(folder), "device": session.device, "runs": [ended], "skipped": [],

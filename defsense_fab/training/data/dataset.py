@@ -61,15 +61,16 @@ class Recording:
 
     @cached_property
     def signals(self) -> Float:
-        """(R - R0)/R0 (n, c) of the samples."""
+        """(R - R0)/R0 (n, c) of the samples, NaN where there is no resistance: of an open circuit,
+        or a short one."""
+        known = np.isfinite(self.ohm) & (self.ohm > 0)
         with np.errstate(all="ignore"):
-            return relative_change(self.ohm, self.rest)
+            return np.where(known, relative_change(self.ohm, self.rest), np.nan)
 
     def signals_at(self, when: Float) -> Float:
         """(R - R0)/R0 (t, c) at the times (t,) s: linear between samples, NaN where there are none
         near, or a channel was open."""
-        known = np.where(np.isfinite(self.signals), self.signals, np.nan)
-        return at_times(when, self.sample_time, known)
+        return at_times(when, self.sample_time, self.signals)
 
     @property
     def seen(self) -> Bool:

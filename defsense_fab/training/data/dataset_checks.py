@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -190,9 +191,13 @@ def _rested(dataset: Dataset, r: Recording) -> float:
     moving = spread > _STILL / 3
     which = moving if moving.any() else np.ones_like(moving)
     seen = r.seen & which
-    off = ((np.where(seen[..., None], r.points - dataset.rest_points, 0.0)) ** 2).sum(axis=(1, 2))
+    # Of each picture the median over its markers: some may be wrong.
+    far = np.where(seen, np.linalg.norm(r.points - dataset.rest_points, axis=2), np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # pictures without a marker
+        off = np.nanmedian(far, axis=1)
     frames = np.flatnonzero(seen.any(axis=1))
-    still = off[frames] <= _STILL**2 * seen[frames].sum(axis=1)
+    still = off[frames] <= _STILL
     begin, end = longest_at(np.asarray(still))
     return float(r.time[frames[end - 1]] - r.time[frames[begin]]) if end > begin else 0.0
 

@@ -15,6 +15,22 @@ from .dataset import Dataset, Recording
 APART = 0.5
 
 
+def without_markers(dataset: Dataset, ids: Sequence[int]) -> Dataset:
+    """Raises TrainingError for numbers that no marker has, and where none is left."""
+    unknown = [i for i in ids if i not in dataset.ids]
+    if unknown or len(set(ids)) == len(dataset.ids):
+        what = f"no marker has the number {unknown[0]}" if unknown else "no marker would be left"
+        raise TrainingError(f"{what}; there are {', '.join(map(str, dataset.ids.tolist()))}")
+    keep = ~np.isin(dataset.ids, ids)
+    recordings = tuple(
+        replace(r, points=r.points[:, keep], sigma=r.sigma[:, keep]) for r in dataset.recordings
+    )
+    return replace(
+        dataset, ids=dataset.ids[keep], rest_points=dataset.rest_points[keep],
+        recordings=recordings,
+    )  # fmt: skip
+
+
 def join(parts: Sequence[Dataset]) -> Dataset:
     """All recordings of the `parts`, with the channels and the order of the first one's, and the
     markers of all. Raises TrainingError for parts of different devices, layouts, channels, or

@@ -50,5 +50,5 @@ def _quantile(scores: Float, time: Float, level: float) -> float:
     """The score that `level` of the next block's lie under: with b blocks, as for b + 1."""
     if not len(scores):
         return 1.0
-    blocks = max(int(np.ptp(time) / _BLOCK), 1)
+    blocks = len(np.unique(np.floor(time / _BLOCK)))
     return float(np.quantile(scores, min(level * (blocks + 1) / blocks, 1.0)))

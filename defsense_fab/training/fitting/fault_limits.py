@@ -10,10 +10,11 @@ from ..data.dataset import Dataset
 #: Beyond the range that was seen, in its width; at least so much, for a cord that was hardly moved.
 _BEYOND, _LEAST = 3.0, 0.5
 _SHORT = -0.8  # (R - R0)/R0 of a cord of which a fifth is left is no compression
+_RARE = 1e-3  # of the samples may be beyond what counts as seen
 _STILL = 3.0  # times the longest time without a change, and so many s more
 _MORE = 0.5
 _MOVES = 0.1  # of its range, by which another channel must move meanwhile
-_JUMP = 8.0  # times the roughest second
+_JUMP = 8.0  # times as rough as all but a hundredth of the seconds
 
 
 def fault_limits(dataset: Dataset) -> FaultLimits:
@@ -27,9 +28,11 @@ def fault_limits(dataset: Dataset) -> FaultLimits:
             if good.sum() < 2:
                 continue
             s, time = r.signals[good, k], r.sample_time[good]
-            low[k], high[k] = min(low[k], float(s.min())), max(high[k], float(s.max()))
-            still[k] = max(still[k], float(unchanged(time, s).max()))
-            jump[k] = max(jump[k], float(second_jumps(time, s)[time > time[0] + 1].max(initial=0)))
+            least, most = np.quantile(s, [_RARE, 1 - _RARE])
+            low[k], high[k] = min(low[k], float(least)), max(high[k], float(most))
+            still[k] = max(still[k], float(np.quantile(unchanged(time, s), 1 - _RARE)))
+            rough = second_jumps(time, s)[time > time[0] + 1]
+            jump[k] = max(jump[k], float(np.quantile(rough, 0.99)) if len(rough) else 0.0)
     width = np.maximum(high - low, 1e-9)
     more = np.maximum(_BEYOND * width, _LEAST)
     lowest = np.maximum(low - more, np.minimum(_SHORT, low - 0.1))

@@ -23,6 +23,8 @@ from ..data.dataset import Recording
 from .pose_signals import pose_signals, shows
 
 _SHOWN, _GAINS = 0.15, 0.1  # spreads of log a and log g
+_AS_FAR = 0.01  # the same of log a, where poses are taken to be shown as far as before
+_APART = 0.12  # between log g by the one and by the other, beyond which they do not tell it
 _RESTS = 0.003  # of a cord's signal from one rest to another, by what was done before
 _OFF = 0.04  # of a pose's own signal, and so much more, by which one show differs from the next
 _MORE = 0.0015
@@ -61,8 +63,11 @@ def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalib
     gain, error, _ = _fit(x, y, every)
     changed = np.abs(np.log(gain)) > np.maximum(_SURE * error / gain, np.log(1 + _LITTLE))
     gain, error, left = _fit(x, y, changed)
+    as_far = _fit(x, y, every, _AS_FAR)[0]
     found = replace(model, gain=model.gain * gain)
-    return Recalibration(found, gain, error, at_rest, left, _problems(model, gain, error, left))
+    return Recalibration(
+        found, gain, error, at_rest, left, _problems(model, gain, error, left, as_far)
+    )
 
 
 def rest_signals(recordings: Sequence[Recording]) -> Float:
@@ -74,9 +79,10 @@ def rest_signals(recordings: Sequence[Recording]) -> Float:
     return np.asarray(np.nanmedian(at_rest[-1], axis=0))
 
 
-def _fit(x: Float, y: Float, free: Bool) -> tuple[Float, Float, float]:
+def _fit(x: Float, y: Float, free: Bool, spread: float = _SHOWN) -> tuple[Float, Float, float]:
     """Gains (c,), their standard errors (c,), and what is left of signals (p, c) against those of
-    the training (p, c); gains that are not `free` (c,) are one."""
+    the training (p, c); gains that are not `free` (c,) are one,
+    and log a has a `spread`."""
     p, c = x.shape
     scale = _OFF * np.linalg.norm(y, axis=1, keepdims=True) / np.sqrt(c) + _MORE
 
@@ -85,7 +91,7 @@ def _fit(x: Float, y: Float, free: Bool) -> tuple[Float, Float, float]:
         off = (x - shown[:, None] * gains * y - offset) / scale
         g = z[:c] / _GAINS  # Cauchy's, as far as it is from the least squares of the rest
         return np.concatenate(
-            [off.ravel(), z[c : c + p] / _SHOWN, offset / _RESTS,
+            [off.ravel(), z[c : c + p] / spread, offset / _RESTS,
              np.sign(g) * np.sqrt(np.log1p(g**2))]
         )  # fmt: skip
 
@@ -104,12 +110,22 @@ def _fit(x: Float, y: Float, free: Bool) -> tuple[Float, Float, float]:
     return np.exp(free * best.x[:c]), error, float(np.sqrt((off**2).mean()))
 
 
-def _problems(model: TrainedModel, gain: Float, error: Float, left: float) -> tuple[str, ...]:
+def _problems(
+    model: TrainedModel, gain: Float, error: Float, left: float, as_far: Float
+) -> tuple[str, ...]:
     out = []
     if left > _ENOUGH:
         out.append(
             f"gains do not explain what the poses show ({left:.1f} times what one show usually"
             " differs by): the cords lie otherwise, or the poses were shown otherwise; train again"
+        )
+    apart = np.abs(np.log(gain / as_far))
+    if left <= _ENOUGH and (apart > _APART).any():
+        told = ", ".join(f"{n} {g:.2f}" for n, g in zip(model.channels, as_far, strict=True))
+        out.append(
+            "several gains changed, or the poses were shown less or more far than in the training,"
+            f" which these poses do not tell apart (shown as far, they would be {told}); show the"
+            " poses as far as then, or train again"
         )
     for name, g, e in zip(model.channels, gain, error, strict=True):
         if not 1 / _FAR < g < _FAR:

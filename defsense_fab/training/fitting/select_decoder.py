@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,7 +29,8 @@ _SIMPLER = 1.01  # of the least error: a simpler decoder that stays below it is 
 @dataclass(frozen=True)
 class Tried:
     """A candidate with its errors: its ridge over the `sums` of `features`, `path` over the ridge's
-    weights, on what a `simulated` map leaves. Where there are no `sums`, it is that map alone."""
+    weights, on what a `simulated` map leaves. Where there are no `sums`, it is that map alone.
+    `scores` (k,) are its errors on folds with the weights of the others, where its own differ."""
 
     candidate: Candidate
     features: InputFeatures
@@ -37,6 +38,7 @@ class Tried:
     whitened: Whitened | None = None
     sums: Sums | None = None
     simulated: SimulatedMap | None = None
+    scores: Float | None = None
 
     @property
     def name(self) -> str:
@@ -47,9 +49,14 @@ class Tried:
         return " + ".join([*parts, *([MEMORY] if self.candidate.past.count else [])])
 
     @property
+    def folds(self) -> Float:
+        """RMSE (k,) mm of the folds left out."""
+        return self.path.folds if self.scores is None else self.scores
+
+    @property
     def rmse(self) -> float:
         """mm, on the folds left out."""
-        return self.path.rmse
+        return float(np.sqrt((self.folds**2).mean()))
 
     @property
     def count(self) -> int:
@@ -89,6 +96,22 @@ def try_candidate(
     return Tried(candidate, features, cross_validate(found), whitened, found, simulated)
 
 
+def _plain(
+    candidate: Candidate, frames: Frames, channels: Sequence[int], outputs: Float, weights: Float,
+    fold: Int,
+) -> Tried:  # fmt: skip
+    """Fitted to markers that all weigh the same, and scored as those that do not."""
+    found = try_candidate(candidate, frames, channels, outputs, (weights > 0).astype(float), fold)
+    z = frames.inputs(candidate.past, channels)
+    scores = []
+    for k in range(int(fold.max()) + 1):
+        test = fold == k
+        off = found.displacements(z[test], k).reshape(-1, *outputs.shape[1:]) - outputs[test]
+        square = np.where(weights[test] > 0, weights[test] * (off**2).sum(2), 0.0)
+        scores.append(np.sqrt(square.sum() / max(float(weights[test].sum()), 1e-300)))
+    return replace(found, scores=np.array(scores))
+
+
 def try_simulated(
     frames: Frames, channels: Sequence[int], outputs: Float, weights: Float, fold: Int,
     decoder: InputDecoder, past: Past,
@@ -124,8 +147,10 @@ def try_all(
     out = []
     for k, candidate in enumerate(static):
         progress("train", 0.1 + 0.1 * k, f"trying {candidate.name}")
-        w = (weights > 0).astype(float) if candidate.form == AFFINE else weights
-        out.append(try_candidate(candidate, frames, channels, outputs, w, fold))
+        if candidate.form == AFFINE:
+            out.append(_plain(candidate, frames, channels, outputs, weights, fold))
+        else:
+            out.append(try_candidate(candidate, frames, channels, outputs, weights, fold))
     few = len(frames) < _FEWEST_FOR_MEMORY
     if decoder is not None:
         progress("train", 0.35, "fitting the simulation's map")

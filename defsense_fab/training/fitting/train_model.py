@@ -15,8 +15,8 @@ from ...decoding.past import Past
 from ...decoding.ridge import ErrorMeasures
 from ...decoding.trained_model import Branch, TrainedModel
 from ..data.dataset import Dataset
-from ..ridge.candidates import FORMS
-from ..ridge.frames import Frames
+from ..ridge.candidates import AFFINE, FORMS
+from ..ridge.frames import FEWEST, Frames
 from ..ridge.robust_weights import certainty_weights, wrong_markers
 from ..ridge.splits import TEST_SHARE, first_and_last, fold_of
 from ..ridge.trained_range import trained_range
@@ -28,6 +28,7 @@ from .pose_signals import pose_signals
 from .select_decoder import Tried, chosen, try_all, try_candidate, try_simulated
 
 AUTO = "auto"
+_LEAST_FOLD = 2.0  # s
 
 
 @dataclass(frozen=True)
@@ -50,14 +51,16 @@ class TrainingOptions:
             )
         if self.folds < 2:
             raise TrainingError(f"{self.folds} folds: cross-validation needs 2 or more")
+        if not 0 < self.level < 1:
+            raise TrainingError(f"a level of {self.level:g} cannot be; give one between 0 and 1")
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """A candidate's row of the table: the ridge's `noise` (of the inputs) and its lambda (Eq. 8);
-    RMSE (mm) of the `folds` (k,) left out, and of all of them; errors on the test (None: none); its
-    memory's time constants, s. Where nothing but the simulation's map was fitted, noise and lambda
-    are infinite."""
+    """A candidate's row of the table: the ridge's `noise` (of the inputs) and its lambda (Eq. 8),
+    for a marker that is seen in every picture; RMSE (mm) of the `folds` (k,) left out, and of all
+    of them; errors on the test (None: none); its memory's time constants, s. Where nothing but the
+    simulation's map was fitted, noise and lambda are infinite."""
 
     name: str
     features: int
@@ -73,7 +76,7 @@ class Attempt:
 @dataclass(frozen=True)
 class Training:
     """The model, its rows, which of them it is; pictures trained on and tested on; which markers of
-    the training (t, m) were wrong."""
+    the training (t, m), and of the test, were wrong."""
 
     model: TrainedModel
     attempts: tuple[Attempt, ...]
@@ -81,6 +84,7 @@ class Training:
     trained: Frames
     tested: Frames
     wrong: Bool
+    wrong_tested: Bool
 
 
 def train(
@@ -91,6 +95,7 @@ def train(
     little to train on."""
     options = options or TrainingOptions()
     frames, tested = first_and_last(Frames.all_of(dataset), options.test_share)
+    _need_long_folds(frames, options.folds)
     fold = fold_of(len(frames), options.folds)
     outputs = frames.points - dataset.rest_points
     progress("train", 0.0, "looking for wrong markers")
@@ -125,7 +130,10 @@ def train(
         fault_limits(dataset), pose_signals(dataset.recordings),
     )  # fmt: skip
     progress("train", 1.0, "done")
-    return Training(model, rows, best.name, frames, tested, wrong)
+    wrong_tested = np.zeros_like(tested.seen)
+    if options.weighted and len(tested) >= FEWEST:
+        wrong_tested = _weights(tested, options)[1]
+    return Training(model, rows, best.name, frames, tested, wrong, wrong_tested)
 
 
 def _clock(frames: Frames) -> Float:
@@ -142,6 +150,23 @@ def _weights(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
     return certainty_weights(frames.sigma, seen & ~wrong, scale), wrong
 
 
+def _need_long_folds(frames: Frames, folds: int) -> None:
+    """Raises TrainingError for too few pictures, and for folds so short that each is told by its
+    neighbours."""
+    if len(frames) < FEWEST:
+        raise TrainingError(
+            f"{len(frames)} pictures are left to train on, and training needs {FEWEST}; test on a"
+            " smaller share (--test-share), or record for longer"
+        )
+    time = frames.time
+    lasts = sum(float(np.ptp(time[frames.of == k])) for k in np.unique(frames.of))
+    if folds > FOLDS and lasts / folds < _LEAST_FOLD:
+        raise TrainingError(
+            f"{folds} folds of {lasts / folds:.1f} s each are told by their neighbours; take"
+            f" {max(int(lasts / _LEAST_FOLD), FOLDS)} or fewer (--folds)"
+        )
+
+
 def _need_every_marker(frames: Frames, weights: Float) -> None:
     """Raises TrainingError for markers that are hardly ever known."""
     few = (weights > 0).sum(0) < 20
@@ -150,7 +175,7 @@ def _need_every_marker(frames: Frames, weights: Float) -> None:
         raise TrainingError(
             f"{frames.dataset.device}: marker {ids} was seen in fewer than 20 of the"
             f" {len(frames)} pictures to train on; record with a camera that sees it, or leave it"
-            " out with --without-markers"
+            f" out (--without-markers {ids.replace(' ', '')})"
         )
 
 
@@ -186,6 +211,8 @@ def _without(
     others = [k for k in range(len(frames.dataset.channels)) if k != lost]
     fold = fold_of(len(frames), options.folds)
     simulated = None
+    if best.candidate.form == AFFINE and best.simulated is None:
+        weights = (weights > 0).astype(float)
     if best.simulated is not None and prior is not None:
         decoder, past = simulated_decoder(prior, others), best.candidate.past
         start = try_simulated(frames, others, outputs, weights, fold, decoder, past)
@@ -197,7 +224,6 @@ def _without(
 
 
 def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[int]) -> Attempt:
-    total = 1.0 if tried.sums is None else float(tried.sums.weight.sum(0).mean())
     noise, test = tried.path.noise, None
     if len(tested):
         z = tested.inputs(tried.candidate.past, channels)
@@ -205,7 +231,7 @@ def _attempt(tried: Tried, frames: Frames, tested: Frames, channels: Sequence[in
         test = errors_of(guess + frames.dataset.rest_points, tested.points)
     return Attempt(
         tried.name, tried.count, noise,
-        noise * np.sqrt(total), tried.path.folds, tried.rmse, test,
+        float(noise * np.sqrt(len(frames))), tried.folds, tried.rmse, test,
         tried.candidate.past.moved, tried.candidate.past.worked,
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ def trained_range(inputs: Float, signals: Float) -> TrainedRange:
     spread = np.maximum(inputs.std(0), 1e-9)
     correlation = np.cov(((inputs - middle) / spread).T).reshape(len(middle), -1)
     values, vectors = np.linalg.eigh(correlation)
-    whiten = (vectors / np.sqrt(np.maximum(values, 1e-3))) / spread[:, None]
+    whiten = (vectors / np.sqrt(np.maximum(values, _LEAST))) / spread[:, None]
     apart = np.sqrt((((inputs - middle) @ whiten) ** 2).mean(axis=1))
     usual = max(float(np.quantile(apart, _USUAL)), 1e-9)
     return TrainedRange(middle, whiten, usual, signals.min(0), signals.max(0))

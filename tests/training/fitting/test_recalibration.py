@@ -96,3 +96,13 @@ def test_a_recording_without_poses_is_refused(recorded: Maker) -> None:
     run = replace(routine(recorded, [1.0] * 3), poses=((0.0, "rest"), (5.0, "bend")))
     with pytest.raises(TrainingError, match="needs two poses or more of bend, twist, pull"):
         recalibrate(model, [run])  # type: ignore[arg-type]
+
+
+def test_gains_that_poses_do_not_tell_from_how_far_they_were_shown_are_told(
+    recorded: Maker,
+) -> None:
+    _, model = trained(recorded)
+    for gain in ([1.2, 1.2, 1.0], [1.2, 1.2, 1.2], [0.8, 0.8, 0.8]):
+        found = recalibrate(model, [routine(recorded, gain)])  # type: ignore[arg-type]
+        wrong = np.abs(np.log(found.gain / np.array(gain))).max() > 0.12
+        assert not wrong or any("show the poses as far" in p for p in found.problems)

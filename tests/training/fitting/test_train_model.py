@@ -13,6 +13,7 @@ from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
 from defsense_fab.training.ridge.frames import Frames
 from defsense_fab.training.ridge.splits import first_and_last
+from defsense_fab.training.ridge.weighted_ridge import NOISES
 
 from ..conftest import Maker
 
@@ -55,7 +56,7 @@ def test_cords_that_relax_get_a_memory(recorded: Maker) -> None:
     assert best.test.rmse < 0.8 * static
 
 
-def test_a_past_that_is_none_is_not_looked_for(recorded: Maker) -> None:
+def test_cords_that_remember_nothing_get_no_memory(recorded: Maker) -> None:
     result = train(recorded(180, noise=0.0))
     assert result.chosen in ("quadratic", "kernel")
 
@@ -130,7 +131,7 @@ def test_a_decoder_that_fails_for_long_does_not_make_its_markers_wrong(recorded:
 
 
 def test_less_certain_markers_weigh_less(recorded: Maker) -> None:
-    """Half of the pictures are of a poor camera; weighing by its stated uncertainty helps."""
+    """Most of the pictures are of a poor camera; weighing by its stated uncertainty helps."""
     dataset = recorded(120, sigma=0.02)
     run = dataset.recordings[0]
     rng = np.random.default_rng(1)
@@ -196,3 +197,98 @@ def test_options_that_cannot_be_are_refused(
 ) -> None:
     with pytest.raises(TrainingError, match=message):
         train(recorded(10), TrainingOptions(**options))  # type: ignore[arg-type]
+
+
+def runs_of(dataset: Dataset, count: int, seconds: float = 5.0) -> Dataset:
+    """Cut into runs of equal length, a pause between them."""
+    run = dataset.recordings[0]
+    out = []
+    for k in range(count):
+        ends = run.time[-1] * k / count, run.time[-1] * (k + 1) / count
+        at = (run.time >= ends[0]) & (run.time < ends[1])
+        samples = (run.sample_time >= ends[0] - 0.1) & (run.sample_time < ends[1] + 0.1)
+        out.append(
+            replace(
+                run, name=f"run-{k + 1}", sample_time=run.sample_time[samples] + seconds * k,
+                ohm=run.ohm[samples], time=run.time[at] + seconds * k, points=run.points[at],
+                sigma=run.sigma[at],
+            )
+        )  # fmt: skip
+    return replace(dataset, recordings=tuple(out))
+
+
+def test_intervals_of_several_runs_are_those_of_one(recorded: Maker) -> None:
+    """How many runs pictures are cut into does not make them independent."""
+    dataset = recorded(240, noise=2e-3)
+    options = TrainingOptions(decoder="affine", memory=False)
+    one, three = (train(d, options).model.main.intervals for d in (dataset, runs_of(dataset, 3)))
+    assert one is not None
+    assert three is not None
+    radius = [i.factor * (i.spread + i.slope * 0.7) for i in (one, three)]
+    np.testing.assert_allclose(radius[1], radius[0], rtol=0.15)
+
+
+def test_a_run_that_begins_without_signals_is_trained_on(recorded: Maker) -> None:
+    dataset = runs_of(recorded(120, tear=0.3, noise=2e-3), 2)
+    second = dataset.recordings[1]
+    ohm = second.ohm.copy()
+    ohm[:10, 1] = np.nan
+    late = replace(dataset, recordings=(dataset.recordings[0], replace(second, ohm=ohm)))
+    assert np.isfinite(train(late).attempts[-1].cross_validated)
+
+
+def test_a_short_circuit_is_no_signal(recorded: Maker) -> None:
+    dataset = recorded(60)
+    run = dataset.recordings[0]
+    ohm = run.ohm.copy()
+    ohm[500:560, 0] = 0.0
+    ohm[700:760, 1] = np.inf
+    found, clean = train(changed(dataset, ohm=ohm)), train(dataset)
+    assert found.attempts[0].cross_validated < 1.1 * clean.attempts[0].cross_validated
+    assert found.model.faults is not None
+    assert clean.model.faults is not None
+    np.testing.assert_allclose(found.model.faults.low, clean.model.faults.low, atol=0.02)
+
+
+def test_rows_are_compared_by_one_measure(recorded: Maker) -> None:
+    """Of pictures that are uncertain by themselves, no row has more or less of the errors."""
+    dataset = recorded(60)
+    run = dataset.recordings[0]
+    rng = np.random.default_rng(1)
+    poor = np.where(rng.random(len(run.time)) < 0.5, 4.0, 0.05)[:, None, None]
+    points = run.points + poor * rng.normal(size=run.points.shape)
+    result = train(
+        changed(dataset, points=points, sigma=np.broadcast_to(poor, points.shape).copy()),
+        TrainingOptions(memory=False),
+    )
+    rows = {a.name: a.cross_validated for a in result.attempts}
+    assert rows["affine"] < 1.5 * rows["quadratic"] + 1.0
+
+
+def test_folds_of_moments_and_levels_that_are_none_are_refused(recorded: Maker) -> None:
+    dataset = recorded(20)
+    for options, message in (
+        (TrainingOptions(folds=60), "folds of 0.2 s each are told by their neighbours; take 6"),
+        (TrainingOptions(test_share=0.95), "pictures are left to train on"),
+    ):
+        with pytest.raises(TrainingError, match=message):
+            train(dataset, options)
+    for level in (0.0, 1.0, 90.0, float("nan")):
+        with pytest.raises(TrainingError, match="give one between 0 and 1"):
+            TrainingOptions(level=level)
+
+
+def test_fallbacks_of_the_paper_s_map_are_the_paper_s(recorded: Maker) -> None:
+    dataset = recorded(60)
+    run = dataset.recordings[0]
+    sigma = np.random.default_rng(0).uniform(0.02, 2.0, run.points.shape)
+    result = train(changed(dataset, sigma=sigma), TrainingOptions(decoder="affine", memory=False))
+    x = result.trained.inputs(result.model.main.past, [0, 2])
+    o = result.trained.points.reshape(len(x), -1)
+    best = min(
+        (Ridge(alpha=len(x) * s**2, solver="cholesky").fit(x, o) for s in NOISES),
+        key=lambda r: np.abs(r.coef_.T - result.model.without["top"].decoder.weights).max(),
+    )
+    np.testing.assert_allclose(
+        best.coef_.T, result.model.without["top"].decoder.weights, rtol=1e-7, atol=1e-7
+    )

@@ -32,7 +32,10 @@ def load_model(path: Path) -> TrainedModel:
     """Of a file, or of the folder that holds it. Raises TrainingError for what is no whole model
     as it was written."""
     path = path / MODEL if path.is_dir() else path
-    data = load_json(path, TrainingError, _REMEDY)
+    try:
+        data = load_json(path, TrainingError, _REMEDY)
+    except RecursionError:
+        raise TrainingError(f"{path}: is no trained model; {_REMEDY}") from None
     if not isinstance(data, dict) or "sha256" not in data:
         raise TrainingError(f"{path}: is no trained model; {_REMEDY}")
     if data.pop("schema", None) != TrainedModel.SCHEMA:
@@ -40,7 +43,11 @@ def load_model(path: Path) -> TrainedModel:
             f"{path}: this version reads schema {TrainedModel.SCHEMA}; train the model again"
         )
     told = data.pop("sha256")
-    if _hash({"schema": TrainedModel.SCHEMA, **data}) != told:
+    try:
+        whole = _hash({"schema": TrainedModel.SCHEMA, **data}) == told
+    except ValueError:  # numbers that are none
+        whole = False
+    if not whole:
         raise TrainingError(
             f"{path}: was changed after it was written (its hash does not fit); take a copy that"
             " was not, or train the model again"

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from ....core.device import Device
 from ....core.errors import DefsenseError, TrainingError
 from ....core.progress import Progress, silent
 from ....training.data.dataset import Dataset
 from ....training.data.dataset_checks import checked
-from ....training.data.in_step import find_shift, shifted
+from ....training.data.in_step import WITHIN, shifted
+from ....training.data.joining import without_markers
 from ....training.ridge.frames import Frames
 from ....training.simulation.coverage import coverage
 from ....training.simulation.expected_signals import expected_signals
@@ -21,16 +24,15 @@ from .simulated_prior import simulated_prior
 
 AUTO, YES, NO = "auto", "yes", "no"
 
-_WORTH_A_WORD = 0.02  # s
-
 
 def prepare(
     sources: Sequence[Path], device: Device | None, *, signals: Path | None = None,
     tracks: Path | None = None, markers: Path | None = None,
     offset: float | Literal["auto"] = 0.0, shift: float | Literal["auto"] = 0.0,
-    wanted: str = "auto", progress: Progress = silent,
+    wanted: str = "auto", without: Sequence[int] = (), progress: Progress = silent,
 ) -> tuple[Dataset, Prior | None, list[str]]:  # fmt: skip
-    """The dataset of `load_datasets`, with the times of its samples later by `shift` s; what the
+    """The dataset of `load_datasets`, `without` some markers, with
+    the times of its samples later by `shift` s; what the
     simulation says of its device, if that is `wanted`; and notes: what is doubtful, and what was
     not shown. Raises TrainingError for what forbids training."""
     progress("data", 0.0, "reading")
@@ -38,12 +40,24 @@ def prepare(
         sources, device, signals=signals, tracks=tracks, markers=markers, offset=offset
     )
     notes: list[str] = []
+    seen = np.any([r.seen.any(axis=0) for r in dataset.recordings], axis=0)
+    never = dataset.ids[~seen].tolist()
+    if never and len(never) < len(dataset.ids):
+        told = ", ".join(map(str, never))
+        notes.append(f"marker {told} is never seen: the model does not tell where it is")
+    if left_out := sorted({*without, *never}):
+        dataset = without_markers(dataset, left_out)
     if shift == "auto":
         progress("data", 0.4, "putting signals and markers in step")
-        found = {r.name: find_shift(r) for r in dataset.recordings}
-        by = {name: s.seconds for name, s in found.items() if s and abs(s.seconds) > _WORTH_A_WORD}
+        dataset = shifted(dataset, "auto")
+        by = dataset.provenance["shifts"]
         notes = [f"{name}: signals are shifted by {s:+.2f} s" for name, s in by.items()]
-        dataset = shifted(dataset, by)
+        far = [name for name, s in by.items() if abs(s) > 0.95 * WITHIN]
+        if far:
+            raise TrainingError(
+                f"{far[0]}: signals and markers are out of step by {WITHIN:.0f} s or more; give"
+                " --offset, or --shift with a number"
+            )
     elif shift:
         dataset = shifted(dataset, shift)
     progress("data", 0.6, "checking")
@@ -55,8 +69,16 @@ def prepare(
             r.name: expected_signals(prior, r, dataset.rest_points) for r in dataset.recordings
         }
     notes += [str(problem) for problem in checked(dataset, predicted=predicted)]
+    units = sorted({r.unit for r in dataset.recordings})
+    if len(units) > 1:
+        notes.append(
+            f"{', '.join(units)} are different devices: one model for all of them has the errors of"
+            " what they differ by; train one for each"
+        )
     if prior is not None:
-        notes += coverage(Frames.all_of(dataset), prior).advice
+        found = coverage(Frames.all_of(dataset), prior)
+        notes.append(f"{found.share:.0%} of the simulated states were shown")
+        notes += found.advice
     progress("data", 1.0, "done")
     return dataset, prior if wanted != NO else None, notes
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,7 @@ from ....core.arrays import Float
 from ....core.errors import TrainingError
 from ....decoding.trained_model import TrainedModel
 from ....training.data.dataset import Recording
-from ....training.fitting.recalibration import Recalibration, recalibrate
+from ....training.fitting.recalibration import Recalibration, as_told, recalibrate
 from ...sessions.session import BOARD, REST, load, read_log
 from ...sessions.signals import resistances
 
@@ -22,7 +24,15 @@ _SETTLED = 0.3  # of a rest, before which the cords still settle
 def recalibrate_from(model: TrainedModel, folders: Sequence[Path]) -> Recalibration:
     """With all runs of the sessions in `folders`, as they were recorded: no marker is looked at.
     Raises TrainingError for sessions of other devices or channels, and without poses or rest."""
-    return recalibrate(model, [r for folder in folders for r in _recordings(model, folder)])
+    found = recalibrate(model, [r for folder in folders for r in _recordings(model, folder)])
+    about = {
+        "at": datetime.now(UTC).isoformat(timespec="seconds"),
+        "by": [str(folder) for folder in folders],
+        **as_told(found),
+    }
+    before = model.told.get("recalibrated", [])
+    told = {**model.told, "recalibrated": [*before, about]}
+    return replace(found, model=replace(found.model, told=told))
 
 
 def _recordings(model: TrainedModel, folder: Path) -> list[Recording]:

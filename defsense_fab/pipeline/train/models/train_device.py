@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +15,14 @@ import numpy as np
 from .... import __version__
 from ....core.device import Device
 from ....core.errors import TrainingError
-from ....core.files import digest
 from ....core.progress import Progress, silent
 from ....decoding.trained_model import TrainedModel
-from ....training.data.dataset import Dataset
+from ....training.data.dataset import Dataset, Recording
 from ....training.fitting.train_model import Attempt, Training, TrainingOptions, train
 from ....training.simulation.prior import Prior
 from ....training.simulation.simulated_model import simulated_model
 from ...artifacts.build_folder import build_folder
-from ...artifacts.layout import LAYOUT, load_layout, load_prediction
+from ...artifacts.layout import layout_hash, load_layout, load_prediction
 from .simulated_prior import simulated_prior
 
 #: In which units the numbers of a model are.
@@ -50,8 +51,7 @@ def simulate_only(device: Device) -> TrainedModel:
     channels = tuple(record.name for record in layout.by_channel())
     prior = simulated_prior(device, channels, markers)
     ids = np.arange(len(markers))
-    hash_ = digest(folder / LAYOUT)
-    model = simulated_model(device.name, hash_, channels, ids, markers, prior)
+    model = simulated_model(device.name, layout_hash(layout), channels, ids, markers, prior)
     told = {**_origin(), "trained_on": f"{len(prior.names)} simulated states, no picture"}
     return replace(model, told=told)
 
@@ -60,6 +60,7 @@ def _origin() -> dict[str, Any]:
     return {
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "version": __version__,
+        "libraries": {name: version(name) for name in ("numpy", "scipy", "numba")},
         "units": UNITS,
     }
 
@@ -75,15 +76,25 @@ def told_of(
         "options": asdict(options),
         "pictures": {"trained": len(trained), "tested": len(result.tested)},
         "wrong_markers": float(result.wrong.sum() / max(int(trained.seen.sum()), 1)),
+        "wrong_markers_tested": float(
+            result.wrong_tested.sum() / max(int(result.tested.seen.sum()), 1)
+        ),
         "simulated_states": 0 if prior is None else len(prior.names),
         "candidates": [row(a) for a in result.attempts],
         "sessions": sorted({r.session for r in dataset.recordings}),
         "units_trained": sorted({r.unit for r in dataset.recordings}),
         "runs": [r.name for r in dataset.recordings],
+        "data": {r.name: _hash(r) for r in dataset.recordings},
         "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
         "sync_error": {r.name: r.sync_error for r in dataset.recordings},
         "provenance": dict(dataset.provenance),
     }
+
+
+def _hash(r: Recording) -> str:
+    """Of the numbers that a recording was trained with."""
+    arrays = (r.sample_time, r.ohm, r.rest, r.time, r.points, r.sigma)
+    return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
 
 
 def row(attempt: Attempt) -> Mapping[str, Any]:

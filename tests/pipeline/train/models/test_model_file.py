@@ -59,6 +59,15 @@ def test_an_edited_model_is_refused(tmp_path: Path) -> None:
         load_model(path)
 
 
+@pytest.mark.parametrize("number", ["NaN", "1e999"])
+def test_a_model_with_numbers_that_are_none_is_refused(tmp_path: Path, number: str) -> None:
+    path = tmp_path / "model.json"
+    write_model(path, made())
+    path.write_text(path.read_text().replace('"level":0.9', f'"level":{number}'))
+    with pytest.raises(TrainingError, match="was changed after it was written"):
+        load_model(path)
+
+
 def test_a_model_that_was_cut_off_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     write_model(path, made())
