@@ -10,11 +10,11 @@ from defsense_fab.capture.files.formats import read_any
 from defsense_fab.cli.main import main
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.core.files import digest
 from defsense_fab.core.markers import read_markers
-from defsense_fab.pipeline.artifacts.layout import load_layout, load_prediction
+from defsense_fab.pipeline.artifacts.layout import layout_hash, load_layout, load_prediction
 from defsense_fab.pipeline.sessions.processing import process_session
 from defsense_fab.pipeline.sessions.session import finished, load
+from defsense_fab.pipeline.train.models.model_file import load_model
 from defsense_fab.pipeline.twin.twin_recordings import simulate_recordings, simulate_runs
 from defsense_fab.pipeline.twin.twin_traits import TwinTraits
 from defsense_fab.sensing.built_cord import CordReading
@@ -38,7 +38,7 @@ def test_the_data_set_is_whole(device, made):
     build = device.source / "build"
     assert data.channels == ("cord_1", "cord_2")
     assert data.rest_points == pytest.approx(load_prediction(build).markers)
-    assert data.layout == digest(build / "layout.json")
+    assert data.layout == layout_hash(load_layout(build))
     assert data.provenance["response"] == {"model": "line", "coefficients": {"k": 2.0}}
     assert (len(run.time), len(run.sample_time)) == (30 * SECONDS, 60 * SECONDS)
     assert run.sync_error == 0.003
@@ -231,3 +231,36 @@ def test_a_full_disk_leaves_no_half_session(small_bar, tmp_path, monkeypatch, ca
     assert main(["twin", str(small_bar), "--minutes", "0.2", "--out", str(tmp_path / "x")]) == 2
     assert "No space left" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_sessions_are_trained_on_decoded_later_and_recalibrated(small_bar, tmp_path, capsys):
+    """As a user goes: `twin`, `train`, `evaluate`, `recalibrate`."""
+    sessions, model = tmp_path / "sessions", tmp_path / "model.json"
+    made = ["twin", small_bar, "--minutes", 1.5, "--sessions", 2, "--out", sessions]
+    assert main([str(w) for w in made]) == 0
+    first, second = sessions / "session-1", sessions / "session-2"
+    words = ["train", first, "--device", small_bar, "--prior", "no", "--out", model, "--json"]
+    capsys.readouterr()
+    assert main([str(w) for w in words]) == 0
+    told = json.loads(capsys.readouterr().out)
+    trained = load_model(model)
+    assert set(trained.poses) == {"bend_up", "twist"}
+    assert trained.layout == made_layout(small_bar)
+    assert [len(hash_) for hash_ in told["data"].values()] == [64]
+    assert (
+        main(["evaluate", str(model), str(second), "--out", str(tmp_path / "page"), "--json"]) == 0
+    )
+    assert json.loads(capsys.readouterr().out)
+    assert main(["recalibrate", str(model), str(second), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told["gain"]) == set(trained.channels)
+    if told["enough"]:
+        again = load_model(tmp_path / "recalibrated.json")
+        assert again.told["recalibrated"][0]["by"] == [str(second)]
+    else:
+        assert told["model"] is None
+        assert not (tmp_path / "recalibrated.json").exists()
+
+
+def made_layout(folder):
+    return layout_hash(load_layout(folder / "build"))
