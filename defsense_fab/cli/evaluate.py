@@ -39,8 +39,8 @@ def add(commands: Commands) -> None:
         help="other models, tested on the same and compared",
     )  # fmt: skip
     sub.add_argument("--last-share", type=float, metavar="X",
-                     help="of the pictures, at the end, to test on (those that training held out of"
-                     " its own sessions; all of others)")  # fmt: skip
+                     help="of the pictures, at the end, to test on (all that the models were not"
+                     " trained on)")  # fmt: skip
     sub.add_argument("--out", type=Path, metavar="FOLDER",
                      help="where to write (evaluation, beside the model)")  # fmt: skip
     sub.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -53,12 +53,13 @@ def _evaluate(options: argparse.Namespace) -> int:
     if share is not None and not 0 < share <= 1:
         raise TrainingError(f"--last-share {share:g}: give a share above 0, up to 1")
     from ..pipeline.train.evaluation.evaluate_models import evaluate_files
-    from ..pipeline.train.evaluation.evaluation_report import write_evaluation
+    from ..pipeline.train.evaluation.evaluation_report import check_folder, write_evaluation
     from ..pipeline.train.evaluation.tables import as_data
 
     models = [options.model, *options.against]
     beside = options.model if options.model.is_dir() else options.model.parent
     folder = options.out or beside / "evaluation"
+    check_folder(folder)
     with progress_bars(options) as progress:
         found = evaluate_files(models, options.sources, share, progress)
         progress("report", 0.0, "figures and tables")

@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Literal
 
 from ..core.errors import TrainingError
@@ -191,5 +192,5 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
             " the tracks"
         )
     say([f"note: {n}" for n in [*about, *notes]])
-    sessions = " ".join(map(str, options.sources)) or "SESSION"
-    say([f"Wrote:   {path}", f"Next:    defsense evaluate {path} {sessions}"])
+    sessions = " ".join(quote(str(s)) for s in options.sources) or "SESSION"
+    say([f"Wrote:   {path}", f"Next:    defsense evaluate {quote(str(path))} {sessions}"])

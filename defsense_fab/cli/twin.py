@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from .device import device_arguments, overrides
@@ -107,6 +108,8 @@ def _twin(options: argparse.Namespace) -> int:
                 f" {len(made.dataset.channels)} cords; shapes between {data['states']} solved"
                 f" states, within {made.fields.error:.2g} mm where one is left out",
                 f"Look at: {folders[0] / ASSUMPTIONS}",
+                f"Next:    defsense train {quote(str(folders[0]))} --device"
+                f" {quote(str(options.folder))}",
             ])  # fmt: skip
     return 0
 

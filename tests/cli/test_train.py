@@ -109,7 +109,7 @@ def test_signals_half_a_second_late_are_noticed_and_mended(
     pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     signals, tracks, _, _ = pair
-    rows = signals.read_text().splitlines()
+    rows = signals.read_text(encoding="utf-8").splitlines()
     late = [rows[0]]
     for row in rows[1:]:
         frame, time, rest = row.split(",", 2)

@@ -51,12 +51,15 @@ def write_sessions(
 def _whole(folder: Path) -> Iterator[Path]:
     """A folder to write to, that takes the place of `folder` at the end, and is gone after an
     error."""
+    folder = folder.resolve()  # "." has no name
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     try:
         with storage_errors(folder):
             temporary.mkdir(parents=True)
         yield temporary
         with storage_errors(folder):
+            if folder.is_dir():
+                folder.rmdir()  # an empty one
             temporary.rename(folder)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -77,6 +80,7 @@ def _write_session(folder: Path, final: Path, device: Device, made: TwinRuns, ru
     create(
         folder, device=device.name, steps=steps, channels=made.dataset.channels,
         reference=made.converter.reference.tolist(), calibration=None, markers=made.markers,
+        unit=run.recording.unit, layout=made.dataset.layout,
     )  # fmt: skip
     session = load(folder)
     with storage_errors(folder):

@@ -10,7 +10,7 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from .channel_checks import channel_problems, longest_at
 from .dataset import Dataset, Recording
-from .in_step import find_shift
+from .in_step import WITHIN, find_shift
 from .problems import Problem, refuse
 
 _EACH = 10  # frames for each weight of a decoder
@@ -207,6 +207,17 @@ def _steps(dataset: Dataset) -> list[Problem]:
     out = []
     for r in dataset.recordings:
         found = find_shift(r)
+        if found is not None and not found.tells:
+            out.append(
+                Problem(
+                    "signals tell nothing", False,
+                    f"{r.name}: signals tell {max(found.best, 0):.0%} of the markers' movement,"
+                    f" shifted by up to {WITHIN:.0f} s either way",
+                    "are the clocks further apart (--offset auto), or are these another device's"
+                    " signals?",
+                    found.best, (r.name,),
+                )
+            )  # fmt: skip
         if found is None or not found.stands_out:
             continue
         out.append(

@@ -42,14 +42,19 @@ class Shift:
     sure: float
 
     @property
+    def tells(self) -> bool:
+        """Whether signals tell anything of the movements at all."""
+        return self.best >= _TOLD
+
+    @property
     def stands_out(self) -> bool:
         """Whether signals are out of step, by all that can be told."""
         better = self.best - self.now > _BETTER and self.sure > _SURE
-        return abs(self.seconds) > _LATE and better
+        return self.tells and abs(self.seconds) > _LATE and better
 
 
 def find_shift(r: Recording, within: float = WITHIN) -> Shift | None:
-    """None where nothing moves, or signals tell nothing at any shift."""
+    """None where nothing moves, or too little is known."""
     movements = _movements(r)
     if movements is None:
         return None
@@ -63,8 +68,6 @@ def find_shift(r: Recording, within: float = WITHIN) -> Shift | None:
     left = _left(signals[:, known], moved[known])  # (shifts, folds)
     scores = 1 - left.sum(axis=1) / _left(signals[:1, known, :0], moved[known]).sum()
     k, zero = int(scores.argmax()), len(tried) // 2
-    if scores[k] < _TOLD:
-        return None
     seconds = float(tried[k])
     if 0 < k < len(tried) - 1:  # the top of the parabola through three
         a, b, c = scores[k - 1 : k + 2]

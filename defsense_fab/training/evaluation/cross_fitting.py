@@ -95,16 +95,19 @@ def fitted_elsewhere(
     spread[spread <= 1e-12 * (1 + np.abs(middle))] = np.inf
     x, z = (features - middle) / spread, (trained - middle) / spread
     correction = np.zeros_like(residual.error)
-    for k in range(_FOLDS if same else 1):
-        own = residual.fold == k if same else np.ones(len(x), bool)
-        fit = ~own if same else np.ones(len(z), bool)
-        for m in range(correction.shape[1]):
-            w = training.fitting[fit, m] * np.count_nonzero(fit)
-            if not w.any():
-                continue
-            a = z[fit] * w[:, None]
-            normal = a.T @ z[fit] + ridge * w.sum() * np.eye(x.shape[1])
-            correction[own, m] = x[own] @ np.linalg.solve(normal, a.T @ training.error[fit, m])
+    parts = [training.fold == k for k in range(_FOLDS)] if same else [np.ones(len(z), bool)]
+    for m in range(correction.shape[1]):
+        w = training.fitting[:, m]
+        weighted = z * w[:, None]
+        normal = np.array([weighted[p].T @ z[p] for p in parts])
+        right = np.array([weighted[p].T @ training.error[p, m] for p in parts])
+        weight = np.array([w[p].sum() for p in parts])
+        for k in range(len(parts)):
+            own = parts[k] if same else np.ones(len(x), bool)
+            N, r, W = (v.sum(0) - v[k] if same else v[0] for v in (normal, right, weight))
+            if W > 0:
+                beta = np.linalg.solve(N + ridge * W * np.eye(x.shape[1]), r)
+                correction[own, m] = x[own] @ beta
     return correction
 
 

@@ -16,6 +16,9 @@ ALL, BEFORE = "all", "before the first pose"
 _AT_ONCE = 1000  # frames: features of more would take much memory
 
 
+_MOVED = 5.0  # mm, by which a marker at rest may be elsewhere: pairs of files know it by its tracks
+
+
 @dataclass(frozen=True)
 class DecodedFrames:
     """The t pictures of all `runs` (names) in which markers were seen and there were samples, one
@@ -120,6 +123,11 @@ def matched(model: TrainedModel, dataset: Dataset) -> Dataset:
             f"{dataset.device}: recorded with the layout {dataset.layout}, and the model was"
             f" trained on {model.layout}; test it on a device with its own cords"
         )
+    if model.device != dataset.device:
+        raise TrainingError(
+            f"the recordings are of {dataset.device}, and the model is of {model.device}; test it"
+            " on its own device"
+        )
     lacking = [c for c in model.channels if c not in dataset.channels]
     lacking += [f"marker {i}" for i in model.ids if i not in dataset.ids]
     if lacking:
@@ -129,6 +137,13 @@ def matched(model: TrainedModel, dataset: Dataset) -> Dataset:
         )
     c = [dataset.channels.index(name) for name in model.channels]
     m = np.array([int(np.flatnonzero(dataset.ids == i)[0]) for i in model.ids], int)
+    off = np.linalg.norm(dataset.rest_points[m] - model.rest_points, axis=1)
+    if off.max() > _MOVED:
+        k = int(off.argmax())
+        raise TrainingError(
+            f"{dataset.device}: marker {model.ids[k]} is {off[k]:.1f} mm from where the model has"
+            " it at rest; the tracks are in another frame, or the markers are glued elsewhere"
+        )
     recordings = tuple(
         replace(r, ohm=r.ohm[:, c], rest=r.rest[c], points=r.points[:, m], sigma=r.sigma[:, m])
         for r in dataset.recordings

@@ -69,7 +69,7 @@ def small_bar(tmp_path_factory):
     folder = tmp_path_factory.mktemp("twin") / "bar"
     folder.mkdir()
     shutil.copy(BAR / "bar.py", folder)
-    text = (BAR / "device.toml").read_text()
+    text = (BAR / "device.toml").read_text(encoding="utf-8")
     down, twist = text.index('[[poses]]\nname = "bend_down"'), text.index('[[poses]]\nname = "twi')
     text = text[:down] + text[twist:]
     text = text[: text.rindex("[[sensors]]")].replace("markers = 40", "markers = 8")

@@ -128,7 +128,7 @@ def written(small_bar, tmp_path_factory):
 
 
 def table(path):
-    head, *rows = path.read_text().splitlines()
+    head, *rows = path.read_text(encoding="utf-8").splitlines()
     cells = [[float(x) if x else np.nan for x in row.split(",")[1:]] for row in rows]
     return head.split(","), np.array(cells)
 
@@ -155,7 +155,7 @@ def test_files_are_those_of_a_processed_session(written, made):
 
 
 def test_quality_says_that_it_is_a_twin(written, made):
-    quality = json.loads((written / "quality.json").read_text())
+    quality = json.loads((written / "quality.json").read_text(encoding="utf-8"))
     run = made.dataset.recordings[0]
     assert quality["R0"]["run-1"] == pytest.approx(run.rest.tolist())
     assert quality["runs"][0]["sync"]["error_ms"] == 3.0
@@ -168,7 +168,7 @@ def test_quality_says_that_it_is_a_twin(written, made):
     with np.load(written / "truth.npz") as truth:
         assert truth["points"] == pytest.approx(made.runs[0].truth.points, abs=1e-4)
         assert truth["signals"] == pytest.approx(made.runs[0].truth.signals)
-    page = (written / "assumptions.md").read_text()
+    page = (written / "assumptions.md").read_text(encoding="utf-8")
     assert all(a.meaning in page for a in made.traits.told)
     assert "| mullins | recovery | 6.0 | h |" in page
 

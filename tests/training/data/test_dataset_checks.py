@@ -205,7 +205,9 @@ def test_what_relaxes_is_not_taken_for_a_shift(good):
     assert find_shift(still) is None
     rng = np.random.default_rng(0)
     noise = replace(good.recordings[0], ohm=R0 + rng.normal(size=good.recordings[0].ohm.shape))
-    assert find_shift(noise) is None
+    assert not find_shift(noise).tells
+    told = [p for p in check_dataset(dataset(noise)) if p.kind == "signals tell nothing"]
+    assert "--offset auto" in told[0].remedy
     with pytest.raises(TrainingError, match="a shift of nan s cannot be"):
         shifted(good, float("nan"))
 

@@ -23,6 +23,7 @@ from .session_dataset import rising
 Offset = float | Literal["auto"]
 #: s at the beginning, in which the device is taken to rest where nothing else tells.
 QUIET = 3.0
+_KEPT = 0.99  # of the samples must follow each other in time
 _STILL = 1.0  # mm, root mean square, by which markers at rest are off their places
 
 
@@ -49,7 +50,15 @@ def of_series(
     """The same of what was read, the tracks from the file `source`."""
     if len(tracks.time) < 2 or not tracks.seen.any():
         raise TrainingError(f"{source}: no marker was seen in {len(tracks.time)} frames")
-    series = _part(series, rising(series.time))
+    kept = rising(series.time)
+    if kept.sum() < _KEPT * len(kept):
+        first = int(np.argmin(kept))
+        raise TrainingError(
+            f"{series.source}: {len(kept) - int(kept.sum())} of {len(kept)} samples are not later"
+            f" than those before; the first is sample {first + 1}, at {series.time[first]:.3f} s."
+            " Are these several takes? Give each by itself"
+        )
+    series = _part(series, kept)
     time, error, how = _in_step(series, tracks, source, offset)
     if time[-1] < tracks.time[0] or time[0] > tracks.time[-1]:
         raise TrainingError(

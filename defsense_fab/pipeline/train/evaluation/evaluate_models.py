@@ -3,9 +3,11 @@ differ."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from ....core.errors import TrainingError
 from ....core.files import digest
@@ -15,9 +17,10 @@ from ....training.data.dataset import Dataset
 from ....training.evaluation.error_budget import ErrorBudget, error_budget
 from ....training.evaluation.evaluate import Evaluation, evaluate
 from ....training.evaluation.model_comparison import Comparison, FrameErrors, compare
-from ....training.ridge.splits import TEST_SHARE
+from ..models.train_device import recording_hash
 
 _FEW = 200  # frames
+_TOLD = 0.01  # of the frames, that are worth a word
 
 
 @dataclass(frozen=True)
@@ -61,28 +64,24 @@ def evaluate_models(
     models: Sequence[tuple[str, TrainedModel]], dataset: Dataset, last_share: float | None = None,
     progress: Progress = silent,
 ) -> SessionEvaluation:  # fmt: skip
-    """Of models by name. Without a share, the pictures that training held out where a model was
-    trained on one of the sessions, all pictures where none was. Raises TrainingError."""
+    """Of models by name. Without a share, all pictures that none of them was trained on. Raises
+    TrainingError."""
     names = [name for name, _ in models]
     if len(set(names)) < len(names):
         raise TrainingError(f"{', '.join(names)}: give each model once")
-    known = [_trained_on(model, dataset) for _, model in models]
-    share = last_share
-    if share is None:
-        share = min((held for _, held in filter(None, known)), default=1.0)
-    if share == 0:
-        raise TrainingError(
-            f"{models[0][0]}: was trained on all pictures of these sessions; record another one to"
-            " test it on"
-        )
-    notes = []
-    for (name, _), own in zip(models, known, strict=True):
-        if own and share > own[1] + 1e-9:
-            notes.append(
-                f"{name} was trained on part of these pictures (session {', '.join(own[0])}), which"
-                f" makes it look better than it is: give --last-share {own[1]:g}, or another"
-                " session"
-            )
+    pictures, notes = dataset.frames, list[str]()
+    if last_share is None:
+        dataset = _not_trained_on([model for _, model in models], dataset)
+        share, told = 1.0, dataset.frames / max(pictures, 1)
+    else:
+        share = told = last_share
+        for name, model in models:
+            own = [r.name for r in dataset.recordings if recording_hash(r) in _held(model)]
+            if own:
+                notes.append(
+                    f"{name} was trained on pictures of {', '.join(own)}, which makes it look"
+                    " better than it is: leave --last-share out, or give another session"
+                )
     found = []
     for k, (name, model) in enumerate(models):
         progress("evaluate", (k + 0.2) / len(models), f"{name}: errors")
@@ -97,23 +96,41 @@ def evaluate_models(
             comparison = compare([_frame_errors(f) for f in found])
         except TrainingError as problem:  # the models' errors are worth telling without it
             notes.append(str(problem))
-    if comparison is not None and comparison.by_block is None:
+    if comparison is not None and comparison.by_block is None and not comparison.paired:
         notes.append(
             f"errors go on for so long (blocks of {comparison.length} frames) that these sessions"
             " are too short to tell the models apart; record for longer"
         )
     progress("evaluate", 1.0, "done")
     sessions = tuple(dict.fromkeys(r.session for r in dataset.recordings))
-    return SessionEvaluation(
-        dataset.device, sessions, share, tuple(found), comparison, tuple(notes)
-    )
+    return SessionEvaluation(dataset.device, sessions, told, tuple(found), comparison, tuple(notes))
 
 
-def _trained_on(model: TrainedModel, dataset: Dataset) -> tuple[list[str], float] | None:
-    """The sessions that the model was trained on, and the share that its training held out."""
-    own = {r.session for r in dataset.recordings} & set(model.told.get("sessions", ()))
-    options = model.told.get("options", {})
-    return (sorted(own), float(options.get("test_share", TEST_SHARE))) if own else None
+def _held(model: TrainedModel) -> Mapping[str, float | None]:
+    """Of recordings that the model was trained on, by what is in them: since when, s, its training
+    held pictures out, None where it held out none."""
+    return model.told.get("held_out", {})  # type: ignore[no-any-return]
+
+
+def _not_trained_on(models: Sequence[TrainedModel], dataset: Dataset) -> Dataset:
+    """Without pictures that one of the models was trained on. Raises TrainingError where none are
+    left."""
+    out = []
+    for r in dataset.recordings:
+        held = [_held(m)[recording_hash(r)] for m in models if recording_hash(r) in _held(m)]
+        begin = max((np.inf if h is None else h for h in held), default=-np.inf)
+        keep = r.time >= begin
+        if keep.any():
+            out.append(
+                replace(r, time=r.time[keep], points=r.points[keep], sigma=r.sigma[keep])
+                if held else r
+            )  # fmt: skip
+    if not out:
+        raise TrainingError(
+            f"{dataset.device}: the model was trained on all of these pictures; record another"
+            " session to test it on"
+        )
+    return replace(dataset, recordings=tuple(out))
 
 
 def _frame_errors(found: Evaluated) -> FrameErrors:
@@ -124,10 +141,10 @@ def _frame_errors(found: Evaluated) -> FrameErrors:
 
 def _notes(found: Evaluation) -> list[str]:
     frames, out = found.frames, []
-    if frames.without_samples:
+    if frames.without_samples > _TOLD * len(frames.time):
         out.append(f"{frames.without_samples} pictures without samples of all channels were left"
                    " out")  # fmt: skip
-    if frames.without_markers:
+    if frames.without_markers > _TOLD * len(frames.time):
         out.append(f"{frames.without_markers} pictures without markers were left out")
     if not frames.seen.any(axis=0).all():
         out.append(f"{int((~frames.seen.any(axis=0)).sum())} markers were never seen")

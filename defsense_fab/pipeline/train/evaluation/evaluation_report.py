@@ -51,15 +51,30 @@ def write_evaluation(folder: Path, result: SessionEvaluation) -> None:
         write_page(new / PAGE, "evaluation", **_values(result, figures))
 
 
+def check_folder(folder: Path) -> None:
+    """Raises TrainingError for a folder that holds something else than an evaluation, which would
+    be lost."""
+    if not folder.exists():
+        return
+    own = {PAGE, DATA}
+    others = [
+        p.name
+        for p in (sorted(folder.iterdir()) if folder.is_dir() else [folder])
+        if p.name not in own and p.suffix not in (".svg", ".csv")
+    ]
+    if others or (any(folder.iterdir()) and not (folder / PAGE).exists()):
+        what = f"holds {others[0]}" if others and folder.is_dir() else "is there"
+        raise TrainingError(
+            f"{folder}: {what}, is no evaluation and would be overwritten; give another folder with"
+            " --out"
+        )
+
+
 @contextmanager
 def _whole_folder(folder: Path) -> Iterator[Path]:
     """An empty folder beside it, put into its place at the end, gone after an error."""
-    if folder.exists() and not (
-        folder.is_dir() and ((folder / PAGE).exists() or not any(folder.iterdir()))
-    ):
-        raise TrainingError(
-            f"{folder}: is no evaluation and would be overwritten; give another folder with --out"
-        )
+    folder = folder.resolve()  # "." has no name
+    check_folder(folder)
     new = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     old = folder.with_name(f".{folder.name}.{os.getpid()}.old")
     try:
@@ -138,7 +153,7 @@ def probability(p: float) -> str:
 
 def verdict(c: Comparison) -> str:
     """What the test that holds says, in a sentence."""
-    if c.by_block is None:
+    if c.by_block is None and not c.paired:
         return (
             f"Errors go on for so long (blocks of {c.length} frames) that nothing can be said;"
             " record for longer."
@@ -152,6 +167,7 @@ def verdict(c: Comparison) -> str:
             p = max(t.p for t in others)
             return f"{best} has smaller errors than any other ({how}, {probability(p)})."
         return f"{best} has the smallest mean error, but not demonstrably than all others ({how})."
+    assert c.by_block is not None
     told = c.by_block.told
     how = f"{'Welch' if c.by_block.variances_differ else 'analysis of variance'} of block means"
     if told.p < LEVEL:

@@ -84,17 +84,28 @@ def told_of(
         "sessions": sorted({r.session for r in dataset.recordings}),
         "units_trained": sorted({r.unit for r in dataset.recordings}),
         "runs": [r.name for r in dataset.recordings],
-        "data": {r.name: _hash(r) for r in dataset.recordings},
+        "data": {r.name: recording_hash(r) for r in dataset.recordings},
+        "held_out": _held_out(result, dataset),
         "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
         "sync_error": {r.name: r.sync_error for r in dataset.recordings},
         "provenance": dict(dataset.provenance),
     }
 
 
-def _hash(r: Recording) -> str:
-    """Of the numbers that a recording was trained with."""
-    arrays = (r.sample_time, r.ohm, r.rest, r.time, r.points, r.sigma)
-    return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
+def recording_hash(r: Recording) -> str:
+    """Of what is in it, by which it is known wherever it lies, whatever order its channels are in
+    and whichever markers and times of samples are taken."""
+    columns = sorted(hashlib.sha256(c.tobytes()).hexdigest() for c in r.ohm.T.copy())
+    return hashlib.sha256("".join(columns).encode() + r.time.tobytes()).hexdigest()
+
+
+def _held_out(result: Training, dataset: Dataset) -> Mapping[str, float | None]:
+    """Of each recording since when, s, its pictures were held out; None: all were trained on."""
+    tested, time = result.tested.of, result.tested.time
+    return {
+        recording_hash(r): float(time[tested == k][0]) if (tested == k).any() else None
+        for k, r in enumerate(dataset.recordings)
+    }
 
 
 def row(attempt: Attempt) -> Mapping[str, Any]:

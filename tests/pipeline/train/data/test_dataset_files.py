@@ -110,14 +110,14 @@ def test_what_was_changed_mixed_or_damaged_is_told(tmp_path, whole):
 
 def test_lerobots_folder_has_what_its_format_asks_for(tmp_path, whole):
     write_lerobot(tmp_path / "out", whole, 30)
-    info = json.loads((tmp_path / "out/meta/info.json").read_text())
+    info = json.loads((tmp_path / "out/meta/info.json").read_text(encoding="utf-8"))
     assert info["codebase_version"] == "v2.1"
     assert (info["total_episodes"], info["fps"], info["splits"]) == (2, 30, {"train": "0:2"})
     assert info["features"]["observation.state"]["names"] == list(CHANNELS)
     assert info["features"]["action"]["shape"] == [3 * len(IDS)]
     meta = tmp_path / "out" / "meta"
     lines = {
-        name: list(map(json.loads, (meta / f"{name}.jsonl").read_text().splitlines()))
+        name: list(map(json.loads, (meta / f"{name}.jsonl").read_text("utf-8").splitlines()))
         for name in ("tasks", "episodes", "episodes_stats")
     }
     assert lines["tasks"][0]["task_index"] == 0
@@ -155,4 +155,4 @@ def test_lerobots_folder_has_what_its_format_asks_for(tmp_path, whole):
     with pytest.raises(TrainingError, match="is there already"):
         write_lerobot(tmp_path / "out", whole)
     write_lerobot(tmp_path / "own", dataset(whole.recordings[1]))
-    assert json.loads((tmp_path / "own/meta/info.json").read_text())["fps"] == 15
+    assert json.loads((tmp_path / "own/meta/info.json").read_text(encoding="utf-8"))["fps"] == 15

@@ -153,7 +153,7 @@ def test_tables_that_cannot_be_used(tmp_path, r, table, says):
 
 def test_rows_without_signals_are_no_samples(tmp_path, r):
     """As `capture process` writes for frames that a camera dropped."""
-    lines = write_signals(tmp_path / "s.csv", r).read_text().splitlines()
+    lines = write_signals(tmp_path / "s.csv", r).read_text(encoding="utf-8").splitlines()
     for k in range(600, 720):
         lines[k] = ",".join(lines[k].split(",")[:2]) + ",,,,"
     (tmp_path / "s.csv").write_text("\n".join(lines))

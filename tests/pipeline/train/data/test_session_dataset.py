@@ -43,7 +43,7 @@ def processed(tmp_path_factory):
 def changed(folder, name, **values):
     """Some keys of one of the folder's JSON files."""
     path = folder / name
-    path.write_text(json.dumps(json.loads(path.read_text()) | values))
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | values))
 
 
 def test_each_run_is_a_recording_with_its_own_clock_and_r0(processed):
@@ -126,7 +126,7 @@ def test_sessions_that_cannot_be_used_say_what_to_run(processed, tmp_path):
     with pytest.raises(TrainingError, match="run-3 was recorded after it was processed; run 'def"):
         session_dataset([later])
     old = shutil.copytree(session.folder, tmp_path / "old")
-    quality = json.loads((old / "quality.json").read_text())
+    quality = json.loads((old / "quality.json").read_text(encoding="utf-8"))
     for run in quality["runs"]:
         del run["begin"]
     changed(old, "quality.json", runs=quality["runs"])
@@ -136,7 +136,9 @@ def test_sessions_that_cannot_be_used_say_what_to_run(processed, tmp_path):
     changed(old, "quality.json", runs=quality["runs"][:1],
             skipped=[{"run": "run-2", "why": "lost", "ended": ""}])  # fmt: skip
     assert len(session_dataset([old]).recordings) == 1
-    (old / "samples.csv").write_text("\n".join((old / "samples.csv").read_text().splitlines()[:1]))
+    (old / "samples.csv").write_text(
+        "\n".join((old / "samples.csv").read_text(encoding="utf-8").splitlines()[:1])
+    )
     with pytest.raises(TrainingError, match="no run can be trained on: run-2: lost; run-1: there"):
         session_dataset([old])
 
@@ -144,7 +146,7 @@ def test_sessions_that_cannot_be_used_say_what_to_run(processed, tmp_path):
 def test_times_that_go_back_are_left_out(processed, tmp_path):
     session, _ = processed
     back = shutil.copytree(session.folder, tmp_path / "back")
-    lines = (back / "samples.csv").read_text().splitlines()
+    lines = (back / "samples.csv").read_text(encoding="utf-8").splitlines()
     lines[100], lines[200] = lines[300], lines[200].replace(lines[200].split(",")[3], "")
     (back / "samples.csv").write_text("\n".join(lines) + "\n")
     r = session_dataset([back]).recordings[0]

@@ -13,6 +13,7 @@ from defsense_fab.decoding.past import Past
 from defsense_fab.pipeline.train.evaluation import evaluation_report
 from defsense_fab.pipeline.train.evaluation.evaluate_models import _names, evaluate_models
 from defsense_fab.pipeline.train.evaluation.evaluation_report import write_evaluation
+from defsense_fab.pipeline.train.models.train_device import recording_hash
 from tests.training import soft_bar as bar
 
 CAUSES = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1, "memory": 0.3}
@@ -48,7 +49,7 @@ def rows(folder, name):
 
 
 def test_the_page_is_self_contained(folder, result):
-    page = (folder / "evaluation.html").read_text()
+    page = (folder / "evaluation.html").read_text(encoding="utf-8")
     total = result.models[0].evaluation.total
     assert f"RMSE {total.rmse:.2f} &plusmn; {total.deviation:.2f} mm" in page
     assert page.count("data:image/svg+xml;base64,") == 7
@@ -76,7 +77,7 @@ def test_tables_agree_with_the_records(folder, result):
 
 
 def test_numbers_for_programs(folder, result):
-    data = json.loads((folder / "evaluation.json").read_text())
+    data = json.loads((folder / "evaluation.json").read_text(encoding="utf-8"))
     plain = data["models"]["plain"]
     assert plain["errors"]["frames"] == result.models[0].evaluation.total.frames
     assert set(plain["poses"]) == {"bend", "twist", "bend and twist"}
@@ -85,7 +86,7 @@ def test_numbers_for_programs(folder, result):
 
 def test_figures_are_one_column_wide(folder):
     for path in folder.glob("*.svg"):
-        head = path.read_text()[:1500]
+        head = path.read_text(encoding="utf-8")[:1500]
         width = float(re.search(r'width="([\d.]+)pt"', head)[1])
         assert width == pytest.approx(85 / 25.4 * 72, rel=1e-3)
     assert len(list(folder.glob("*.svg"))) == 7
@@ -136,31 +137,51 @@ def test_what_is_not_known_is_not_shown(models, tmp_path):
     bare = replace(run, points=points, poses=(), sync_error=None, sigma=run.sigma * float("nan"))
     result = evaluate_models([(name, model)], bar.dataset(bare))
     write_evaluation(tmp_path / "out", result)
-    page = (tmp_path / "out" / "evaluation.html").read_text()
+    page = (tmp_path / "out" / "evaluation.html").read_text(encoding="utf-8")
     assert "noise is not known" in page
     assert "no intervals" in page
     assert "Do the models differ" not in page
     assert "1 markers were never seen" in page
     assert not (tmp_path / "out" / "coverage.svg").exists()
     assert not (tmp_path / "out" / "comparison.csv").exists()
-    assert json.loads((tmp_path / "out" / "evaluation.json").read_text())["models"]
+    assert json.loads((tmp_path / "out" / "evaluation.json").read_text(encoding="utf-8"))["models"]
 
 
 def test_what_a_model_was_trained_on_is_held_out(models, unseen):
     """The pictures that training held out by default, and a note when more are asked for."""
     name, model = models[0]
-    told = {"sessions": ["session-2"], "options": {"test_share": 0.25}}
-    knowing = [(name, replace(model, told=told))]
+    r = unseen.recordings[0]
+    begin = float(r.time[len(r.time) * 3 // 4])
+    knowing = [(name, replace(model, told={"held_out": {recording_hash(r): begin}}))]
     held = evaluate_models(knowing, unseen)
-    assert held.last_share == 0.25
-    frames = evaluate_models(models[:1], unseen).models[0].evaluation.total.frames
-    assert held.models[0].evaluation.total.frames == round(0.25 * frames)
-    assert not any("trained on part" in note for note in held.notes)
+    assert held.last_share == pytest.approx(0.25, abs=0.01)
+    assert held.models[0].evaluation.frames.time.min() >= begin
+    assert not any("was trained on" in note for note in held.notes)
+    # Wherever it lies, whatever its name, in whatever order its channels are.
+    moved = replace(r, name="copy/run-1", session="copy", ohm=r.ohm.copy())
+    again = evaluate_models(knowing, replace(unseen, recordings=(moved,)))
+    assert again.models[0].evaluation.total.frames == held.models[0].evaluation.total.frames
     every = evaluate_models(knowing, unseen, 1.0)
-    assert "was trained on part of these pictures (session session-2)" in every.notes[0]
-    none = replace(model, told={**told, "options": {"test_share": 0.0}})
-    with pytest.raises(TrainingError, match="trained on all pictures"):
+    assert f"was trained on pictures of {r.name}" in every.notes[0]
+    none = replace(model, told={"held_out": {recording_hash(r): None}})
+    with pytest.raises(TrainingError, match="trained on all of these pictures"):
         evaluate_models([(name, none)], unseen)
+
+
+def test_another_device_and_markers_elsewhere_are_refused(models, unseen):
+    with pytest.raises(TrainingError, match="the recordings are of other, and the model is of"):
+        evaluate_models(models[:1], replace(unseen, device="other"))
+    with pytest.raises(TrainingError, match="from where the model has it at rest"):
+        evaluate_models(models[:1], replace(unseen, rest_points=unseen.rest_points + 10))
+
+
+def test_files_of_the_user_are_not_lost(models, unseen, tmp_path):
+    result = evaluate_models(models[:1], unseen)
+    write_evaluation(tmp_path / "out", result)
+    (tmp_path / "out" / "my-notes.txt").write_text("mine")
+    with pytest.raises(TrainingError, match="holds my-notes.txt"):
+        write_evaluation(tmp_path / "out", result)
+    assert (tmp_path / "out" / "my-notes.txt").exists()
 
 
 def test_one_frame(models, tmp_path):

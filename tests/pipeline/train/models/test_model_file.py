@@ -54,7 +54,7 @@ def test_a_model_comes_back_as_it_was(tmp_path: Path, centers: int) -> None:
 def test_an_edited_model_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     write_model(path, made())
-    path.write_text(path.read_text().replace('"device":"toy"', '"device":"boy"'))
+    path.write_text(path.read_text(encoding="utf-8").replace('"device":"toy"', '"device":"boy"'))
     with pytest.raises(TrainingError, match="was changed after it was written"):
         load_model(path)
 
@@ -63,7 +63,7 @@ def test_an_edited_model_is_refused(tmp_path: Path) -> None:
 def test_a_model_with_numbers_that_are_none_is_refused(tmp_path: Path, number: str) -> None:
     path = tmp_path / "model.json"
     write_model(path, made())
-    path.write_text(path.read_text().replace('"level":0.9', f'"level":{number}'))
+    path.write_text(path.read_text(encoding="utf-8").replace('"level":0.9', f'"level":{number}'))
     with pytest.raises(TrainingError, match="was changed after it was written"):
         load_model(path)
 
@@ -71,7 +71,7 @@ def test_a_model_with_numbers_that_are_none_is_refused(tmp_path: Path, number: s
 def test_a_model_that_was_cut_off_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     write_model(path, made())
-    path.write_text(path.read_text()[:-500])
+    path.write_text(path.read_text(encoding="utf-8")[:-500])
     with pytest.raises(TrainingError, match="not valid JSON"):
         load_model(path)
 
@@ -104,5 +104,5 @@ def test_ten_lines_read_it_without_this_project(tmp_path: Path) -> None:
 
 def test_the_file_is_plain_json_with_units(tmp_path: Path) -> None:
     write_model(tmp_path / "model.json", made())
-    data = json.loads((tmp_path / "model.json").read_text())
+    data = json.loads((tmp_path / "model.json").read_text(encoding="utf-8"))
     assert data["main"]["decoder"]["features"]["products"] == [[0, 0], [0, 1], [1, 1]]
