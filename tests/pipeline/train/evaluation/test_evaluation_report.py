@@ -179,7 +179,7 @@ def test_files_of_the_user_are_not_lost(models, unseen, tmp_path):
     result = evaluate_models(models[:1], unseen)
     write_evaluation(tmp_path / "out", result)
     (tmp_path / "out" / "my-notes.txt").write_text("mine")
-    with pytest.raises(TrainingError, match="holds my-notes.txt"):
+    with pytest.raises(TrainingError, match=r"holds my-notes\.txt"):
         write_evaluation(tmp_path / "out", result)
     assert (tmp_path / "out" / "my-notes.txt").exists()
 
