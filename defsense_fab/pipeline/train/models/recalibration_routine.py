@@ -15,10 +15,11 @@ from ....core.errors import TrainingError
 from ....decoding.trained_model import TrainedModel
 from ....training.data.dataset import Recording
 from ....training.fitting.recalibration import Recalibration, as_told, recalibrate
-from ...sessions.session import BOARD, REST, load, read_log
+from ...sessions.run_steps import begun, resting
+from ...sessions.session import BOARD, load, read_log
 from ...sessions.signals import resistances
 
-_SETTLED = 0.3  # of a rest, before which the cords still settle
+_FEW = 5  # samples at rest that tell nothing yet
 
 
 def recalibrate_from(model: TrainedModel, folders: Sequence[Path]) -> Recalibration:
@@ -58,13 +59,10 @@ def _recordings(model: TrainedModel, folder: Path) -> list[Recording]:
         begin = int(board.host_ns[0])
         time, kept = np.unique((board.host_ns - begin) / 1e9, return_index=True)
         ohm = resistances(session, board)[kept][:, order]
-        poses = tuple(
-            ((int(e["host_ns"]) - begin) / 1e9, str(e["name"]))
-            for e in read_log(run)
-            if e.get("event") == "step" and "name" in e
-        )
+        events = read_log(run)
+        poses = tuple(begun(events, begin))
         none = np.zeros((0, m, 3))
-        rest = _rest(time, ohm, poses)
+        rest = _rest(ohm[resting(events, time, begin)])
         if rest is None:
             raise TrainingError(
                 f"{run}: has no rest, from which the cords' resistances at rest are known; record"
@@ -79,12 +77,7 @@ def _recordings(model: TrainedModel, folder: Path) -> list[Recording]:
     return out
 
 
-def _rest(time: Float, ohm: Float, poses: Sequence[tuple[float, str]]) -> Float | None:
-    """The median (c,) ohm of the rests, but for their beginnings."""
-    at_rest = np.zeros(len(time), bool)
-    ends = [*(t for t, _ in poses[1:]), float(time[-1])]
-    for (begin, name), end in zip(poses, ends, strict=False):
-        if name == REST:
-            at_rest |= (time > begin + _SETTLED * (end - begin)) & (time < end)
-    at_rest &= np.isfinite(ohm).all(axis=1)
-    return np.median(ohm[at_rest], axis=0) if at_rest.sum() > 5 else None
+def _rest(ohm: Float) -> Float | None:
+    """The median (c,) ohm of samples (n, c) at rest; None of too few."""
+    known = ohm[np.isfinite(ohm).all(axis=1)]
+    return np.median(known, axis=0) if len(known) > _FEW else None
