@@ -10,7 +10,7 @@ from shlex import quote
 from typing import TYPE_CHECKING
 
 from .device import device_arguments, overrides
-from .options import within
+from .options import twin_values, within
 from .output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def add(commands: Commands) -> None:
         examples=[
             "defsense twin my-device",
             "defsense twin my-device --minutes 20 --sessions 3 --unit 2 --off drift,mullins",
+            "defsense twin my-device --minutes 5 --cameras webcam",
         ],
     )
     device_arguments(sub)
@@ -47,8 +48,17 @@ def add(commands: Commands) -> None:
                      help="of the markers' places that are wrong (0)")  # fmt: skip
     sub.add_argument("--grips", type=int, default=0, metavar="N",
                      help="places that are pulled at besides the poses, at most 4 (0)")  # fmt: skip
+    sub.add_argument(
+        "--cameras", metavar="KIND,...",
+        help="film it with rendered cameras, webcam, phone or industrial (webcam,cameras=3), and"
+        " process the session as a recorded one; some minutes for each of the session's. Left out,"
+        " markers are seen by cameras that are numbers alone",
+    )  # fmt: skip
+    sub.add_argument("--rate", type=float, default=15.0, metavar="HZ",
+                     help="pictures a second of rendered cameras (15)")  # fmt: skip
     sub.add_argument("--markers", type=Path, metavar="JSON",
-                     help="tags of 'capture markers' in place of [outputs] markers")  # fmt: skip
+                     help="tags of 'capture markers' in place of [outputs] markers; rendered"
+                     " cameras need them (markers, in the device's folder)")  # fmt: skip
     sub.add_argument("--out", type=Path, metavar="FOLDER",
                      help="the session's folder (twin-UNIT-SEED, in the device's)")  # fmt: skip
     sub.add_argument("--list-assumptions", action="store_true",
@@ -60,6 +70,7 @@ def _twin(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from ..core.device_file import load_device
+    from ..core.errors import DeviceError
     from ..core.markers import read_markers
 
     within("--minutes", options.minutes, 0.2, 240)
@@ -75,15 +86,25 @@ def _twin(options: argparse.Namespace) -> int:
     if options.wrong is not None:
         within("--wrong", options.wrong, 0, 0.5)
         traits = replace(traits, markers=replace(traits.markers, wrong=options.wrong))
+    if options.cameras:
+        from ..pipeline.twin.film_traits import FilmTraits
+
+        within("--rate", options.rate, 5, 60)
+        if "seed" in options.cameras:
+            raise DeviceError(f"--cameras {options.cameras}: the seed is given with --seed")
+        _, count, kind = twin_values("--cameras", f"twin:{options.cameras}")
+        traits = replace(traits, film=FilmTraits(kind, count, options.rate))
     traits.without(off)
     if options.list_assumptions:
         return _list(traits.without(off), options)
+    from ..pipeline.sessions.result_files import QUALITY
     from ..pipeline.twin.twin_recordings import simulate_runs
     from ..pipeline.twin.twin_session import ASSUMPTIONS, check_free, write_sessions
 
     out = options.out or device.source / f"twin-{options.unit}-{options.seed}"
     check_free(out, options.sessions)
-    markers = read_markers(options.markers) if options.markers else None
+    tags = options.markers or (device.source / "markers" if options.cameras else None)
+    markers = read_markers(tags) if tags else None
     with silent_stdout(), progress_bars(options) as progress:
         made = simulate_runs(
             device, seconds=60 * options.minutes, sessions=options.sessions, seed=options.seed,
@@ -91,8 +112,10 @@ def _twin(options: argparse.Namespace) -> int:
             progress=progress,
         )  # fmt: skip
         folders = write_sessions(out, device, made, progress)
+    qualities = [(f / QUALITY).read_text(encoding="utf-8") for f in folders]
+    frames = sum(int(json.loads(text)["frames"]) for text in qualities)
     data = {
-        "sessions": [str(f) for f in folders], "frames": made.dataset.frames,
+        "sessions": [str(f) for f in folders], "frames": frames,
         "channels": list(made.dataset.channels), "markers": len(made.dataset.ids),
         "states": len(made.fields.space.states), "interpolation_mm": made.fields.error,
         "interpolation_signal": made.fields.signal_error, "warnings": list(made.fields.warnings),
@@ -104,7 +127,7 @@ def _twin(options: argparse.Namespace) -> int:
         else:
             say(f"note: {w}" for w in made.fields.warnings)
             say([
-                f"{made.dataset.frames} pictures of {len(made.dataset.ids)} markers,"
+                f"{frames} pictures of {len(made.dataset.ids)} markers,"
                 f" {len(made.dataset.channels)} cords; shapes between {data['states']} solved"
                 f" states, within {made.fields.error:.2g} mm where one is left out",
                 f"Look at: {folders[0] / ASSUMPTIONS}",

@@ -53,6 +53,11 @@ class Surface:
         used = self.vertices[self.faces].reshape(-1, 3)
         return np.array([used.min(0), used.max(0)])
 
+    def compact(self) -> tuple[Surface, Int]:
+        """Without vertices that no triangle has, and which (k,) are kept."""
+        used, faces = np.unique(self.faces, return_inverse=True)
+        return Surface(self.vertices[used], faces.reshape(self.faces.shape)), used
+
 
 @dataclass(frozen=True)
 class TetMesh:

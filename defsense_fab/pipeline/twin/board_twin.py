@@ -5,10 +5,9 @@ Time is the twin's own: frames come as fast as they are rendered, and are the sa
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...capture.cameras.webcam import Images
@@ -17,8 +16,7 @@ from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ...twin.filming.camera_kinds import KINDS, USUAL
-from ...twin.filming.exposure import exposed
-from ...twin.filming.renderer import Optics, Renderer
+from ...twin.filming.rendered_camera import RenderedCamera
 from ...twin.scenes.scene import Backdrop, Patch, Scene
 
 _SIZE, _FOCAL = (1280, 720), 900.0
@@ -81,7 +79,8 @@ class BoardTwin:
         return next((k, c) for k, c in enumerate(self.cameras) if c.name == name)
 
     def _filmed(self, camera: Camera, hand: Callable[[float], Scene], number: int) -> Images:
-        return _Filmed(camera, hand, self._optics, np.random.default_rng([self._seed, number, 1]))
+        rng = np.random.default_rng([self._seed, number, 1])
+        return RenderedCamera(camera, hand, self._optics, rng, _moments(camera.name))
 
     def _hand(self, camera: Camera, number: int, *, several: bool) -> Callable[[float], Scene]:
         """The board at a time, s, as it is held before a camera."""
@@ -116,37 +115,14 @@ class BoardTwin:
         return scene_at
 
 
-class _Filmed:
-    """`Images` that are rendered when they are asked for."""
-
-    def __init__(
-        self, camera: Camera, scene_at: Callable[[float], Scene], optics: Optics,
-        rng: np.random.Generator,
-    ) -> None:  # fmt: skip
-        self.name, self.size = camera.name, camera.size
-        self._optics = optics
-        self._camera, self._scene_at, self._rng = camera, scene_at, rng
-        self._renderer: Renderer | None = None
-        self._count = 0
-
-    def start(self) -> None:
-        self._renderer = Renderer(self._camera, self._optics, self._rng)
-
-    def read(self, timeout: float) -> tuple[NDArray[np.uint8], int]:  # noqa: ARG002
-        """As `Images` has it. Raises CaptureError where the board was shown long enough."""
-        assert self._renderer is not None
-        at = self._count / _RATE
-        if at > _TIRES * (_STAY + _MOVE):
-            raise CaptureError(
-                f"twin camera {self.name}: the board was held in {_TIRES} places, and too few were"
-                " good views of it; take fewer (--views), or a board with fewer and larger squares"
-            )
-        self._count += 1
-        scene, instants = exposed(self._scene_at, self._camera, at, self._optics)
-        return self._renderer.shoot(scene, instants, at).image, round(at * 1e9)
-
-    def close(self) -> None:
-        self._renderer = None
+def _moments(name: str) -> Iterator[tuple[float, int]]:
+    """When pictures are taken. Raises CaptureError where the board was shown long enough."""
+    for k in range(int(_TIRES * (_STAY + _MOVE) * _RATE) + 1):
+        yield k / _RATE, round(k / _RATE * 1e9)
+    raise CaptureError(
+        f"twin camera {name}: the board was held in {_TIRES} places, and too few were good views of"
+        " it; take fewer (--views), or a board with fewer and larger squares"
+    )
 
 
 def _picture(board: CharucoBoard, width: float) -> Patch:

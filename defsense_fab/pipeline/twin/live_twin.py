@@ -36,12 +36,8 @@ from ..artifacts.fields import INDEX, load_fields
 from ..artifacts.layout import LAYOUT, load_layout
 from ..artifacts.mesh import load_mesh
 from ..sessions.pose_coverage import BINS, PoseCoverage
+from .camera_places import camera_places, led_place
 
-_FOCAL, _SIZE = 900.0, (1280, 720)
-_DISTORTIONS = np.array([0.04, -0.09, 0.0008, -0.0005, 0.01])
-_NEAR, _APART = 200.0, 0.45  # mm, at least; distance between cameras, of their distance
-_FACES = 0.35  # cosine, at least, at which a camera sees a tag well
-_FILLS = 0.55  # of the picture's width, by the body
 _STEADY = 3.0  # mm and degrees of the hand that holds the device
 _DENSE = 60_000  # triangles, above which a body is not drawn
 _FRAMES = 15.0  # frames per second
@@ -86,7 +82,7 @@ def simulated(device: Device, markers: Markers) -> Simulated:
     mesh = load_mesh(folder)
     locator = PointLocator(QuadraticMesh.from_linear(mesh))
     # The tets' boundary bends where a body's own triangles, which may be long, do not.
-    surface = _used(mesh.boundary())
+    surface, _ = mesh.boundary().compact()
 
     def at(points: Float) -> Float:
         return locator.displacement(locator.find(points), fields)
@@ -99,12 +95,6 @@ def simulated(device: Device, markers: Markers) -> Simulated:
         surface, at(surface.vertices), tuple(ramps), tuple(r.name for r in records), cords,
         tuple(at(c.path) for c in cords), lengths, at(markers.centers),
     )  # fmt: skip
-
-
-def _used(surface: Surface) -> Surface:
-    """Without the vertices that no triangle has."""
-    used, faces = np.unique(surface.faces, return_inverse=True)
-    return Surface(surface.vertices[used], faces.reshape(surface.faces.shape))
 
 
 @dataclass
@@ -175,10 +165,10 @@ def start_live_twin(
     cords = DeviceCords(sim.names, sim.lengths, signals_at, traits, rng)
     reference = float(np.median(cords.rest))
     board = ReadoutTwin(cords, reference, offset=OFFSET, drift=DRIFT)
-    cameras = _cameras(sim.rest, markers, count)
+    cameras = camera_places(sim.rest, markers, count)
     middle = sim.rest.bounds.mean(axis=0)
     hand = sway(rng, middle, shift=_STEADY, degrees=_STEADY)
-    place = _beside(cameras[0], sim.rest)
+    place = led_place(cameras[0], sim.rest)
     around = Scene(backdrop=Backdrop(), gloss=own.gloss)
     towards = np.mean([c.center for c in cameras], axis=0) - middle
     passing = passing_hand(rng, sim.rest.bounds, towards / np.linalg.norm(towards))
@@ -207,60 +197,6 @@ def start_live_twin(
         cameras, sources, puppet, board, sim.names, twin, board.began_ns,
         extra={"reference": reference, "hand": hand, "states": len(sim.skin)},
     )  # fmt: skip
-
-
-def _cameras(body: Surface, markers: Markers, count: int) -> tuple[Camera, ...]:
-    """From where most tags are seen, side by side."""
-    low, high = body.bounds
-    middle = (low + high) / 2
-    extent = float(np.linalg.norm(high - low))
-    away = max(_NEAR, extent * _FOCAL / (_FILLS * _SIZE[0]))
-    normals = markers.axes[:, :, 2]
-    k = np.arange(400) + 0.5  # spread over the sphere (Fibonacci)
-    polar, turn = np.arccos(1 - 2 * k / 400), np.pi * (1 + 5**0.5) * k
-    ways = np.column_stack(
-        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
-    )
-    longest = np.eye(3)[int((high - low).argmax())]
-    asides = longest - (ways @ longest)[:, None] * ways
-    along = np.linalg.norm(asides, axis=1) < 0.3  # seen end on
-    asides[along] = np.cross(ways[along], np.eye(3)[int(np.abs(longest).argmin())])
-    asides /= np.linalg.norm(asides, axis=1, keepdims=True)
-    places = (np.arange(count) - (count - 1) / 2) * _APART
-    eyes = middle + away * (ways + places[:, None, None] * asides)
-    to = eyes[:, :, None] - markers.centers
-    facing = np.einsum("cwmi,mi->cwm", to / np.linalg.norm(to, axis=3, keepdims=True), normals)
-    facing = facing.min(axis=0)  # by the camera that sees it at the greatest slant
-    score = (facing > _FACES).sum(axis=1) + 0.5 * np.clip(facing, 0, 1).sum(axis=1)
-    # Three of the anchor's tags lay the others onto the rest pose.
-    anchor = (facing[:, markers.anchor] > _FACES).sum(axis=1)
-    score = score + 2 * anchor + len(normals) * (anchor >= 3)
-    best = int(score.argmax())
-    aside = asides[best]
-    out = []
-    for k_, eye in enumerate(eyes[:, best]):
-        z = (middle - eye) / np.linalg.norm(middle - eye)
-        y = np.cross(z, aside)
-        y /= np.linalg.norm(y)
-        R = np.stack([np.cross(y, z), y, z])
-        K = np.array(
-            [
-                [_FOCAL + 3 * k_, 0, _SIZE[0] / 2 + 4],
-                [0, _FOCAL + 3 * k_, _SIZE[1] / 2 - 3],
-                [0, 0, 1],
-            ]
-        )
-        out.append(Camera(f"cam_{k_}", _SIZE, K, _DISTORTIONS, R, -R @ eye))
-    return tuple(out)
-
-
-def _beside(camera: Camera, body: Surface) -> Float:
-    """A place for the LED (3,) mm: above the body as the camera sees it."""
-    at = camera.to_camera(body.vertices)
-    highest = float((at[:, 1] / at[:, 2]).min())
-    depth = float(at[:, 2].mean())
-    spot = np.array([at[:, 0].mean(), (highest - 0.08) * depth, depth])
-    return np.asarray(camera.rotation.T @ (spot - camera.translation))
 
 
 def known_cameras(twin: LiveTwin, path: Path) -> None:

@@ -12,37 +12,43 @@ from typing import Any
 
 import numpy as np
 
-from ...capture.readout.recording import Recorder
-from ...capture.readout.source import Event, StampedSample
 from ...core.arrays import Float
 from ...core.device import Device
 from ...core.errors import CaptureError
-from ...core.files import replacing, storage_errors, write_text
+from ...core.files import storage_errors, write_text
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
-from ...sensing.serial_frames import Sample
 from ...sensing.signal import relative_change
 from ..sessions.processed_session import ProcessedSession
 from ..sessions.report import lengths
 from ..sessions.result_files import quantiles, write_results
-from ..sessions.session import BOARD, LOG, CaptureSession, Log, PoseStep, create, load
+from ..sessions.session import BOARD, LOG, CaptureSession, create, load
+from .filmed_session import film_session, process_filmed
+from .run_files import RUN_1, TRUTH, walked_steps, write_board, write_log, write_truth
 from .twin_recordings import TwinRun, TwinRuns
 
-TRUTH, ASSUMPTIONS = "truth.npz", "assumptions.md"
-_RUN = "run-1"
+ASSUMPTIONS = "assumptions.md"
 
 
 def write_sessions(
     out: Path, device: Device, made: TwinRuns, progress: Progress = silent
 ) -> list[Path]:
     """Into `out`, or folders session-1, session-2, ... in it where there are several; the folders.
-    Raises StorageError."""
+    Where the traits have a film, markers are where rendered cameras see them. Raises CaptureError,
+    StorageError."""
+    film = made.traits.film
     several = len(made.runs) > 1
     folders = [out / f"session-{k + 1}" if several else out for k in range(len(made.runs))]
     for k, (folder, run) in enumerate(zip(folders, made.runs, strict=True)):
         progress("writing", k / len(folders), str(folder))
         with _whole(folder) as temporary:
-            _write_session(temporary, folder, device, made, run)
+            if film is None:
+                _write_session(temporary, folder, device, made, run)
+            else:
+                film_session(temporary, device, made, k, film, progress)
+            write_text(temporary / ASSUMPTIONS, assumptions_page(made))
+        if film is not None:
+            process_filmed(folder, made, run, film, progress)
     progress("writing", 1.0, "done")
     return folders
 
@@ -74,53 +80,18 @@ def check_free(out: Path, sessions: int) -> None:
 
 def _write_session(folder: Path, final: Path, device: Device, made: TwinRuns, run: TwinRun) -> None:
     """Into an empty `folder`, that is to be at `final`."""
-    begins = [begin for begin, _ in run.walk.steps]
-    lasts = np.diff([*begins, float(run.walk.times[-1])])
-    steps = [PoseStep(n, float(s)) for (_, n), s in zip(run.walk.steps, lasts, strict=True)]
     create(
-        folder, device=device.name, steps=steps, channels=made.dataset.channels,
+        folder, device=device.name, steps=walked_steps(run), channels=made.dataset.channels,
         reference=made.converter.reference.tolist(), calibration=None, markers=made.markers,
         unit=run.recording.unit, layout=made.dataset.layout,
     )  # fmt: skip
     session = load(folder)
     with storage_errors(folder):
-        (folder / _RUN).mkdir()
-    with Recorder(folder / _RUN / BOARD, len(session.channels)) as recorder:
-        recorder.extend(_said(made, run))
-    _write_log(folder / _RUN / LOG, run, steps, begins)
+        (folder / RUN_1).mkdir()
+    write_board(folder / RUN_1 / BOARD, made, run, device.converter)
+    write_log(folder / RUN_1 / LOG, run)
     write_results(folder, session, _processed(final, session, made, run))
-    t = run.truth
-    with replacing(folder / TRUTH) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(
-            file, time=t.time, ids=made.markers.ids, points=t.points.astype(np.float32),
-            sample_time=t.sample_time, poses=np.array(made.fields.poses), weights=t.weights,
-            channels=np.array(session.channels), signals=t.signals, ohm=t.ohm,
-        )  # fmt: skip
-    write_text(folder / ASSUMPTIONS, assumptions_page(made))
-
-
-def _said(made: TwinRuns, run: TwinRun) -> Iterator[Event | StampedSample]:
-    """What the read-out board sends."""
-    converter = made.converter
-    yield Event(0, "start", {"full_scale": converter.full_scale, "rate": made.traits.board.rate})
-    rows = zip(run.host_ns.tolist(), run.device_us.tolist(), run.sums.tolist(), strict=True)
-    for k, (host, device, sums) in enumerate(rows):
-        sample = Sample(k, device % (1 << 32), False, False, converter.averages, tuple(sums))
-        yield StampedSample(host, device, sample)
-
-
-def _write_log(path: Path, run: TwinRun, steps: list[PoseStep], begins: list[float]) -> None:
-    log = Log(path)
-    try:
-        for k, (step, begin) in enumerate(zip(steps, begins, strict=True)):
-            end = begin + step.seconds
-            log.event(
-                "step", step=k, name=step.name, seconds=step.seconds, host_ns=round(1e9 * begin)
-            )
-            log.event("done", step=k, host_ns=round(1e9 * end))
-        log.event("end", why="all steps were shown", host_ns=round(1e9 * run.walk.times[-1]))
-    finally:
-        log.close()
+    write_truth(folder / TRUTH, session.channels, made, run.truth)
 
 
 def _processed(
@@ -132,7 +103,8 @@ def _processed(
         signals = relative_change(run.at, r.rest)
     quality = _quality(folder, session, made, run, tracks)
     residual = np.full(len(r.time), np.nan)
-    return ProcessedSession(tracks, tracks, signals, run.at, residual, quality, {_RUN: [run.clock]})
+    clocks = {RUN_1: [run.clock]}
+    return ProcessedSession(tracks, tracks, signals, run.at, residual, quality, clocks)
 
 
 def _quality(
@@ -148,7 +120,7 @@ def _quality(
         "warnings": [], "by_several": float(tracks.seen.mean()), "by_one": 0.0, "impossible": 0,
     }  # fmt: skip
     ended = {
-        "run": _RUN, "ended": "all steps were shown", "cut": 0, "sync": sync, "tracks": about,
+        "run": RUN_1, "ended": "all steps were shown", "cut": 0, "sync": sync, "tracks": about,
         "begin": float(tracks.time[0]), "end": float(tracks.time[-1]),
         "steps": [[float(at), name] for at, name in run.recording.poses],
     }  # fmt: skip
@@ -161,7 +133,7 @@ def _quality(
         "residual": quantiles(np.empty(0)),
         "sigma": quantiles(lengths(tracks.sigma)[tracks.seen]),
         "seen": dict(zip(map(str, tracks.ids.tolist()), seen, strict=True)), "glued": [],
-        "warnings": list(made.fields.warnings), "R0": {_RUN: _plain(run.recording.rest)},
+        "warnings": list(made.fields.warnings), "R0": {RUN_1: _plain(run.recording.rest)},
         "layout": made.dataset.layout, "unit": run.recording.unit, "twin": dict(told),
     }  # fmt: skip
 

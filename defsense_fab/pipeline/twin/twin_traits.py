@@ -15,6 +15,7 @@ from ...twin.scenes.hand_walk import WalkTraits
 from ...twin.scenes.marker_measurement import MarkerTraits
 from .built_unit import BuildingTraits
 from .device_fields import MechanicsTraits
+from .film_traits import FilmTraits
 
 #: Always there: what is told of them can be changed, not left out.
 _STAY = ("read-out board", "cameras", "hand", "time")
@@ -23,7 +24,7 @@ _STAY = ("read-out board", "cameras", "hand", "time")
 @dataclass(frozen=True)
 class TwinTraits:
     """How the device is solved, built and moved, what its cords, its read-out board and the cameras
-    do."""
+    do: make of markers what `markers` says, or see them on a `film`."""
 
     mechanics: MechanicsTraits = field(default_factory=MechanicsTraits)
     building: BuildingTraits = field(default_factory=BuildingTraits)
@@ -31,6 +32,7 @@ class TwinTraits:
     board: BoardTraits = field(default_factory=BoardTraits)
     markers: MarkerTraits = field(default_factory=MarkerTraits)
     hand: WalkTraits = field(default_factory=WalkTraits)
+    film: FilmTraits | None = None
     age: float = assumed(3.0, "time", "days", "of the device at its first session")
     between: float = assumed(20.0, "time", "h", "between sessions")
 
@@ -44,7 +46,8 @@ class TwinTraits:
     def _parts(self) -> dict[str, Any]:
         return {
             "mechanics": self.mechanics, "building": self.building, "rubber": self.rubber,
-            "board": self.board, "markers": self.markers, "hand": self.hand,
+            "board": self.board, "hand": self.hand,
+            **({"film": self.film} if self.film is not None else {"markers": self.markers}),
         }  # fmt: skip
 
     @property
