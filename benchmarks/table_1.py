@@ -174,7 +174,10 @@ def main() -> None:
     print("RMSE ± SD / peak / average peak, mm; mean over seeds (least to most RMSE)")
     for name in LAYOUTS:
         p = PAPER[name]
-        print(f"{name:7} the paper {p.rmse:.2f} ± {p.deviation:.2f} / {p.peak:.1f} / {p.average_peak:.2f}")
+        print(
+            f"{name:7} the paper {p.rmse:.2f} ± {p.deviation:.2f} / {p.peak:.1f} /"
+            f" {p.average_peak:.2f}"
+        )
         for kind in ("affine", "best"):
             x = {k: np.array([r[kind][k] for r in rows[name]]) for k in rows[name][0][kind]}
             print(

@@ -31,7 +31,7 @@ def test_it_is_processed_as_a_recorded_session(filmed):
     quality = json.loads((filmed / "quality.json").read_text(encoding="utf-8"))
     assert quality["twin"]["seed"] == 1
     assert quality["runs"][0]["sync"]["method"] in ("led", "motion")
-    assert [name for _, name in quality["runs"][0]["steps"]][0] == "rest"
+    assert quality["runs"][0]["steps"][0][1] == "rest"
     assert "cameras" in (filmed / "assumptions.md").read_text(encoding="utf-8")
     assert "marker-noise" not in (filmed / "assumptions.md").read_text(encoding="utf-8")
 
