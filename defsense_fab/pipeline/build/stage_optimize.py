@@ -42,8 +42,7 @@ from ..design.design_task import SEED, DesignTask, load_task
 from ..design.predict import Scored, left_out_error, predict
 from .stages import Report
 
-#: Searches, whose random choices differ; the best are weighed against each other.
-SEEDS = 5
+_SEARCHES, _FEWEST = 15, 5
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
@@ -132,6 +131,12 @@ def run(device: Device, folder: Path, report: Report) -> None:
     save_layout(folder, layout, prediction)
 
 
+def searches(cords: int) -> int:
+    """How many searches, whose random choices differ, the best of which are weighed against each
+    other: the fewer cords, the less time each takes, and the more a single one decides."""
+    return max(_SEARCHES // cords, _FEWEST)
+
+
 def _search(
     device: Device,
     task: DesignTask,
@@ -162,7 +167,7 @@ def _again(device: Device, task: DesignTask, first: Optimised, report: Report) -
     out += [begun] if begun else []
     fewer = range(1, len(distinct([s.plane for s in first.sensors])))
     todo: list[tuple[int, int | None, Float | None]]
-    todo = [(seed, device.planes, None) for seed in range(1, SEEDS)]
+    todo = [(seed, device.planes, None) for seed in range(1, searches(len(first.sensors)))]
     todo += [(0, n, None) for n in fewer if device.planes is None or n < device.planes]
     free = device.planes is None and any(s.free == FREE for s in device.sensors)
     if device.propose or free:
