@@ -4,9 +4,9 @@
 
 A build searches from 5 random seeds, or more where it has fewer than three cords. Here each device
 folder is built up to its fields, and searched from `--count` seeds with the decoder that its layout
-has. Told are the designed RMSE (mm, on the states designed for) of the best of the build's seeds and
-of all, and the same of the errors on held-out states; then, of choices of as many seeds as a build
-has, the share whose best is within 2 % of the best of all.
+has. Told are the designed RMSE (mm, on the states designed for) of the best of the build's seeds
+and of all, and the same of the errors on held-out states; then, of choices of as many seeds as a
+build has, the share whose best is within 2 % of the best of all.
 """
 
 from __future__ import annotations
