@@ -14,6 +14,7 @@ from ....core.files import digest
 from ....core.progress import Progress, silent
 from ....decoding.trained_model import TrainedModel
 from ....training.data.dataset import Dataset
+from ....training.data.uncertain_places import without_uncertain
 from ....training.evaluation.error_budget import ErrorBudget, error_budget
 from ....training.evaluation.evaluate import Evaluation, evaluate
 from ....training.evaluation.model_comparison import Comparison, FrameErrors, compare
@@ -54,10 +55,13 @@ def evaluate_files(
     raise."""
     from ..data.datasets import load_datasets
     from ..models.model_file import load_model
+    from ..models.prepare import told_uncertain
 
     progress("evaluate", 0.0, "reading")
     loaded = list(zip(_names(models), map(load_model, models), strict=True))
-    return evaluate_models(loaded, load_datasets(sources), last_share, progress)
+    dataset, uncertain = without_uncertain(load_datasets(sources))
+    found = evaluate_models(loaded, dataset, last_share, progress)
+    return replace(found, notes=(*found.notes, *told_uncertain(uncertain)))
 
 
 def evaluate_models(

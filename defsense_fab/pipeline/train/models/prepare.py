@@ -15,6 +15,7 @@ from ....training.data.dataset import Dataset
 from ....training.data.dataset_checks import checked
 from ....training.data.in_step import WITHIN, shifted
 from ....training.data.joining import without_markers
+from ....training.data.uncertain_places import without_uncertain
 from ....training.ridge.frames import Frames
 from ....training.simulation.coverage import coverage
 from ....training.simulation.expected_signals import expected_signals
@@ -23,6 +24,7 @@ from ..data.datasets import load_datasets
 from .simulated_prior import simulated_prior
 
 AUTO, YES, NO = "auto", "yes", "no"
+_TOLD = 1e-3  # of the places, that are worth a word
 
 
 def prepare(
@@ -47,6 +49,8 @@ def prepare(
         notes.append(f"marker {told} is never seen: the model does not tell where it is")
     if left_out := sorted({*without, *never}):
         dataset = without_markers(dataset, left_out)
+    dataset, uncertain = without_uncertain(dataset)
+    notes += told_uncertain(uncertain)
     if shift == "auto":
         progress("data", 0.4, "putting signals and markers in step")
         dataset = shifted(dataset, "auto")
@@ -81,6 +85,16 @@ def prepare(
         notes += found.advice
     progress("data", 1.0, "done")
     return dataset, prior if wanted != NO else None, notes
+
+
+def told_uncertain(share: float) -> list[str]:
+    """A note on the places that were left out, where they are worth one."""
+    if share < _TOLD:
+        return []
+    return [
+        f"{share:.1%} of the markers' places were seen at such a slant that the cameras hardly know"
+        " them, and are left out"
+    ]
 
 
 def found_prior(
