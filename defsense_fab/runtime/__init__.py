@@ -1,0 +1,1 @@
+"""The live loop: readings in; markers, controls and a moving surface out."""
