@@ -10,6 +10,13 @@ import numpy as np
 
 from .arrays import Float
 
+_EXACT = 1e-15  # of a unit vector: what rounding leaves
+
+
+def _unit(vector: Float) -> Float:
+    length = float(np.linalg.norm(vector))
+    return vector if abs(length - 1) <= _EXACT else vector / length
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -30,15 +37,22 @@ class Plane:
 
     @classmethod
     def from_normal(cls, origin: Float, normal: Float, x_axis: Float) -> Plane:
-        """Frame with the given normal and the part of `x_axis` that lies in the plane."""
-        length = float(np.linalg.norm(normal))
-        if length < 1e-9:
+        """Frame with the given normal and the part of `x_axis` that lies in the plane.
+
+        A normal and an x axis that are orthonormal already are taken as they are, so that a frame
+        made from its own axes is itself to the last digit.
+        """
+        normal, x_axis = np.asarray(normal, float), np.asarray(x_axis, float)
+        if np.linalg.norm(normal) < 1e-9:
             raise ValueError("the normal must not be zero")
-        n = normal / length
-        x = x_axis - (x_axis @ n) * n
+        n = _unit(normal)
+        x, off = x_axis, float(x_axis @ n)
+        if abs(off) > _EXACT * np.linalg.norm(x_axis):
+            x = x_axis - off * n
+            x = x - (x @ n) * n  # what rounding has left
         if np.linalg.norm(x) < 1e-9 * max(1.0, float(np.linalg.norm(x_axis))):
             raise ValueError("x_axis must not be parallel to the normal")
-        x = x / np.linalg.norm(x)
+        x = _unit(x)
         return cls(np.asarray(origin, float), np.stack([x, np.cross(n, x), n], axis=1))
 
     def coincides(self, other: Plane) -> bool:

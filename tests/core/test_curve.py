@@ -27,6 +27,16 @@ def test_plane_frames_are_right_handed():
     assert (plane.to_world(np.array([[3.0, 4.0]])) - 1) @ plane.normal == pytest.approx(0)
 
 
+def test_a_frame_made_from_its_own_axes_is_itself_to_the_last_digit():
+    rng = np.random.default_rng(0)
+    for _ in range(2000):
+        normal, x_axis = rng.normal(size=(2, 3)) * 10 ** rng.uniform(-3, 3, (2, 1))
+        plane = Plane.from_normal(rng.normal(size=3), normal, x_axis)
+        again = Plane.from_normal(plane.origin, plane.normal, plane.axes[:, 0])
+        assert (again.axes == plane.axes).all()
+        assert abs(plane.axes.T @ plane.axes - np.eye(3)).max() < 1e-15
+
+
 def test_coincident_planes_count_once():
     a = Plane.from_normal(np.zeros(3), np.array([0, 0, 1.0]), np.array([1.0, 0, 0]))
     b = Plane.from_normal(np.array([5, 3, 0.0]), np.array([0, 0, -1.0]), np.array([0, 1.0, 0]))

@@ -62,7 +62,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     task = task.decoded_by(decoder)
     every = _again(device, task, tried[decoder][1], partial(part, report, 0.4, 0.8))
     chosen, trials = choose_layout(
-        device, task, every, surface, bay, partial(part, report, 0.8, 1.0)
+        device, task, [_as_kept(f) for f in every], surface, bay, partial(part, report, 0.8, 1.0)
     )
     found = chosen.found
     final = chosen.scored
@@ -129,6 +129,13 @@ def run(device: Device, folder: Path, report: Report) -> None:
         task.points, task.names, final.signals, final.errors, final.decoder.to_json()
     )
     save_layout(folder, layout, prediction)
+
+
+def _as_kept(found: Optimised) -> Optimised:
+    """With the planes' frames as `layout.json` gives them back, to the last digit: on that a cut
+    along faces that touch may turn, and what was made on trial is made again from the file."""
+    cords = [replace(s, plane=CordPath.of(s).sensor().plane) for s in found.sensors]
+    return replace(found, sensors=tuple(cords))
 
 
 def searches(cords: int) -> int:

@@ -12,20 +12,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.files.formats import read_any
 from defsense_fab.cli import build
 from defsense_fab.cli.main import main
+from defsense_fab.core.curve import Plane
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.files import storage_errors
 from defsense_fab.core.markers import read_markers
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.optimize.refinement.refine import Optimised
 from defsense_fab.pipeline.artifacts.layout import load_layout
 from defsense_fab.pipeline.artifacts.manifest import load_manifest
 from defsense_fab.pipeline.build import stage_fabricate, stage_report
-from defsense_fab.pipeline.build.stage_optimize import _uncalibrated
+from defsense_fab.pipeline.build.stage_optimize import _as_kept, _uncalibrated
 from defsense_fab.pipeline.build.stage_report import _stl
 from defsense_fab.pipeline.design.design_task import load_task
 from defsense_fab.sensing.voltage_divider import reference
@@ -100,6 +103,9 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
         assert s["min_wall"] >= layout["limits"]["wall"]
     assert layout["min_clearance"] >= layout["limits"]["clearance"]
     manifest = json.loads((device / "build" / "parts" / "manifest.json").read_text())
+    (tried,) = (w for w in layout["weighed"] if w["chosen"])
+    assert tried["parts"] == len(manifest["parts"])
+    assert tried["smallest"] == pytest.approx(min(p["volume"] for p in manifest["parts"]), rel=1e-3)
     total = 0.0
     for p in manifest["parts"]:
         surface = _stl(device / "build" / "parts" / p["stl"])
@@ -123,6 +129,17 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
 
 
 @pytest.mark.slow
+def test_layouts_are_tried_in_the_frames_that_are_read_back(straight):
+    turn = Rotation.from_rotvec([0.3, -0.2, 0.7]).as_matrix()
+    cord = straight("c", z=1.0)
+    turned = replace(cord, plane=Plane(cord.plane.origin, turn @ cord.plane.axes))
+    (kept,) = _as_kept(Optimised((turned,), 1.0, False, (), (turned,))).sensors
+    again = json.loads(json.dumps([kept.plane.normal.tolist(), kept.plane.axes[:, 0].tolist()]))
+    read = Plane.from_normal(kept.plane.origin, *map(np.array, again))
+    assert (read.axes == kept.plane.axes).all()
+    assert kept.plane.axes == pytest.approx(turned.plane.axes, abs=1e-15)
+
+
 def test_the_resistance_in_use_is_that_of_the_cord_as_built(device):
     """Against a sum over the cord from ferrule to ferrule, point by point, in every state."""
     built = load_device(device)
