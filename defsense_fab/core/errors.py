@@ -43,6 +43,10 @@ class TrainingError(DefsenseError):
     """Recordings cannot be trained on, or a trained model cannot be used."""
 
 
+class LiveError(DefsenseError):
+    """A device cannot run live with this model, port or output."""
+
+
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
 

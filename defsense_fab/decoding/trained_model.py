@@ -156,9 +156,12 @@ class ModelStream:
 
     def __call__(self, time: float, signals: Float) -> Float:
         """Positions (m, 3) mm of the signals (c,) at a time, s."""
+        return self._branch.one(self.inputs(time, signals)).reshape(-1, 3)
+
+    def inputs(self, time: float, signals: Float) -> Float:
+        """What the decoder sees (d,) of the same."""
         s = self._model.corrected(signals)[self._pick]
-        z = self._past(time, s) if self._branch.past.count else s
-        return self._branch.one(z).reshape(-1, 3)
+        return self._past(time, s) if self._branch.past.count else s
 
 
 def decoded(branch: Branch, inputs: Float, markers: int) -> Decoded:

@@ -15,86 +15,28 @@ from ...core.camera import Camera
 from ...core.device import Device
 from ...core.errors import CaptureError
 from ...core.markers import Markers
-from ...core.mesh import Surface
-from ...mechanics.elements.point_location import PointLocator
-from ...mechanics.elements.tet10 import QuadraticMesh
-from ...sensing.built_cord import BuiltCord, CordReading
+from ...sensing.built_cord import CordReading
 from ...twin.electronics.cord_twin import CordTraits
 from ...twin.electronics.device_cords import DeviceCords
 from ...twin.electronics.pseudo_terminal import PseudoTerminal
 from ...twin.electronics.readout_twin import ReadoutTwin
 from ...twin.filming.camera_kinds import KINDS, USUAL
 from ...twin.filming.live_camera import LiveCamera
-from ...twin.scenes.device_motion import Ramp, sway
+from ...twin.scenes.device_motion import sway
 from ...twin.scenes.device_twin import DeviceTwin, blend
 from ...twin.scenes.passing_hand import passing_hand
 from ...twin.scenes.pose_player import PosePlayer
 from ...twin.scenes.printed import printed
 from ...twin.scenes.scene import Backdrop, Led, Patch, Scene
-from ..artifacts.build_folder import finished_build
-from ..artifacts.fields import INDEX, load_fields
-from ..artifacts.layout import LAYOUT, load_layout
-from ..artifacts.mesh import load_mesh
 from ..sessions.pose_coverage import BINS, PoseCoverage
 from .camera_places import camera_places, led_place
+from .simulated_device import simulated_device
 
 _STEADY = 3.0  # mm and degrees of the hand that holds the device
 _DENSE = 60_000  # triangles, above which a body is not drawn
 _FRAMES = 15.0  # frames per second
 #: Of the twin's read-out board: its clock against the host's, s and relative.
 OFFSET, DRIFT = 0.35, 60e-6
-
-
-@dataclass(frozen=True)
-class Simulated:
-    """What a build knows of a device's movement: `rest` surface, displacements `skin` (s, n, 3) mm,
-    `ramps` of its poses; cords by name, as they are built in, displacements (s, p, 3) mm of their
-    stretched paths, and the `lengths` that have their resistances, mm; displacements `tags`
-    (s, m, 3) mm of the markers."""
-
-    rest: Surface
-    skin: Float
-    ramps: tuple[Ramp, ...]
-    names: tuple[str, ...]
-    cords: tuple[BuiltCord, ...]
-    moved: tuple[Float, ...]
-    lengths: Float
-    tags: Float
-
-
-def simulated(device: Device, markers: Markers) -> Simulated:
-    """From the device's build. Raises CaptureError where it has none, or no pose in it."""
-    folder = finished_build(device, LAYOUT, INDEX)
-    found = load_fields(folder)
-    fields = found.displacements
-    ramps = []
-    for pose in device.poses:
-        levels = {
-            weights[pose.name]: k
-            for k, weights in enumerate(found.weights)
-            if set(weights) == {pose.name} and 0 < weights[pose.name] <= 1
-        }
-        if levels:
-            order = sorted(levels)
-            ramps.append(Ramp(pose.name, np.array(order), np.array([levels[x] for x in order])))
-    if not ramps:
-        raise CaptureError(f"{folder}: holds no simulated pose; build the device again")
-    mesh = load_mesh(folder)
-    locator = PointLocator(QuadraticMesh.from_linear(mesh))
-    # The tets' boundary bends where a body's own triangles, which may be long, do not.
-    surface, _ = mesh.boundary().compact()
-
-    def at(points: Float) -> Float:
-        return locator.displacement(locator.find(points), fields)
-
-    records = load_layout(folder).by_channel()
-    cords = tuple(r.built for r in records)
-    reading = CordReading.of(device)
-    lengths = np.array([reading.resistance(c) for c in cords]) / reading.ohm_per_mm
-    return Simulated(
-        surface, at(surface.vertices), tuple(ramps), tuple(r.name for r in records), cords,
-        tuple(at(c.path) for c in cords), lengths, at(markers.centers),
-    )  # fmt: skip
 
 
 @dataclass
@@ -138,7 +80,7 @@ def start_live_twin(
         raise CaptureError(f"twin: no cameras are called {kind}; there are {', '.join(KINDS)}")
     own = KINDS[kind]
     rng = np.random.default_rng(seed)
-    sim = simulated(device, markers)
+    sim = simulated_device(device, markers.centers)
     family = dictionary(markers.dictionary)
     seats = tuple(
         printed(Patch(int(n), family.pattern(int(n)), c, a, markers.size), own.ink, own.curl)
@@ -209,12 +151,12 @@ def known_cameras(twin: LiveTwin, path: Path) -> None:
 def levels_of(device: Device, markers: Markers) -> PoseCoverage | None:
     """What tells how far each pose was shown; None for a device that is not built."""
     try:
-        sim = simulated(device, markers)
+        sim = simulated_device(device, markers.centers)
     except CaptureError:
         return None
     steps = np.arange(1, BINS + 1) / BINS
     shapes = [
-        markers.centers + np.tensordot(r.weights(steps * r.levels[-1]), sim.tags[r.states], 1)
+        markers.centers + np.tensordot(r.weights(steps * r.levels[-1]), sim.shown[r.states], 1)
         for r in sim.ramps
     ]
     return PoseCoverage([r.name for r in sim.ramps], np.array(shapes), markers.centers)

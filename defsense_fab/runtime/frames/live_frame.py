@@ -26,7 +26,7 @@ class Quality(StrEnum):
 @dataclass(frozen=True)
 class LiveFrame:
     """`time` (s) is of the sample on the board's clock, `arrived` (s) when it was read, on this
-    machine's `time.perf_counter`; `ohms` and `signals` (R - R0)/R0 with drift taken out are (c,),
+    machine's `time.monotonic`; `ohms` and `signals` (R - R0)/R0 with drift taken out are (c,),
     of the cords named `channels`; `markers` (m, 3) mm in the rest frame, by their numbers `ids`
     (m,), and `radius` (m,) mm of the 90 % interval around each (NaN: not known); `distance` from
     what was trained on (above 1: outside of it); `controls` by name, 0..1 or -1..1, `confidence` of

@@ -9,12 +9,15 @@ import time
 
 import numpy as np
 
+from ...core.arrays import Float
+from ...core.device import CONVERTERS
 from ...sensing.serial_frames import PROTOCOL, Info, Message, Sample, Text, encode
 from ...sensing.voltage_divider import Dividers, conversion_time
 from .device_cords import DeviceCords
+from .played_cords import PlayedCords
 from .specimen_twin import SpecimenTwin
 
-_WAIT = 0.02  # s that a read waits
+_WAIT = 0.02  # s that a read waits at most
 _WORDS = {"rate": 500, "channels": 0, "average": 255, "led": 65535}
 
 
@@ -26,14 +29,19 @@ class ReadoutTwin:
     full_scale = 1024
 
     def __init__(
-        self, specimen: SpecimenTwin | DeviceCords, reference: float = 2200.0, speed: float = 1.0,
-        offset: float = 0.0, drift: float = 0.0,
+        self, specimen: SpecimenTwin | DeviceCords | PlayedCords,
+        reference: float | Float = 2200.0, speed: float = 1.0, offset: float = 0.0,
+        drift: float = 0.0, converter: str = "arduino",
     ) -> None:  # fmt: skip
         self._specimen, self._speed = specimen, speed
         self._offset, self._drift = offset, drift
         count = len(specimen.channels)
-        self._dividers = Dividers(np.full(count, reference), self.full_scale)
-        self._about = {"channels": count, "average": 16, "rate": 50, "led": 1000}
+        self._converter = list(CONVERTERS).index(converter)
+        most, averages = CONVERTERS[converter]
+        if self._converter:  # the first one is the board's own, whose firmware tells 1024
+            self.full_scale = most
+        self._dividers = Dividers(np.broadcast_to(reference, (count,)), self.full_scale)
+        self._about = {"channels": count, "average": averages, "rate": 50, "led": 1000}
         self._most = count
         self._framed, self._line, self._out = False, b"", b""
         self.began_ns = time.monotonic_ns()
@@ -63,7 +71,9 @@ class ReadoutTwin:
     def read(self, size: int) -> bytes:
         self._catch_up()
         if not self._out:
-            time.sleep(_WAIT)
+            passed = (time.monotonic_ns() - self.began_ns) / 1e9
+            due = (self._done + 1 / self._about["rate"]) / self._speed - passed
+            time.sleep(min(max(due, 0.0), _WAIT))
             self._catch_up()
         out, self._out = self._out[:size], self._out[size:]
         return out
@@ -95,8 +105,8 @@ class ReadoutTwin:
             return
         a = self._about
         self._say(
-            Info(PROTOCOL, (1, 0), 0, a["channels"], a["average"], a["rate"], a["led"], self._most,
-                 self.full_scale)
+            Info(PROTOCOL, (1, 0), self._converter, a["channels"], a["average"], a["rate"],
+                 a["led"], self._most, self.full_scale)
         )  # fmt: skip
 
     def _say(self, message: Message) -> None:
@@ -111,7 +121,7 @@ class ReadoutTwin:
             if behind > self._about["rate"] * max(self._speed, 1):
                 self._counter += behind - 1
                 self._done += (behind - 1) * step
-            if isinstance(self._specimen, DeviceCords):
+            if not isinstance(self._specimen, SpecimenTwin):
                 self._specimen.now = self._done  # a device has moved on while nobody read
             _, ohm = self._specimen.cords.hold(step, 1 / step)
             self._done += step
@@ -120,7 +130,7 @@ class ReadoutTwin:
             if self._framed:
                 # As the firmware has it: the time of the middle of the conversions, and the LED as
                 # it was at their beginning.
-                half = conversion_time(0, len(sums), self._about["average"]) / 2
+                half = conversion_time(self._converter, len(sums), self._about["average"]) / 2
                 micros = int(self._clock(self._done) * 1e6) % (1 << 32)
                 sample = Sample(
                     self._counter % (1 << 32), micros, self.lit(self._done - half), False,

@@ -79,6 +79,7 @@ def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Da
         "unit": recordings[0].unit,
         "layout": known,
         "begun": session.begun,
+        "reference": dict(zip(session.channels, session.reference, strict=True)),
         "cameras": [camera.name for camera in session.rig.cameras],
         "version": quality.get("version"),
         "aligned_by": quality.get("aligned_by"),

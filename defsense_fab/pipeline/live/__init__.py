@@ -1,0 +1,1 @@
+"""A device live: its model and build, the loop from samples to outputs, the view."""

@@ -1,0 +1,114 @@
+"""What a live loop knows of its device: the trained model, and what the build says of its poses,
+its surface and its cords."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.device import Device
+from ...core.device_file import load_device
+from ...core.errors import LiveError
+from ...core.mesh import Surface
+from ...decoding.trained_model import TrainedModel
+from ...runtime.controls.pose_basis import PoseBasis, PoseRamp
+from ..artifacts.build_folder import build_folder
+from ..artifacts.layout import LAYOUT, layout_hash, load_layout
+from ..train.models.model_file import load_model
+from ..twin.simulated_device import SimulatedDevice, simulated_device
+
+
+@dataclass(frozen=True)
+class LiveCord:
+    """A cord's `path` (p, 3) mm at rest, and its displacements (s, p, 3) mm in the states."""
+
+    name: str
+    path: Float
+    moved: Float
+
+
+@dataclass(frozen=True)
+class LiveDevice:
+    """The `model`; of its `device`, where its build is known: the surface at `rest`, displacements
+    `states` (s, v, 3) mm of its vertices in all simulated states, `poses` at the model's markers,
+    and the `cords`. `wired` are the channels' names in the order in which the read-out board has
+    them; `reference` (c,) ohm of the dividers and `trained_rest` (c,) ohm, in the model's order,
+    where the training tells them."""
+
+    model: TrainedModel
+    device: Device | None
+    rest: Surface | None
+    states: Float | None
+    poses: PoseBasis | None
+    cords: tuple[LiveCord, ...]
+    wired: tuple[str, ...]
+    reference: Float | None
+    trained_rest: Float | None
+
+
+def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
+    """Of a model's file or folder, and the device's `folder`; that in which the model lies, where
+    it is a device's. Raises LiveError for a model of another device or of other cords,
+    TrainingError for what is no model, CaptureError for a device that is not built."""
+    model = load_model(path)
+    own = folder or _beside(path)
+    reference, rest = _told(model)
+    if own is None:
+        return LiveDevice(model, None, None, None, None, (), model.channels, reference, rest)
+    device = load_device(own)
+    if device.name != model.device:
+        raise LiveError(
+            f"{path}: is a model of {model.device}, and {own} is {device.name}; give --device the"
+            " folder of the device that it was trained on"
+        )
+    built = build_folder(device)
+    if not (built / LAYOUT).exists():
+        if folder is None:
+            return LiveDevice(model, device, None, None, None, (), model.channels, reference, rest)
+        raise LiveError(f"{own}: is not built; run 'defsense build {own}'")
+    layout = load_layout(built, LiveError)
+    if model.layout and model.layout != layout_hash(layout):
+        raise LiveError(
+            f"{path}: was trained with other cords ({model.layout}) than {built} has"
+            f" ({layout_hash(layout)}); give --device the build that it was recorded with, or"
+            " record and train anew"
+        )
+    wired = tuple(cord.name for cord in layout.by_channel())
+    if set(wired) != set(model.channels):
+        raise LiveError(
+            f"{path}: knows the channels {', '.join(model.channels)}, and {own} has"
+            f" {', '.join(wired)}; train with all of this device's cords"
+        )
+    found = simulated_device(device, model.rest_points)
+    cords = tuple(
+        LiveCord(name, cord.path, moved)
+        for name, cord, moved in zip(found.names, found.cords, found.moved, strict=True)
+    )
+    return LiveDevice(
+        model, device, found.rest, found.skin, _poses(found), cords, wired, reference, rest
+    )
+
+
+def _beside(path: Path) -> Path | None:
+    folder = path if path.is_dir() else path.parent
+    return folder if (folder / "device.toml").exists() else None
+
+
+def _poses(found: SimulatedDevice) -> PoseBasis:
+    ramps = tuple(PoseRamp(r.levels, found.shown[r.states]) for r in found.ramps)
+    return PoseBasis(tuple(r.name for r in found.ramps), ramps)
+
+
+def _told(model: TrainedModel) -> tuple[Float | None, Float | None]:
+    """Resistors and R0 of the last session that it was trained on."""
+    c = len(model.channels)
+    resistors: Float | None = None
+    for session in model.told.get("provenance", {}).get("sessions", ()):
+        by = session.get("reference") or {}
+        if set(model.channels) <= set(by):
+            resistors = np.array([float(by[name]) for name in model.channels])
+    rests = [np.array(r, float) for r in model.told.get("R0", {}).values() if len(r) == c]
+    return resistors, rests[-1] if rests else None

@@ -1,0 +1,185 @@
+"""From a sample of the read-out board to a frame: rest and drift, faults, the decoder that is fit
+for both, and how far it is to be believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.errors import LiveError
+from ...decoding.trained_model import Branch, Decoded, ModelStream, TrainedModel, decoded
+from ...sensing.signal import relative_change
+from .live_fault_words import fault_told
+from .live_faults import SWAPPED, LiveFault, LiveFaults
+from .live_frame import LiveFrame, Quality
+from .rest_tracker import Rest, RestTracker, drift_told
+from .swap_watch import SwapWatch
+
+_UNTRAINED = 1.0  # distance from the training; 1 % of the training's own lie beyond it
+_SMOOTH = 0.3  # s over which the distance is averaged for that
+_REPLACED = 0.15  # relative change of R0 from the training's that is no drift
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One of the read-out board: its clock `time` (s), resistances (c,) ohm in the model's order of
+    channels, and when it arrived (s, `time.monotonic`)."""
+
+    time: float
+    ohms: Float
+    arrived: float
+
+
+class LiveDecoder:
+    """Decodes samples one after another. `rest` (c,): R0 in ohm where it is known; otherwise the
+    device must lie at rest for two seconds first. `trained_rest` (c,) is that of the training, to
+    compare with. Without `fallback` a cord that fails is told, and nothing else is done."""
+
+    def __init__(
+        self, model: TrainedModel, rest: Float | None = None, trained_rest: Float | None = None,
+        *, track: bool = True, fallback: bool = True,
+    ) -> None:  # fmt: skip
+        c = len(model.channels)
+        for name, values in (("rest", rest), ("trained_rest", trained_rest)):
+            if values is not None and np.shape(values) != (c,):
+                raise LiveError(f"{name}: {np.size(values)} resistances for {c} channels")
+        span = np.maximum(model.main.range.high - model.main.range.low, 1e-6)
+        self.model = model
+        self._rest, self._fixed = RestTracker(span, rest), not track
+        self._rest_ohms = None if rest is None else np.asarray(rest, float)
+        self._trained_rest, self._fallback = trained_rest, fallback
+        self._faults, self._swaps = LiveFaults(model.faults, c), SwapWatch(model)
+        lost: list[str | None] = [None, *(n for n in model.channels if n in model.without)]
+        self._streams = {name: _Stream(model, name) for name in lost}
+        self._swapped: tuple[int, int] | None = None
+        self._found: list[LiveFault] = []
+        self._number, self._distance = 0, 0.0
+        self._last: Decoded | None = None
+        self._last_time = -np.inf
+        self._ids = tuple(int(i) for i in model.ids)
+
+    @property
+    def rested(self) -> bool:
+        """Whether R0 is known: before that, frames are lost."""
+        return self._rest_ohms is not None
+
+    def __call__(self, sample: Sample) -> LiveFrame | None:
+        """The frame; None for a sample that is not later than the one before. Raises
+        LiveError for another number of channels than the model has."""
+        model, c = self.model, len(self.model.channels)
+        if sample.ohms.shape != (c,):
+            raise LiveError(
+                f"{sample.ohms.size} channels arrive, and {model.device}'s model was trained on"
+                f" {c} ({', '.join(model.channels)}): connect its cords, and no others"
+            )
+        if not sample.time > self._last_time:
+            return None
+        since, self._last_time = sample.time - self._last_time, sample.time
+        rest = self._rest(sample.time, sample.ohms, self._lost_channels())
+        if self._rest_ohms is None or not self._fixed:
+            self._rest_ohms = rest.ohms
+        self._number += 1
+        if self._rest_ohms is None:
+            return self._waiting(sample)
+        known = np.isfinite(sample.ohms) & (sample.ohms > 0)
+        with np.errstate(all="ignore"):
+            signals = relative_change(sample.ohms, self._rest_ohms)
+        found = self._found = self._faults(sample.time, sample.ohms, signals)
+        signals = np.where(known, signals, np.nan)
+        self._note_swap(sample.time, found, signals)
+        return self._frame(sample, since, signals, rest, found)
+
+    def _lost_channels(self) -> frozenset[int]:
+        return frozenset(c for f in self._found for c in f.channels)
+
+    def _note_swap(self, time: float, found: list[LiveFault], signals: Float) -> None:
+        at_once = next((f.channels for f in found if f.kind == SWAPPED), None)
+        slow = self._swaps(time, self.model.corrected(signals)) if not found else None
+        if at_once is not None:
+            self._swapped = (at_once[0], at_once[1])
+        elif slow is not None:
+            self._swapped = slow
+        elif not any(f.kind == SWAPPED for f in found) and self._distance < _UNTRAINED:
+            self._swapped = None
+
+    def _frame(
+        self, sample: Sample, since: float, signals: Float, rest: Rest, found: list[LiveFault]
+    ) -> LiveFrame:
+        model = self.model
+        faults = [f for f in found if f.kind != SWAPPED]
+        notes = [fault_told(model.channels, f.kind, f.channels) for f in faults]
+        if self._swapped is not None:
+            notes.append(fault_told(model.channels, SWAPPED, self._swapped))
+        decoded_all = {n: s(sample.time, signals) for n, s in self._streams.items()}
+        lost, quality = None, Quality.TRUSTED
+        names = [model.channels[f.channels[0]] for f in faults]
+        if len(names) == 1 and names[0] in self._streams and self._fallback:
+            lost, quality = names[0], Quality.FALLBACK
+        elif names and self._fallback:
+            quality = Quality.LOST
+            if len(names) == 1:
+                notes.append("the model has no decoder without that cord")
+        now = decoded_all[lost]
+        if self._swapped is not None:
+            quality = Quality.LOST
+        if not np.isfinite(now.points).all() or quality == Quality.LOST:
+            quality = Quality.LOST
+            now = self._last or now
+        else:
+            self._last = now
+        self._follow_distance(float(now.distance[0]), since)
+        if quality == Quality.TRUSTED and self._distance > _UNTRAINED:
+            quality = Quality.UNTRAINED
+            notes.append("the readings are outside of what the model was trained on")
+        drift = drift_told(model.channels, rest.drift)
+        notes += [drift] if drift else []
+        notes += self._replaced()
+        return self._made(sample, signals, now, quality, lost, tuple(notes))
+
+    def _follow_distance(self, distance: float, since: float) -> None:
+        if np.isfinite(distance):
+            self._distance += (distance - self._distance) * -np.expm1(-since / _SMOOTH)
+
+    def _replaced(self) -> list[str]:
+        if self._trained_rest is None or self._rest_ohms is None:
+            return []
+        off = self._rest_ohms / self._trained_rest - 1
+        return [
+            f"{name} has {100 * d:+.0f} % of its resistance at rest in training: if the cord was"
+            " replaced, run 'defsense recalibrate'"
+            for name, d in zip(self.model.channels, off, strict=True)
+            if abs(d) > _REPLACED
+        ]
+
+    def _waiting(self, sample: Sample) -> LiveFrame:
+        c = len(self.model.channels)
+        points = self.model.rest_points[None]
+        none = np.full((1, len(self._ids)), np.nan)
+        now = Decoded(points, none, np.array([np.nan]))
+        note = "leave the device at rest for two seconds: its resistances at rest are measured"
+        return self._made(sample, np.full(c, np.nan), now, Quality.LOST, None, (note,))
+
+    def _made(
+        self, sample: Sample, signals: Float, now: Decoded, quality: Quality, lost: str | None,
+        notes: tuple[str, ...],
+    ) -> LiveFrame:  # fmt: skip
+        return LiveFrame(
+            self.model.device, self._number, sample.time, sample.arrived, self.model.channels,
+            sample.ohms, signals, self._ids, now.points[0], now.radius[0], float(now.distance[0]),
+            quality, lost, notes=notes,
+        )  # fmt: skip
+
+
+class _Stream:
+    """One branch's memory and decoder. It starts anew when its channels were gone."""
+
+    def __init__(self, model: TrainedModel, lost: str | None) -> None:
+        self._model, self._lost = model, lost
+        self._branch: Branch = model.branch(lost)
+        self._stream: ModelStream = model.stream(lost)
+
+    def __call__(self, time: float, signals: Float) -> Decoded:
+        z = self._stream.inputs(time, signals)
+        return decoded(self._branch, z[None], len(self._model.ids))

@@ -1,0 +1,100 @@
+"""The resistances at rest, R0, that live signals refer to: measured first, and followed as cords
+drift.
+
+Rubber cords drift by per cents in hours, more than some poses change them. What a device says while
+it lies still near its rest is its rest; so R0 follows there, slowly, and stays elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.arrays import Float
+
+_WINDOW = 1.5  # s in which a device that rests hardly changes
+_STILL = 0.015  # of what a channel spans in training, peak to peak without noise
+_NOISY = 6.0  # peak to peak of noise of a standard deviation of one, at most
+_NEAR = 0.12  # of that span: farther away it is no rest
+_FOLLOWS = 15.0  # s of rest after which R0 has followed by 63 %
+_DRIFTED = 0.01  # relative change of R0 that is told
+_LEAST = 10  # samples
+
+
+@dataclass(frozen=True)
+class Rest:
+    """R0 (c,) ohm, None until it was measured; whether the device rests now; by how much R0 has
+    changed (c,) since it was measured, relative."""
+
+    ohms: Float | None
+    resting: bool
+    drift: Float
+
+
+class RestTracker:
+    """Of channels that span `span` (c,) of (R - R0)/R0 in training. `ohms` (c,): R0 where it is
+    known; otherwise it is the median of the first time that nothing changes."""
+
+    def __init__(self, span: Float, ohms: Float | None = None) -> None:
+        self._span = np.maximum(span, 1e-6)
+        self._first = self._now = None if ohms is None else np.asarray(ohms, float)
+        self._window: deque[tuple[float, Float]] = deque()
+        self._checked, self._resting = -np.inf, False
+
+    def __call__(self, time: float, ohms: Float, lost: frozenset[int] = frozenset()) -> Rest:
+        """Of the sample (c,) ohm at a time, s, later than the one before; channels in `lost` say
+        nothing."""
+        if self._window and time - self._window[-1][0] > _WINDOW:
+            self._window.clear()
+        self._window.append((time, ohms))
+        while time - self._window[0][0] > _WINDOW:
+            self._window.popleft()
+        if time - self._checked >= 0.1:
+            self._look(time - self._checked, lost)
+            self._checked = time
+        return self._told()
+
+    def _told(self) -> Rest:
+        if self._first is None or self._now is None:
+            return Rest(None, self._resting, np.zeros(len(self._span)))
+        return Rest(self._now, self._resting, self._now / self._first - 1)
+
+    def _look(self, since: float, lost: frozenset[int]) -> None:
+        time = self._window[-1][0] - self._window[0][0]
+        good = [c for c in range(len(self._span)) if c not in lost]
+        self._resting = False
+        if time < 0.8 * _WINDOW or len(self._window) < _LEAST or not good:
+            return
+        R = np.array([ohms for _, ohms in self._window])[:, good]
+        if not np.isfinite(R).all() or (R <= 0).any():
+            return
+        middle = np.median(R, axis=0)
+        noise = np.std(np.diff(R, axis=0), axis=0) / np.sqrt(2)
+        moved = np.maximum(np.ptp(R, axis=0) - _NOISY * noise, 0) / middle
+        if (moved > _STILL * self._span[good]).any():
+            return
+        if self._now is None:
+            if len(good) == len(self._span):
+                self._first = self._now = middle
+                self._resting = True
+            return
+        off = middle / self._now[good] - 1
+        if (np.abs(off) > _NEAR * self._span[good]).any():
+            return
+        self._resting = True
+        follow = 1 - np.exp(-min(since, 0.2) / _FOLLOWS)
+        now = self._now.copy()
+        now[good] += follow * (middle - now[good])
+        self._now = now
+
+
+def drift_told(names: tuple[str, ...], drift: Float) -> str | None:
+    """A sentence of cords that have drifted, None where none has by 1 %."""
+    far = [
+        f"{name} by {100 * d:+.1f} %"
+        for name, d in zip(names, drift, strict=True)
+        if abs(d) >= _DRIFTED
+    ]
+    return f"drift of the rest reading is taken out: {', '.join(far)}" if far else None
