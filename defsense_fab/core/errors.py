@@ -43,6 +43,14 @@ class TrainingError(DefsenseError):
     """Recordings cannot be trained on, or a trained model cannot be used."""
 
 
+class ControlError(DefsenseError):
+    """A control, or an expression that it is made of, cannot be used."""
+
+
+class OutputError(DefsenseError):
+    """An output of the live loop cannot be opened, or was told something wrong."""
+
+
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
 
