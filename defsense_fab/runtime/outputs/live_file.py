@@ -32,8 +32,8 @@ from .settings import KINDS, GamepadMapping, MidiMapping, Settings
 _RECORDS = (MidiMapping, GamepadMapping)
 _CLASSES = {
     "osc": ("osc_output", "OscOutput"),
-    "websocket": ("websocket_output", "WebSocketOutput"),
-    "midi": ("midi_output", "MidiOutput"),
+    "websocket": ("websocket.websocket_output", "WebSocketOutput"),
+    "midi": ("midi.midi_output", "MidiOutput"),
     "lsl": ("lsl_output", "LslOutput"),
     "gamepad": ("gamepad_output", "GamepadOutput"),
 }

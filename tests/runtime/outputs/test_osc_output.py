@@ -44,6 +44,10 @@ def parse(data):
     return [(address, values)]
 
 
+def parse_all(datagrams):
+    return [one for data in datagrams for one in parse(data)]
+
+
 @pytest.fixture
 def receiver():
     """Two sockets: the receiver's and Wekinator's."""
@@ -83,7 +87,7 @@ def test_a_frame_arrives(receiver, opened):
     begun = time.time()
     opened().send(frame(7, quality=Quality.FALLBACK))
     data = drain(receiver[0], "/defsense/bar/time")
-    got = dict(sum(map(parse, data), []))
+    got = dict(parse_all(data))
     assert got.pop("/defsense/bar/control/bend") == [0.25]
     assert got.pop("/defsense/bar/control/twist") == [-0.5]
     assert got.pop("/defsense/bar/quality") == [1, "fallback"]
@@ -105,7 +109,7 @@ def test_wekinator(receiver, opened):
 
 def test_touchosc_and_confidence(receiver, opened):
     opened(send=("touchosc", "confidence")).send(frame(1))
-    got = dict(sum(map(parse, drain(receiver[0], "/defsense/bar/time")), []))
+    got = dict(parse_all(drain(receiver[0], "/defsense/bar/time")))
     assert got["/1/fader1"] == [0.25]
     assert got["/1/fader2"] == [-0.5]
     assert got["/defsense/bar/confidence/twist"] == pytest.approx([0.8])
@@ -117,7 +121,7 @@ def test_many_markers_go_into_several_datagrams(receiver, opened):
     assert len(data) > 3
     assert max(map(len, data)) <= 1400
     assert len({d[8:16] for d in data}) == 1  # one time
-    assert len(sum(map(parse, data), [])) == 201
+    assert len(parse_all(data)) == 201
 
 
 def test_what_is_no_number(receiver, opened):
@@ -131,7 +135,7 @@ def test_what_is_no_number(receiver, opened):
         confidence={},
     )
     opened().send(bad)
-    got = dict(sum(map(parse, drain(receiver[0], "/defsense/my_b_r__1/time")), []))
+    got = dict(parse_all(drain(receiver[0], "/defsense/my_b_r__1/time")))
     base = "/defsense/my_b_r__1"
     assert got[f"{base}/marker/0"] == [0, 0, 0, 0]
     assert f"{base}/marker/1" not in got
