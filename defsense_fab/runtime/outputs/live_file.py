@@ -137,11 +137,11 @@ def _open(kind: str, settings: Settings) -> Output:
         opener: Callable[[Settings], Output] = getattr(
             import_module(f".{module}", __package__), name
         )
+        return opener(settings)
     except ImportError as error:
         raise OutputError(
             f"{kind}: needs the package {error.name}; pip install 'defsense-fab[live]' brings it"
         ) from None
-    return opener(settings)
 
 
 def _record(t: Table, kind: type[Any]) -> Any:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Protocol
 
-from ..frames.live_frame import LiveFrame
+from ..frames.live_frame import LiveFrame, Quality
 
 
 class Output(Protocol):
@@ -25,6 +26,25 @@ class Output(Protocol):
     def send(self, frame: LiveFrame) -> None: ...
 
     def close(self) -> None: ...
+
+
+def signals_of(frame: LiveFrame) -> dict[str, float]:
+    """What mappings can name: the controls, and "quality", 1 the best to 0 the worst, unless a
+    control has that name."""
+    best = max(q.level for q in Quality)
+    return {"quality": frame.quality.level / best} | {
+        name: finite(value) for name, value in frame.controls.items()
+    }
+
+
+def unknown_controls(kind: str, asked: Iterable[str], frame: LiveFrame) -> str | None:
+    """A sentence of controls that a mapping names and that are not there, None where all are."""
+    there = signals_of(frame)
+    missing = sorted({name for name in asked if name not in there})
+    if not missing:
+        return None
+    words = ", ".join(map(repr, missing))
+    return f"{kind}: there is no control {words}; mappings can name: {', '.join(there)}"
 
 
 def finite(value: float) -> float:
