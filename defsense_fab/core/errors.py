@@ -47,6 +47,14 @@ class LiveError(DefsenseError):
     """A device cannot run live with this model, port or output."""
 
 
+class ControlError(DefsenseError):
+    """A control, or an expression that it is made of, cannot be used."""
+
+
+class OutputError(DefsenseError):
+    """An output of the live loop cannot be opened, or was told something wrong."""
+
+
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
 

@@ -1,0 +1,1 @@
+"""Named signals of a deformation: how far it is bent, twisted, pulled."""

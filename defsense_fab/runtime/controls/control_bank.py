@@ -1,0 +1,127 @@
+"""Markers in, named controls out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from keyword import iskeyword
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.errors import ControlError
+from .expressions import Expression, compile_expression
+from .one_euro import OneEuro
+from .pose_amplitudes import Amplitudes, PoseAmplitudes
+from .pose_basis import PoseBasis
+from .shaping import Shaping
+
+_NAME = re.compile(r"[A-Za-z_]\w{0,40}", re.ASCII)
+
+
+@dataclass(frozen=True)
+class ControlSpec:
+    """A control by its name: a formula of poses' amplitudes and of controls before it, and how its
+    value is shaped."""
+
+    name: str
+    formula: str
+    shaping: Shaping = field(default_factory=Shaping)
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name) or iskeyword(self.name):
+            raise ControlError(
+                f"{self.name!r} cannot name a control; use letters, digits and _, a letter first"
+                " (and no word of Python)"
+            )
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Values and confidences (0..1) by the controls' names, and the amplitudes behind them."""
+
+    values: Mapping[str, float]
+    confidence: Mapping[str, float]
+    amplitudes: Amplitudes
+
+
+class ControlBank:
+    """Controls of a device whose markers are at `rest` (m, 3) mm and which has these poses.
+
+    Without `specs` each pose is a control. `independent` is as in `PoseAmplitudes`: the number of
+    cords where markers are decoded from them.
+    """
+
+    def __init__(
+        self,
+        basis: PoseBasis,
+        rest: Float,
+        specs: Sequence[ControlSpec] = (),
+        independent: int | None = None,
+    ) -> None:
+        self._rest = np.asarray(rest, float)
+        if self._rest.shape != basis.values.shape[2:]:
+            raise ControlError(
+                f"{self._rest.shape[0]} markers at rest, and poses of {basis.values.shape[2]}"
+            )
+        self._poses = PoseAmplitudes(basis, independent)
+        self._pose_names = [plain_name(name) for name in basis.names]
+        self._entries = _compiled(self._pose_names, specs or default_specs(basis.names))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(entry.spec.name for entry in self._entries)
+
+    def update(self, markers: Float, sd: Float, time: float) -> Controls:
+        """Controls of `markers` (m, 3) mm in the rest frame at `time` (s); `sd` (m,) mm is the
+        standard deviation of each coordinate (the radius of a 90 % interval over RADIUS_90)."""
+        found = self._poses(markers - self._rest, sd)
+        poses = self._pose_names
+        known = dict(zip(poses, found.values.tolist(), strict=True))
+        sure = dict(zip(poses, found.confidence.tolist(), strict=True))
+        values: dict[str, float] = {}
+        confidence: dict[str, float] = {}
+        for entry in self._entries:
+            name = entry.spec.name
+            smooth = entry.smooth(entry.formula(known), time)
+            values[name] = entry.spec.shaping(smooth)
+            confidence[name] = min((sure[n] for n in entry.formula.names), default=1.0)
+            # A control named like a pose does not hide the pose from the formulas after it.
+            known.setdefault(name, values[name])
+            sure.setdefault(name, confidence[name])
+        return Controls(values, confidence, found)
+
+
+@dataclass(frozen=True)
+class _Entry:
+    spec: ControlSpec
+    formula: Expression
+    smooth: OneEuro
+
+
+def default_specs(poses: Sequence[str]) -> list[ControlSpec]:
+    """A control for each pose, named like it."""
+    return [ControlSpec(plain_name(name), plain_name(name)) for name in poses]
+
+
+def plain_name(name: str) -> str:
+    """A pose's name as it stands in formulas: "bend-up" is bend_up there, "in" is in_."""
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    plain = f"pose_{plain}" if not plain[:1].isalpha() else plain
+    return f"{plain}_" if iskeyword(plain) else plain
+
+
+def _compiled(poses: Sequence[str], specs: Sequence[ControlSpec]) -> list[_Entry]:
+    known, entries = list(poses), list[_Entry]()
+    for spec in specs:
+        if spec.name in [e.spec.name for e in entries]:
+            raise ControlError(f"control {spec.name!r} is there twice; choose another name")
+        try:
+            formula = compile_expression(spec.formula, known)
+        except ControlError as error:
+            raise ControlError(f"control {spec.name!r}: {error}") from None
+        shaping = spec.shaping
+        entries.append(_Entry(spec, formula, OneEuro(shaping.smoothing, shaping.quickness)))
+        known.append(spec.name)
+    return entries

@@ -1,0 +1,168 @@
+"""Small formulas of named numbers, such as "bend_up - bend_down" or "clip(2 * twist, 0, 1)".
+
+A formula is read by Python's parser and turned into nested functions once; nothing but the listed
+operations and functions is accepted, and no text is ever executed.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import math
+import operator
+import warnings
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import NoReturn
+
+from ...core.errors import ControlError
+
+Values = Mapping[str, float]
+Evaluate = Callable[[Values], float]
+
+_LONGEST, _DEEPEST = 500, 40  # characters; operations inside each other
+
+_TWO: dict[type, Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: math.pow,
+}
+_ONE: dict[type, Callable[[float], float]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+_COMPARED: dict[type, Callable[[float, float], bool]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}
+
+
+def _clip(x: float, low: float, high: float) -> float:
+    return min(max(x, low), high)
+
+
+#: Function, least and greatest number of arguments.
+_FUNCTIONS: dict[str, tuple[Callable[..., float], int, int]] = {
+    "min": (min, 2, 20),
+    "max": (max, 2, 20),
+    "abs": (abs, 1, 1),
+    "clip": (_clip, 3, 3),
+}
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A formula that was checked: its text, and the names that it uses."""
+
+    text: str
+    names: frozenset[str]
+    evaluate: Evaluate
+
+    def __call__(self, values: Values) -> float:
+        """Its value; 0 where that is no finite number, as of a division by nothing."""
+        try:
+            value = self.evaluate(values)
+        except (ArithmeticError, ValueError):
+            return 0.0
+        return value if math.isfinite(value) else 0.0
+
+
+def compile_expression(text: str, known: Collection[str]) -> Expression:
+    """The formula `text` of `known` names. Raises ControlError with the column of what is wrong."""
+    if len(text) > _LONGEST:
+        raise ControlError(f"a formula has {len(text)} characters; {_LONGEST} is the limit")
+    line = " ".join(text.splitlines())  # a formula may go over several lines, as it may in a file
+    indent = len(line) - len(line.lstrip())
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of numbers that run into words: refused below
+            tree = ast.parse(line[indent:], mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        column = max(getattr(error, "offset", None) or 1, 1) + indent
+        why = getattr(error, "msg", None) or str(error)
+        raise ControlError(f"{text!r}, column {column}: is no formula ({why})") from None
+    builder = _Builder(text, indent, known)
+    evaluate = builder.build(tree, 0)
+    return Expression(text, frozenset(builder.used), evaluate)
+
+
+class _Builder:
+    """Turns the nodes of one formula into functions."""
+
+    def __init__(self, text: str, indent: int, known: Collection[str]) -> None:
+        self._text, self._indent, self._known = text, indent, known
+        self.used: set[str] = set()
+
+    def build(self, node: ast.AST, depth: int) -> Evaluate:
+        if depth > _DEEPEST:
+            self._fail(node, f"more than {_DEEPEST} operations inside each other; use two controls")
+        if isinstance(node, ast.Constant):
+            return self._number(node)
+        if isinstance(node, ast.Name):
+            return self._name(node)
+        if isinstance(node, ast.UnaryOp) and type(node.op) in _ONE:
+            sign, inner = _ONE[type(node.op)], self.build(node.operand, depth + 1)
+            return lambda values: sign(inner(values))
+        if isinstance(node, ast.BinOp) and type(node.op) in _TWO:
+            join = _TWO[type(node.op)]
+            left, right = self.build(node.left, depth + 1), self.build(node.right, depth + 1)
+            return lambda values: join(left(values), right(values))
+        if isinstance(node, ast.Compare) and all(type(op) in _COMPARED for op in node.ops):
+            return self._comparison(node, depth)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            return self._call(node, node.func.id, depth)
+        return self._fail(
+            node,
+            "cannot be used here; there are numbers, names, + - * / **, < <= > >= == !=, and"
+            f" {', '.join(_FUNCTIONS)}",
+        )
+
+    def _number(self, node: ast.Constant) -> Evaluate:
+        # A bool is an int, too; integers beyond a float would overflow.
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            self._fail(node, f"{node.value!r} is no number")
+        try:
+            number = float(node.value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            self._fail(node, "the number is too large")
+        return lambda _values: number
+
+    def _name(self, node: ast.Name) -> Evaluate:
+        name = node.id
+        if name not in self._known:
+            near = difflib.get_close_matches(name, sorted(self._known), n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            there = ", ".join(sorted(self._known)) or "none"
+            self._fail(node, f"there is no {name!r}; {hint}names are: {there}")
+        self.used.add(name)
+        return lambda values: values[name]
+
+    def _comparison(self, node: ast.Compare, depth: int) -> Evaluate:
+        parts = [self.build(n, depth + 1) for n in (node.left, *node.comparators)]
+        tests = [_COMPARED[type(op)] for op in node.ops]
+
+        def compare(values: Values) -> float:
+            numbers = [part(values) for part in parts]
+            pairs = zip(tests, numbers[:-1], numbers[1:], strict=True)
+            return float(all(test(a, b) for test, a, b in pairs))
+
+        return compare
+
+    def _call(self, node: ast.Call, name: str, depth: int) -> Evaluate:
+        if name not in _FUNCTIONS:
+            self._fail(node, f"there is no function {name!r}; there is: {', '.join(_FUNCTIONS)}")
+        function, least, most = _FUNCTIONS[name]
+        if node.keywords or not least <= len(node.args) <= most:
+            count = f"{least}" if least == most else f"{least} or more"
+            self._fail(node, f"{name} takes {count} values, in their order")
+        arguments = [self.build(n, depth + 1) for n in node.args]
+        return lambda values: function(*(argument(values) for argument in arguments))
+
+    def _fail(self, node: ast.AST, problem: str) -> NoReturn:
+        column = getattr(node, "col_offset", 0) + self._indent + 1
+        raise ControlError(f"{self._text!r}, column {column}: {problem}")

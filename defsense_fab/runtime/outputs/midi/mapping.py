@@ -1,0 +1,96 @@
+"""Controls to MIDI messages: control changes, and notes where a threshold is crossed."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ...frames.live_frame import LiveFrame
+from ..output import signals_of
+from ..settings import MidiMapping
+
+NOTE_OFF, NOTE_ON, CONTROL_CHANGE = 0x80, 0x90, 0xB0
+
+#: Control changes that MIDI leaves undefined, in which nothing else listens.
+FREE = (*range(20, 32), *range(85, 91), *range(102, 119))
+QUALITY = 119
+
+_WINDOW = 0.1  # s over which a note's speed is taken
+_FULL_SPEED = 8.0  # of the range per second: the loudest
+
+
+def default_mapping(frame: LiveFrame) -> list[MidiMapping]:
+    """The controls in their order become undefined control changes; the quality is the last."""
+    names = [name for name in frame.controls if name != "quality"]
+    out = [MidiMapping(name, cc=cc) for name, cc in zip(names, FREE, strict=False)]
+    return [*out, MidiMapping("quality", cc=QUALITY)]
+
+
+@dataclass
+class _State:
+    """Of one mapping: what was sent last, whether its note sounds, and values (s, 0..1) of late."""
+
+    sent: int | None = None
+    sounds: bool = False
+    late: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=200))
+
+
+class MidiMapper:
+    """Turns frames into messages, each only when it changes."""
+
+    def __init__(self, mapping: Sequence[MidiMapping]) -> None:
+        self._states = [(one, _State()) for one in mapping]
+
+    def messages(self, frame: LiveFrame) -> list[bytes]:
+        """Three bytes each. Controls that the frame does not have are left out."""
+        values, out = signals_of(frame), list[bytes]()
+        for one, state in self._states:
+            if one.control not in values:
+                continue
+            value = values[one.control]
+            scaled = (value - one.low) / (one.high - one.low)
+            if one.cc is not None:
+                number = round(127 * min(max(scaled, 0.0), 1.0))
+                if number != state.sent:
+                    state.sent = number
+                    out.append(bytes([CONTROL_CHANGE | (one.channel - 1), one.cc, number]))
+            else:
+                out += _note(one, state, value, scaled, frame.time)
+        return out
+
+    def silence(self) -> list[bytes]:
+        """Ends notes that sound, and forgets what was sent: all of it is sent again."""
+        out = []
+        for one, state in self._states:
+            if state.sounds and one.note is not None:
+                out.append(bytes([NOTE_OFF | (one.channel - 1), one.note, 0]))
+            state.sent, state.sounds = None, False
+            state.late.clear()
+        return out
+
+
+def _note(one: MidiMapping, state: _State, value: float, scaled: float, time: float) -> list[bytes]:
+    late = state.late
+    if late and time < late[-1][0]:  # the board was reset
+        late.clear()
+    while len(late) > 1 and late[0][0] < time - _WINDOW:
+        late.popleft()
+    late.append((time, scaled))
+    assert one.note is not None
+    if not state.sounds and value > one.threshold:
+        state.sounds = True
+        return [bytes([NOTE_ON | (one.channel - 1), one.note, _velocity(late)])]
+    if state.sounds and value < one.threshold - one.hysteresis:
+        state.sounds = False
+        return [bytes([NOTE_OFF | (one.channel - 1), one.note, 0])]
+    return []
+
+
+def _velocity(late: deque[tuple[float, float]]) -> int:
+    """1 to 127 by the speed; in between where nothing is known of it. 0 would end the note."""
+    (begin, first), (end, last) = late[0], late[-1]
+    if end <= begin:
+        return 64
+    speed = abs(last - first) / (end - begin)
+    return max(1, round(127 * min(1.0, speed / _FULL_SPEED)))

@@ -1,0 +1,145 @@
+"""An output on a thread of its own, which gets the newest frame and never holds the loop up."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ...core.errors import DefsenseError
+from ..frames.live_frame import LiveFrame
+from .output import Output
+
+_SOON, _LATER = 0.1, 5.0  # s before the first new attempt, and at most
+_HANGS = 3.0  # s after which a thread that does not come back is left to itself
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class OutputStatistics:
+    """Frames `given` by the loop, `sent`, and `dropped` because a newer one came or the output was
+    in trouble; `failures` to open or to send."""
+
+    given: int
+    sent: int
+    dropped: int
+    failures: int
+
+
+class NewestWins:
+    """Opens an output on a thread, and gives it frames there.
+
+    There is room for one frame: a newer one takes its place. An output that cannot be opened, or
+    that raises, is told as `trouble` and tried again, after 0.1 s and then ever later up to 5 s.
+    `rate` (Hz) limits how often frames are sent; 0 is no limit.
+    """
+
+    def __init__(self, name: str, opener: Callable[[], Output], rate: float = 0.0) -> None:
+        self.name = name
+        self._opener, self._pause = opener, 1 / rate if rate > 0 else 0.0
+        self._output: Output | None = None
+        self._frame: LiveFrame | None = None
+        self._given = self._sent = self._failures = 0
+        self._sending = False
+        self._failure: str | None = None
+        self._changed, self._stop = threading.Condition(), False
+        self._tried = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"output {name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def trouble(self) -> str | None:
+        if self._failure is not None:
+            return self._failure
+        return self._output.trouble if self._output is not None else None
+
+    @property
+    def about(self) -> str:
+        output = self._output
+        return output.about if output is not None else f"{self.name}: is not open"
+
+    @property
+    def statistics(self) -> OutputStatistics:
+        with self._changed:
+            under_way = (self._frame is not None) + self._sending
+            dropped = self._given - self._sent - under_way
+            return OutputStatistics(self._given, self._sent, dropped, self._failures)
+
+    def send(self, frame: LiveFrame) -> None:
+        with self._changed:
+            self._given += 1
+            self._frame = frame
+            self._changed.notify()
+
+    def wait_until_tried(self, seconds: float) -> bool:
+        """Whether the output was opened, or could not be, within so many seconds: `about` and
+        `trouble` are known from then on."""
+        return self._tried.wait(seconds)
+
+    def close(self) -> None:
+        """End the thread and close the output. One that hangs in a driver is left to itself."""
+        with self._changed:
+            self._stop = True
+            self._changed.notify()
+        self._thread.join(_HANGS)
+
+    def _run(self) -> None:
+        wait = _SOON
+        while not self._stop:
+            try:
+                if self._output is None:
+                    self._output = self._opener()
+                    self._failure = None
+                    self._tried.set()
+                frame = self._next()
+                if frame is None:
+                    continue
+                begun = time.monotonic()
+                self._output.send(frame)
+            except Exception as error:  # an output's own, of whatever kind: the loop goes on
+                self._fail(error)
+                self._rest(wait)
+                wait = min(2 * wait, _LATER)
+                continue
+            with self._changed:
+                self._sent, self._sending = self._sent + 1, False
+            self._failure, wait = None, _SOON
+            self._rest(self._pause - (time.monotonic() - begun))
+        self._shut()
+
+    def _next(self) -> LiveFrame | None:
+        """The frame that waits; None when the output is to close."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._stop or self._frame is not None)
+            frame, self._frame = self._frame, None
+            self._sending = True
+            return None if self._stop else frame
+
+    def _rest(self, seconds: float) -> None:
+        if seconds > 0:
+            with self._changed:
+                self._changed.wait_for(lambda: self._stop, seconds)
+
+    def _fail(self, error: Exception) -> None:
+        told = str(error) if isinstance(error, DefsenseError) else f"{self.name}: {_words(error)}"
+        if told != self._failure:
+            _log.warning("%s", told, exc_info=not isinstance(error, DefsenseError | OSError))
+        with self._changed:
+            self._failures, self._sending = self._failures + 1, False
+        self._failure = told
+        self._tried.set()
+
+    def _shut(self) -> None:
+        if self._output is None:
+            return
+        try:
+            self._output.close()
+        except Exception as error:  # what is closed need not work any more
+            _log.warning("%s: could not be closed: %s", self.name, _words(error))
+
+
+def _words(error: Exception) -> str:
+    text = str(error) or type(error).__name__
+    return " ".join(text.split())

@@ -1,0 +1,1 @@
+"""Frames as JSON over a WebSocket, with a page that shows them."""

@@ -1,0 +1,257 @@
+"""The WebSocket's server: an asyncio loop on a thread of its own, and a slot for each client."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import json
+import logging
+import socket
+import threading
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from ....core.errors import OutputError
+from ..settings import WebSocketSettings
+from .access import Access
+
+_LONGEST = 2048  # bytes of a client's message; nothing that is meant is longer
+_BUFFER = 65536  # bytes that the system keeps for a client that does not read
+_PATIENCE = 10.0  # s that a client may not read before it is closed
+_TOKEN_WAIT = 5.0  # s for the token in a first message
+_START = 10.0  # s
+_PAGE = Path(__file__).with_name("page.html")
+_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline';"
+    " connect-src 'self' ws:; base-uri 'none'; frame-ancestors 'none'"
+)
+
+
+@dataclass(eq=False)
+class Client:
+    """One that has passed: the newest text for it, and what was dropped since it did not read."""
+
+    connection: ServerConnection
+    text: str | None = None
+    fresh: asyncio.Event = field(default_factory=asyncio.Event)
+    dropped: int = 0
+
+    def offer(self, text: str) -> None:
+        self.dropped += self.text is not None
+        self.text = text
+        self.fresh.set()
+
+    async def forward(self) -> None:
+        """Send the newest text again and again; returns when the client does not read."""
+        while True:
+            await self.fresh.wait()
+            self.fresh.clear()
+            text, self.text = self.text, None
+            if text is not None:
+                try:
+                    async with asyncio.timeout(_PATIENCE):
+                        await self.connection.send(text)
+                except TimeoutError:
+                    return
+
+
+@dataclass
+class Counts:
+    """`served` clients in all; `refused`: wrong origin, no token, too many; `slow`: closed because
+    they did not read; `ignored` messages of clients; `dropped` frames over all clients."""
+
+    served: int = 0
+    refused: int = 0
+    slow: int = 0
+    ignored: int = 0
+    dropped: int = 0
+
+
+class WebSocketServer:
+    """Serves the page at / over HTTP, and frames to WebSocket clients, on one port."""
+
+    def __init__(self, settings: WebSocketSettings) -> None:
+        """Raises OutputError where the port is taken or the host is not this machine's."""
+        self.counts, self.access = Counts(), Access(settings)
+        self._settings, self._clients = settings, set[Client]()
+        self._connected = 0
+        self._page = _PAGE.read_text(encoding="utf-8")
+        self._loop = asyncio.new_event_loop()
+        self._stop, self._started = asyncio.Event(), threading.Event()
+        self._failure: OSError | None = None
+        self.port = settings.port
+        self._text: str | None = None
+        self._told = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="websocket", daemon=True)
+        self._thread.start()
+        if not self._started.wait(_START):
+            raise OutputError(f"websocket: does not start within {_START:g} s; try again")
+        if self._failure is not None:
+            self._thread.join(_START)
+            raise OutputError(_why(settings, self._failure))
+
+    @property
+    def clients(self) -> int:
+        return len(self._clients)
+
+    def publish(self, text: str) -> None:
+        """From any thread: the newest text for all clients. Returns at once."""
+        with self._told:
+            waiting, self._text = self._text is not None, text
+        if not waiting:
+            with contextlib.suppress(RuntimeError):  # closed meanwhile
+                self._loop.call_soon_threadsafe(self._spread)
+
+    def close(self) -> None:
+        if self._thread.is_alive():
+            with contextlib.suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(self._stop.set)
+            self._thread.join(_START)
+
+    def _run(self) -> None:
+        try:
+            self._loop.run_until_complete(self._serve())
+        except OSError as error:
+            self._failure = error
+        finally:
+            self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+            self._loop.close()
+            self._started.set()
+
+    async def _serve(self) -> None:
+        quiet = logging.getLogger(f"{__name__}.protocol")
+        quiet.disabled = True  # it would tell of everything that a stranger sends
+        async with serve(
+            self._client,
+            self._settings.host,
+            self._settings.port,
+            process_request=self._request,
+            compression=None,
+            max_size=_LONGEST,
+            max_queue=4,
+            open_timeout=5,
+            close_timeout=1,
+            server_header=None,
+            logger=quiet,
+        ) as server:
+            self.port = _port_of(server)
+            self._started.set()
+            await self._stop.wait()
+
+    def _request(self, connection: ServerConnection, request: Request) -> Response | None:
+        """The page, a refusal, or None: the WebSocket may open."""
+        headers = request.headers
+        host, origins = headers.get_all("Host"), headers.get_all("Origin")
+        why = self.access.refusal(host[0] if len(host) == 1 else "", origins)
+        if why is not None:
+            return self._refuse(connection, HTTPStatus.FORBIDDEN, why)
+        if "websocket" not in headers.get("Upgrade", "").lower():
+            if urlsplit(request.path).path != "/":
+                return connection.respond(HTTPStatus.NOT_FOUND, "the page is at /\n")
+            response = connection.respond(HTTPStatus.OK, self._page)
+            del response.headers["Content-Type"]
+            response.headers["Content-Type"] = "text/html; charset=utf-8"
+            response.headers["Content-Security-Policy"] = _POLICY
+            response.headers["Referrer-Policy"] = "no-referrer"
+            return response
+        if self._connected >= self._settings.max_clients:
+            why = f"there are {self._connected} clients already (max_clients)"
+            return self._refuse(connection, HTTPStatus.SERVICE_UNAVAILABLE, why)
+        return None
+
+    def _refuse(self, connection: ServerConnection, status: HTTPStatus, why: str) -> Response:
+        self.counts.refused += 1
+        return connection.respond(status, f"refused: {why}\n")
+
+    async def _client(self, connection: ServerConnection) -> None:
+        # Several may have passed the request while fewer were connected.
+        if self._connected >= self._settings.max_clients:
+            self.counts.refused += 1
+            await connection.close(1013, "too many clients")
+            return
+        self._connected += 1
+        try:
+            with contextlib.suppress(ConnectionClosed):
+                if await self._may_read(connection):
+                    await self._serve_client(connection)
+        finally:
+            self._connected -= 1
+
+    async def _may_read(self, connection: ServerConnection) -> bool:
+        request = connection.request
+        if request is not None and self.access.knows(request.path):
+            return True
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_TOKEN_WAIT):
+                if self.access.is_token(_token_in(await connection.recv())):
+                    return True
+        self.counts.refused += 1
+        await connection.close(1008, "the token is missing or wrong")
+        return False
+
+    async def _serve_client(self, connection: ServerConnection) -> None:
+        transport = connection.transport
+        raw = transport.get_extra_info("socket")
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
+        client = Client(connection)
+        self._clients.add(client)
+        self.counts.served += 1
+        listening = asyncio.create_task(self._listen(connection))
+        forwarding = asyncio.create_task(client.forward())
+        try:
+            await asyncio.wait([listening, forwarding], return_when=asyncio.FIRST_COMPLETED)
+            if forwarding.done() and not forwarding.exception():
+                self.counts.slow += 1
+                transport.abort()
+        finally:
+            self._clients.discard(client)
+            self.counts.dropped += client.dropped
+            for task in (listening, forwarding):
+                task.cancel()
+            await asyncio.gather(listening, forwarding, return_exceptions=True)
+
+    async def _listen(self, connection: ServerConnection) -> None:
+        """Nothing that clients say is meant for this; too long a message ends the connection."""
+        async for _ in connection:
+            self.counts.ignored += 1
+            await asyncio.sleep(0)  # others get their turn while one client floods
+
+    def _spread(self) -> None:
+        with self._told:
+            text, self._text = self._text, None
+        if text is not None:
+            for client in self._clients:
+                client.offer(text)
+
+
+def _token_in(message: str | bytes) -> str:
+    """Of a first message {"token": "..."}."""
+    try:
+        data = json.loads(message)
+    except (ValueError, RecursionError):
+        return ""
+    token = data.get("token") if isinstance(data, dict) else None
+    return token if isinstance(token, str) else ""
+
+
+def _port_of(server: Server) -> int:
+    return int(next(iter(server.sockets)).getsockname()[1])
+
+
+def _why(settings: WebSocketSettings, error: OSError) -> str:
+    where = f"port {settings.port} on {settings.host}"
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f"websocket: {where} is in use by another program; close that, or choose another port"
+            " (port = ...)"
+        )
+    if error.errno == errno.EACCES:
+        return f"websocket: you may not listen on {where}; choose a port above 1023 (port = ...)"
+    return f"websocket: cannot listen on {where} ({error.strerror or error}); is host right?"

@@ -1,0 +1,110 @@
+"""The virtual gamepad: its events, and machines that have none."""
+
+import sys
+import types
+
+import pytest
+
+from defsense_fab.core.errors import OutputError
+from defsense_fab.runtime.outputs.gamepad_output import GamepadOutput, default_mapping, events
+from defsense_fab.runtime.outputs.settings import GamepadMapping, GamepadSettings
+from tests.runtime.frames import frame
+
+
+def test_events():
+    mapping = [
+        GamepadMapping("bend", axis="x"),
+        GamepadMapping("twist", axis="ry"),
+        GamepadMapping("bend", button="south", threshold=0.2),
+        GamepadMapping("quality", button="start"),
+        GamepadMapping("other", axis="z"),
+    ]
+    got = events(mapping, frame(1))
+    assert got == [(3, 0, 8192), (3, 4, -16384), (1, 0x130, 1), (1, 0x13B, 1)]
+    far = events(mapping[:2], frame(1, controls={"bend": 9.0, "twist": -9.0}))
+    assert [value for *_, value in far] == [32767, -32767]
+
+
+def test_the_kernels_numbers():
+    """As evdev has them, where it is installed."""
+    ecodes = pytest.importorskip("evdev").ecodes
+    for axis in GamepadMapping.AXES:
+        ((kind, code, _),) = events([GamepadMapping("bend", axis=axis)], frame(1))
+        assert (kind, code) == (ecodes.EV_ABS, getattr(ecodes, f"ABS_{axis.upper()}"))
+    for button in GamepadMapping.BUTTONS:
+        ((kind, code, _),) = events([GamepadMapping("bend", button=button)], frame(1))
+        assert (kind, code) == (ecodes.EV_KEY, getattr(ecodes, f"BTN_{button.upper()}"))
+
+
+def test_controls_without_a_mapping():
+    assert [(m.control, m.axis) for m in default_mapping(frame(1))] == [
+        ("bend", "x"),
+        ("twist", "y"),
+    ]
+
+
+def test_a_machine_without_uinput(tmp_path):
+    with pytest.raises(OutputError, match=r"there is no .*uinput; on Linux load it"):
+        GamepadOutput(GamepadSettings(), tmp_path / "uinput")
+
+
+@pytest.fixture
+def evdev(monkeypatch):
+    """A module in place of evdev: only a kernel with uinput can run that one."""
+
+    class Pad:
+        def __init__(self, capabilities, name):
+            self.capabilities, self.name, self.written, self.closed = capabilities, name, [], False
+            made.append(self)
+
+        def write(self, *event):
+            self.written.append(event)
+
+        def syn(self):
+            self.written.append("syn")
+
+        def close(self):
+            self.closed = True
+
+    made, module = [], types.ModuleType("evdev")
+    module.UInput, module.UInputError = Pad, type("UInputError", (Exception,), {})
+    module.AbsInfo, module.made = (lambda *numbers: numbers), made
+    monkeypatch.setitem(sys.modules, "evdev", module)
+    return module
+
+
+def test_a_gamepad_is_plugged_in(evdev, tmp_path):
+    (tmp_path / "uinput").touch()
+    output = GamepadOutput(GamepadSettings(), tmp_path / "uinput")
+    output.send(frame(1))
+    (pad,) = evdev.made
+    assert pad.written == [(3, 0, 8192), (3, 1, -16384), "syn"]
+    assert set(pad.capabilities) == {1, 3}
+    assert len(pad.capabilities[3]) == 6
+    output.close()
+    assert pad.closed
+
+
+def test_a_control_that_is_not_there(evdev, tmp_path):
+    (tmp_path / "uinput").touch()
+    settings = GamepadSettings((GamepadMapping("bnd", axis="x"),))
+    output = GamepadOutput(settings, tmp_path / "uinput")
+    output.send(frame(1))
+    assert output.trouble.startswith("gamepad: there is no control 'bnd'")
+
+
+def test_no_right_to_open_it(evdev, tmp_path):
+    def refuse(*_, **__):
+        raise evdev.UInputError("not writable")
+
+    evdev.UInput = refuse
+    (tmp_path / "uinput").touch()
+    with pytest.raises(OutputError, match=r"cannot be opened \(not writable\); .*setfacl"):
+        GamepadOutput(GamepadSettings(), tmp_path / "uinput")
+
+
+def test_without_the_package(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "evdev", None)
+    (tmp_path / "uinput").touch()
+    with pytest.raises(OutputError, match="needs the package evdev: pip install evdev"):
+        GamepadOutput(GamepadSettings(), tmp_path / "uinput")

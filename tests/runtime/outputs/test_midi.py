@@ -1,0 +1,235 @@
+"""MIDI: files read by mido, a device that is pulled out, learning, garbage."""
+
+import sys
+
+import mido
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import OutputError, StorageError
+from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.runtime.outputs.midi import midi_output, ports
+from defsense_fab.runtime.outputs.midi.mapping import MidiMapper
+from defsense_fab.runtime.outputs.midi.midi_file import MidiFile
+from defsense_fab.runtime.outputs.midi.midi_learn import MidiLearn, as_toml, learned, most_moved
+from defsense_fab.runtime.outputs.midi.midi_output import MidiOutput
+from defsense_fab.runtime.outputs.midi.ports import SystemPorts, find_port
+from defsense_fab.runtime.outputs.settings import MidiMapping, MidiSettings
+from tests.runtime.frames import frame
+
+
+class Cable:
+    """Ports of a machine on which devices are plugged in and pulled out."""
+
+    def __init__(self, *names):
+        self.there, self.sent, self.waiting, self.opened = list(names), [], [], []
+
+    def names(self, inputs):
+        return list(self.there)
+
+    def open(self, name, inputs, virtual=False):
+        self.opened.append((name, inputs, virtual))
+        return self
+
+    def send(self, message):
+        self.sent.append(tuple(message))
+
+    def pending(self):
+        out, self.waiting = self.waiting, []
+        return out
+
+    def close(self):
+        self.opened.append("closed")
+
+
+def moved(values, **kwargs):
+    """Frames in which `bend` has these values, 10 ms apart."""
+    return [frame(n, controls={"bend": v}, confidence={}, **kwargs) for n, v in enumerate(values)]
+
+
+def sent_by(mapping, frames):
+    mapper = MidiMapper([mapping])
+    return [tuple(m) for f in frames for m in mapper.messages(f)]
+
+
+def test_control_changes():
+    """Scaled, limited, on their channel, only when they change."""
+    got = sent_by(MidiMapping("bend", cc=74, channel=3), moved([0, 0.5, 0.501, 2, 1, -1]))
+    assert got == [(0xB2, 74, 0), (0xB2, 74, 64), (0xB2, 74, 127), (0xB2, 74, 0)]
+    both = sent_by(MidiMapping("bend", cc=1, low=-1), moved([-1, 0, 1]))
+    assert [m[2] for m in both] == [0, 64, 127]
+    turned = sent_by(MidiMapping("bend", cc=1, low=1, high=0), moved([0, 1]))
+    assert [m[2] for m in turned] == [127, 0]
+
+
+def test_notes():
+    """On above the threshold, off only below the hysteresis; the quicker the louder."""
+    one = MidiMapping("bend", note=60, channel=10, threshold=0.5, hysteresis=0.2)
+    got = sent_by(one, moved([0, 0.4, 0.55, 0.45, 0.35, 0.6, 0.29, 0.2, 0.6]))
+    assert [m[:2] for m in got] == [(0x99, 60), (0x89, 60), (0x99, 60)]
+    slow, quick = (sent_by(one, moved(np.linspace(0, 1, n)))[0][2] for n in (200, 20))
+    assert 0 < slow < quick <= 127
+    assert slow == pytest.approx(127 * 0.5 / 8, abs=2)  # 0.5 of the range per second
+    assert sent_by(one, moved([0.9])) == [(0x99, 60, 64)]  # nothing is known of its speed
+
+
+def test_the_board_is_reset():
+    """Times that go back do not make a note of an odd loudness."""
+    frames = [*moved([0.1] * 500), *moved([0.2, 0.6])]
+    ((_, _, loud),) = sent_by(MidiMapping("bend", note=60), frames)
+    assert loud == 127  # 0.4 in 10 ms
+
+
+def test_a_file_is_read_by_others(tmp_path):
+    settings = MidiSettings(
+        file=str(tmp_path / "x.mid"),
+        mapping=(MidiMapping("bend", cc=20), MidiMapping("bend", note=64, channel=2)),
+    )
+    output = MidiOutput(settings)
+    for one in moved([0, 0.4, 0.8, 0.8]):
+        output.send(one)
+    assert output.about.endswith("x.mid")
+    output.close()
+    found = mido.MidiFile(tmp_path / "x.mid", clip=False)
+    assert (found.type, len(found.tracks)) == (0, 1)
+    assert found.tracks[0].name == "defsense"
+    notes = [(m.type, round(m.time, 3)) for m in found if not m.is_meta]
+    assert [kind for kind, _ in notes] == ["control_change"] * 3 + ["note_on", "note_off"]
+    assert found.length == pytest.approx(0.03, abs=0.002)
+    assert [m.value for m in found if m.type == "control_change"] == [0, 51, 102]
+
+
+def test_a_file_is_whole_at_any_time(tmp_path):
+    """After every flush, and byte by byte as the format wants it."""
+    made = MidiFile(tmp_path / "x.mid", "t")
+    empty = (tmp_path / "x.mid").read_bytes()
+    assert empty.hex(" ") == (
+        "4d 54 68 64 00 00 00 06 00 00 00 01 01 e0 "
+        "4d 54 72 6b 00 00 00 09 00 ff 03 01 74 00 ff 2f 00"
+    )
+    made.add(bytes([0xB0, 20, 5]), 10.0)
+    made.add(bytes([0xB0, 20, 6]), 10.5)  # 480 ticks: 0x83 0x60
+    made.add(bytes([0xB0, 20, 7]), 3.0)  # the clock went back
+    assert (tmp_path / "x.mid").read_bytes() == empty
+    made.flush()
+    now = (tmp_path / "x.mid").read_bytes()
+    assert now[31 - 4 :].hex(" ") == "00 b0 14 05 83 60 b0 14 06 00 b0 14 07 00 ff 2f 00"
+    assert int.from_bytes(now[18:22], "big") == len(now) - 22
+    made.close()
+    assert (tmp_path / "x.mid").read_bytes() == now
+    other = MidiFile(tmp_path / "x.mid", "t")
+    other.close()
+    assert other.path.name == "x-2.mid"
+    assert (tmp_path / "x.mid").read_bytes() == now
+    with pytest.raises(StorageError):
+        MidiFile(tmp_path / "none" / "x.mid", "t")
+
+
+def test_controls_without_a_mapping():
+    cable = Cable("Synth")
+    output = MidiOutput(MidiSettings(), cable)
+    output.send(frame(1, quality=Quality.UNTRAINED))
+    assert cable.sent == [(0xB0, 20, 32), (0xB0, 21, 0), (0xB0, 119, 85)]
+    assert output.trouble is None
+    many = frame(2, controls={f"c{n}": 1.0 for n in range(60)})
+    other = MidiOutput(MidiSettings(), Cable("Synth"))
+    other.send(many)  # there are 36 control changes that nothing else uses
+
+
+def test_a_control_that_is_not_there():
+    output = MidiOutput(MidiSettings(mapping=(MidiMapping("bnd", cc=1),)), Cable("Synth"))
+    output.send(frame(1))
+    assert output.trouble == (
+        "midi: there is no control 'bnd'; mappings can name: quality, bend, twist"
+    )
+
+
+def test_a_device_is_pulled_out_and_comes_back(monkeypatch):
+    """It is told, and gets all values when it is back; its notes do not hang."""
+    monkeypatch.setattr(midi_output, "_LOOK", 0.0)
+    cable = Cable("Thru", "USB Synth 1")
+    settings = MidiSettings(device="synth", mapping=(MidiMapping("bend", note=60, threshold=0.2),))
+    output = MidiOutput(settings, cable)
+    assert output.about == "midi: sends to 'USB Synth 1'"
+    output.send(frame(1))
+    assert cable.sent == [(0x90, 60, 64)]
+    cable.there.remove("USB Synth 1")
+    with pytest.raises(OutputError, match="'USB Synth 1' was pulled out; plug it in again"):
+        output.send(frame(2))
+    with pytest.raises(OutputError, match="no port out with 'synth' in its name; plug it in"):
+        output.send(frame(3))
+    cable.there.append("USB Synth 1")
+    output.send(frame(4))
+    assert cable.sent == [(0x90, 60, 64)] * 2
+    output.close()
+    assert cable.sent[-1] == (0x80, 60, 0)
+    assert cable.opened == [
+        ("USB Synth 1", False, False), "closed", ("USB Synth 1", False, False), "closed"
+    ]  # fmt: skip
+
+
+def test_a_virtual_port():
+    cable = Cable()
+    output = MidiOutput(MidiSettings(virtual="DefSense"), cable)
+    output.send(frame(1))
+    assert cable.opened == [("DefSense", False, True)]
+    assert cable.sent
+
+
+def test_no_port_at_all():
+    with pytest.raises(OutputError, match=r"midi: no port in; plug it in\. There is: none"):
+        find_port(Cable(), "", inputs=True)
+
+
+def test_a_machine_without_midi(monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(ports, "_ALSA", tmp_path / "seq")
+    with pytest.raises(OutputError, match=r"this machine has no MIDI .*modprobe snd-seq"):
+        SystemPorts().names(inputs=False)
+    with pytest.raises(OutputError, match=r'write to a file \(file = "x\.mid"\)'):
+        MidiOutput(MidiSettings())
+
+
+def test_what_moved_most():
+    history = [{"a": 0.0, "b": 0.5}, {"a": 0.3, "b": 0.0}, {"a": 0.1, "b": 0.2}]
+    assert most_moved(history) == ("b", 0.0, 0.5)
+    assert most_moved([{"a": 0.1}, {"a": 0.2}]) is None
+    assert most_moved([]) is None
+
+
+def test_learning():
+    """Move the device, touch the knob."""
+    cable = Cable("Knobs")
+    learn = MidiLearn("knobs", cable)
+    assert learn.about == "midi: learns from 'Knobs'"
+    found = [learn.watch(one) for one in moved(np.linspace(0, -0.8, 50))]
+    assert not any(found)
+    cable.waiting = [b"\xf8", bytes([0xB4, 21, 77]), bytes([0xB4, 22, 1])]
+    one = learn.watch(frame(51, controls={"bend": -0.8, "twist": 0.1}))
+    assert one == MidiMapping("bend", cc=21, channel=5, low=-1)
+    # Seconds later nothing has moved.
+    cable.waiting = [bytes([0xB4, 21, 77])]
+    assert learn.watch(frame(2000, controls={"bend": -0.8, "twist": 0.1})) is None
+    learn.close()
+    assert cable.opened[-1] == "closed"
+
+
+def test_learning_a_key():
+    history = [{"bend": 0.0}, {"bend": 0.9}]
+    assert learned(history, bytes([0x90, 60, 100])) == MidiMapping("bend", note=60, channel=1)
+    assert learned(history, bytes([0x90, 60, 0])) is None  # its end
+    text = as_toml([MidiMapping("bend", note=60), MidiMapping("x", cc=3, low=-1, channel=2)])
+    assert text == (
+        'mapping = [\n  { control = "bend", note = 60, channel = 1 },\n'
+        '  { control = "x", cc = 3, channel = 2, low = -1 },\n]\n'
+    )
+
+
+def test_learning_from_garbage():
+    history, rng = [{"bend": 0.0}, {"bend": 0.9}], np.random.default_rng(0)
+    for _ in range(3000):
+        message = rng.bytes(rng.integers(0, 5))
+        one = learned(history, message)
+        if one is not None:
+            assert message[0] & 0xF0 in (0x90, 0xB0)
+            assert len(message) == 3
