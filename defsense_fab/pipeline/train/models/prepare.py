@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ....core.arrays import Float
 from ....core.device import Device
 from ....core.errors import DefsenseError, TrainingError
 from ....core.progress import Progress, silent
@@ -49,12 +50,7 @@ def prepare(
     progress("data", 0.6, "checking")
     prior, why = found_prior(dataset, device, wanted)
     notes += why
-    predicted = {}
-    if prior is not None:
-        predicted = {
-            r.name: expected_signals(prior, r, dataset.rest_points) for r in dataset.recordings
-        }
-    notes += [str(problem) for problem in checked(dataset, predicted=predicted)]
+    notes += [str(p) for p in checked(dataset, predicted=foretold(prior, dataset))]
     units = sorted({r.unit for r in dataset.recordings})
     if len(units) > 1:
         notes.append(
@@ -77,6 +73,13 @@ def told_uncertain(share: float) -> list[str]:
         f"{share:.1%} of the markers' places were seen at such a slant that the cameras hardly know"
         " them, and are left out"
     ]
+
+
+def foretold(prior: Prior | None, dataset: Dataset) -> dict[str, Float]:
+    """What the simulation lets expect of each recording's signals (t, c), by its name."""
+    if prior is None:
+        return {}
+    return {r.name: expected_signals(prior, r, dataset.rest_points) for r in dataset.recordings}
 
 
 def found_prior(
