@@ -36,6 +36,7 @@ from defsense_fab.optimize.search import baselines
 from defsense_fab.pipeline.artifacts.layout import LAYOUT
 from defsense_fab.pipeline.build.build import build
 from defsense_fab.pipeline.design.design_task import load_task
+from defsense_fab.pipeline.train.data.data_files import DataFiles
 from defsense_fab.pipeline.train.evaluation.tables import PAPER
 from defsense_fab.pipeline.train.models.model_file import load_model
 from defsense_fab.pipeline.train.models.prepare import prepare as prepare_data
@@ -123,7 +124,7 @@ def truth_errors(model: TrainedModel, session: Path, device: Path) -> dict[str, 
         order = [list(truth["ids"]).index(n) for n in model.ids]
         time, points = truth["time"], truth["points"][:, order].astype(float)
     last = slice(round((1 - _TEST) * len(time)), None)
-    data, _, _ = prepare_data([session], load_device(device), wanted="no")
+    data, _, _ = prepare_data(DataFiles((session,)), load_device(device), wanted="no")
     r = data.recordings[0]
     found = model.decode(r.sample_time, r.signals, time[last])
     e = errors_of(found.points, points[last])

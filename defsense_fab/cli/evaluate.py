@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import TrainingError
+from .data_arguments import data_arguments, data_given
 from .output import console, progress_bars, results, say
 
 if TYPE_CHECKING:
@@ -29,11 +30,12 @@ def add(commands: Commands) -> None:
         examples=[
             "defsense evaluate my-device/model.json my-device/session-2",
             "defsense evaluate model.json session --against affine.json --last-share 0.3 --json",
+            "defsense evaluate model.json --signals signals.csv --tracks take.c3d --offset auto"
+            " --device my-device",
         ],
     )
     sub.add_argument("model", type=Path, metavar="MODEL", help="model.json, or its folder")
-    sub.add_argument("sources", nargs="+", type=Path, metavar="SESSION",
-                     help="processed sessions, datasets, or XDF files")  # fmt: skip
+    data_arguments(sub)
     sub.add_argument(
         "--against", action="extend", nargs="+", type=Path, default=[], metavar="MODEL",
         help="other models, tested on the same and compared",
@@ -52,16 +54,21 @@ def _evaluate(options: argparse.Namespace) -> int:
     share = options.last_share
     if share is not None and not 0 < share <= 1:
         raise TrainingError(f"--last-share {share:g}: give a share above 0, up to 1")
+    from ..core.device_file import load_device
     from ..pipeline.train.evaluation.evaluate_models import evaluate_files
     from ..pipeline.train.evaluation.evaluation_report import check_folder, write_evaluation
     from ..pipeline.train.evaluation.tables import as_data
 
+    files = data_given(options)
+    if files is None:
+        raise TrainingError("nothing to test on: give sessions, or --signals with --tracks")
+    device = load_device(options.device) if options.device else None
     models = [options.model, *options.against]
     beside = options.model if options.model.is_dir() else options.model.parent
     folder = options.out or beside / "evaluation"
     check_folder(folder)
     with progress_bars(options) as progress:
-        found = evaluate_files(models, options.sources, share, progress)
+        found = evaluate_files(models, files, device, share, progress)
         progress("report", 0.0, "figures and tables")
         write_evaluation(folder, found)
         progress("report", 1.0, "done")

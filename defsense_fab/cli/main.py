@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 
 from .. import __version__
 from ..core.errors import DefsenseError
-from . import build, calibrate, capture, evaluate, modes, recalibrate, study, train, twin
+from . import build, calibrate, capture, dataset, evaluate, modes, recalibrate, study, train, twin
 from .command_parser import CommandParser
 from .output import progress_bars
 
@@ -24,6 +24,7 @@ _LIGHTER = {
     "capture": "close other programs, or take fewer, smaller or shorter pictures and videos",
     "calibrate": "close other programs, or give fewer sessions at a time",
     "train": "close other programs, or give fewer or shorter sessions",
+    "dataset": "close other programs, or give fewer or shorter sessions",
     "evaluate": "close other programs, or give fewer or shorter sessions",
     "twin": "give fewer --minutes or --sessions, or fewer [outputs] markers",
 }
@@ -32,6 +33,7 @@ _INTERRUPTED = {
     " finished stage",
     "capture": "interrupted; what was recorded is there, and files that were being written are not",
     "calibrate": "interrupted; what was recorded is there, and the same command goes on",
+    "dataset": "interrupted; nothing was written, and a dataset before is untouched",
     "evaluate": "interrupted; nothing was written, and an evaluation before is untouched",
     "train": "interrupted; no model was written, and the one before is untouched",
     "twin": "interrupted; no session is left half-written, and shapes that were solved are kept",
@@ -117,6 +119,7 @@ def make_parser() -> CommandParser:
     calibrate.add(commands, progress_bars)
     capture.add(commands, progress_bars)
     train.add(commands)
+    dataset.add(commands)
     evaluate.add(commands)
     recalibrate.add(commands)
     twin.add(commands)

@@ -7,9 +7,10 @@ import json
 import sys
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from ..core.errors import TrainingError
+from .data_arguments import data_arguments, data_given, data_words
 from .output import console, progress_bars, results, say
 
 if TYPE_CHECKING:
@@ -36,21 +37,9 @@ def add(commands: Commands) -> None:
             "defsense train --device my-device",
         ],
     )
-    sub.add_argument("sources", nargs="*", type=Path, metavar="SESSION",
-                     help="processed sessions, datasets, or XDF files")  # fmt: skip
-    sub.add_argument("--device", type=Path, metavar="DIR", help="folder with device.toml")
-    sub.add_argument("--signals", type=Path, metavar="CSV",
-                     help="in place of sessions: signals or resistances by time")  # fmt: skip
-    sub.add_argument("--tracks", type=Path, metavar="FILE",
-                     help="and the markers (.csv, .npz, .parquet, .c3d, .trc)")  # fmt: skip
-    sub.add_argument("--markers", type=Path, metavar="JSON",
-                     help="where these are at rest (markers.json, of the device)")  # fmt: skip
+    data_arguments(sub)
     sub.add_argument("--without-markers", default="", metavar="ID,...",
                      help="markers to leave out")  # fmt: skip
-    sub.add_argument("--offset", default="0", metavar="S",
-                     help="by which the tracks' clock is ahead, or auto (0)")  # fmt: skip
-    sub.add_argument("--shift", default="0", metavar="S",
-                     help="to add to the times of the signals, or auto (0)")  # fmt: skip
     sub.add_argument("--decoder", default="auto", metavar="NAME",
                      help="auto, affine, quadratic or kernel (auto)")  # fmt: skip
     sub.add_argument("--no-memory", action="store_true",
@@ -75,9 +64,8 @@ def _train(options: argparse.Namespace) -> int:
     from ..core.device_file import load_device
 
     device = load_device(options.device) if options.device else None
-    if (options.signals is None) != (options.tracks is None):
-        raise TrainingError("--signals and --tracks go together: give both, or sessions")
-    if not options.sources and options.signals is None:
+    files = data_given(options)
+    if files is None:
         if device is None:
             raise TrainingError(
                 "nothing to train on: give sessions, --signals with --tracks, or --device for the"
@@ -96,13 +84,8 @@ def _train(options: argparse.Namespace) -> int:
     )  # fmt: skip
     with progress_bars(options) as progress:
         dataset, prior, notes = prepare(
-            options.sources,
+            files,
             device,
-            signals=options.signals,
-            tracks=options.tracks,
-            markers=options.markers,
-            offset=_seconds("--offset", options.offset),
-            shift=_seconds("--shift", options.shift),
             wanted=options.prior,
             without=_numbers(options.without_markers),
             progress=progress,
@@ -123,15 +106,6 @@ def _numbers(text: str) -> list[int]:
         return [int(part) for part in text.split(",") if part.strip()]
     except ValueError:
         raise TrainingError(f"--without-markers {text}: give numbers, such as 4,7") from None
-
-
-def _seconds(option: str, text: str) -> float | Literal["auto"]:
-    if text == "auto":
-        return "auto"
-    try:
-        return float(text)
-    except ValueError:
-        raise TrainingError(f"{option} {text}: give s, or auto") from None
 
 
 def _simulated(options: argparse.Namespace, device: Device) -> int:
@@ -192,5 +166,7 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
             " the tracks"
         )
     say([f"note: {n}" for n in [*about, *notes]])
-    sessions = " ".join(quote(str(s)) for s in options.sources) or "SESSION"
-    say([f"Wrote:   {path}", f"Next:    defsense evaluate {quote(str(path))} {sessions}"])
+    say([
+        f"Wrote:   {path}",
+        f"Next:    defsense evaluate {quote(str(path))} {data_words(options)}",
+    ])  # fmt: skip

@@ -6,6 +6,7 @@ import errno
 import hashlib
 import json
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -39,6 +40,32 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # there is none where its folder could not be written
             temporary.unlink()
+
+
+@contextmanager
+def replacing_folder(path: Path, *, over: bool = False) -> Iterator[Path]:
+    """An empty folder beside `path`, of this process only, to write to: moved into place at the
+    end, gone after an error. What is at `path` stays until then; an empty folder is replaced, any
+    other only `over` it. Raises StorageError where something is there, and where the system
+    refuses."""
+    path = path.resolve()  # "." has no name
+    new = path.with_name(f".{path.name}.{os.getpid()}.part")
+    old = path.with_name(f".{path.name}.{os.getpid()}.old")
+    try:
+        with storage_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            new.mkdir()
+            yield new
+            if path.exists():
+                if path.is_file() or (not over and any(path.iterdir())):
+                    raise StorageError(f"{path}: is there already; choose another folder")
+                path.rename(old)
+            new.rename(path)
+    finally:
+        if old.exists() and not path.exists():
+            old.rename(path)
+        for left in (new, old):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def write_json(path: Path, data: Any) -> None:

@@ -3,14 +3,18 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from defsense_fab.capture.files.formats import write_any
 from defsense_fab.cli.main import main
+from defsense_fab.core.tracks import Tracks
 from defsense_fab.pipeline.train.data.dataset_parquet import write_dataset
 from defsense_fab.pipeline.train.evaluation import evaluation_report
 from defsense_fab.pipeline.train.models.model_file import write_model
 from defsense_fab.pipeline.train.models.train_device import train_dataset
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
+from tests.pipeline.train.data.files_of_others import write_csv
 from tests.training import soft_bar as bar
 
 
@@ -71,9 +75,36 @@ def test_json_of_what_training_held_out(files, capsys, no_figures):
     assert errors["average_peak"] == pytest.approx(own.test.average_peak, rel=1e-6)
 
 
+def test_files_of_others(files, tmp_path, capsys, no_figures):
+    """Signals and tracks of which no file says which device they are of; late by what is mended."""
+    r = bar.recording(40, seed=2, noise=0.002, sigma=0.15, gaps=0.1)
+    columns = np.column_stack([r.sample_time + 0.5, r.signals])
+    signals = write_csv(tmp_path / "signals.csv", ["time", *bar.CHANNELS], columns)
+    tracks = Tracks(r.time, bar.IDS, r.points, r.sigma, np.arange(len(r.time)))
+    write_any(tmp_path / "take.c3d", tracks)
+    given = ["--signals", str(signals), "--tracks", str(tmp_path / "take.c3d")]
+    out = ["--out", str(tmp_path / "out"), "--json"]
+
+    def error(*words):
+        assert main(["evaluate", str(files / "quadratic"), *words, *out]) == 0
+        data = json.loads(capsys.readouterr().out)
+        return data["models"]["quadratic"]["errors"]["rmse"], data["notes"]
+
+    whole, _ = error(str(files / "second"))
+    late, _ = error(*given)
+    mended, notes = error(*given, "--shift", "auto")
+    offset, _ = error(*given, "--offset", "-0.5")
+    assert late > 3 * whole
+    assert offset == pytest.approx(whole, rel=0.2)
+    assert mended == pytest.approx(whole, rel=0.2)
+    assert any("signals are shifted by -0." in note for note in notes)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["affine"], "nothing to test on: give sessions, or --signals with --tracks"),
+        (["affine", "--tracks", "take.c3d"], "--signals and --tracks go together"),
         (["affine", "nowhere"], "nowhere: there is no such file or folder"),
         (["nowhere.json", "first"], "nowhere.json: cannot be read"),
         (["affine", "first", "--last-share", "1.5"], "--last-share 1.5: give a share above 0"),

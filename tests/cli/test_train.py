@@ -73,7 +73,8 @@ def test_the_table_has_the_paper_s_row_and_says_what_comes_next(
     assert run("train", "--signals", signals, "--tracks", tracks, "--out", tmp_path) == 0
     out = capsys.readouterr().out
     assert "affine" in out
-    assert f"Next:    defsense evaluate {tmp_path / 'model.json'}" in out
+    told = f"defsense evaluate {tmp_path / 'model.json'} --signals {signals} --tracks {tracks}"
+    assert f"Next:    {told}" in out
 
 
 @pytest.mark.parametrize(
@@ -85,6 +86,10 @@ def test_the_table_has_the_paper_s_row_and_says_what_comes_next(
         (
             ("--shift", "soon", "--signals", "{s}", "--tracks", "{t}"),
             "--shift soon: give s, or auto",
+        ),
+        (
+            ("--offset", "nan", "--signals", "{s}", "--tracks", "{t}"),
+            "--offset nan: give s, or auto",
         ),
         (("--signals", "{s}", "--tracks", "{t}", "--prior", "yes"), "needs --device"),
         (("--signals", "{s}", "--tracks", "{t}", "--out", "no/folder/model.json"), "no folder"),

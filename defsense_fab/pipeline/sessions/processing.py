@@ -37,7 +37,14 @@ from .result_files import REPORT, TRACKS, quantiles, write_results
 from .run_steps import begun, resting
 from .sample_table import ClockPart
 from .session import BOARD, CAMERAS, CaptureSession, ending, load, read_log
-from .signals import at_times, motion, resistances, restarts, signals_in_step, told_of  # fmt: skip
+from .signals import (
+    motion,
+    resistances,
+    resistances_at,
+    restarts,
+    signals_in_step,
+    told_of,
+)
 
 _PAUSE = 1.0  # s, between runs, in the tracks' time
 _ALONE = 5.0  # s without tags that are worth a word
@@ -197,7 +204,7 @@ def _captured(session: CaptureSession, run: Path, path: Path) -> _ProcessedRun:
                                "by_one": 0.0, "impossible": 0}  # fmt: skip
     none = np.zeros(0, np.int64), np.empty((len(tracks.time), 0, 4, 3), np.float32)
     processed = VideoTracks(tracks, 2 * tracks.seen.astype(np.int8), quality, *none)
-    at = at_times(sync.to_device(tracks.time), device, ohm)
+    at = resistances_at(sync.to_device(tracks.time), device, ohm)
     arrival = fit_clocks(device, recording.host_ns / 1e9)
     events = read_log(run)
     rest = resting(events, arrival.to_host(sync.to_device(tracks.time)))

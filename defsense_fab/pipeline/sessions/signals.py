@@ -16,6 +16,7 @@ from ...capture.clocks.synchronisation import Sync, by_led, by_motion
 from ...capture.readout.recording import Recording
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
+from ...core.sampling import at_times
 from ...core.tracks import Tracks
 from ...sensing.voltage_divider import conversion_time
 from .recorded_tags import CameraRecording
@@ -47,7 +48,7 @@ def signals_in_step(
     told, clocks = [], []
     for part in parts:
         at, about = _part(recording, part, ohm, cameras, start, shift, tracks)
-        values = at_times(at, recording.device_us[part] / 1e6, ohm[part])
+        values = resistances_at(at, recording.device_us[part] / 1e6, ohm[part])
         out = np.where(np.isfinite(values), values, out)
         told.append(about)
         clocks.append(ClockPart(part, about["offset"], about["drift"]))
@@ -192,13 +193,10 @@ def motion(tracks: Tracks) -> Float:
     return np.asarray(apart[:, most])
 
 
-def at_times(when: Float, time: Float, values: Float) -> Float:
-    """Values (n, c) with times (n,) at other times (t,): linear in between, NaN outside and over
-    gaps."""
-    order = np.append(True, np.diff(time) > 0)
-    time, values = time[order], values[order]
-    out = np.stack([np.interp(when, time, v, left=np.nan, right=np.nan) for v in values.T], axis=1)
-    k = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
-    gap = time[k] - time[k - 1]
-    out[gap > 5 * np.median(np.diff(time))] = np.nan
-    return out
+def resistances_at(when: Float, time: Float, ohm: Float) -> Float:
+    """Resistances (n, c) of samples at times (n,) s at other times (t,) s: linear in between, NaN
+    outside and where more than four samples are lost. Samples of no later time than the one before
+    are left out."""
+    later = np.append(True, np.diff(time) > 0)
+    time, ohm = time[later], ohm[later]
+    return at_times(when, time, ohm, gap=5 * float(np.median(np.diff(time))))

@@ -13,13 +13,12 @@ from ...core.arrays import Bool, Float
 from ...core.default_states import acts, agree, opposite
 from ...core.device import Device, PointDrag, Pose
 from ...core.errors import CaptureError
+from ...twin.scenes.hand_walk import TOGETHER
 from ..artifacts.body import load_surface
 
 #: Parts of the way that a pose is solved at, the last one being `FURTHEST` of its amplitude.
 _LEVELS = (0.2, 0.45, 0.7, 0.9, 1.0)
 FURTHEST = 1.1
-#: How far two, and three poses are taken at once.
-TOGETHER = (1.05, 0.75)
 _CORNERS = 12  # pairs, and half as many triples, that are taken to their ends
 _PARTS = (0.5, 1.0)
 _SEED, _SPOTS = 11, 2000

@@ -23,7 +23,7 @@ from ..artifacts.build_folder import finished_build
 from ..artifacts.layout import LAYOUT, PREDICTION, LayoutRecord, layout_hash, load_layout
 from ..sessions.rest_resistance import rest_resistances
 from ..sessions.sample_table import ClockPart
-from ..sessions.signals import at_times
+from ..sessions.signals import resistances_at
 from .built_unit import BuiltUnit, built_unit
 from .design_markers import design_markers
 from .device_fields import DeviceFields, device_fields
@@ -180,7 +180,7 @@ def _run(
     thin = int(np.ptp(stage.markers.centers, axis=0).argmin())
     seen, sigma = measured(time, points, thin, t.markers, camera)
     read = converter.resistances(sums)
-    beside, rest = at_times(time, sample_time, read), _resting(path, time, seconds)
+    beside, rest = resistances_at(time, sample_time, read), _resting(path, time, seconds)
     R0, _ = rest_resistances(["run-1"], [r.name for r in stage.layout.by_channel()], [beside],
                              [rest])  # fmt: skip
     name = f"session-{number + 1}"

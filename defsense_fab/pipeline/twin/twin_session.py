@@ -3,10 +3,6 @@ them and a page of what was taken for granted."""
 
 from __future__ import annotations
 
-import os
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +11,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device import Device
 from ...core.errors import CaptureError
-from ...core.files import storage_errors, write_text
+from ...core.files import replacing_folder, storage_errors, write_text
 from ...core.progress import Progress, silent
 from ...core.tracks import Tracks
 from ...sensing.signal import relative_change
@@ -41,7 +37,7 @@ def write_sessions(
     folders = [out / f"session-{k + 1}" if several else out for k in range(len(made.runs))]
     for k, (folder, run) in enumerate(zip(folders, made.runs, strict=True)):
         progress("writing", k / len(folders), str(folder))
-        with _whole(folder) as temporary:
+        with replacing_folder(folder) as temporary:
             if film is None:
                 _write_session(temporary, folder, device, made, run)
             else:
@@ -51,24 +47,6 @@ def write_sessions(
             process_filmed(folder, made, run, film, progress)
     progress("writing", 1.0, "done")
     return folders
-
-
-@contextmanager
-def _whole(folder: Path) -> Iterator[Path]:
-    """A folder to write to, that takes the place of `folder` at the end, and is gone after an
-    error."""
-    folder = folder.resolve()  # "." has no name
-    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    try:
-        with storage_errors(folder):
-            temporary.mkdir(parents=True)
-        yield temporary
-        with storage_errors(folder):
-            if folder.is_dir():
-                folder.rmdir()  # an empty one
-            temporary.rename(folder)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def check_free(out: Path, sessions: int) -> None:

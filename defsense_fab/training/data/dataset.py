@@ -15,7 +15,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
-from ...decoding.trained_model import at_times
+from ...core.sampling import at_times
 from ...sensing.signal import relative_change
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
-from ...decoding.trained_model import Decoded, TrainedModel, at_times, decoded
+from ...core.sampling import at_times
+from ...decoding.trained_model import Decoded, TrainedModel, decoded
 from ..data.dataset import Dataset, Recording
 
 ALL, BEFORE = "all", "before the first pose"

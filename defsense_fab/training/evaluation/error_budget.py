@@ -33,9 +33,10 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
+from ...core.sampling import at_times
 from ...decoding.input_features import InputFeatures
 from ...decoding.past import Past
-from ...decoding.trained_model import TrainedModel, at_times
+from ...decoding.trained_model import TrainedModel
 from ..data.dataset import Dataset
 from .channel_correction import ChannelCorrection, decoded_again
 from .cross_fitting import (

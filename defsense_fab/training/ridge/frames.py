@@ -9,8 +9,8 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
+from ...core.sampling import at_times
 from ...decoding.past import Past
-from ...decoding.trained_model import at_times
 from ..data.dataset import Dataset
 
 #: Fewer pictures than this cannot be divided into folds that tell anything.

@@ -14,7 +14,8 @@ from .assumption import assumed
 from .device_motion import through
 
 REST, FREE = "rest", "free"
-_TOGETHER = (1.05, 0.75)  # how far two and three poses are taken at once
+#: How far two, and three poses are taken at once.
+TOGETHER = (1.05, 0.75)
 _LEAST = 12.0  # s of a walk
 
 
@@ -139,7 +140,7 @@ class _Hand:
         for k in self._rng.permutation(len(self.at)):
             if len(chosen) < wanted and all(self._together[k, i] for i in chosen):
                 chosen.append(int(k))
-        most = self._traits.furthest if len(chosen) < 2 else _TOGETHER[len(chosen) - 2]
+        most = self._traits.furthest if len(chosen) < 2 else TOGETHER[len(chosen) - 2]
         out = np.zeros(len(self.at))
         out[chosen] = self._rng.uniform(0.1, min(most, self._traits.furthest), len(chosen))
         return out

@@ -20,7 +20,7 @@ import numpy as np
 from .... import __version__
 from ....core.arrays import Float
 from ....core.errors import TrainingError
-from ....core.files import replacing, storage_errors
+from ....core.files import replacing_folder
 from ....training.data.dataset import Dataset, Recording
 
 SAMPLES, FRAMES = "samples.parquet", "frames.parquet"
@@ -32,18 +32,30 @@ _AXES = ("x", "y", "z", "sx", "sy", "sz")
 
 
 def write_dataset(path: Path, dataset: Dataset) -> None:
-    """Into the folder `path`, which is made where there is none. Raises StorageError, TrainingError
-    where pyarrow is missing."""
+    """Into the folder `path`, whole or not at all; a dataset that is there is replaced. Raises
+    TrainingError for a folder of something else, and where pyarrow is missing, StorageError."""
+    check_folder(path)
     arrow, parquet = parquet_library(path)
     samples, frames = _samples(dataset), _frames(dataset)
     told = json.loads(json.dumps(_about(dataset), allow_nan=False))
     about = json.dumps(told | {"sha256": _hash(told, samples, frames)})
-    with storage_errors(path):
-        path.mkdir(parents=True, exist_ok=True)
-    for name, columns in ((SAMPLES, samples), (FRAMES, frames)):
-        table = arrow.table(columns).replace_schema_metadata({_KEY: about.encode()})
-        with replacing(path / name) as temporary:
-            parquet.write_table(table, temporary)
+    with replacing_folder(path, over=True) as new:
+        for name, columns in ((SAMPLES, samples), (FRAMES, frames)):
+            table = arrow.table(columns).replace_schema_metadata({_KEY: about.encode()})
+            parquet.write_table(table, new / name)
+
+
+def check_folder(path: Path) -> None:
+    """Raises TrainingError for what holds something else than a dataset, which would be lost."""
+    if not path.exists():
+        return
+    others = [path] if path.is_file() else sorted(path.iterdir())
+    others = [p for p in others if p.name not in (SAMPLES, FRAMES)]
+    if others:
+        what = "is there" if path.is_file() else f"holds {others[0].name}"
+        raise TrainingError(
+            f"{path}: {what}, is no dataset and would be overwritten; give another folder"
+        )
 
 
 def is_dataset(path: Path) -> bool:

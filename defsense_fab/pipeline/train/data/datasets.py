@@ -25,14 +25,15 @@ _XDF = (".xdf", ".xdfz")
 def load_datasets(
     sources: Sequence[Path], device: Device | None = None, *, signals: Path | None = None,
     tracks: Path | None = None, markers: Path | None = None, offset: Offset = 0.0,
-    unit: str = "", quiet: float = QUIET,
+    unit: str = "", quiet: float = QUIET, called: str = "",
 ) -> Dataset:  # fmt: skip
     """All that is given, as one dataset with the channels in the device's order.
 
     `sources`: folders of processed sessions and of datasets, and .xdf files, recognised by what is
     there. `signals` with `tracks`: two files. Of those and of XDF files, `markers` is the
     markers.json (the device's own, where it has one), `offset` s what the tracks' clock is ahead
-    by, or "auto", `unit` which built device it is, and `quiet` s the rest at the beginning.
+    by, or "auto", `unit` which built device it is, `quiet` s the rest at the beginning, and
+    `called` the device's name where neither it nor its markers are given.
 
     Raises TrainingError for what is nothing of that or does not go together, and what the readers
     raise."""
@@ -49,7 +50,7 @@ def load_datasets(
             parts.append(
                 xdf_dataset(
                     source, device=name, layout=known, unit=unit, markers=placed, offset=offset,
-                    quiet=quiet,
+                    quiet=quiet, called=called,
                 )
             )  # fmt: skip
         elif is_dataset(source):
@@ -62,7 +63,7 @@ def load_datasets(
         parts.append(
             pair_dataset(
                 signals, tracks, device=name, layout=known, unit=unit, markers=placed,
-                offset=offset, quiet=quiet,
+                offset=offset, quiet=quiet, called=called,
             )
         )  # fmt: skip
     names = [r.name for part in parts for r in part.recordings]

@@ -12,7 +12,6 @@ episodes.jsonl, episodes_stats.jsonl}, data/chunk-000/episode_000000.parquet.
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ import numpy as np
 
 from ....core.arrays import Float
 from ....core.errors import TrainingError
-from ....core.files import storage_errors, write_text
+from ....core.files import replacing_folder, write_text
 from ....training.data.dataset import Dataset, Recording
 from .dataset_parquet import parquet_library
 
@@ -31,24 +30,23 @@ _COUNTS = ("frame_index", "episode_index", "index", "task_index")
 
 
 def write_lerobot(folder: Path, dataset: Dataset, rate: int | None = None) -> None:
-    """Into a `folder` that is not there yet, at `rate` frames a second (the pictures' own). Raises
-    TrainingError for a folder that is there, StorageError."""
-    if folder.exists():
-        raise TrainingError(f"{folder}: is there already; name a folder that is not there yet")
+    """Into a `folder` that is not there yet, whole or not at all, at `rate` frames a second (the
+    pictures' own). Raises TrainingError for a folder that is there, StorageError."""
+    check_free(folder)
     arrow, parquet = parquet_library(folder)
     steps = np.concatenate([np.diff(r.time) for r in dataset.recordings])
     fps = rate or (round(1 / float(np.median(steps))) if len(steps) else 1)
     if fps < 1:
         raise TrainingError(f"{folder}: {fps} frames a second cannot be; give 1 or more")
-    part = folder.with_name(f".{folder.name}.part")
-    with storage_errors(folder):
-        shutil.rmtree(part, ignore_errors=True)
-        (part / "meta").mkdir(parents=True)
-        try:
-            _write(part, dataset, fps, arrow, parquet)
-            part.replace(folder)
-        finally:
-            shutil.rmtree(part, ignore_errors=True)
+    with replacing_folder(folder) as part:
+        (part / "meta").mkdir()
+        _write(part, dataset, fps, arrow, parquet)
+
+
+def check_free(folder: Path) -> None:
+    """Raises TrainingError where something is in the way."""
+    if folder.exists():
+        raise TrainingError(f"{folder}: is there already; name a folder that is not there yet")
 
 
 def _write(part: Path, dataset: Dataset, fps: int, arrow: Any, parquet: Any) -> None:

@@ -29,23 +29,24 @@ _STILL = 1.0  # mm, root mean square, by which markers at rest are off their pla
 
 def pair_dataset(
     signals: Path, tracks: Path, *, device: str | None = None, layout: str = "", unit: str = "",
-    markers: Markers | None = None, offset: Offset = 0.0, quiet: float = QUIET,
+    markers: Markers | None = None, offset: Offset = 0.0, quiet: float = QUIET, called: str = "",
 ) -> Dataset:  # fmt: skip
     """One recording of a table of `signals` (see `series.read_series`) and a file of `tracks`
     (.csv, .npz, .parquet, .c3d, .trc), whose markers are named by their numbers.
 
     tracks' time = signals' time + `offset` s; "auto" finds it by how motion and signals go
     together. With `markers`, tracks in another frame than the device's are laid onto its rest pose.
-    The device rests in the first `quiet` s. Raises TrainingError, CaptureError."""
+    The device rests in the first `quiet` s; its name is `device`, the markers', or what it is
+    `called` where those do not tell. Raises TrainingError, CaptureError."""
     return of_series(
         read_series(signals), read_any(tracks), str(tracks), device=device, layout=layout,
-        unit=unit, markers=markers, offset=offset, quiet=quiet,
+        unit=unit, markers=markers, offset=offset, quiet=quiet, called=called,
     )  # fmt: skip
 
 
 def of_series(
     series: Series, tracks: Tracks, source: str, *, device: str | None, layout: str, unit: str,
-    markers: Markers | None, offset: Offset, quiet: float,
+    markers: Markers | None, offset: Offset, quiet: float, called: str,
 ) -> Dataset:  # fmt: skip
     """The same of what was read, the tracks from the file `source`."""
     if len(tracks.time) < 2 or not tracks.seen.any():
@@ -88,7 +89,7 @@ def of_series(
     R0, why = series.rest(_beside(time, tracks.time, resting))
     notes.append(f"R0: {why}" + (f" ({when})" if why.endswith("at rest") else ""))
     ohm = series.ohm if series.ohm is not None else R0 * (1 + _changes(series))
-    name = device or (markers.device if markers is not None else Path(source).stem)
+    name = device or (markers.device if markers is not None else called or Path(source).stem)
     recording = Recording(
         series.source, series.source, unit or name, time, ohm, R0, tracks.time, tracks.points,
         tracks.sigma, error,

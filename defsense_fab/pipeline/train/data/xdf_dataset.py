@@ -58,7 +58,7 @@ class _Stream:
 def xdf_dataset(
     path: Path, *, signals: str | None = None, tracks: str | None = None,
     device: str | None = None, layout: str = "", unit: str = "", markers: Markers | None = None,
-    offset: Offset = 0.0, quiet: float = QUIET,
+    offset: Offset = 0.0, quiet: float = QUIET, called: str = "",
 ) -> Dataset:  # fmt: skip
     """One recording of an .xdf or .xdfz file: a stream of `signals` (or resistances: unit ohm, or
     labels that end in `_ohm`) and one of `tracks` (labels `tag_1_x`, `tag_1_y`, ... or `1_x`; mm,
@@ -79,6 +79,7 @@ def xdf_dataset(
     return of_series(
         series, _tracks(path, places, start), f"{path}, {places.name}", device=device,
         layout=layout, unit=unit, markers=markers, offset=offset, quiet=quiet,
+        called=called,
     )  # fmt: skip
 
 

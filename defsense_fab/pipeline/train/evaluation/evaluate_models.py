@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ....core.device import Device
 from ....core.errors import TrainingError
 from ....core.files import digest
 from ....core.progress import Progress, silent
@@ -18,6 +19,7 @@ from ....training.data.uncertain_places import without_uncertain
 from ....training.evaluation.error_budget import ErrorBudget, error_budget
 from ....training.evaluation.evaluate import Evaluation, evaluate
 from ....training.evaluation.model_comparison import Comparison, FrameErrors, compare
+from ..data.data_files import DataFiles
 from ..models.train_device import recording_hash
 
 _FEW = 200  # frames
@@ -48,20 +50,21 @@ class SessionEvaluation:
 
 
 def evaluate_files(
-    models: Sequence[Path], sources: Sequence[Path], last_share: float | None = None,
-    progress: Progress = silent,
+    models: Sequence[Path], files: DataFiles, device: Device | None = None,
+    last_share: float | None = None, progress: Progress = silent,
 ) -> SessionEvaluation:  # fmt: skip
-    """Of files of models, and of sessions and datasets. Raises TrainingError, and what the readers
-    raise."""
-    from ..data.datasets import load_datasets
+    """Of files of models, and of data, which is checked against the `device`, if it is given. Files
+    of others that do not say of which device they are count as of the first model's. Raises
+    TrainingError, and what the readers raise."""
     from ..models.model_file import load_model
     from ..models.prepare import told_uncertain
 
     progress("evaluate", 0.0, "reading")
     loaded = list(zip(_names(models), map(load_model, models), strict=True))
-    dataset, uncertain = without_uncertain(load_datasets(sources))
+    dataset, uncertain = without_uncertain(files.load(device, loaded[0][1].device))
+    dataset, shifts = files.in_step(dataset)
     found = evaluate_models(loaded, dataset, last_share, progress)
-    return replace(found, notes=(*found.notes, *told_uncertain(uncertain)))
+    return replace(found, notes=(*found.notes, *told_uncertain(uncertain), *shifts))
 
 
 def evaluate_models(

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import base64
 import json
-import os
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from .... import __version__
 from ....core.errors import TrainingError
-from ....core.files import storage_errors, write_text
+from ....core.files import replacing_folder, write_text
 from ....training.evaluation.model_comparison import LEVEL, Analysis, Comparison, Statistic
 from ...report.html import write_page
 from .evaluate_models import Evaluated, SessionEvaluation
@@ -41,7 +37,8 @@ _CAPTIONS = {
 def write_evaluation(folder: Path, result: SessionEvaluation) -> None:
     """All files of the folder, whole or not at all; an evaluation that is there is replaced. Raises
     TrainingError for a folder of something else, StorageError where it cannot be written."""
-    with _whole_folder(folder) as new:
+    check_folder(folder)
+    with replacing_folder(folder, over=True) as new:
         figures = svg_figures(result.models[0])
         for name, text in figures.items():
             write_text(new / f"{name}.svg", text)
@@ -68,28 +65,6 @@ def check_folder(folder: Path) -> None:
             f"{folder}: {what}, is no evaluation and would be overwritten; give another folder with"
             " --out"
         )
-
-
-@contextmanager
-def _whole_folder(folder: Path) -> Iterator[Path]:
-    """An empty folder beside it, put into its place at the end, gone after an error."""
-    folder = folder.resolve()  # "." has no name
-    check_folder(folder)
-    new = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    old = folder.with_name(f".{folder.name}.{os.getpid()}.old")
-    try:
-        with storage_errors(folder):
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            new.mkdir()
-            yield new
-            if folder.exists():
-                folder.rename(old)
-            new.rename(folder)
-    finally:
-        if old.exists() and not folder.exists():
-            old.rename(folder)
-        shutil.rmtree(new, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
 
 
 def _values(result: SessionEvaluation, figures: dict[str, str]) -> dict[str, Any]:

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
+from ....core.arrays import Float
 from ....core.device import Device
 from ....core.errors import DefsenseError, TrainingError
 from ....core.progress import Progress, silent
 from ....training.data.dataset import Dataset
 from ....training.data.dataset_checks import checked
-from ....training.data.in_step import WITHIN, shifted
 from ....training.data.joining import without_markers
 from ....training.data.uncertain_places import without_uncertain
 from ....training.ridge.frames import Frames
 from ....training.simulation.coverage import coverage
 from ....training.simulation.expected_signals import expected_signals
 from ....training.simulation.prior import Prior
-from ..data.datasets import load_datasets
+from ..data.data_files import DataFiles
 from .simulated_prior import simulated_prior
 
 AUTO, YES, NO = "auto", "yes", "no"
@@ -28,19 +26,14 @@ _TOLD = 1e-3  # of the places, that are worth a word
 
 
 def prepare(
-    sources: Sequence[Path], device: Device | None, *, signals: Path | None = None,
-    tracks: Path | None = None, markers: Path | None = None,
-    offset: float | Literal["auto"] = 0.0, shift: float | Literal["auto"] = 0.0,
-    wanted: str = "auto", without: Sequence[int] = (), progress: Progress = silent,
+    files: DataFiles, device: Device | None, *, wanted: str = "auto", without: Sequence[int] = (),
+    progress: Progress = silent,
 ) -> tuple[Dataset, Prior | None, list[str]]:  # fmt: skip
-    """The dataset of `load_datasets`, `without` some markers, with
-    the times of its samples later by `shift` s; what the
-    simulation says of its device, if that is `wanted`; and notes: what is doubtful, and what was
-    not shown. Raises TrainingError for what forbids training."""
+    """The dataset of the `files`, `without` some markers; what the simulation says of its device,
+    if that is `wanted`; and notes: what is doubtful, and what was not shown. Raises TrainingError
+    for what forbids training."""
     progress("data", 0.0, "reading")
-    dataset = load_datasets(
-        sources, device, signals=signals, tracks=tracks, markers=markers, offset=offset
-    )
+    dataset = files.load(device)
     notes: list[str] = []
     seen = np.any([r.seen.any(axis=0) for r in dataset.recordings], axis=0)
     never = dataset.ids[~seen].tolist()
@@ -51,28 +44,13 @@ def prepare(
         dataset = without_markers(dataset, left_out)
     dataset, uncertain = without_uncertain(dataset)
     notes += told_uncertain(uncertain)
-    if shift == "auto":
-        progress("data", 0.4, "putting signals and markers in step")
-        dataset = shifted(dataset, "auto")
-        by = dataset.provenance["shifts"]
-        notes = [f"{name}: signals are shifted by {s:+.2f} s" for name, s in by.items()]
-        far = [name for name, s in by.items() if abs(s) > 0.95 * WITHIN]
-        if far:
-            raise TrainingError(
-                f"{far[0]}: signals and markers are out of step by {WITHIN:.0f} s or more; give"
-                " --offset, or --shift with a number"
-            )
-    elif shift:
-        dataset = shifted(dataset, shift)
+    progress("data", 0.4, "putting signals and markers in step")
+    dataset, shifts = files.in_step(dataset)
+    notes += shifts
     progress("data", 0.6, "checking")
     prior, why = found_prior(dataset, device, wanted)
     notes += why
-    predicted = {}
-    if prior is not None:
-        predicted = {
-            r.name: expected_signals(prior, r, dataset.rest_points) for r in dataset.recordings
-        }
-    notes += [str(problem) for problem in checked(dataset, predicted=predicted)]
+    notes += [str(p) for p in checked(dataset, predicted=foretold(prior, dataset))]
     units = sorted({r.unit for r in dataset.recordings})
     if len(units) > 1:
         notes.append(
@@ -95,6 +73,13 @@ def told_uncertain(share: float) -> list[str]:
         f"{share:.1%} of the markers' places were seen at such a slant that the cameras hardly know"
         " them, and are left out"
     ]
+
+
+def foretold(prior: Prior | None, dataset: Dataset) -> dict[str, Float]:
+    """What the simulation lets expect of each recording's signals (t, c), by its name."""
+    if prior is None:
+        return {}
+    return {r.name: expected_signals(prior, r, dataset.rest_points) for r in dataset.recordings}
 
 
 def found_prior(

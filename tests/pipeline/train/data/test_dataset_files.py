@@ -108,6 +108,17 @@ def test_what_was_changed_mixed_or_damaged_is_told(tmp_path, whole):
         write_dataset(tmp_path / "file" / "d", whole)
 
 
+def test_nothing_else_is_overwritten(tmp_path, whole):
+    (tmp_path / "notes.txt").write_text("")
+    with pytest.raises(
+        TrainingError, match=r"holds notes\.txt, is no dataset and would be overwri"
+    ):
+        write_dataset(tmp_path, whole)
+    with pytest.raises(TrainingError, match=r"notes\.txt: is there, is no dataset"):
+        write_dataset(tmp_path / "notes.txt", whole)
+    assert [p.name for p in tmp_path.iterdir()] == ["notes.txt"]
+
+
 def test_lerobots_folder_has_what_its_format_asks_for(tmp_path, whole):
     write_lerobot(tmp_path / "out", whole, 30)
     info = json.loads((tmp_path / "out/meta/info.json").read_text(encoding="utf-8"))

@@ -1,0 +1,50 @@
+"""What data is taken from, as the commands that train, evaluate and export are told it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ....core.device import Device
+from ....core.errors import TrainingError
+from ....training.data.dataset import Dataset
+from ....training.data.in_step import WITHIN, shifted
+from .datasets import load_datasets
+from .pair_dataset import Offset
+
+
+@dataclass(frozen=True)
+class DataFiles:
+    """`sources`: sessions, datasets, XDF files; `signals` with `tracks`: two files of others, with
+    the `markers` at rest, the tracks' clock `offset` s ahead, or "auto". `shift` s are added to the
+    times of all samples, or what is found, "auto"."""
+
+    sources: tuple[Path, ...] = ()
+    signals: Path | None = None
+    tracks: Path | None = None
+    markers: Path | None = None
+    offset: Offset = 0.0
+    shift: Offset = 0.0
+
+    def load(self, device: Device | None = None, called: str = "") -> Dataset:
+        """As recorded, not shifted. Of files that do not say so, `called` is the device's name.
+        Raises TrainingError, and what the readers raise."""
+        return load_datasets(
+            self.sources, device, signals=self.signals, tracks=self.tracks, markers=self.markers,
+            offset=self.offset, called=called,
+        )  # fmt: skip
+
+    def in_step(self, dataset: Dataset) -> tuple[Dataset, list[str]]:
+        """The dataset with its samples shifted as asked for, and notes on what was found. Raises
+        TrainingError where they are out of step by more than can be found."""
+        if self.shift != "auto":
+            return (shifted(dataset, self.shift) if self.shift else dataset), []
+        dataset = shifted(dataset, "auto")
+        by = dataset.provenance["shifts"]
+        far = [name for name, s in by.items() if abs(s) > 0.95 * WITHIN]
+        if far:
+            raise TrainingError(
+                f"{far[0]}: signals and markers are out of step by {WITHIN:.0f} s or more; give"
+                " --offset, or --shift with a number"
+            )
+        return dataset, [f"{name}: signals are shifted by {s:+.2f} s" for name, s in by.items()]
