@@ -264,8 +264,8 @@ class _Slot:
     """Room for one frame, of which a newer one takes the place."""
 
     def __init__(self) -> None:
-        self._changed, self._frame, self._over = threading.Condition(), None, False
-        self._frame: LiveFrame | None
+        self._changed, self._over = threading.Condition(), False
+        self._frame: LiveFrame | None = None
 
     def put(self, frame: LiveFrame) -> None:
         with self._changed:

@@ -16,12 +16,19 @@ from .twin_recordings import TwinRuns, simulate_runs
 
 @dataclass(frozen=True)
 class WalkingBoard:
-    """The read-out board, its cords, and what was simulated: the run that is played forth and
-    back."""
+    """A device's cords, and what was simulated: the run that is played forth and back."""
 
-    board: ReadoutTwin
+    device: Device
     cords: PlayedCords
     made: TwinRuns
+
+    def open(self) -> ReadoutTwin:
+        """Its read-out board, switched on now: the run begins, with a rest."""
+        b = self.made.traits.board
+        return ReadoutTwin(
+            self.cords, self.made.converter.reference, offset=b.offset, drift=b.drift,
+            converter=self.device.converter,
+        )  # fmt: skip
 
 
 def walking_board(
@@ -31,12 +38,9 @@ def walking_board(
     """Of the built device of the number `unit`, moved by the hand of this `seed`. The device's
     shapes are solved the first time, which takes minutes. Raises CaptureError."""
     made = simulate_runs(device, seconds=seconds, seed=seed, unit=unit, off=off, progress=progress)
-    truth, b = made.runs[0].truth, made.traits.board
+    truth = made.runs[0].truth
     cords = PlayedCords(made.dataset.channels, truth.sample_time, truth.ohm, tuple(faults))
-    board = ReadoutTwin(
-        cords, made.converter.reference, offset=b.offset, drift=b.drift, converter=device.converter
-    )
-    return WalkingBoard(board, cords, made)
+    return WalkingBoard(device, cords, made)
 
 
 def parse_faults(channels: Sequence[str], words: Sequence[str]) -> tuple[PlayedFault, ...]:

@@ -17,9 +17,13 @@ from .live_frame import LiveFrame, Quality
 from .rest_tracker import Rest, RestTracker, drift_told
 from .swap_watch import SwapWatch
 
-_UNTRAINED = 1.0  # distance from the training; 1 % of the training's own lie beyond it
+_UNTRAINED = 1.5  # distance from the training; of its own, 1 % lie beyond 1
 _SMOOTH = 0.3  # s over which the distance is averaged for that
 _REPLACED = 0.15  # relative change of R0 from the training's that is no drift
+_SETTLE = (
+    "move the device through all its poses once, then leave it at rest for two seconds: rubber sets"
+    " in its first cycles"
+)
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,8 @@ class LiveDecoder:
         if quality == Quality.TRUSTED and self._distance > _UNTRAINED:
             quality = Quality.UNTRAINED
             notes.append("the readings are outside of what the model was trained on")
+        if not rest.settled:
+            notes.append(_SETTLE)
         drift = drift_told(model.channels, rest.drift)
         notes += [drift] if drift else []
         notes += self._replaced()

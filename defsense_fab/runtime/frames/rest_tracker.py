@@ -1,8 +1,9 @@
 """The resistances at rest, R0, that live signals refer to: measured first, and followed as cords
 drift.
 
-Rubber cords drift by per cents in hours, more than some poses change them. What a device says while
-it lies still near its rest is its rest; so R0 follows there, slowly, and stays elsewhere.
+Rubber cords drift by per cents in hours, more than some poses change them, and set in the first
+cycles after a long rest (the Mullins effect). What a device says while it lies still near its rest
+is its rest; so R0 follows there: soon at the first rest after the device was moved, slowly later.
 """
 
 from __future__ import annotations
@@ -15,21 +16,24 @@ import numpy as np
 from ...core.arrays import Float
 
 _WINDOW = 1.5  # s in which a device that rests hardly changes
-_STILL = 0.015  # of what a channel spans in training, peak to peak without noise
-_NOISY = 6.0  # peak to peak of noise of a standard deviation of one, at most
-_NEAR = 0.12  # of that span: farther away it is no rest
-_FOLLOWS = 15.0  # s of rest after which R0 has followed by 63 %
+_STILL = 0.04  # of what a channel spans in training, between the means of parts of that time
+_PARTS = 5
+_NEAR = 0.2  # of that span: farther away it is no rest
+_MOVED = 0.4  # of that span: a device that went so far has been moved
+_FOLLOWS, _SETS = 15.0, 0.5  # s of rest after which R0 has followed by 63 %; at the first such rest
 _DRIFTED = 0.01  # relative change of R0 that is told
-_LEAST = 10  # samples
+_LEAST = 15  # samples
 
 
 @dataclass(frozen=True)
 class Rest:
-    """R0 (c,) ohm, None until it was measured; whether the device rests now; by how much R0 has
-    changed (c,) since it was measured, relative."""
+    """R0 (c,) ohm, None until it was measured; whether the device rests now; whether it has rested
+    after it was moved, so that its cords have set; by how much R0 has changed (c,) since, relative.
+    """
 
     ohms: Float | None
     resting: bool
+    settled: bool
     drift: Float
 
 
@@ -42,6 +46,8 @@ class RestTracker:
         self._first = self._now = None if ohms is None else np.asarray(ohms, float)
         self._window: deque[tuple[float, Float]] = deque()
         self._checked, self._resting = -np.inf, False
+        self._moved = self._settled = ohms is not None
+        self._sets = 0.0  # s of the rest at which R0 is set anew
 
     def __call__(self, time: float, ohms: Float, lost: frozenset[int] = frozenset()) -> Rest:
         """Of the sample (c,) ohm at a time, s, later than the one before; channels in `lost` say
@@ -58,8 +64,8 @@ class RestTracker:
 
     def _told(self) -> Rest:
         if self._first is None or self._now is None:
-            return Rest(None, self._resting, np.zeros(len(self._span)))
-        return Rest(self._now, self._resting, self._now / self._first - 1)
+            return Rest(None, self._resting, False, np.zeros(len(self._span)))
+        return Rest(self._now, self._resting, self._settled, self._now / self._first - 1)
 
     def _look(self, since: float, lost: frozenset[int]) -> None:
         time = self._window[-1][0] - self._window[0][0]
@@ -71,23 +77,31 @@ class RestTracker:
         if not np.isfinite(R).all() or (R <= 0).any():
             return
         middle = np.median(R, axis=0)
-        noise = np.std(np.diff(R, axis=0), axis=0) / np.sqrt(2)
-        moved = np.maximum(np.ptp(R, axis=0) - _NOISY * noise, 0) / middle
-        if (moved > _STILL * self._span[good]).any():
+        if self._now is not None:
+            away = np.abs(middle / self._now[good] - 1)
+            self._moved = self._moved or bool((away > _MOVED * self._span[good]).any())
+        means = np.array([part.mean(axis=0) for part in np.array_split(R, _PARTS)])
+        if (np.ptp(means, axis=0) / middle > _STILL * self._span[good]).any():
             return
         if self._now is None:
             if len(good) == len(self._span):
                 self._first = self._now = middle
                 self._resting = True
             return
-        off = middle / self._now[good] - 1
-        if (np.abs(off) > _NEAR * self._span[good]).any():
+        if (away > _NEAR * self._span[good]).any():
+            # A rest that is over: what it was set to is what drift counts from.
+            if self._sets > 0 and not self._settled:
+                self._first, self._settled = self._now, True
             return
         self._resting = True
-        follow = 1 - np.exp(-min(since, 0.2) / _FOLLOWS)
+        sets = self._moved and not self._settled
+        self._sets += since if sets else 0.0
+        follow = -np.expm1(-min(since, 0.2) / (_SETS if sets else _FOLLOWS))
         now = self._now.copy()
         now[good] += follow * (middle - now[good])
         self._now = now
+        if self._sets > 4 * _SETS and not self._settled:
+            self._first, self._settled = now, True
 
 
 def drift_told(names: tuple[str, ...], drift: Float) -> str | None:
