@@ -1,0 +1,1 @@
+"""The device on a page in the browser, as it moves."""

@@ -1,0 +1,123 @@
+"""Beside the device: how far it is to be believed, controls, signals, how late all of it is."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..frames.live_frame import LiveFrame, Quality
+from .viewed_device import ViewedDevice
+
+_SECONDS = 15.0  # of signals that are drawn
+_EVERY = 0.2  # s between two drawings of them
+_COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf")
+_SAID = {
+    Quality.TRUSTED: "🟢 **trusted**",
+    Quality.UNTRAINED: "🟡 **untrained**: the readings lie outside of the training",
+    Quality.FALLBACK: "🟠 **fallback**: decoded without {}",
+    Quality.LOST: "⚪ **lost**: the last good shape stands",
+}
+
+
+@dataclass(frozen=True)
+class PanelActions:
+    """What the panel's buttons do. `record` starts (True) and stops an animation, and says in a
+    sentence what came of it; without it there is no button. `status` is told below: notes."""
+
+    rest: Callable[[], None] | None = None
+    record: Callable[[bool], str] | None = None
+    latency: Callable[[], str] | None = None
+
+
+class LivePanel:
+    """In a viser server's panel."""
+
+    def __init__(self, server: Any, device: ViewedDevice, actions: PanelActions) -> None:
+        import viser.uplot as uplot
+
+        gui = server.gui
+        self._device, self._actions, self._drawn = device, actions, 0.0
+        self._said = gui.add_markdown(f"### {device.name}\nwaiting for samples")
+        self._controls: dict[str, Any] = {}
+        self._gui = gui
+        self._folder = gui.add_folder("Controls")
+        self._rows: deque[tuple[float, Any]] = deque()
+        with gui.add_folder("Signals (R - R0)/R0, last 15 s"):
+            empty = (np.zeros(1), *(np.zeros(1) for _ in device.channels))
+            series = (
+                uplot.Series(label="s"),
+                *(
+                    uplot.Series(label=n, stroke=_COLORS[k % len(_COLORS)], width=2)
+                    for k, n in enumerate(device.channels)
+                ),
+            )
+            self._plot = gui.add_uplot(
+                empty, series, aspect=1.6, scales={"x": uplot.Scale(time=False, auto=True)}
+            )
+        self._notes = gui.add_markdown("")
+        self._add_buttons()
+
+    def show(self, frame: LiveFrame) -> None:
+        """One frame; it is drawn some times a second."""
+        self._rows.append((frame.time, frame.signals))
+        while frame.time - self._rows[0][0] > _SECONDS:
+            self._rows.popleft()
+        now = time.monotonic()
+        if now - self._drawn < _EVERY:
+            return
+        self._drawn = now
+        said = _SAID[frame.quality].format(frame.lost)
+        radius = float(np.nanmean(frame.radius)) if np.isfinite(frame.radius).any() else None
+        lines = [f"### {frame.device}", said]
+        if radius is not None:
+            lines.append(f"markers within ± {radius:.1f} mm (90 %)")
+        if self._actions.latency is not None:
+            lines.append(self._actions.latency())
+        self._said.content = "\n\n".join(lines)
+        self._notes.content = "\n".join(f"- {note}" for note in frame.notes)
+        self._show_controls(frame)
+        when = np.array([t for t, _ in self._rows])
+        values = np.array([s for _, s in self._rows]).reshape(len(when), -1)
+        step = max(len(when) // 400, 1)
+        self._plot.data = (
+            when[::step] - when[-1],
+            *(np.nan_to_num(v) for v in values[::step].T),
+        )
+
+    def _show_controls(self, frame: LiveFrame) -> None:
+        for name, value in frame.controls.items():
+            if name not in self._controls:
+                with self._folder:
+                    label = self._gui.add_markdown(name)
+                    bar = self._gui.add_progress_bar(0.0)
+                self._controls[name] = (label, bar)
+            label, bar = self._controls[name]
+            label.content = f"{name}: **{value:.2f}**"
+            bar.value = float(np.clip(100 * value, 0, 100))
+
+    def _add_buttons(self) -> None:
+        rest, record = self._actions.rest, self._actions.record
+        if rest is not None:
+            button = self._gui.add_button(
+                "At rest now", hint="Take the readings of this moment for the device's rest"
+            )
+            button.on_click(lambda _, rest=rest: rest())
+        if record is not None:
+            self._record_button(record)
+
+    def _record_button(self, record: Callable[[bool], str]) -> None:
+        button = self._gui.add_button("Record the animation", color="red")
+        told = self._gui.add_markdown("")
+        state = {"on": False}
+
+        def clicked(_: Any) -> None:
+            state["on"] = not state["on"]
+            told.content = record(state["on"])
+            button.label = "Stop, and write it" if state["on"] else "Record the animation"
+
+        button.on_click(clicked)

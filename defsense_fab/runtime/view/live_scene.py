@@ -1,0 +1,98 @@
+"""The device in three dimensions: its surface, its cords by their strain, its markers by their
+uncertainty."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import Float
+from ..frames.live_frame import LiveFrame
+from .carried_points import carrying_weights
+from .colors import BODY, cord_color, marker_colors
+from .viewed_device import ViewedDevice
+
+_CORD_POINTS = 40
+_MARKER, _CORD = 0.018, 3.0  # of the body's diagonal; pixels
+
+
+class LiveScene:
+    """Under `name` in a viser server's scene."""
+
+    def __init__(self, server: Any, device: ViewedDevice, name: str = "/device") -> None:
+        self._device, self._mesh = device, None
+        scene = server.scene
+        scene.set_up_direction("+z")
+        size = 100.0
+        if device.vertices is not None and device.faces is not None:
+            low, high = device.vertices.min(axis=0), device.vertices.max(axis=0)
+            size = float(np.linalg.norm(high - low))
+            self._mesh = scene.add_mesh_simple(
+                f"{name}/surface", device.vertices.astype(np.float32),
+                device.faces.astype(np.uint32), color=(120, 170, 215), opacity=0.55, side="double",
+            )  # fmt: skip
+            scene.add_grid(
+                f"{name}/ground", width=2 * size, height=2 * size, cell_size=10.0,
+                section_size=50.0, position=(*((low + high) / 2)[:2], float(low[2] - 0.05 * size)),
+            )  # fmt: skip
+            self._look_at((low + high) / 2, size, server)
+        self._marker_size = _MARKER * size
+        self._cords = self._carried()
+        self._lines = [
+            scene.add_line_segments(
+                f"{name}/{channel}",
+                _segments(rest),
+                (225, 225, 225),
+                thickness=_CORD,
+                thickness_units="screen",
+            )
+            for channel, (rest, _) in zip(device.channels, self._cords, strict=False)
+        ]
+        self._markers: Any = None
+        self._name, self._scene = name, scene
+
+    def show(self, frame: LiveFrame) -> None:
+        """One frame."""
+        device = self._device
+        if self._mesh is not None and frame.vertices is not None and device.vertices is not None:
+            self._mesh.vertices = frame.vertices.astype(np.float32)
+            self._mesh.color = BODY[frame.quality]
+            moved = frame.vertices - device.vertices
+            for k, (line, (rest, weights)) in enumerate(zip(self._lines, self._cords, strict=True)):
+                line.points = _segments(rest + weights @ moved)
+                line.colors = cord_color(
+                    float(frame.signals[k]), float(device.low[k]), float(device.high[k])
+                )
+        colors = marker_colors(frame.radius, device.radius)
+        points = frame.markers.astype(np.float32)
+        if self._markers is None:
+            self._markers = self._scene.add_point_cloud(
+                f"{self._name}/markers", points, colors, point_size=self._marker_size,
+                point_shape="circle", precision="float32",
+            )  # fmt: skip
+        else:
+            self._markers.points, self._markers.colors = points, colors
+
+    def _carried(self) -> list[tuple[Float, Any]]:
+        device = self._device
+        if device.vertices is None:
+            return []
+        out = []
+        for path in device.cords:
+            some = np.linspace(0, len(path) - 1, min(_CORD_POINTS, len(path))).round().astype(int)
+            out.append((path[some], carrying_weights(path[some], device.vertices)))
+        return out
+
+    @staticmethod
+    def _look_at(middle: Float, size: float, server: Any) -> None:
+        def place(client: Any) -> None:
+            client.camera.look_at = tuple(middle)
+            client.camera.position = tuple(middle + size * np.array([0.45, -1.0, 0.55]))
+            client.camera.up_direction = (0.0, 0.0, 1.0)
+
+        server.on_client_connect(place)
+
+
+def _segments(points: Float) -> Any:
+    return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
