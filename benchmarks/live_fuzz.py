@@ -5,9 +5,10 @@
 
 Frames of 40 markers and 7 controls at 100 Hz, controls found from the markers, go to OSC, to the
 WebSocket, LSL and a MIDI file at once. One receiver in a process of its own reads OSC and the
-WebSocket; the malformed messages come from another. `send` is what the loop spends to hand a frame to all outputs
-(us), `late` by how much its step began late (ms), `osc` and `ws` the time from the loop to the
-receiver (ms): 50th and 99th percentile, and the greatest. A row for each socket and kind:
+WebSocket; the malformed messages come from another. `send` is what the loop spends to hand a frame
+to all outputs (us), `late` by how much its step began late (ms), `osc` and `ws` the time from the
+loop to the receiver (ms): 50th and 99th percentile, the greatest, and the share of frames that
+arrived. A row for each socket and kind:
 
     quiet       nothing but the frames
     busy        nothing but a process that computes: what a load of this machine does by itself
@@ -38,6 +39,8 @@ from typing import Any
 
 import numpy as np
 import psutil
+from websockets.asyncio.client import connect
+from websockets.exceptions import WebSocketException
 
 from defsense_fab.runtime.controls.control_bank import ControlBank, ControlSpec, default_specs
 from defsense_fab.runtime.controls.shaping import Shaping
@@ -105,11 +108,9 @@ def receive(osc: Any, url: str, box: Any) -> None:
                 arrived["osc"][int.from_bytes(data[-4:], "big")] = time.perf_counter()
 
     async def read_websocket() -> None:
-        import websockets
-
         while True:
-            with contextlib.suppress(OSError, websockets.exceptions.WebSocketException):
-                async with websockets.connect(url) as client:
+            with contextlib.suppress(OSError, WebSocketException):
+                async with connect(url) as client:
                     async for text in client:
                         arrived["ws"][json.loads(text)["number"]] = time.perf_counter()
             await asyncio.sleep(0.1)
