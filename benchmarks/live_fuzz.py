@@ -1,7 +1,7 @@
 """The live loop's sends while strangers send malformed messages to every socket of its outputs.
 
     python -m benchmarks.live_fuzz                     # 10,000 messages each
-    python -m benchmarks.live_fuzz --messages 1000 --quiet 5
+    python -m benchmarks.live_fuzz --messages 1000 --quiet 5 --switch 0.5
 
 Frames of 40 markers and 7 controls at 100 Hz, controls found from the markers, go to OSC, to the
 WebSocket, LSL and a MIDI file at once. One receiver in a process of its own reads OSC and the
@@ -31,6 +31,7 @@ import json
 import multiprocessing
 import os
 import socket
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -197,9 +198,9 @@ def fuzz_messages(ports: dict[str, Any], count: int, rng: np.random.Generator) -
             data = b"\xff\xfe"
         elif n % 200 == 198:
             data = bytes(3000)
-        size = bytes([0x80 | len(data)])
+        size = bytes([0x80 | min(len(data), 126)])
         if len(data) > 125:
-            size = bytes([0xFE]) + len(data).to_bytes(2, "big")
+            size += len(data).to_bytes(2, "big")
         try:
             one.sendall(bytes([kind]) + size + bytes(4) + data)
             one.setblocking(False)
@@ -297,7 +298,10 @@ def main() -> None:
     parser.add_argument("--messages", type=int, default=10_000)
     parser.add_argument("--quiet", type=float, default=10.0, help="seconds without strangers")
     parser.add_argument("--only", nargs="*", choices=list(FUZZERS), default=list(FUZZERS))
+    parser.add_argument("--switch", type=float, help="ms until threads of Python take turns (5)")
     asked = parser.parse_args()
+    if asked.switch:
+        sys.setswitchinterval(asked.switch / 1e3)
     spawn = multiprocessing.get_context("spawn")
     osc = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     osc.bind(("127.0.0.1", 0))
