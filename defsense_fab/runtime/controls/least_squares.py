@@ -6,8 +6,8 @@ import numpy as np
 
 from ...core.compiled import compiled
 
-_ROUNDS, _SWEEPS = 12, 60  # of Gauss-Newton; over the unknowns of one of its steps
-_CLOSE = 1e-5  # of an amplitude: what moves less is found
+_ROUNDS, _SWEEPS = 12, 60  # of Gauss-Newton; over the unknowns of each of its steps
+_CLOSE = 1e-4  # of an amplitude: what moves less is found
 
 
 @compiled()
@@ -95,8 +95,10 @@ def descend(a, upper, u, weights, prior, knots, counts, values, slopes):  # type
                 step = min(max(d[p] + slope / H[p, p], -a[p]), upper[p] - a[p])
                 change = max(change, abs(step - d[p]))
                 d[p] = step
-            if change < 0.1 * _CLOSE:
+            if change < 0.01 * _CLOSE:
                 break
+        if np.abs(d).max() < _CLOSE:
+            break
         size, better = 1.0, False
         for _ in range(6):
             for p in range(n):
@@ -110,15 +112,8 @@ def descend(a, upper, u, weights, prior, knots, counts, values, slopes):  # type
             size /= 2
         if not better:
             break
-        moved = 0.0
-        for p in range(n):
-            moved = max(moved, abs(tried[p] - a[p]))
-            a[p], g[p] = tried[p], g2[p]
-            for q in range(n):
-                H[p, q] = H2[p, q]
+        a[:], g[:], H[:] = tried, g2, H2
         left, cost = left2, cost2
-        if moved < _CLOSE:
-            break
     return left, cost, H
 
 

@@ -103,7 +103,7 @@ def parse_output(text: str) -> Settings:
     data: dict[str, Any] = {}
     hints = get_type_hints(KINDS[kind])
     for part in rest:
-        key, equals, value = part.partition("=")
+        key, equals, value = map(str.strip, part.partition("="))
         if not equals or not key:
             raise OutputError(f"--output {text}: {part!r} is no key=value")
         if key in data:

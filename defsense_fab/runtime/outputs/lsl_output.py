@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
+from pathlib import Path
 
 import numpy as np
 
@@ -19,6 +21,19 @@ except RuntimeError as problem:  # the package is there, the library that it cal
         "lsl: the library liblsl is not here; install it (conda install -c conda-forge liblsl, or"
         " https://github.com/sccn/liblsl/releases) and let PYLSL_LIB name it"
     ) from problem
+
+_CONFIG = "lsl_api.cfg"
+
+
+def _keep_quiet() -> None:
+    """Only errors are written to the terminal: warnings quote what strangers sent, with all its
+    control characters. Whoever has a configuration of the library decides that there."""
+    places = (Path(), Path.home() / "lsl_api", Path("/etc/lsl_api"))
+    if "LSLAPICFG" not in os.environ and not any((p / _CONFIG).exists() for p in places):
+        pylsl.util.set_config_content("[log]\nlevel = -2\n")
+
+
+_keep_quiet()  # the library reads its configuration once, with its first call
 
 _WINDOW = 20.0  # s over which clocks are compared
 _STRANGE = 5.0  # s by which a sample may be off the comparison before it begins anew

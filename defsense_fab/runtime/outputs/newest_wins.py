@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from queue import SimpleQueue
 
 from ...core.errors import DefsenseError
 from ..frames.live_frame import LiveFrame
@@ -40,12 +42,13 @@ class NewestWins:
         self.name = name
         self._opener, self._pause = opener, 1 / rate if rate > 0 else 0.0
         self._output: Output | None = None
-        self._frame: LiveFrame | None = None
+        # No lock is shared with the loop, which would wait while a thread that holds it does not
+        # run: the newest frame, and a sign that there is one.
+        self._slot, self._sign = deque[LiveFrame](maxlen=1), SimpleQueue[None]()
+        self._signed = self._sending = False
         self._given = self._sent = self._failures = 0
-        self._sending = False
         self._failure: str | None = None
-        self._changed, self._stop = threading.Condition(), False
-        self._tried = threading.Event()
+        self._stop, self._tried = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"output {name}", daemon=True)
         self._thread.start()
 
@@ -62,16 +65,15 @@ class NewestWins:
 
     @property
     def statistics(self) -> OutputStatistics:
-        with self._changed:
-            under_way = (self._frame is not None) + self._sending
-            dropped = self._given - self._sent - under_way
-            return OutputStatistics(self._given, self._sent, dropped, self._failures)
+        given, sent, under_way = self._given, self._sent, len(self._slot) + self._sending
+        return OutputStatistics(given, sent, max(0, given - sent - under_way), self._failures)
 
     def send(self, frame: LiveFrame) -> None:
-        with self._changed:
-            self._given += 1
-            self._frame = frame
-            self._changed.notify()
+        self._slot.append(frame)
+        self._given += 1
+        if not self._signed:
+            self._signed = True
+            self._sign.put(None)
 
     def wait_until_tried(self, seconds: float) -> bool:
         """Whether the output was opened, or could not be, within so many seconds: `about` and
@@ -80,14 +82,13 @@ class NewestWins:
 
     def close(self) -> None:
         """End the thread and close the output. One that hangs in a driver is left to itself."""
-        with self._changed:
-            self._stop = True
-            self._changed.notify()
+        self._stop.set()
+        self._sign.put(None)
         self._thread.join(_HANGS)
 
     def _run(self) -> None:
         wait = _SOON
-        while not self._stop:
+        while not self._stop.is_set():
             try:
                 if self._output is None:
                     self._output = self._opener()
@@ -100,34 +101,31 @@ class NewestWins:
                 self._output.send(frame)
             except Exception as error:  # an output's own, of whatever kind: the loop goes on
                 self._fail(error)
-                self._rest(wait)
+                self._stop.wait(wait)
                 wait = min(2 * wait, _LATER)
                 continue
-            with self._changed:
-                self._sent, self._sending = self._sent + 1, False
+            self._sent, self._sending = self._sent + 1, False
             self._failure, wait = None, _SOON
-            self._rest(self._pause - (time.monotonic() - begun))
+            pause = self._pause - (time.monotonic() - begun)
+            if pause > 0:
+                self._stop.wait(pause)
         self._shut()
 
     def _next(self) -> LiveFrame | None:
-        """The frame that waits; None when the output is to close."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._stop or self._frame is not None)
-            frame, self._frame = self._frame, None
-            self._sending = True
-            return None if self._stop else frame
-
-    def _rest(self, seconds: float) -> None:
-        if seconds > 0:
-            with self._changed:
-                self._changed.wait_for(lambda: self._stop, seconds)
+        """The newest frame, once there is one; None where it was taken already, or at the end."""
+        self._sign.get()
+        # In this order: a frame that comes meanwhile is taken now, or signed anew.
+        self._signed = False
+        if self._stop.is_set() or not self._slot:
+            return None
+        self._sending = True
+        return self._slot.popleft()
 
     def _fail(self, error: Exception) -> None:
         told = str(error) if isinstance(error, DefsenseError) else f"{self.name}: {_words(error)}"
         if told != self._failure:
             _log.warning("%s", told, exc_info=not isinstance(error, DefsenseError | OSError))
-        with self._changed:
-            self._failures, self._sending = self._failures + 1, False
+        self._failures, self._sending = self._failures + 1, False
         self._failure = told
         self._tried.set()
 

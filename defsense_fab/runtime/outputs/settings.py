@@ -92,7 +92,7 @@ class MidiSettings:
     virtual: str = ""
     file: str = ""
     mapping: tuple[MidiMapping, ...] = ()
-    rate: float = 100.0
+    rate: float = 200.0
 
     def __post_init__(self) -> None:
         if sum(map(bool, (self.device, self.virtual, self.file))) > 1:

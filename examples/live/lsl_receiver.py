@@ -1,0 +1,42 @@
+"""Prints the channels of a Lab Streaming Layer stream of the type Deformation.
+
+    defsense run my-device/model --output lsl                  # in one terminal
+    pip install pylsl
+    python lsl_receiver.py                                     # in another
+
+LabRecorder records the same stream beside EEG, motion capture and the like, on one clock.
+"""
+
+import contextlib
+import sys
+
+import pylsl
+
+
+def labels(info):
+    channel, out = info.desc().child("channels").child("channel"), []
+    for _ in range(info.channel_count()):
+        out.append((channel.child_value("label"), channel.child_value("unit")))
+        channel = channel.next_sibling()
+    return out
+
+
+def main():
+    what = ("name", sys.argv[1]) if len(sys.argv) > 1 else ("type", "Deformation")
+    found = pylsl.resolve_byprop(*what, 1, 10)
+    if not found:
+        sys.exit(f"no stream of the {' '.join(what)} within 10 s; does the live loop run?")
+    inlet = pylsl.StreamInlet(found[0])
+    names = labels(inlet.info(10))
+    print(f"stream {found[0].name()!r}:", ", ".join(f"{n} ({u})" for n, u in names), flush=True)
+    while True:
+        values, stamp = inlet.pull_sample(10)
+        if values is None:
+            sys.exit("nothing for 10 s")
+        row = "  ".join(f"{n} {v:+.2f}" for (n, _), v in zip(names, values, strict=True))
+        print(f"{stamp:12.3f}  {row}", flush=True)
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(KeyboardInterrupt):
+        main()

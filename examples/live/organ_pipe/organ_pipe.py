@@ -1,0 +1,82 @@
+"""Turns a MIDI file of the live loop into sound, with nothing but Python: six pipes of an organ.
+
+    defsense run my-device/model --live live.toml       # play; writes organ-pipe.mid
+    python organ_pipe.py organ-pipe.mid organ-pipe.wav
+
+A synthesiser on a MIDI port plays the same notes live: put `device = "..."` in place of `file`.
+"""
+
+import array
+import math
+import sys
+import wave
+
+RATE = 22050
+STOPS = {1: 0.5, 2: 0.25, 3: 0.15, 4: 0.1}  # partials of a pipe, and how loud each is
+
+
+def number(data, at):
+    """Groups of seven bits, the last without the high bit."""
+    value = 0
+    while True:
+        value = value << 7 | data[at] & 0x7F
+        at += 1
+        if data[at - 1] < 0x80:
+            return value, at
+
+
+def events(data):
+    """Seconds and message of a file with one track and the tempo that is meant where none is."""
+    if data[:4] != b"MThd" or data[14:18] != b"MTrk":
+        sys.exit("this is no MIDI file of one track")
+    ticks = int.from_bytes(data[12:14], "big")
+    end, at, now = 22 + int.from_bytes(data[18:22], "big"), 22, 0
+    while at < end:
+        step, at = number(data, at)
+        now += step
+        if data[at] == 0xFF:  # a title, or the end
+            size, at = number(data, at + 2)
+            at += size
+            continue
+        yield now / (2 * ticks), data[at : at + 3]
+        at += 3
+
+
+def main():
+    source, target = sys.argv[1], sys.argv[2]
+    with open(source, "rb") as file:
+        played = list(events(file.read()))
+    length = played[-1][0] + 1.0 if played else 1.0
+    sound, swell, held, begun = [0.0] * int(length * RATE), 1.0, {}, {}
+    levels = {}
+    for k in range(len(sound)):
+        now = k / RATE
+        while played and played[0][0] <= now:
+            _, (kind, what, value) = played.pop(0)
+            if kind & 0xF0 == 0xB0 and what == 11:
+                swell = 0.4 + 0.6 * value / 127
+            elif kind & 0xF0 == 0x90 and value:
+                held[what], begun[what] = 0.4 + 0.6 * value / 127, begun.get(what, now)
+            elif kind & 0xF0 in (0x80, 0x90):
+                held.pop(what, None)
+        for note in begun:
+            # Pipes speak, and fall silent, within some hundredths of a second.
+            levels[note] = levels.get(note, 0.0) + 0.0015 * (
+                held.get(note, 0.0) - levels.get(note, 0.0)
+            )
+            turn = 2 * math.pi * 440 * 2 ** ((note - 69) / 12) * now
+            pipe = sum(a * math.sin(n * turn) for n, a in STOPS.items())
+            sound[k] += 0.2 * swell * levels[note] * pipe
+    samples = array.array("h", (round(32767 * max(-1.0, min(1.0, x))) for x in sound))
+    if sys.byteorder == "big":
+        samples.byteswap()
+    with wave.open(target, "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE)
+        file.writeframes(samples.tobytes())
+    print(f"{target}: {length:.1f} s")
+
+
+if __name__ == "__main__":
+    main()

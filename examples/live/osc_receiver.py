@@ -1,0 +1,74 @@
+"""Shows the controls of a device that arrive by Open Sound Control, as bars in the terminal.
+
+    defsense run my-device/model --output osc,port=9000        # in one terminal
+    python osc_receiver.py 9000                                # in another
+
+It needs nothing but Python: the forty lines of `messages` read OSC 1.0.
+"""
+
+import contextlib
+import socket
+import struct
+import sys
+
+
+def text_at(data, at):
+    """A string that ends with one to four zeros, and what comes after it."""
+    end = data.index(b"\0", at)
+    return data[at:end].decode("ascii"), end + 4 - end % 4
+
+
+def messages(data):
+    """Address and values of all messages in a datagram."""
+    if data.startswith(b"#bundle\0"):
+        at = 16  # the name and the time
+        while at < len(data):
+            (size,) = struct.unpack_from(">i", data, at)
+            yield from messages(data[at + 4 : at + 4 + size])
+            at += 4 + size
+        return
+    address, at = text_at(data, 0)
+    tags, at = text_at(data, at)
+    values = []
+    for tag in tags[1:]:
+        if tag == "s":
+            value, at = text_at(data, at)
+        else:  # i, f, d
+            (value,) = struct.unpack_from(">" + tag, data, at)
+            at += struct.calcsize(">" + tag)
+        values.append(value)
+    yield address, values
+
+
+def bar(value):
+    filled = round(30 * min(abs(value), 1))
+    return f"{value:+.2f} " + "#" * filled + "." * (30 - filled)
+
+
+def main():
+    port = int(sys.argv[1]) if len(sys.argv) > 1 else 9000
+    shown, lines = {}, 0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", port))
+        print(f"listening on port {receiver.getsockname()[1]}", flush=True)
+        while True:
+            try:
+                found = list(messages(receiver.recv(65536)))
+            except (ValueError, struct.error, UnicodeDecodeError, RecursionError):
+                continue  # not OSC
+            for address, values in found:
+                parts = address.split("/")
+                if len(parts) == 5 and parts[1] == "defsense" and parts[3] == "control":
+                    shown[parts[4]] = bar(values[0])
+                elif parts[-1] == "quality":
+                    shown["quality"] = values[1]
+            if shown:
+                up = f"\x1b[{lines}A" if lines else ""
+                rows = "".join(f"{name:16} {row}\x1b[K\n" for name, row in shown.items())
+                print(up + rows, end="", flush=True)
+                lines = len(shown)
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(KeyboardInterrupt):
+        main()

@@ -1,0 +1,126 @@
+"""The example programs on the other side of the outputs, each run as it is."""
+
+import subprocess
+import sys
+import threading
+import uuid
+import wave
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from defsense_fab.runtime.outputs.live_file import read_live_file
+from defsense_fab.runtime.outputs.lsl_output import LslOutput
+from defsense_fab.runtime.outputs.midi.midi_output import MidiOutput
+from defsense_fab.runtime.outputs.osc_output import OscOutput
+from defsense_fab.runtime.outputs.settings import (
+    LslSettings,
+    MidiSettings,
+    OscSettings,
+    WebSocketSettings,
+)
+from defsense_fab.runtime.outputs.websocket.websocket_output import WebSocketOutput
+from tests.runtime.frames import frame
+
+EXAMPLES = Path(__file__).parents[3] / "examples" / "live"
+
+
+class Run:
+    """An example that runs; frames are sent until it has printed what is looked for."""
+
+    def __init__(self, name, *args):
+        self._process = subprocess.Popen(
+            [sys.executable, "-I", str(EXAMPLES / name), *map(str, args)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.lines = []
+        self._thread = threading.Thread(target=self._read)
+        self._thread.start()
+
+    def _read(self):
+        self.lines.extend(iter(self._process.stdout.readline, ""))
+
+    def prints(self, text, send=lambda: None):
+        for _ in range(1000):
+            send()
+            if any(text in line for line in list(self.lines)):
+                return True
+            threading.Event().wait(0.03)
+        return False
+
+    def end(self):
+        self._process.kill()
+        self._process.wait()
+        self._thread.join()
+        self._process.stdout.close()
+
+
+@pytest.fixture
+def run():
+    running = []
+
+    def begin(name, *args):
+        running.append(Run(name, *args))
+        return running[-1]
+
+    yield begin
+    for one in running:
+        one.end()
+
+
+def test_osc_receiver(run):
+    example = run("osc_receiver.py", 0)
+    assert example.prints("listening on port")
+    port = int(example.lines[0].split()[-1])
+    output = OscOutput(OscSettings(port=port, send=("controls", "markers", "quality")))
+    sent = frame(1)
+    assert example.prints("twist            -0.50 ###############....", lambda: output.send(sent))
+    assert example.prints("quality          trusted")
+    output.close()
+
+
+def test_websocket_client(run):
+    output = WebSocketOutput(WebSocketSettings(port=0, token="a-token-of-my-own"))
+    port = output._server.port
+    example = run("websocket_client.py", "127.0.0.1", port, "a-token-of-my-own")
+    sent = frame(100, count=2000)  # a long one: its length takes eight bytes
+    wanted = "     1.00 s  trusted    bend +0.25  twist -0.50"
+    assert example.prints(wanted, lambda: output.send(sent))
+    output.close()
+
+
+def test_lsl_receiver(run):
+    name = f"bar {uuid.uuid4().hex[:8]}"
+    output = LslOutput(LslSettings(stream=name))
+    output.send(frame(1))
+    example = run("lsl_receiver.py", name)
+    assert example.prints("bend (normalized), twist (normalized), quality (level)")
+    number = iter(range(2, 5000))
+    wanted = "bend +0.25  twist -0.50  quality +3.00"
+    assert example.prints(wanted, lambda: output.send(frame(next(number))))
+    output.close()
+
+
+def test_organ_pipe(tmp_path):
+    """Bent to a fifth of the way, one pipe sounds: the C of 130.8 Hz."""
+    live = read_live_file(EXAMPLES / "organ_pipe" / "live.toml")
+    assert [c.name for c in live.controls] == ["bend", "swell"]
+    (asked,) = live.outputs
+    output = MidiOutput(MidiSettings(file=str(tmp_path / "x.mid"), mapping=asked.mapping))
+    for n in range(100):
+        bend = min(0.2, n / 100)
+        output.send(frame(n, controls={"bend": bend, "swell": 1.0}, confidence={}))
+    output.close()
+    subprocess.run(
+        [sys.executable, "-I", str(EXAMPLES / "organ_pipe" / "organ_pipe.py"), "x.mid", "x.wav"],
+        cwd=tmp_path, check=True, capture_output=True,
+    )  # fmt: skip
+    with wave.open(str(tmp_path / "x.wav")) as file:
+        rate, data = file.getframerate(), file.readframes(file.getnframes())
+    sound = np.frombuffer(data, "<i2") / 32768
+    assert not sound[: rate // 20].any()  # not yet
+    part = sound[rate // 2 : rate // 2 + rate // 4]
+    loudest = np.argmax(np.abs(np.fft.rfft(part * np.hanning(len(part)), 10 * rate))) / 10
+    assert loudest == pytest.approx(130.8, abs=0.5)
