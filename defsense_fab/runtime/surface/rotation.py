@@ -11,6 +11,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
+from ...core.arrays import Float
 from ...core.compiled import compiled
 
 _ROUNDS = 60  # of Newton's method; most take one to five
@@ -67,3 +70,17 @@ def nearest_rotation(
         (half * h + root * ch - xz * b - yz * e - zz * h) * z,
         (half * i + root * ci - xz * c - yz * f - zz * i) * z,
     )
+
+
+@compiled()
+def nearest_rotations(matrices: Float) -> Float:
+    """(m, 3, 3) of matrices (m, 3, 3); the identity where none is nearest."""
+    out = np.empty_like(matrices)
+    for k in range(len(matrices)):
+        b = matrices[k]
+        _, r = nearest_rotation(
+            b[0, 0], b[0, 1], b[0, 2], b[1, 0], b[1, 1], b[1, 2], b[2, 0], b[2, 1], b[2, 2]
+        )
+        for i in range(9):
+            out[k, i // 3, i % 3] = r[i]
+    return out
