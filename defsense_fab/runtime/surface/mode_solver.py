@@ -25,7 +25,7 @@ from .time_budget import TimeBudget
 
 _FITS = 4  # steps of Gauss and Newton for the coordinates
 _SETTLED = 1e-3  # standard deviations of a coordinate
-_FURTHEST = 4.0  # standard deviations: beyond, polynomials say nothing
+_FURTHEST = 1.2  # of the range of the polynomials, which say nothing beyond
 _FAR = 0.01  # of the body's size: further from the modes, rotations are fitted more than once
 _MOST = 4  # fits of rotations: more take up the markers' noise
 _CERTAIN = 1e-4  # of the body's size: no marker is better known than that
@@ -98,7 +98,7 @@ class ModeSolver:
                 turn, shift = rigid_fit(at, markers, noise.precision**2)
             off = (markers - shift) @ turn - at
             q, shrinkage, self.tau = noise.fit(off, slopes, self._q)
-            q = np.clip(q, -_FURTHEST, _FURTHEST)
+            q = np.clip(q, -_FURTHEST * self._map.limits, _FURTHEST * self._map.limits)
             moved = float(np.abs(q - self._q).max())
             self._q = q
             if moved < _SETTLED:
