@@ -1,0 +1,1 @@
+"""Markers in, a whole deforming surface out, many times a second."""

@@ -1,0 +1,96 @@
+"""How far, and how smoothly, a body may differ from its modes.
+
+The difference is a Gaussian field: its covariance is tau^2 times the Green's function of the squared
+Laplacian (a thin plate's), so that what the markers say beyond the modes is spread smoothly over
+the surface. How large tau is, each frame's own markers tell: it is integrated out over a grid, by
+its marginal likelihood beside the markers' noise (empirical Bayes; C. E. Rasmussen, C. K. I.
+Williams, "Gaussian Processes for Machine Learning", MIT Press 2006, ch. 2.7 and 5.4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from ...core.arrays import Bool, Float
+from .attachment import Attachment
+from .elastic_net import ElasticNet
+
+_GRID = np.geomspace(2e-5, 0.2, 14)  # of the body's size: tau that are thought possible
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """`field` (n, m): covariance of the surface with the m markers, `markers` (m, m) that among
+    them, both at tau = 1 mm; `grid` (g,) mm of tau."""
+
+    field: Float
+    markers: Float
+    grid: Float
+
+    @classmethod
+    def of(cls, net: ElasticNet, attachment: Attachment, size: float) -> Discrepancy:
+        """Of a body of this size (mm)."""
+        floating = not net.fixed.any()
+        mean = net.area / net.area.sum()
+        loads = attachment.matrix(len(net.rest)).toarray().T
+        if floating:  # its place as a whole is fitted apart
+            loads = loads - mean[:, None]
+        once = net.responses(loads)
+        if floating:
+            once -= mean @ once
+        field = net.responses(net.area[:, None] * once)
+        if floating:
+            field -= mean @ field
+        markers = np.einsum("mk,mkp->mp", attachment.weights, field[attachment.corners])
+        markers = 0.5 * (markers + markers.T)
+        unit = float(np.median(np.diag(markers)))
+        return cls(field / unit, markers / unit, _GRID * size)
+
+    def beside(self, precision: Float) -> NoisyMarkers:
+        """With markers whose noise has standard deviations 1 / precision (m,), 0: not seen."""
+        covariance = precision[:, None] * self.markers * precision
+        values, vectors = np.linalg.eigh(covariance)
+        return NoisyMarkers(precision, np.maximum(values, 0.0), vectors, self.grid)
+
+
+@dataclass(frozen=True)
+class NoisyMarkers:
+    """Markers in directions (columns of `vectors`) in which the difference has the variances
+    `values` (m,) beside a noise of one."""
+
+    precision: Float
+    values: Float
+    vectors: Float
+    grid: Float
+
+    def fit(self, off: Float, slopes: Float, q: Float) -> tuple[Float, Float, float]:
+        """Coordinates of modes (k,) of unit standard deviation, and of the difference that goes
+        with them the shrinkage (m,) and tau (mm), of markers that are `off` (m, 3) from the surface
+        at q (k,), where they move by `slopes` (m, 3, k)."""
+        whiten = self.vectors.T * self.precision
+        m, _, k = slopes.shape
+        jacobian = (whiten @ slopes.reshape(m, -1)).reshape(m, 3, k)
+        seen = whiten @ off + jacobian @ q
+        squares = (seen**2).sum(axis=1)
+        products = np.einsum("mdk,mdl->mkl", jacobian, jacobian).reshape(m, -1)
+        pulls = np.einsum("mdk,md->mk", jacobian, seen)
+        noise = 1.0 / (1.0 + np.outer(self.grid**2, self.values))
+        likelihood, found = np.empty(len(noise)), np.empty((len(noise), k))
+        for g, w in enumerate(noise):
+            factor = cho_factor((w @ products).reshape(k, k) + np.eye(k), check_finite=False)
+            pull = w @ pulls
+            found[g] = cho_solve(factor, pull, check_finite=False)
+            likelihood[g] = (
+                pull @ found[g] - w @ squares + 3 * np.log(w).sum()
+            ) / 2 - np.log(np.diag(factor[0])).sum()  # fmt: skip
+        p = np.exp(likelihood - likelihood.max())
+        p /= p.sum()
+        return p @ found, (p * self.grid**2) @ noise, float(np.exp(p @ np.log(self.grid)))
+
+    def loads(self, off: Float, shrinkage: Float) -> Float:
+        """(m, 3) that the field of a discrepancy is multiplied by, for markers off by (m, 3) mm."""
+        inner = shrinkage[:, None] * (self.vectors.T @ (self.precision[:, None] * off))
+        return np.asarray(self.precision[:, None] * (self.vectors @ inner))

@@ -1,0 +1,188 @@
+"""Modes of deformation in which rotations and strains are apart, so that states can be mixed.
+
+As rotation-strain coordinates (J. Huang et al., "Interactive shape interpolation through controllable
+dynamic deformation", IEEE TVCG 17 (2011)), here on the half edges of a surface: a state is each
+vertex' rotation vector, and its edges with that rotation taken out. Mixed linearly, rotated again
+and integrated, a simulated state comes back exactly, and turns add up as turns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import Float, Int
+from ...core.compiled import compiled
+from .elastic_net import ElasticNet
+
+_MODES = 16  # at most
+_SMALLEST = 1e-3  # of the largest amplitude
+
+
+@dataclass(frozen=True)
+class RotationStrain:
+    """`turns` (k, n, 3) rad and `stretches` (k, h, 3) mm of k modes, whose coordinates have unit
+    standard deviation over the simulated states. `coordinates` (s, k) are those of the states."""
+
+    net: ElasticNet
+    turns: Float
+    stretches: Any  # single precision: reading them is what takes the time
+    coordinates: Float
+
+    @classmethod
+    def of(cls, net: ElasticNet, states: Float) -> RotationStrain:
+        """Of s states with vertices (s, n, 3) mm."""
+        turns, stretches = np.empty(states.shape), np.empty((len(states), *net.edges.shape))
+        for s, x in enumerate(states):
+            rotations = net.rotations(x)
+            turns[s] = _rotation_vectors(net.ptr, net.ends, rotations)
+            edges = x[net.ends] - x[net.tails]
+            turned_back = rotations.reshape(-1, 3, 3)[net.tails]
+            stretches[s] = np.einsum("hji,hj->hi", turned_back, edges) - net.edges
+        # Both in mm: a turn moves the edges around a vertex.
+        lever = np.bincount(
+            net.tails, np.abs(net.weights) * (net.edges**2).sum(axis=1), len(net.rest)
+        )
+        strength = np.sqrt(np.abs(net.weights))
+        features = np.concatenate(
+            [
+                (turns * np.sqrt(lever)[:, None]).reshape(len(states), -1),
+                (stretches * strength[:, None]).reshape(len(states), -1),
+            ],
+            axis=1,
+        )
+        values, vectors = np.linalg.eigh(features @ features.T)
+        values, vectors = values[::-1], vectors[:, ::-1]
+        kept = np.flatnonzero(values > _SMALLEST**2 * values[0])[:_MODES]
+        mixed = vectors[:, kept] / math.sqrt(len(states))  # of states, at unit coordinates
+        return cls(
+            net, np.einsum("sk,snd->knd", mixed, turns),
+            np.einsum("sk,shd->khd", mixed, stretches).astype(np.float32),
+            vectors[:, kept] * math.sqrt(len(states)),
+        )  # fmt: skip
+
+    @property
+    def modes(self) -> int:
+        """Their number k."""
+        return len(self.turns)
+
+    def frames(self, q: Float) -> tuple[Float, Float]:
+        """Rotations (n, 9) and unrotated edges (h, 3) mm at coordinates q (k,)."""
+        turned = (q @ self.turns.reshape(self.modes, -1)).reshape(-1, 3)
+        strained = q.astype(np.float32) @ self.stretches.reshape(self.modes, -1)
+        return _rotations(turned), self.net.edges + strained.reshape(-1, 3)
+
+    def surface(self, q: Float, before: Float) -> tuple[Float, Float, Float]:
+        """Vertices (n, 3) mm, rotations (n, 9), unrotated edges (h, 3) mm at coordinates q (k,);
+        `before` (n, 3) is where a surface of which nothing is fixed was."""
+        rotations, edges = self.frames(q)
+        net, right = self.net, np.zeros((3, len(before)))
+        rotate_edges(net.ptr, net.ends, net.weights, edges, rotations, right)
+        return net.integrate(right, before), rotations, edges
+
+
+def _rotation_vectors(ptr: Int, ends: Int, rotations: Float) -> Float:
+    """(n, 3) rad of rotations (n, 9), of those half turns apart the ones nearest to neighbours'."""
+    vectors = np.empty((len(rotations), 3))
+    _logarithms(rotations, vectors)
+    _unwind(ptr, ends, vectors)
+    return vectors
+
+
+@compiled()
+def _logarithms(rotations: Float, out: Float) -> None:
+    for k in range(len(rotations)):
+        r = rotations[k]
+        # The quaternion by its largest entry, which stays accurate up to half a turn.
+        trace = r[0] + r[4] + r[8]
+        if trace > 0.0:
+            w, x, y, z = 1.0 + trace, r[7] - r[5], r[2] - r[6], r[3] - r[1]
+        elif r[0] >= r[4] and r[0] >= r[8]:
+            w, x, y, z = r[7] - r[5], 1.0 + r[0] - r[4] - r[8], r[1] + r[3], r[2] + r[6]
+        elif r[4] >= r[8]:
+            w, x, y, z = r[2] - r[6], r[1] + r[3], 1.0 + r[4] - r[0] - r[8], r[5] + r[7]
+        else:
+            w, x, y, z = r[3] - r[1], r[2] + r[6], r[5] + r[7], 1.0 + r[8] - r[0] - r[4]
+        if w < 0.0:
+            w, x, y, z = -w, -x, -y, -z
+        sine = math.sqrt(x * x + y * y + z * z)
+        scale = 2.0 / w if sine < 1e-12 * w else 2.0 * math.atan2(sine, w) / sine
+        out[k, 0], out[k, 1], out[k, 2] = scale * x, scale * y, scale * z
+
+
+@compiled()
+def _unwind(ptr: Int, ends: Int, vectors: Float) -> None:
+    """Turns of more than pi: vertex by vertex outwards from the smallest turn, each takes the
+    vector nearest to that of the neighbour that it is reached from."""
+    n = len(vectors)
+    seen, queue = np.zeros(n, np.bool_), np.empty(n, np.int64)
+    while not seen.all():
+        start, least = -1, np.inf
+        for i in range(n):
+            size = (vectors[i] ** 2).sum()
+            if not seen[i] and size < least:
+                start, least = i, size
+        queue[0], first, last = start, 0, 1
+        seen[start] = True
+        while first < last:
+            i = queue[first]
+            first += 1
+            for p in range(ptr[i], ptr[i + 1]):
+                j = ends[p]
+                if seen[j]:
+                    continue
+                seen[j] = True
+                queue[last] = j
+                last += 1
+                angle = math.sqrt((vectors[j] ** 2).sum())
+                if angle > 1e-9:
+                    axis = vectors[j] / angle
+                    turns = round(((vectors[i] * axis).sum() - angle) / (2.0 * math.pi))
+                    vectors[j] = axis * (angle + 2.0 * math.pi * turns)
+
+
+@compiled(fastmath={"contract", "nsz", "arcp"})
+def _rotations(vectors: Float) -> Float:
+    """(n, 9) of rotation vectors (n, 3) rad, by Rodrigues' formula."""
+    out = np.empty((len(vectors), 9))
+    for k in range(len(vectors)):
+        x, y, z = vectors[k, 0], vectors[k, 1], vectors[k, 2]
+        square = x * x + y * y + z * z
+        if square < 1e-8:
+            s, c = 1.0 - square / 6.0, 0.5 - square / 24.0
+        else:
+            angle = math.sqrt(square)
+            s, c = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
+        out[k, 0], out[k, 1], out[k, 2] = 1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y
+        out[k, 3], out[k, 4], out[k, 5] = c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x
+        out[k, 6], out[k, 7], out[k, 8] = c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)
+    return out
+
+
+@compiled(fastmath={"contract", "nsz", "arcp"})
+def rotate_edges(
+    ptr: Int, ends: Int, weights: Float, edges: Float, rotations: Float, right: Float
+) -> None:  # fmt: skip
+    """Add what rotated edges ask of the Laplacian to `right` (3, n), as `fit_rotations` does."""
+    bx, by, bz = right[0], right[1], right[2]
+    for i in range(len(ptr) - 1):
+        r = rotations[i]
+        s0, s1, s2 = 0.0, 0.0, 0.0
+        for p in range(ptr[i], ptr[i + 1]):
+            j, w = ends[p], 0.5 * weights[p]
+            c0, c1, c2 = w * edges[p, 0], w * edges[p, 1], w * edges[p, 2]
+            t0 = r[0] * c0 + r[1] * c1 + r[2] * c2
+            t1 = r[3] * c0 + r[4] * c1 + r[5] * c2
+            t2 = r[6] * c0 + r[7] * c1 + r[8] * c2
+            s0 += t0
+            s1 += t1
+            s2 += t2
+            bx[j] += t0
+            by[j] += t1
+            bz[j] += t2
+        bx[i] -= s0
+        by[i] -= s1
+        bz[i] -= s2
