@@ -13,7 +13,19 @@ from collections.abc import Iterator, Sequence
 
 from .. import __version__
 from ..core.errors import DefsenseError
-from . import build, calibrate, capture, dataset, evaluate, modes, recalibrate, study, train, twin
+from . import (
+    build,
+    calibrate,
+    capture,
+    dataset,
+    evaluate,
+    modes,
+    recalibrate,
+    run,
+    study,
+    train,
+    twin,
+)
 from .command_parser import CommandParser
 from .output import progress_bars
 
@@ -36,6 +48,7 @@ _INTERRUPTED = {
     "dataset": "interrupted; nothing was written, and a dataset before is untouched",
     "evaluate": "interrupted; nothing was written, and an evaluation before is untouched",
     "train": "interrupted; no model was written, and the one before is untouched",
+    "run": "interrupted; what was read is kept",
     "twin": "interrupted; no session is left half-written, and shapes that were solved are kept",
 }
 
@@ -122,6 +135,7 @@ def make_parser() -> CommandParser:
     dataset.add(commands)
     evaluate.add(commands)
     recalibrate.add(commands)
+    run.add(commands)
     twin.add(commands)
     return parser
 

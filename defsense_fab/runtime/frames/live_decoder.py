@@ -59,7 +59,7 @@ class LiveDecoder:
         self._streams = {name: _Stream(model, name) for name in lost}
         self._swapped: tuple[int, int] | None = None
         self._found: list[LiveFault] = []
-        self._number, self._distance = 0, 0.0
+        self._number, self._distance, self._rest_asked = 0, 0.0, False
         self._last: Decoded | None = None
         self._last_time = -np.inf
         self._ids = tuple(int(i) for i in model.ids)
@@ -68,6 +68,10 @@ class LiveDecoder:
     def rested(self) -> bool:
         """Whether R0 is known: before that, frames are lost."""
         return self._rest_ohms is not None
+
+    def rest_now(self) -> None:
+        """The device is at rest at this moment: R0 is what it reads. From any thread."""
+        self._rest_asked = True
 
     def __call__(self, sample: Sample) -> LiveFrame | None:
         """The frame; None for a sample that is not later than the one before. Raises
@@ -81,6 +85,9 @@ class LiveDecoder:
         if not sample.time > self._last_time:
             return None
         since, self._last_time = sample.time - self._last_time, sample.time
+        if self._rest_asked:
+            self._rest_asked = False
+            self._rest.set_now()
         rest = self._rest(sample.time, sample.ohms, self._lost_channels())
         if self._rest_ohms is None or not self._fixed:
             self._rest_ohms = rest.ohms

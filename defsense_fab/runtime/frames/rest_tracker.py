@@ -62,6 +62,13 @@ class RestTracker:
             self._checked = time
         return self._told()
 
+    def set_now(self) -> None:
+        """Take the readings of the last moment for those at rest."""
+        R = np.array([ohms for _, ohms in self._window])
+        if len(R) and np.isfinite(R).all() and (R > 0).all():
+            self._first = self._now = np.median(R[-_LEAST:], axis=0)
+            self._settled = True
+
     def _told(self) -> Rest:
         if self._first is None or self._now is None:
             return Rest(None, self._resting, False, np.zeros(len(self._span)))

@@ -20,9 +20,7 @@ def laplacian(vertices: Float, triangles: Int) -> csr_array:
     weights = np.clip(np.nan_to_num(-off.data[apart], nan=0.0), -_STEEPEST, _STEEPEST)
     weights[weights == 0.0] = 1e-12  # right-angled grids: an edge stays a neighbour
     between = csr_array((weights, (off.row[apart], off.col[apart])), shape=matrix.shape)
-    diagonal = csr_array(
-        (between.sum(axis=1), (np.arange(len(vertices)),) * 2), shape=matrix.shape
-    )
+    diagonal = csr_array((between.sum(axis=1), (np.arange(len(vertices)),) * 2), shape=matrix.shape)
     out = csr_array(diagonal - between)
     out.sort_indices()
     return out

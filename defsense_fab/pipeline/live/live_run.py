@@ -1,0 +1,208 @@
+"""A live run put together: device, port, loop, controls, surface, view, outputs, recording."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ...capture.readout.ports import open_port
+from ...capture.readout.reader import Reader, Settings
+from ...capture.readout.replay import Replay
+from ...capture.readout.source import Source
+from ...core.arrays import Float
+from ...core.errors import LiveError
+from ...core.progress import Progress, silent
+from ...runtime.controls.control_bank import ControlBank, ControlSpec
+from ...runtime.frames.live_decoder import LiveDecoder
+from ...runtime.outputs.live_file import open_outputs
+from ...runtime.outputs.newest_wins import NewestWins
+from ...runtime.outputs.settings import Settings as OutputSettings
+from ...runtime.surface.live_surface import Mode, make_surface
+from ...runtime.surface.surface_basis import SurfaceBasis
+from ...runtime.view.live_panel import PanelActions
+from ...runtime.view.live_view import LiveView
+from ...runtime.view.viewed_device import ViewedDevice
+from ..twin.walking_board import WalkingBoard, parse_faults, walking_board
+from .live_device import LiveDevice
+from .live_loop import LiveLoop, Sending, deviation
+from .raw_recording import RawRecording, run_folder
+
+REFERENCE = 2200.0  # ohm, of dividers that nothing tells
+_TWIN, _REPLAY = "twin", "replay"
+_VIEW_RATE = 60.0  # Hz, at most
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What a run is asked for. `port`: a serial port, socket://host:port, a recording's .csv
+    (replay:FILE), or twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30). `reference` and `rest`
+    (c,) ohm in the order of the wires, where they are known; `view` is a port, None without one;
+    whether the readings are kept (`keep`), in the folder `record` or in a new one of the device's.
+    """
+
+    port: str
+    rate: int = 100
+    reference: Float | None = None
+    rest: Float | None = None
+    view: int | None = None
+    outputs: tuple[OutputSettings, ...] = ()
+    controls: tuple[ControlSpec, ...] = ()
+    surface: Mode = "default"
+    fallback: bool = True
+    keep: bool = True
+    record: Path | None = None
+
+
+@dataclass
+class LiveRun:
+    """A run that is ready to `loop.start()`; `notes` are what a user should know before."""
+
+    loop: LiveLoop
+    outputs: Sequence[NewestWins]
+    view: LiveView | None
+    recording: RawRecording | None
+    twin: WalkingBoard | None = None
+    surface: str = ""
+    notes: list[str] = field(default_factory=list)
+
+    def close(self) -> None:
+        self.loop.close()
+
+
+def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent) -> LiveRun:
+    """Raises LiveError, CaptureError, OutputError and StorageError for what cannot be opened."""
+    model, notes = live.model, list[str]()
+    source, twin = _source(live, options, progress)
+    reference = _reference(live, options, notes)
+    order = [live.wired.index(name) for name in model.channels]
+    rest = None if options.rest is None else options.rest[order]
+    decoder = LiveDecoder(model, rest, live.trained_rest, fallback=options.fallback)
+    controls = None
+    if live.poses is not None:
+        controls = ControlBank(
+            live.poses, model.rest_points, options.controls, independent=len(model.channels)
+        )
+    elif options.controls:
+        raise LiveError("[controls] need the poses of a built device: give its folder (--device)")
+    views, view, surface, told = list[Sending](), None, None, ""
+    with contextlib.ExitStack() as undo:
+        if options.view is not None:
+            if live.rest is not None and live.states is not None:
+                progress("live", 0.5, "preparing the surface")
+                surface = make_surface(_basis(live), model.rest_points, _typical(live),
+                                       options.surface)  # fmt: skip
+                told = surface.choice
+            else:
+                notes.append(
+                    "no built device is known, so that the view shows markers alone; give its"
+                    " folder (--device)"
+                )
+            actions = PanelActions(rest=decoder.rest_now)
+            view = LiveView(_viewed(live), actions, options.view)
+            views.append(NewestWins("view", partial(_same, view), _VIEW_RATE))
+            undo.callback(view.close)
+        outputs = open_outputs(options.outputs)
+        for each in outputs:
+            undo.callback(each.close)
+        recording = _recording(live, options)
+        undo.pop_all()
+    loop = LiveLoop(
+        source, decoder, live.wired, reference, controls=controls, surface=surface,
+        outputs=outputs, views=views, recorder=recording,
+    )  # fmt: skip
+    return LiveRun(loop, outputs, view, recording, twin, told, notes)
+
+
+def _same(view: LiveView) -> LiveView:
+    return view
+
+
+def _source(
+    live: LiveDevice, options: RunOptions, progress: Progress
+) -> tuple[Source, WalkingBoard | None]:
+    word, _, rest = options.port.partition(":")
+    settings = Settings(channels=len(live.model.channels), rate=options.rate)
+    if word == _TWIN:
+        twin = _twin(live, options.port, rest, progress)
+        return Reader(twin.open, options.port, settings), twin
+    if word == _REPLAY or options.port.endswith(".csv"):
+        path = Path(rest if word == _REPLAY else options.port)
+        if not path.is_file():
+            raise LiveError(f"{path}: no such recording; give a board.csv")
+        return Replay(path), None
+    return Reader(partial(open_port, options.port), options.port, settings), None
+
+
+def _twin(live: LiveDevice, text: str, words: str, progress: Progress) -> WalkingBoard:
+    if live.device is None or live.states is None:
+        raise LiveError(f"{text}: a twin needs a built device; give its folder (--device)")
+    values, faults = {"unit": 1, "seed": 101, "minutes": 5}, []
+    for word in filter(None, words.split(",")):
+        name, equals, number = word.partition("=")
+        if equals and name in values and number.isdecimal():
+            values[name] = int(number)
+        elif "@" in word:
+            faults.append(word)
+        else:
+            raise LiveError(f"{text}: write twin:unit=1,seed=7,minutes=5,cut=NAME@20-30, each or"
+                            " none")  # fmt: skip
+    if not 1 <= values["minutes"] <= 60:
+        raise LiveError(f"{text}: minutes are from 1 to 60")
+    return walking_board(
+        live.device, unit=values["unit"], seed=values["seed"], seconds=60.0 * values["minutes"],
+        faults=parse_faults(live.wired, faults), progress=progress,
+    )  # fmt: skip
+
+
+def _reference(live: LiveDevice, options: RunOptions, notes: list[str]) -> Float:
+    """(c,) ohm in the model's order."""
+    order = [live.wired.index(name) for name in live.model.channels]
+    if options.reference is not None:
+        return options.reference[order]
+    if live.reference is not None:
+        return live.reference
+    notes.append(
+        f"the training does not tell the dividers' resistors: {REFERENCE:g} ohm are taken for"
+        " each; give --reference"
+    )
+    return np.full(len(order), REFERENCE)
+
+
+def _typical(live: LiveDevice) -> Float:
+    """(m,) mm: standard deviations of the markers near the training."""
+    m = len(live.model.ids)
+    intervals = live.model.main.intervals
+    radius = np.full(m, np.nan) if intervals is None else intervals(np.array([0.7]))[0]
+    return deviation(radius)
+
+
+def _basis(live: LiveDevice) -> SurfaceBasis:
+    assert live.rest is not None
+    assert live.states is not None
+    fixed = np.abs(live.states).max(axis=(0, 2)) < 1e-9
+    return SurfaceBasis(
+        live.rest.vertices, np.asarray(live.rest.faces, np.int64), live.states, fixed
+    )
+
+
+def _viewed(live: LiveDevice) -> ViewedDevice:
+    model, by = live.model, {cord.name: cord.path for cord in live.cords}
+    low, high = model.main.range.low, model.main.range.high
+    return ViewedDevice(
+        model.device, None if live.rest is None else live.rest.vertices,
+        None if live.rest is None else live.rest.faces, model.channels,
+        tuple(by[name] for name in model.channels if name in by), low, high,
+        float(1.645 * np.median(_typical(live))),
+    )  # fmt: skip
+
+
+def _recording(live: LiveDevice, options: RunOptions) -> RawRecording | None:
+    if not options.keep or options.port.endswith(".csv") or options.port.startswith(_REPLAY):
+        return None
+    folder = options.record or run_folder(live.device.source if live.device else Path())
+    return RawRecording(folder, len(live.wired))
