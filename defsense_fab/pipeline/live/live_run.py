@@ -196,7 +196,8 @@ def _viewed(live: LiveDevice) -> ViewedDevice:
     return ViewedDevice(
         model.device, None if live.rest is None else live.rest.vertices,
         None if live.rest is None else live.rest.faces, model.channels,
-        tuple(by[name] for name in model.channels if name in by), low, high,
+        tuple(by[name] for name in model.channels if name in by),
+        live.device.cord.diameter / 2 if live.device else 1.0, low, high,
         float(1.645 * np.median(_typical(live))),
     )  # fmt: skip
 

@@ -17,10 +17,10 @@ _SECONDS = 15.0  # of signals that are drawn
 _EVERY = 0.2  # s between two drawings of them
 _COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf")
 _SAID = {
-    Quality.TRUSTED: "🟢 **trusted**",
-    Quality.UNTRAINED: "🟡 **untrained**: the readings lie outside of the training",
-    Quality.FALLBACK: "🟠 **fallback**: decoded without {}",
-    Quality.LOST: "⚪ **lost**: the last good shape stands",
+    Quality.TRUSTED: "**trusted**",
+    Quality.UNTRAINED: "**untrained**: the readings lie outside of the training",
+    Quality.FALLBACK: "**fallback**: decoded without {}",
+    Quality.LOST: "**lost**: the last good shape stands",
 }
 
 

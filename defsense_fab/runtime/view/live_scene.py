@@ -11,10 +11,11 @@ from ...core.arrays import Float
 from ..frames.live_frame import LiveFrame
 from .carried_points import carrying_weights
 from .colors import BODY, cord_color, marker_colors
+from .tube import tube_faces, tube_vertices
 from .viewed_device import ViewedDevice
 
 _CORD_POINTS = 40
-_MARKER, _CORD = 0.018, 3.0  # of the body's diagonal; pixels
+_MARKER = 0.013  # of the body's diagonal
 
 
 class LiveScene:
@@ -39,13 +40,12 @@ class LiveScene:
             self._look_at((low + high) / 2, size, server)
         self._marker_size = _MARKER * size
         self._cords = self._carried()
-        self._lines = [
-            scene.add_line_segments(
+        self._tubes = [
+            scene.add_mesh_simple(
                 f"{name}/{channel}",
-                _segments(rest),
-                (225, 225, 225),
-                thickness=_CORD,
-                thickness_units="screen",
+                tube_vertices(rest, device.cord_radius).astype(np.float32),
+                tube_faces(len(rest)).astype(np.uint32),
+                color=cord_color(0.0, -1.0, 1.0),
             )
             for channel, (rest, _) in zip(device.channels, self._cords, strict=False)
         ]
@@ -59,11 +59,12 @@ class LiveScene:
             self._mesh.vertices = frame.vertices.astype(np.float32)
             self._mesh.color = BODY[frame.quality]
             moved = frame.vertices - device.vertices
-            for k, (line, (rest, weights)) in enumerate(zip(self._lines, self._cords, strict=True)):
-                line.points = _segments(rest + weights @ moved)
-                line.colors = cord_color(
-                    float(frame.signals[k]), float(device.low[k]), float(device.high[k])
+            for k, (tube, (rest, weights)) in enumerate(zip(self._tubes, self._cords, strict=True)):
+                tube.vertices = tube_vertices(rest + weights @ moved, device.cord_radius).astype(
+                    np.float32
                 )
+                signal, low, high = frame.signals[k], device.low[k], device.high[k]
+                tube.color = cord_color(float(signal), float(low), float(high))
         colors = marker_colors(frame.radius, device.radius)
         points = frame.markers.astype(np.float32)
         if self._markers is None:
@@ -87,12 +88,8 @@ class LiveScene:
     @staticmethod
     def _look_at(middle: Float, size: float, server: Any) -> None:
         def place(client: Any) -> None:
-            client.camera.look_at = tuple(middle)
-            client.camera.position = tuple(middle + size * np.array([0.45, -1.0, 0.55]))
             client.camera.up_direction = (0.0, 0.0, 1.0)
+            client.camera.position = tuple(middle + size * np.array([0.45, -1.0, 0.55]))
+            client.camera.look_at = tuple(middle)  # last: moving the camera moves it too
 
         server.on_client_connect(place)
-
-
-def _segments(points: Float) -> Any:
-    return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)

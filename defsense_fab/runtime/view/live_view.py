@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import logging
 import socket
 from typing import Any
@@ -34,9 +35,10 @@ class LiveView:
         _need_free(port)
         for noisy in ("websockets", "viser"):
             logging.getLogger(noisy).setLevel(logging.ERROR)
-        self.server: Any = viser.ViserServer(
-            host="127.0.0.1", port=port, label=f"{device.name} live", verbose=False
-        )
+        with contextlib.redirect_stdout(io.StringIO()):  # it prints its address in a box
+            self.server: Any = viser.ViserServer(
+                host="127.0.0.1", port=port, label=f"{device.name} live", verbose=False
+            )
         self.port = int(self.server.get_port())
         self.server.gui.configure_theme(
             control_layout="fixed", show_logo=False, show_share_button=False
@@ -58,7 +60,8 @@ class LiveView:
             self.panel.show(frame)
 
     def close(self) -> None:
-        self.server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
 
 
 def _need_free(port: int) -> None:
@@ -69,5 +72,5 @@ def _need_free(port: int) -> None:
             probe.bind(("127.0.0.1", port))
         except OSError:
             raise OutputError(
-                f"view: port {port} is taken by another program; give another with --view-port"
+                f"view: port {port} is taken by another program; give another, as in --view 8090"
             ) from None

@@ -18,6 +18,7 @@ class ViewedDevice:
     faces: Int | None
     channels: tuple[str, ...]
     cords: tuple[Float, ...]
+    cord_radius: float
     low: Float
     high: Float
     radius: float
