@@ -158,8 +158,13 @@ def test_too_few_frames(good):
     assert not problem.fatal
     assert "last 40 s in all" in problem.what
     # Frames without signals are none.
-    gone = replace(good.recordings[0], sample_time=good.recordings[0].sample_time + 1000)
-    assert told(check_dataset(dataset(gone)), "too few frames").value == 0
+    r = good.recordings[0]
+    gone = replace(r, sample_time=r.sample_time[:40], ohm=r.ohm[:40])
+    assert told(check_dataset(dataset(gone)), "too few frames").value == 20
+    elsewhere = replace(r, sample_time=r.sample_time + 1000)
+    problem = told(check_dataset(dataset(elsewhere)), "out of step")
+    assert problem.fatal
+    assert "samples (1000.0 to 1040.0 s) and frames (0.0 to 40.0 s) have no" in problem.what
 
 
 def test_frames_without_markers(good):
