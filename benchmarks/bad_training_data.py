@@ -6,7 +6,7 @@
 Two processed sessions of one built device, of a run each, are cut to so many seconds, and each
 fault is made in a copy: the files that a user would have. `defsense train` (or what the fault is
 about) is run on it. Told are the exit code and the words that the same command does not say of the
-whole sessions. A fault is caught where training refuses (exit code 2, one line, no model written) or, of
+whole sessions. A fault is caught where training refuses (exit code 2, one line, no model) or, of
 those that are marked `told`, where it says what is doubtful and trains all the same; `no one` is
 told of what is no fault. `--only WORD` tries those whose names have the word.
 """
