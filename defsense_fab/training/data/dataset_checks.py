@@ -18,7 +18,9 @@ _LEAST = 50  # frames
 _SHORT = 60.0  # s of frames, fewer than which show little of how a device moves
 _REST = 0.5  # s
 _STILL = 3.0  # mm, root mean square, by which markers at rest are off their places
+_BARE = 0.05  # of the frames
 _HIDDEN = 0.5  # of the frames
+_NOTHING = 0.05  # of the movements' variance: what tells less forbids training
 _WRONG = 0.2  # s, by which signals out of step forbid training
 
 
@@ -28,11 +30,15 @@ def check_dataset(
 ) -> tuple[Problem, ...]:  # fmt: skip
     """All problems, those that forbid training first. `channels`: those that the device has;
     `predicted`: see `channel_problems`."""
-    out = [*_together(dataset), *_named(dataset, channels), *_numbers(dataset)]
+    out = [
+        *_together(dataset), *_twice(dataset), *_named(dataset, channels), *_numbers(dataset),
+        *_times(dataset),
+    ]  # fmt: skip
     if not any(p.fatal for p in out):  # what follows computes with them
+        # Causes first: of what has no signals or markers, too few frames are what follows.
         out += [
-            *_frames(dataset), *_rest(dataset), *channel_problems(dataset, predicted),
-            *_steps(dataset),
+            *channel_problems(dataset, predicted), *_hidden(dataset), *_frames(dataset),
+            *_rest(dataset), *_steps(dataset),
         ]  # fmt: skip
     return tuple(sorted(out, key=lambda p: not p.fatal))
 
@@ -70,6 +76,23 @@ def _together(dataset: Dataset) -> list[Problem]:
                 )
             )  # fmt: skip
     return out
+
+
+def _twice(dataset: Dataset) -> list[Problem]:
+    """Copies of a recording: what is trained on would be tested on."""
+    return [
+        Problem(
+            "same recording", True, f"{r.name} is a copy of {other.name}",
+            "give each recording once", of=(r.name, other.name),
+        )
+        for k, r in enumerate(dataset.recordings)
+        for other in dataset.recordings[:k]
+        if np.array_equal(r.time, other.time) and _same(r.signals, other.signals)
+    ]  # fmt: skip
+
+
+def _same(a: Float, b: Float) -> bool:
+    return a.shape == b.shape and np.allclose(a, b, rtol=0, atol=1e-5, equal_nan=True)
 
 
 def _named(dataset: Dataset, channels: Sequence[str] | None) -> list[Problem]:
@@ -113,6 +136,26 @@ def _numbers(dataset: Dataset) -> list[Problem]:
     return out
 
 
+def _times(dataset: Dataset) -> list[Problem]:
+    """Samples and frames at other times altogether."""
+    out = []
+    for r in dataset.recordings:
+        if not (len(r.time) and len(r.sample_time)):
+            continue
+        (a, b), (c, d) = r.sample_time[[0, -1]], r.time[[0, -1]]
+        if b < c or a > d:
+            out.append(
+                Problem(
+                    "out of step", True,
+                    f"{r.name}: samples ({a:.1f} to {b:.1f} s) and frames ({c:.1f} to {d:.1f} s)"
+                    " have no time in common",
+                    "process the session again, or tell how far their clocks are apart (--shift)",
+                    of=(r.name,),
+                )
+            )  # fmt: skip
+    return out
+
+
 def _frames(dataset: Dataset) -> list[Problem]:
     out = []
     counts = {r.name: int(usable(r).sum()) for r in dataset.recordings}
@@ -140,7 +183,24 @@ def _frames(dataset: Dataset) -> list[Problem]:
                 f"record {_SHORT:.0f} s or more, with all ways in which the device moves", lasts,
             )
         )  # fmt: skip
+    return out
+
+
+def _hidden(dataset: Dataset) -> list[Problem]:
+    """Frames before and after all samples, and without markers; markers that no camera saw."""
+    out = []
     for r in dataset.recordings:
+        bare = (r.time < r.sample_time[0]) | (r.time > r.sample_time[-1])
+        if bare.mean() > _BARE:
+            out.append(
+                Problem(
+                    "frames without samples", False,
+                    f"{r.name}: {bare.mean():.0%} of the frames are before or after all samples"
+                    f" (samples {r.sample_time[0]:.1f} to {r.sample_time[-1]:.1f} s, frames"
+                    f" {r.time[0]:.1f} to {r.time[-1]:.1f} s)",
+                    "see whether the file of the signals is cut off", float(bare.mean()), (r.name,),
+                )
+            )  # fmt: skip
         hidden = float((~r.seen.any(axis=1)).mean()) if len(r.time) else 1.0
         if hidden > _HIDDEN:
             out.append(
@@ -210,11 +270,11 @@ def _steps(dataset: Dataset) -> list[Problem]:
         if found is not None and not found.tells:
             out.append(
                 Problem(
-                    "signals tell nothing", False,
+                    "signals tell nothing", found.best < _NOTHING,
                     f"{r.name}: signals tell {max(found.best, 0):.0%} of the markers' movement,"
                     f" shifted by up to {WITHIN:.0f} s either way",
-                    "are the clocks further apart (--offset auto), or are these another device's"
-                    " signals?",
+                    "see whether the clocks are further apart (--shift, or --offset auto for files"
+                    " of others), and whether signals and markers are of one device and time",
                     found.best, (r.name,),
                 )
             )  # fmt: skip

@@ -229,7 +229,7 @@ def test_a_full_disk_leaves_no_half_session(small_bar, tmp_path, monkeypatch, ca
 
     monkeypatch.setattr(twin_session, "write_text", full)
     assert main(["twin", str(small_bar), "--minutes", "0.2", "--out", str(tmp_path / "x")]) == 2
-    assert "No space left" in capsys.readouterr().err
+    assert "x: the disk is full; free some space" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

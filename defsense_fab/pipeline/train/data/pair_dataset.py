@@ -24,6 +24,7 @@ Offset = float | Literal["auto"]
 #: s at the beginning, in which the device is taken to rest where nothing else tells.
 QUIET = 3.0
 _KEPT = 0.99  # of the samples must follow each other in time
+_LONGER = 0.1  # of the samples' time, by which they go on after the tracks
 _STILL = 1.0  # mm, root mean square, by which markers at rest are off their places
 
 
@@ -76,10 +77,21 @@ def of_series(
             f"markers at rest: where they are in the first {quiet:g} s; the tracks are taken to be"
             " in the device's frame"
         )
+        moved = _spread(tracks.points, rest, early)
+        if moved > _STILL:
+            notes.append(
+                f"markers move by {moved:.0f} mm in the first {quiet:g} s, which are taken for the"
+                " rest: places at rest and R0 are wrong; begin with a rest, or give markers.json"
+            )
     else:
         tracks, told = in_design_frame(tracks, markers, early, source)
         rest = markers.centers
         notes += told
+    beyond = float(time[-1] - tracks.time[-1])
+    if beyond > max(_LONGER * float(np.ptp(time)), quiet):
+        notes.append(
+            f"the tracks end {beyond:.0f} s before the signals: see whether {source} is cut off"
+        )
     resting, when = early, f"of the first {quiet:g} s"
     if markers is not None:
         still = _still(tracks, rest)
@@ -142,6 +154,13 @@ def _medians(points: Float, frames: Bool) -> Float:
             if len(seen):
                 out[k] = np.median(seen, axis=0)
     return out
+
+
+def _spread(points: Float, rest: Float, frames: Bool) -> float:
+    """How far markers (t, m, 3) mm are off their places (m, 3) in some frames: root mean square."""
+    squares = ((points[frames] - rest) ** 2).sum(axis=2)
+    known = squares[np.isfinite(squares)]
+    return float(np.sqrt(known.mean())) if len(known) else 0.0
 
 
 def _still(tracks: Tracks, rest: Float) -> Bool:

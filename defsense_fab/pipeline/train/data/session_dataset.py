@@ -26,6 +26,7 @@ from ...sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from ...sessions.session import CaptureSession, load
 from .tables import Table, read_table
 
+_KEPT = 0.995  # of the samples: fewer are worth a word
 _ROUNDING = 1e-6  # s, by which times in different files may differ
 
 
@@ -61,12 +62,20 @@ def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Da
             " record anew"
         )
     signals = read_table(folder / SIGNALS)
-    tracks = _taken(read_any(folder / ALIGNED), signals)
+    tracks = read_any(folder / ALIGNED)
+    for name, count in ((SIGNALS, len(signals.values)), (ALIGNED, len(tracks.time))):
+        if count < quality.get("frames", 0):
+            raise TrainingError(
+                f"{folder / name}: is cut off: {count} of {quality['frames']} frames; copy it"
+                f" again, or run 'defsense capture process {folder}'"
+            )
+    tracks = _taken(tracks, signals)
     samples = read_table(folder / SAMPLES) if (folder / SAMPLES).exists() else None
     runs = quality["runs"]
+    notes = list[str]()
     recordings, skipped = [], [f"{s['run']}: {s['why']}" for s in quality.get("skipped", [])]
     for run in runs:
-        made = _recording(folder, session, run, quality, tracks, samples, signals, len(runs))
+        made = _recording(folder, session, run, quality, tracks, samples, signals, len(runs), notes)
         if isinstance(made, str):
             skipped.append(f"{run['run']}: {made}")
         else:
@@ -74,6 +83,7 @@ def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Da
     if not recordings:
         raise TrainingError(f"{folder}: no run can be trained on: {'; '.join(skipped)}")
     told = {
+        "notes": notes,
         "folder": str(folder),
         "device": session.device,
         "unit": recordings[0].unit,
@@ -121,6 +131,9 @@ def _processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
         old = several and not all({"begin", "end"} <= set(run) for run in quality["runs"])
         if not isinstance(quality["R0"], dict):
             old = True
+        if not all(isinstance(run.get(key, 0.0), int | float) for run in quality["runs"]
+                   for key in ("begin", "end")):  # fmt: skip
+            raise TypeError
     except (KeyError, TypeError):
         raise TrainingError(
             f"{folder / QUALITY}: lacks what is told of the runs; {again}"
@@ -135,15 +148,15 @@ def _processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
 
 def _recording(
     folder: Path, session: CaptureSession, run: Mapping[str, Any], quality: Mapping[str, Any],
-    tracks: Tracks, samples: Table | None, signals: Table, runs: int,
+    tracks: Tracks, samples: Table | None, signals: Table, runs: int, notes: list[str],
 ) -> Recording | str:  # fmt: skip
-    """A run, or why it cannot be used."""
+    """A run, or why it cannot be used; what is doubtful of it is added to the `notes`."""
     name, c = str(run["run"]), len(session.channels)
     within = np.ones(len(tracks.time), bool) if runs == 1 else _within(tracks.time, run)
     part = tracks.part(within)
     if not part.seen.any():
         return "no marker was seen"
-    R0 = np.array([np.nan if r is None else r for r in quality["R0"].get(name, [None] * c)], float)
+    R0, error, steps = _told_of(run, quality, folder / QUALITY, c)
     if samples is not None:
         rows = np.array([r == name for r in samples.run], bool)
         time = samples["time"][rows]
@@ -158,14 +171,37 @@ def _recording(
     kept = rising(time)
     if not np.isfinite(relative_change(ohm[kept], R0)).any():
         return "there is no sample of the read-out board"
-    error = run.get("sync", {}).get("error_ms")
+    if not kept.mean() > _KEPT:
+        notes.append(
+            f"{name}: {len(kept) - int(kept.sum())} of {len(kept)} samples have no time, or none"
+            " after those before, and are left out"
+        )
     if part.ids.tolist() != session.markers.ids.tolist():
         part = _as_designed(part, session)
     return Recording(
         f"{folder}/{name}", str(folder), session.unit or session.device, time[kept], ohm[kept], R0,
-        part.time, part.points, part.sigma, None if error is None else error / 1e3,
-        tuple((float(at), str(pose)) for at, pose in run.get("steps", [])),
+        part.time, part.points, part.sigma, error, steps,
     )  # fmt: skip
+
+
+def _told_of(
+    run: Mapping[str, Any], quality: Mapping[str, Any], path: Path, channels: int
+) -> tuple[Float, float | None, tuple[tuple[float, str], ...]]:
+    """R0 (c,) ohm of a run, NaN where not known, the error of its clocks, s, and its steps. Raises
+    TrainingError for what its quality.json cannot tell."""
+    try:
+        told = quality["R0"].get(str(run["run"]), [None] * channels)
+        R0 = np.array([np.nan if r is None else r for r in told], float)
+        error = run.get("sync", {}).get("error_ms")
+        if R0.shape != (channels,):
+            raise ValueError(f"R0 of {len(R0)} channels, where there are {channels}")
+        steps = tuple((float(at), str(pose)) for at, pose in run.get("steps", []))
+        return R0, None if error is None else float(error) / 1e3, steps
+    except (TypeError, ValueError, AttributeError) as problem:
+        raise TrainingError(
+            f"{path}: what it tells of {run['run']} cannot be ({problem}); run 'defsense capture"
+            f" process {path.parent}' again"
+        ) from None
 
 
 def _taken(tracks: Tracks, signals: Table) -> Tracks:

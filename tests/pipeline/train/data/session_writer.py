@@ -28,8 +28,8 @@ def write_samples(path: Path, r: Recording) -> Path:
 def write_session(folder: Path, r: Recording, device: str = "bar", layout: str = "") -> Path:
     """Its only run."""
     create(
-        folder, device=device, steps=[PoseStep("rest", 3.0)], channels=CHANNELS, reference=[1000.0] * 3,
-        calibration=None, markers=markers(), unit=r.unit, layout=layout,
+        folder, device=device, steps=[PoseStep("rest", 3.0)], channels=CHANNELS,
+        reference=[1000.0] * 3, calibration=None, markers=markers(), unit=r.unit, layout=layout,
     )  # fmt: skip
     (folder / "run-1").mkdir()
     write_any(folder / "aligned.csv", tracks_of(r))

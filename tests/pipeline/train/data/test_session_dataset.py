@@ -154,6 +154,7 @@ def test_times_that_go_back_are_left_out(processed, tmp_path):
     # The one of another's time, and the one without.
     assert len(whole.sample_time) - len(r.sample_time) == 2
     assert (np.diff(r.sample_time) > 0).all()
+    assert session_dataset([back]).provenance["sessions"][0]["notes"] == []
     broken = [*lines[:50], "run-1,1,2,3"]
     (back / "samples.csv").write_text("\n".join(broken) + "\n")
     with pytest.raises(TrainingError, match=r"samples\.csv:51: 4 cells under 12 columns"):
@@ -183,3 +184,25 @@ def test_sessions_are_of_the_cords_that_the_device_has(processed, straight, tmp_
     typed_json.save(bar / "build" / "layout.json", replace(known, sensors=known.sensors[:3]))
     with pytest.raises(TrainingError, match="has a channel a more"):
         session_dataset([own], device)
+
+
+def test_damaged_results_are_told_by_their_file(processed, tmp_path):
+    session, _ = processed
+    bad = shutil.copytree(session.folder, tmp_path / "bad")
+    quality = json.loads((bad / "quality.json").read_text(encoding="utf-8"))
+    for R0, why in (([1000.0], "R0 of 1 channels, where there are 4"), (["high"] * 4, "'high'")):
+        changed(bad, "quality.json", R0={"run-1": R0})
+        with pytest.raises(TrainingError, match=r"quality\.json: what it tells of run-1") as error:
+            session_dataset([bad])
+        assert why in str(error.value)
+    changed(bad, "quality.json", R0=quality["R0"])
+    for name in ("signals.csv", "aligned.csv"):
+        lines = (bad / name).read_text(encoding="utf-8").splitlines()
+        (bad / name).write_text("\n".join(lines[: len(lines) // 2]) + "\n")
+        with pytest.raises(TrainingError, match=f"{name}: is cut off: .* frames; copy it again"):
+            session_dataset([bad])
+        shutil.copy(session.folder / name, bad / name)
+    text = (bad / "quality.json").read_text(encoding="utf-8")
+    (bad / "quality.json").write_text(text[: len(text) // 2])
+    with pytest.raises(TrainingError, match=r"cut off or edited; run 'defsense capture process"):
+        session_dataset([bad])
