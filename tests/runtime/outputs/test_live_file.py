@@ -17,7 +17,7 @@ from defsense_fab.runtime.outputs.settings import (
     OscSettings,
     WebSocketSettings,
 )
-from tests.runtime.frames import frame, wait_for
+from tests.runtime.live_frames import frame, wait_for
 
 WHOLE = """
 [outputs.osc]

@@ -9,7 +9,7 @@ import pytest
 from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs.lsl_output import LslOutput, SampleClock, sample
 from defsense_fab.runtime.outputs.settings import LslSettings
-from tests.runtime.frames import frame
+from tests.runtime.live_frames import frame
 
 
 def test_a_stream_arrives():

@@ -15,7 +15,7 @@ from defsense_fab.runtime.outputs.midi.midi_learn import MidiLearn, as_toml, lea
 from defsense_fab.runtime.outputs.midi.midi_output import MidiOutput
 from defsense_fab.runtime.outputs.midi.ports import SystemPorts, find_port
 from defsense_fab.runtime.outputs.settings import MidiMapping, MidiSettings
-from tests.runtime.frames import frame
+from tests.runtime.live_frames import frame
 
 
 class Cable:
