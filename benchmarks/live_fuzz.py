@@ -43,7 +43,8 @@ import psutil
 from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
-from defsense_fab.runtime.controls.control_bank import ControlBank, ControlSpec, default_specs
+from defsense_fab.runtime.controls.control_bank import ControlBank
+from defsense_fab.runtime.controls.control_spec import ControlSpec, default_specs
 from defsense_fab.runtime.controls.shaping import Shaping
 from defsense_fab.runtime.frames.live_frame import LiveFrame, Quality
 from defsense_fab.runtime.outputs.live_file import open_outputs, parse_output
