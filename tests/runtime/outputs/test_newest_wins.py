@@ -118,7 +118,7 @@ def test_closing_while_it_is_in_trouble():
 
 
 def test_a_limit_of_the_rate(recorder):
-    output = NewestWins("recorder", lambda: recorder, rate=20)
+    output = NewestWins("recorder", lambda: recorder, rate=1)
     for n in range(20):
         output.send(frame(n))
         threading.Event().wait(0.005)
