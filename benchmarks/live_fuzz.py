@@ -95,7 +95,7 @@ class Loop:
         found = self._bank.update(places, np.full(len(places), 0.3), t)
         signals = np.zeros(3)
         return LiveFrame(
-            "bar", self._number, t, now, ("a", "b", "c"), 1500 + signals, signals,
+            "bar", self._number, t, time.monotonic(), ("a", "b", "c"), 1500 + signals, signals,
             tuple(range(len(places))), places, np.full(len(places), 0.75), 0.3, Quality.TRUSTED,
             None, found.values, found.confidence,
         )  # fmt: skip

@@ -9,7 +9,8 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import ControlError
-from .control_spec import ControlSpec, default_specs, plain_name
+from .control_spec import ControlSpec as ControlSpec  # what a bank is made of
+from .control_spec import default_specs, plain_name
 from .expressions import Expression, compile_expression
 from .one_euro import OneEuro
 from .pose_amplitudes import Amplitudes, PoseAmplitudes
