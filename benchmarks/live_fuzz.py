@@ -12,6 +12,7 @@ arrived. A row for each socket and kind:
 
     quiet       nothing but the frames
     busy        nothing but a process that computes: what a load of this machine does by itself
+    beside      requests as in `http` to a WebSocket of another process: the machine's part of it
     tcp         bytes at random to the WebSocket's port
     http        requests with headers that are broken, long, foreign or none
     frames      a good handshake, then frames of the WebSocket that break its protocol
@@ -27,6 +28,7 @@ import argparse
 import asyncio
 import base64
 import contextlib
+import gc
 import json
 import multiprocessing
 import os
@@ -43,11 +45,14 @@ import psutil
 from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 
-from defsense_fab.runtime.controls.control_bank import ControlBank, ControlSpec, default_specs
+from defsense_fab.runtime.controls.control_bank import ControlBank
+from defsense_fab.runtime.controls.control_spec import ControlSpec, default_specs
 from defsense_fab.runtime.controls.shaping import Shaping
 from defsense_fab.runtime.frames.live_frame import LiveFrame, Quality
 from defsense_fab.runtime.outputs.live_file import open_outputs, parse_output
 from defsense_fab.runtime.outputs.newest_wins import NewestWins
+from defsense_fab.runtime.outputs.settings import WebSocketSettings
+from defsense_fab.runtime.outputs.websocket.websocket_output import WebSocketOutput
 from tests.runtime.bars import POSES, bent, markers, poses, twisted
 
 RATE = 100.0
@@ -90,7 +95,7 @@ class Loop:
         found = self._bank.update(places, np.full(len(places), 0.3), t)
         signals = np.zeros(3)
         return LiveFrame(
-            "bar", self._number, t, now, ("a", "b", "c"), 1500 + signals, signals,
+            "bar", self._number, t, time.monotonic(), ("a", "b", "c"), 1500 + signals, signals,
             tuple(range(len(places))), places, np.full(len(places), 0.75), 0.3, Quality.TRUSTED,
             None, found.values, found.confidence,
         )  # fmt: skip
@@ -266,8 +271,24 @@ def busy(ports: dict[str, Any], count: int, rng: np.random.Generator) -> None:
         rng.normal(size=1000).sum()
 
 
+def beside(ports: dict[str, Any], count: int, rng: np.random.Generator) -> None:
+    spawn = multiprocessing.get_context("spawn")
+    here, there = spawn.Pipe()
+    other = spawn.Process(target=serve_alone, args=(there,), daemon=True)
+    other.start()
+    fuzz_http({"ws": here.recv()}, count, rng)
+    other.kill()
+
+
+def serve_alone(box: Any) -> None:
+    output = WebSocketOutput(WebSocketSettings(port=0))
+    box.send(output._server.port)
+    time.sleep(1000)
+
+
 FUZZERS = {
     "busy": busy,
+    "beside": beside,
     "tcp": fuzz_tcp,
     "http": fuzz_http,
     "frames": fuzz_frames,
@@ -299,6 +320,7 @@ def main() -> None:
     parser.add_argument("--quiet", type=float, default=10.0, help="seconds without strangers")
     parser.add_argument("--only", nargs="*", choices=list(FUZZERS), default=list(FUZZERS))
     parser.add_argument("--switch", type=float, help="ms until threads of Python take turns (5)")
+    parser.add_argument("--collect", action="store_true", help="without gc.freeze at the start")
     asked = parser.parse_args()
     if asked.switch:
         sys.setswitchinterval(asked.switch / 1e3)
@@ -322,6 +344,9 @@ def main() -> None:
     loop = Loop(outputs)
     begun = time.monotonic()
     loop.run(lambda: time.monotonic() > begun + 1)  # all is open and compiled
+    if not asked.collect:
+        gc.collect()
+        gc.freeze()
     own = psutil.Process().net_connections()
     websocket = int(url.rsplit(":", 1)[1].strip("/"))
     source = outputs[0]._output._socket.getsockname()[1]  # type: ignore[union-attr]

@@ -1,6 +1,6 @@
 """Prints what the virtual gamepad does (Linux), with nothing but Python.
 
-    defsense run my-device/model --output gamepad              # in one terminal
+    defsense run my-device/model.json --port twin --output gamepad              # in one terminal
     python gamepad_receiver.py                                 # in another
 
 Games and browsers see the same gamepad.

@@ -1,6 +1,6 @@
 """Prints the channels of a Lab Streaming Layer stream of the type Deformation.
 
-    defsense run my-device/model --output lsl                  # in one terminal
+    defsense run my-device/model.json --port twin --output lsl                  # in one terminal
     pip install pylsl
     python lsl_receiver.py                                     # in another
 

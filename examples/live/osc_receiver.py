@@ -1,6 +1,6 @@
 """Shows the controls of a device that arrive by Open Sound Control, as bars in the terminal.
 
-    defsense run my-device/model --output osc,port=9000        # in one terminal
+    defsense run my-device/model.json --port twin --output osc,port=9000        # in one terminal
     python osc_receiver.py 9000                                # in another
 
 It needs nothing but Python: the forty lines of `messages` read OSC 1.0.

@@ -1,6 +1,6 @@
 """Prints the controls that arrive over the WebSocket, with nothing but Python.
 
-    defsense run my-device/model --output websocket            # in one terminal
+    defsense run my-device/model.json --port twin --output websocket            # in one terminal
     python websocket_client.py                                 # in another
     python websocket_client.py 192.168.1.20 8765 TOKEN         # from another machine
 

@@ -23,7 +23,7 @@ from typing import Any, get_args, get_type_hints
 
 from ...core.errors import ControlError, DeviceError, OutputError
 from ...core.toml_table import Table, is_number, load_toml
-from ..controls.control_bank import ControlSpec
+from ..controls.control_spec import ControlSpec
 from ..controls.shaping import Shaping
 from .newest_wins import NewestWins
 from .output import Output

@@ -85,7 +85,7 @@ class LslOutput:
         if self._outlet is None or channels != self._channels:
             self._open(frame, channels)
         assert self._outlet is not None
-        shift = pylsl.local_clock() - time.perf_counter()
+        shift = pylsl.local_clock() - time.monotonic()
         stamp = self._clock(finite(frame.time), frame.arrived + shift)
         self._outlet.push_sample(values, stamp)
 

@@ -15,6 +15,7 @@ from ..frames.live_frame import LiveFrame
 from .output import Output
 
 _SOON, _LATER = 0.1, 5.0  # s before the first new attempt, and at most
+_HELD_UP = 2.0  # s that sending one frame may take
 _HANGS = 3.0  # s after which a thread that does not come back is left to itself
 _log = logging.getLogger(__name__)
 
@@ -48,6 +49,7 @@ class NewestWins:
         self._signed = self._sending = False
         self._given = self._sent = self._failures = 0
         self._failure: str | None = None
+        self._begun = 0.0  # with the frame that is being sent
         self._stop, self._tried = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"output {name}", daemon=True)
         self._thread.start()
@@ -56,6 +58,9 @@ class NewestWins:
     def trouble(self) -> str | None:
         if self._failure is not None:
             return self._failure
+        held = time.monotonic() - self._begun
+        if self._sending and held > _HELD_UP:
+            return f"{self.name}: one frame has taken {held:.0f} s so far; newer ones are dropped"
         return self._output.trouble if self._output is not None else None
 
     @property
@@ -97,7 +102,6 @@ class NewestWins:
                 frame = self._next()
                 if frame is None:
                     continue
-                begun = time.monotonic()
                 self._output.send(frame)
             except Exception as error:  # an output's own, of whatever kind: the loop goes on
                 self._fail(error)
@@ -106,7 +110,7 @@ class NewestWins:
                 continue
             self._sent, self._sending = self._sent + 1, False
             self._failure, wait = None, _SOON
-            pause = self._pause - (time.monotonic() - begun)
+            pause = self._pause - (time.monotonic() - self._begun)
             if pause > 0:
                 self._stop.wait(pause)
         self._shut()
@@ -118,7 +122,7 @@ class NewestWins:
         self._signed = False
         if self._stop.is_set() or not self._slot:
             return None
-        self._sending = True
+        self._begun, self._sending = time.monotonic(), True
         return self._slot.popleft()
 
     def _fail(self, error: Exception) -> None:

@@ -62,7 +62,7 @@ class OscOutput:
     def send(self, frame: LiveFrame) -> None:
         try:
             if self._send != {"wekinator"}:
-                stamp = time.time() - (time.perf_counter() - frame.arrived)
+                stamp = time.time() - (time.monotonic() - frame.arrived)
                 for datagram in bundles(messages(frame, self._send), stamp, _LONGEST):
                     self._socket.sendto(datagram, self._to)
             if "wekinator" in self._send and frame.controls:

@@ -86,11 +86,14 @@ class MidiMapping:
 class MidiSettings:
     """To the first port whose name contains `device` ("": the first), to a `virtual` port of this
     name that others connect to, or into a Standard MIDI `file`. Without `mapping` the controls
-    become the control changes from 20 on."""
+    become the control changes from 20 on. `learn` is part of an input's name, from whose knobs and
+    keys mappings are learned; they are written to the file `learned`."""
 
     device: str = ""
     virtual: str = ""
     file: str = ""
+    learn: str = ""
+    learned: str = "midi-learned.toml"
     mapping: tuple[MidiMapping, ...] = ()
     rate: float = 200.0
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import ControlError
-from defsense_fab.runtime.controls.control_bank import ControlBank, ControlSpec, plain_name
+from defsense_fab.runtime.controls.control_bank import ControlBank
+from defsense_fab.runtime.controls.control_spec import ControlSpec, plain_name
 from defsense_fab.runtime.controls.one_euro import OneEuro
 from defsense_fab.runtime.controls.pose_basis import PoseBasis, PoseRamp
 from defsense_fab.runtime.controls.shaping import Shaping

@@ -21,7 +21,7 @@ from defsense_fab.runtime.outputs.settings import (
     WebSocketSettings,
 )
 from defsense_fab.runtime.outputs.websocket.websocket_output import WebSocketOutput
-from tests.runtime.frames import frame
+from tests.runtime.live_frames import frame
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "live"
 

@@ -1,6 +1,7 @@
 """live.toml and flags: what they say, and everything that they may not."""
 
 import socket
+import subprocess
 import sys
 
 import pytest
@@ -17,7 +18,7 @@ from defsense_fab.runtime.outputs.settings import (
     OscSettings,
     WebSocketSettings,
 )
-from tests.runtime.frames import frame, wait_for
+from tests.runtime.live_frames import frame, wait_for
 
 WHOLE = """
 [outputs.osc]
@@ -207,6 +208,17 @@ def test_outputs_are_opened(tmp_path):
         assert wait_for(lambda: outputs[0].trouble is None or outputs[2].trouble is None)
         for output in outputs:
             output.close()
+
+
+def test_reading_settings_needs_no_library():
+    """Those of outputs are imported where an output is opened."""
+    code = (
+        "import sys; from defsense_fab.runtime.outputs.live_file import parse_output;"
+        "parse_output('midi,file=x.mid');"
+        "print({'websockets', 'mido', 'rtmidi', 'pylsl', 'evdev', 'numba'} & set(sys.modules))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout == "set()\n"
 
 
 def test_a_package_that_is_not_installed(monkeypatch):

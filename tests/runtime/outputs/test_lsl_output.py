@@ -7,9 +7,10 @@ import pylsl
 import pytest
 
 from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.runtime.outputs import lsl_output
 from defsense_fab.runtime.outputs.lsl_output import LslOutput, SampleClock, sample
 from defsense_fab.runtime.outputs.settings import LslSettings
-from tests.runtime.frames import frame
+from tests.runtime.live_frames import frame
 
 
 def test_a_stream_arrives():
@@ -41,6 +42,20 @@ def test_a_stream_arrives():
     assert found.desc().child_value("device") == "bar"
     inlet.close_stream()
     output.close()
+
+
+def test_strangers_do_not_write_to_the_terminal(monkeypatch, tmp_path):
+    """Unless there is a configuration of the library, which then decides."""
+    set_to = []
+    monkeypatch.setattr(pylsl.util, "set_config_content", set_to.append)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("LSLAPICFG", raising=False)
+    lsl_output._keep_quiet()
+    assert set_to == ["[log]\nlevel = -2\n"]
+    (tmp_path / "lsl_api.cfg").touch()
+    lsl_output._keep_quiet()
+    assert len(set_to) == 1
 
 
 def test_all_channels():

@@ -6,8 +6,9 @@ import threading
 import pytest
 
 from defsense_fab.core.errors import OutputError
+from defsense_fab.runtime.outputs import newest_wins
 from defsense_fab.runtime.outputs.newest_wins import NewestWins
-from tests.runtime.frames import frame, wait_for
+from tests.runtime.live_frames import frame, wait_for
 
 
 class Recorder:
@@ -61,6 +62,16 @@ def test_the_newest_wins(recorder, output):
     assert output.statistics.dropped == 98
 
 
+def test_an_output_that_is_held_up_is_told(recorder, output, monkeypatch):
+    monkeypatch.setattr(newest_wins, "_HELD_UP", 0.05)
+    recorder.gate.clear()
+    output.send(frame(0))
+    assert wait_for(lambda: output.trouble is not None)
+    assert "recorder: one frame has taken 0 s so far" in output.trouble
+    recorder.gate.set()
+    assert wait_for(lambda: output.trouble is None)
+
+
 def test_an_output_that_raises_is_told_and_tried_again(recorder, output, caplog):
     recorder.errors = [OSError("cable\npulled"), OutputError("recorder: full; empty it")]
     output.send(frame(1))
@@ -107,7 +118,7 @@ def test_closing_while_it_is_in_trouble():
 
 
 def test_a_limit_of_the_rate(recorder):
-    output = NewestWins("recorder", lambda: recorder, rate=20)
+    output = NewestWins("recorder", lambda: recorder, rate=1)
     for n in range(20):
         output.send(frame(n))
         threading.Event().wait(0.005)

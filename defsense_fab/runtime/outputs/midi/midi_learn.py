@@ -45,13 +45,19 @@ def learned(history: Sequence[Mapping[str, float]], message: bytes) -> MidiMappi
 
 
 def as_toml(mapping: Sequence[MidiMapping]) -> str:
-    """The line of [outputs.midi] that says this."""
+    """The table for `live.toml` that says this."""
     rows = []
     for one in mapping:
         what = f"cc = {one.cc}" if one.cc is not None else f"note = {one.note}"
         low = f", low = {one.low:g}" if one.low else ""
         rows.append(f'  {{ control = "{one.control}", {what}, channel = {one.channel}{low} }},\n')
-    return f"mapping = [\n{''.join(rows)}]\n"
+    return f"[outputs.midi]\nmapping = [\n{''.join(rows)}]\n"
+
+
+def merged(mapping: Sequence[MidiMapping], new: MidiMapping) -> list[MidiMapping]:
+    """What was learned takes the place of what its knob or key played before."""
+    place = (new.channel, new.cc, new.note)
+    return [*(one for one in mapping if (one.channel, one.cc, one.note) != place), new]
 
 
 class MidiLearn:
@@ -59,10 +65,9 @@ class MidiLearn:
 
     def __init__(self, device: str, ports: MidiPorts) -> None:
         """Listens to the first input whose name contains `device`. Raises OutputError."""
-        name = find_port(ports, device, inputs=True)
-        self._port = ports.open(name, inputs=True)
+        self.port_name = find_port(ports, device, inputs=True)
+        self._port = ports.open(self.port_name, inputs=True)
         self._frames: deque[tuple[float, Mapping[str, float]]] = deque(maxlen=10_000)
-        self.about = f"midi: learns from {name!r}"
 
     def watch(self, frame: LiveFrame) -> MidiMapping | None:
         """What was learned since the last frame, if anything."""

@@ -6,11 +6,13 @@ import time
 from pathlib import Path
 
 from ....core.errors import OutputError
+from ....core.files import storage_errors
 from ...frames.live_frame import LiveFrame
 from ..output import unknown_controls
-from ..settings import MidiSettings
+from ..settings import MidiMapping, MidiSettings
 from .mapping import MidiMapper, default_mapping
 from .midi_file import MidiFile
+from .midi_learn import MidiLearn, as_toml, merged
 from .ports import MidiPort, MidiPorts, SystemPorts, find_port
 
 _LOOK = 1.0  # s between looks whether the device is still there: its driver does not tell
@@ -29,26 +31,32 @@ class MidiOutput:
         self._port_name, self._looked = "", 0.0
         self._file: MidiFile | None = None
         self._flushed, self._time = time.monotonic(), 0.0
-        self._mapper = MidiMapper(settings.mapping) if settings.mapping else None
+        self._mapping: list[MidiMapping] = list(settings.mapping)
+        known = bool(settings.mapping or settings.learn)
+        self._mapper = MidiMapper(settings.mapping) if known else None
+        self._learn: MidiLearn | None = None
         self.trouble: str | None = None
         if settings.file:
             self._file = MidiFile(Path(settings.file), "defsense")
-        else:
-            self._open()
+        self._look()
 
     @property
     def about(self) -> str:
+        where = f"sends to {self._port_name!r}"
         if self._file is not None:
-            return f"midi: writes to {self._file.path}"
-        return f"midi: sends to {self._port_name!r}"
+            where = f"writes to {self._file.path}"
+        if self._learn is not None:
+            where += f", learns from {self._learn.port_name!r} into {self._settings.learned}"
+        return f"midi: {where}"
 
     def send(self, frame: LiveFrame) -> None:
         """Raises OutputError while the device is not plugged in."""
-        if self._file is None:
-            self._look()
+        self._look()
+        if self._learn is not None:
+            self._learned(self._learn.watch(frame))
         if self._mapper is None:
             self._mapper = MidiMapper(default_mapping(frame))
-        wanted = (one.control for one in self._settings.mapping)
+        wanted = (one.control for one in self._mapping)
         self.trouble = unknown_controls("midi", wanted, frame)
         self._time = frame.time
         self._put(self._mapper.messages(frame))
@@ -61,6 +69,8 @@ class MidiOutput:
         finally:
             if self._port is not None:
                 self._port.close()
+            if self._learn is not None:
+                self._learn.close()
             if self._file is not None:
                 self._file.close()
 
@@ -84,12 +94,36 @@ class MidiOutput:
             self._mapper.silence()  # another device, perhaps: it gets all values
 
     def _look(self) -> None:
-        """Open the port where it is not; close it where its device was pulled out."""
-        if self._port is None:
+        """Open the ports that are not open; close those whose device was pulled out."""
+        s = self._settings
+        if self._port is None and self._file is None:
             self._open()
-        elif not self._settings.virtual and time.monotonic() - self._looked > _LOOK:
-            self._looked = time.monotonic()
-            if self._port_name not in self._ports.names(inputs=False):
-                port, self._port = self._port, None
-                port.close()
-                raise OutputError(f"midi: {self._port_name!r} was pulled out; plug it in again")
+        if self._learn is None and s.learn:
+            self._learn = MidiLearn(s.learn, self._ports)
+        if time.monotonic() - self._looked <= _LOOK:
+            return
+        self._looked = time.monotonic()
+        port, learn = self._port, self._learn
+        if port is not None and not s.virtual and not self._there(self._port_name, inputs=False):
+            self._port = None
+            port.close()
+            raise OutputError(f"midi: {self._port_name!r} was pulled out; plug it in again")
+        if learn is not None and not self._there(learn.port_name, inputs=True):
+            self._learn = None
+            learn.close()
+            raise OutputError(f"midi: {learn.port_name!r} was pulled out; plug it in again")
+
+    def _there(self, name: str, inputs: bool) -> bool:
+        return name in self._ports.names(inputs)
+
+    def _learned(self, new: MidiMapping | None) -> None:
+        """Play it from now on, and keep it."""
+        if new is None:
+            return
+        if self._mapper is not None:
+            self._put(self._mapper.silence())
+        self._mapping = merged(self._mapping, new)
+        self._mapper = MidiMapper(self._mapping)
+        path = Path(self._settings.learned)
+        with storage_errors(path):
+            path.write_text(as_toml(self._mapping), encoding="utf-8")

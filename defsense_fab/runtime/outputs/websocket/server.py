@@ -26,6 +26,7 @@ _LONGEST = 2048  # bytes of a client's message; nothing that is meant is longer
 _BUFFER = 65536  # bytes that the system keeps for a client that does not read
 _PATIENCE = 10.0  # s that a client may not read before it is closed
 _TOKEN_WAIT = 5.0  # s for the token in a first message
+_UNDER_WAY = 200  # connections beyond the clients: requests, handshakes, refusals
 _START = 10.0  # s
 _PAGE = Path(__file__).with_name("page.html")
 _POLICY = (
@@ -133,6 +134,7 @@ class WebSocketServer:
             self._settings.host,
             self._settings.port,
             process_request=self._request,
+            create_connection=_bounded(self._settings.max_clients + _UNDER_WAY),
             compression=None,
             max_size=_LONGEST,
             max_queue=4,
@@ -229,6 +231,20 @@ class WebSocketServer:
         if text is not None:
             for client in self._clients:
                 client.offer(text)
+
+
+def _bounded(most: int) -> type[ServerConnection]:
+    """Connections of which those above `most` end at once: whoever opens thousands and says nothing
+    would take all descriptors of this process, and the read-out board's port could not be opened
+    again."""
+
+    class Bounded(ServerConnection):
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            super().connection_made(transport)
+            if len(self.server.handlers) > most:
+                self.transport.abort()
+
+    return Bounded
 
 
 def _token_in(message: str | bytes) -> str:

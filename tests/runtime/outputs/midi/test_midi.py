@@ -8,6 +8,7 @@ import pytest
 
 from defsense_fab.core.errors import OutputError, StorageError
 from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.runtime.outputs.live_file import read_live_file
 from defsense_fab.runtime.outputs.midi import midi_output, ports
 from defsense_fab.runtime.outputs.midi.mapping import MidiMapper
 from defsense_fab.runtime.outputs.midi.midi_file import MidiFile
@@ -15,7 +16,7 @@ from defsense_fab.runtime.outputs.midi.midi_learn import MidiLearn, as_toml, lea
 from defsense_fab.runtime.outputs.midi.midi_output import MidiOutput
 from defsense_fab.runtime.outputs.midi.ports import SystemPorts, find_port
 from defsense_fab.runtime.outputs.settings import MidiMapping, MidiSettings
-from tests.runtime.frames import frame
+from tests.runtime.live_frames import frame
 
 
 class Cable:
@@ -201,7 +202,7 @@ def test_learning():
     """Move the device, touch the knob."""
     cable = Cable("Knobs")
     learn = MidiLearn("knobs", cable)
-    assert learn.about == "midi: learns from 'Knobs'"
+    assert learn.port_name == "Knobs"
     found = [learn.watch(one) for one in moved(np.linspace(0, -0.8, 50))]
     assert not any(found)
     cable.waiting = [b"\xf8", bytes([0xB4, 21, 77]), bytes([0xB4, 22, 1])]
@@ -220,9 +221,38 @@ def test_learning_a_key():
     assert learned(history, bytes([0x90, 60, 0])) is None  # its end
     text = as_toml([MidiMapping("bend", note=60), MidiMapping("x", cc=3, low=-1, channel=2)])
     assert text == (
-        'mapping = [\n  { control = "bend", note = 60, channel = 1 },\n'
+        '[outputs.midi]\nmapping = [\n  { control = "bend", note = 60, channel = 1 },\n'
         '  { control = "x", cc = 3, channel = 2, low = -1 },\n]\n'
     )
+
+
+def test_learning_while_it_plays(tmp_path, monkeypatch):
+    """What is learned plays at once, and stands in a file that live.toml can take; another touch of
+    a knob takes its place."""
+    monkeypatch.setattr(midi_output, "_LOOK", 0.0)
+    path = tmp_path / "learned.toml"
+    cable = Cable("Synth", "Knobs")
+    output = MidiOutput(MidiSettings(device="Synth", learn="Knobs", learned=str(path)), cable)
+    assert "sends to 'Synth', learns from 'Knobs' into" in output.about
+    for one in moved(np.linspace(0, 0.8, 30)):
+        output.send(one)
+    assert cable.sent == []
+    cable.waiting = [bytes([0xB0, 7, 1])]
+    output.send(frame(31, controls={"bend": 0.5, "twist": 0.0}))
+    assert cable.sent == [(0xB0, 7, 64)]
+    assert read_live_file(path).outputs == (MidiSettings(mapping=(MidiMapping("bend", cc=7),)),)
+    for n in range(40):
+        output.send(frame(1000 + n, controls={"bend": 0.5, "twist": n / 40}))
+    cable.waiting = [bytes([0xB0, 7, 1])]
+    output.send(frame(1040, controls={"bend": 0.5, "twist": 1.0}))
+    assert cable.sent[-1] == (0xB0, 7, 127)
+    assert read_live_file(path).outputs[0].mapping == (MidiMapping("twist", cc=7),)
+    cable.there.remove("Knobs")
+    with pytest.raises(OutputError, match="'Knobs' was pulled out"):
+        output.send(frame(1041))
+    with pytest.raises(OutputError, match="no port in with 'Knobs' in its name"):
+        output.send(frame(1042))
+    output.close()
 
 
 def test_learning_from_garbage():

@@ -13,7 +13,7 @@ def frame(number=1, count=3, **changes):
         "device": "bar",
         "number": number,
         "time": 0.01 * number,
-        "arrived": time.perf_counter(),
+        "arrived": time.monotonic(),
         "channels": ("a", "b"),
         "ohms": np.array([1500.0, 1510.0]),
         "signals": np.array([0.01, -0.02]),

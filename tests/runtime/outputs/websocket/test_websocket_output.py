@@ -1,6 +1,7 @@
 """The WebSocket by clients: a library's, and bare sockets that do what no library does."""
 
 import base64
+import contextlib
 import json
 import os
 import socket
@@ -20,7 +21,7 @@ from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs.settings import WebSocketSettings
 from defsense_fab.runtime.outputs.websocket import server
 from defsense_fab.runtime.outputs.websocket.websocket_output import WebSocketOutput
-from tests.runtime.frames import frame, wait_for
+from tests.runtime.live_frames import frame, wait_for
 
 
 @pytest.fixture
@@ -243,6 +244,25 @@ def test_two_hundred_clients(opened):
     assert {json.loads(c.read()[1])["number"] for c in served} == {1}
     for client in clients:
         client.close()
+
+
+def test_connections_that_say_nothing(opened, monkeypatch):
+    """Do not take all of the process's descriptors, and leave those alone that are served."""
+    monkeypatch.setattr(server, "_UNDER_WAY", 20)
+    output = opened(max_clients=2)
+    with connect(address(output)) as client, contextlib.ExitStack() as stack:
+        assert wait_for(lambda: output.clients == 1)
+        silent = [
+            stack.enter_context(
+                socket.create_connection(("127.0.0.1", port_of(output)), timeout=20)
+            )
+            for _ in range(60)
+        ]
+        for one in silent[22:]:  # beyond two clients and 20 that are under way
+            with contextlib.suppress(ConnectionResetError):
+                assert one.recv(1) == b""
+        output.send(frame(1))
+        assert json.loads(client.recv(timeout=20))["number"] == 1
 
 
 def test_a_client_that_never_reads(opened, monkeypatch):
