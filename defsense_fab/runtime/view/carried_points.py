@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from ...core.arrays import Float
 
-_NEIGHBOURS = 24
+_NEIGHBOURS = 400  # so many lie on all sides of a point, not on the nearest face alone
 
 
 def carrying_weights(points: Float, vertices: Float) -> sparse.csr_matrix:
@@ -17,7 +17,7 @@ def carrying_weights(points: Float, vertices: Float) -> sparse.csr_matrix:
     where the body moves affinely, so rigidly."""
     count = min(_NEIGHBOURS, len(vertices))
     distance, near = cKDTree(vertices).query(points, k=count)
-    theta = 1 / np.maximum(distance, 1e-6) ** 2
+    theta = 1 / np.maximum(distance, 1e-3) ** 4
     P = np.concatenate(
         [np.ones((*near.shape, 1)), vertices[near] - points[:, None]], axis=2
     )  # (p, k, 4)

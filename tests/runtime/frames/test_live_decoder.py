@@ -1,0 +1,122 @@
+"""From samples to frames: what is decoded, and how far it is to be believed."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import LiveError
+from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Sample
+from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.training.fitting.train_model import TrainingOptions, train
+from tests.training.conftest import recorded as recorded_fixture
+
+recorded = recorded_fixture
+
+
+@pytest.fixture(scope="module")
+def model(recorded):
+    return train(recorded(120), TrainingOptions(decoder="quadratic", memory=False)).model
+
+
+@pytest.fixture(scope="module")
+def run(recorded):
+    """Another minute of the same device, after three seconds of rest."""
+    return recorded(60, seed=5).recordings[0]
+
+
+def play(decoder, run, change=None, rest=3.0, rate=60):
+    R0, out = run.rest, []
+    rng = np.random.default_rng(0)
+    ohms = [R0 * (1 + 2e-4 * rng.normal(size=3)) for _ in range(round(rest * rate))]
+    ohms += list(run.ohm)
+    for k, now in enumerate(ohms):
+        t = k / rate
+        now = now if change is None else change(t, now.copy())
+        frame = decoder(Sample(t, now, 100.0 + t))
+        if frame is not None:
+            out.append(frame)
+    return out
+
+
+def errors(frames, run, rest=3.0):
+    moved = [f for f in frames if f.time >= rest]
+    time = np.array([f.time - rest for f in moved])
+    true = np.stack(
+        [np.interp(time, run.time, x) for x in run.points.reshape(len(run.time), -1).T], axis=1
+    ).reshape(len(time), -1, 3)
+    return np.linalg.norm(np.array([f.markers for f in moved]) - true, axis=2)
+
+
+def test_frames_say_where_the_markers_are_as_the_model_does(model, run):
+    frames = play(LiveDecoder(model, run.rest, track=False), run)
+    found = model.decode(run.sample_time, run.signals, run.sample_time)
+    live = np.array([f.markers for f in frames if f.time >= 3.0])
+    assert live == pytest.approx(found.points, abs=1e-6)
+    assert frames[300].radius == pytest.approx(found.radius[300 - 180], rel=1e-6)
+    assert np.sqrt((errors(frames, run) ** 2).mean()) < 0.5
+
+
+def test_R0_is_measured_first_and_frames_are_lost_until_then(model, run):
+    frames = play(LiveDecoder(model), run)
+    assert frames[30].quality is Quality.LOST
+    assert "at rest" in frames[30].notes[0]
+    assert (frames[30].markers == model.rest_points).all()
+    assert np.sqrt((errors(frames, run) ** 2).mean()) < 0.8
+
+
+def test_a_torn_cord_is_decoded_without_and_told(model, run):
+    def tear(t, ohms):
+        if t > 10:
+            ohms[1] = np.inf
+        return ohms
+
+    frames = play(LiveDecoder(model, run.rest), run, tear)
+    later = [f for f in frames if f.time > 10.2]
+    assert {f.quality for f in later} == {Quality.FALLBACK}
+    assert {f.lost for f in later} == {"top"}
+    assert "top is open" in later[0].notes[0]
+    first = next(f for f in frames if f.time > 10 and f.quality is Quality.FALLBACK)
+    assert first.time < 10.1
+    with_it = errors(play(LiveDecoder(model, run.rest), run), run)
+    without = errors(frames, run)
+    assert np.isfinite(without).all()
+    assert (without**2).mean() > (with_it**2).mean()
+    kept = play(LiveDecoder(model, run.rest, fallback=False), run, tear)
+    assert kept[-1].quality is Quality.LOST
+
+
+def test_two_lost_cords_leave_the_last_good_shape(model, run):
+    def tear(t, ohms):
+        if t > 10:
+            ohms[:2] = np.inf
+        return ohms
+
+    frames = play(LiveDecoder(model, run.rest), run, tear)
+    good = [f for f in frames if f.time <= 10][-1]
+    assert frames[-1].quality is Quality.LOST
+    assert frames[-1].markers == pytest.approx(good.markers, abs=1.0)
+
+
+def test_readings_beyond_the_training_are_told(model, run):
+    def more(t, ohms):
+        return run.rest * (1 + 2.5 * (ohms / run.rest - 1)) if t > 20 else ohms
+
+    frames = play(LiveDecoder(model, run.rest), run, more)
+    later = [f.quality for f in frames if f.time > 22]
+    assert later.count(Quality.UNTRAINED) > 0.15 * len(later)
+    early = [f.quality for f in frames if 4 < f.time < 20]
+    assert early.count(Quality.TRUSTED) > 0.95 * len(early)
+
+
+def test_another_rest_than_in_training_is_told(model, run):
+    frames = play(LiveDecoder(model, run.rest, 0.8 * run.rest), run)
+    assert any("+25 % of its resistance at rest in training" in n for n in frames[-1].notes)
+
+
+def test_other_channels_are_refused_and_old_samples_left_out(model, run):
+    decoder = LiveDecoder(model, run.rest)
+    with pytest.raises(LiveError, match="2 channels arrive, and toy's model was trained on 3"):
+        decoder(Sample(0.0, np.ones(2), 0.0))
+    assert decoder(Sample(1.0, run.rest, 0.0)) is not None
+    assert decoder(Sample(1.0, run.rest, 0.0)) is None
+    with pytest.raises(LiveError, match="rest: 2 resistances for 3 channels"):
+        LiveDecoder(model, np.ones(2))

@@ -1,0 +1,83 @@
+"""What a cord that fails looks like, from one sample to the next."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.decoding.channel_faults import FaultLimits
+from defsense_fab.runtime.frames.live_faults import LiveFaults
+
+RATE = 100.0
+R0 = np.array([1500.0, 1400.0, 420.0])
+LIMITS = FaultLimits(
+    low=np.full(3, -0.8), high=np.full(3, 0.9), still=np.full(3, 0.6), moves=np.full(3, 0.02),
+    jump=np.full(3, 0.02),
+)  # fmt: skip
+
+
+def levels(t):
+    return 0.1 * np.sin(np.array([1.1, 1.7, 2.3]) * t)
+
+
+def found_after(change, at=3.0, until=12.0, limits=LIMITS):
+    """Time of the first fault after `at`, and the faults at the end, of ohms (3,) changed by
+    `change(t, ohms)` from then on."""
+    faults, rng, first, now = LiveFaults(limits, 3), np.random.default_rng(1), None, []
+    for k in range(round(until * RATE)):
+        t = k / RATE
+        ohms = R0 * (1 + levels(t) + 5e-4 * rng.normal(size=3))
+        if t >= at:
+            ohms = change(t, ohms)
+        with np.errstate(invalid="ignore"):
+            now = faults(t, ohms, ohms / R0 - 1)
+        if now and first is None:
+            first = t
+    return first, [(f.kind, f.channels) for f in now]
+
+
+def put(k, value):
+    def change(t, ohms):
+        ohms[k] = value
+        return ohms
+
+    return change
+
+
+def test_normal_movement_is_no_fault():
+    assert found_after(lambda t, ohms: ohms, until=60.0) == (None, [])
+
+
+@pytest.mark.parametrize(
+    ("value", "kind"), [(np.inf, "torn"), (1e6, "torn"), (0.0, "shorted"), (np.nan, "torn")]
+)
+def test_open_and_short_circuits_are_told_in_three_samples(value, kind):
+    first, now = found_after(put(1, value))
+    assert now == [(kind, (1,))]
+    assert first < 3.0 + 5 / RATE
+
+
+def test_without_limits_open_circuits_are_told():
+    assert found_after(put(0, np.inf), limits=None)[1] == [("torn", (0,))]
+
+
+def test_a_single_glitch_is_no_fault_and_a_mended_cord_is_none_after_a_second():
+    glitch = lambda t, ohms: put(1, np.inf)(t, ohms) if t < 3.015 else ohms  # noqa: E731
+    assert found_after(glitch)[0] is None
+    mended = lambda t, ohms: put(1, np.inf)(t, ohms) if t < 4 else ohms  # noqa: E731
+    assert found_after(mended, until=4.5)[1] == [("torn", (1,))]
+    assert found_after(mended, until=6.0)[1] == []
+
+
+def test_a_channel_that_stays_where_it_is_while_others_move_is_stuck():
+    first, now = found_after(put(2, 431.0))
+    assert now == [("stuck", (2,))]
+    assert first < 3.0 + 2.0
+
+
+def test_plugs_that_are_swapped_are_told_by_the_two_samples_around_it():
+    def swap(t, ohms):
+        return ohms[[2, 1, 0]]
+
+    wide = FaultLimits(LIMITS.low * 10, LIMITS.high * 10, LIMITS.still, LIMITS.moves, LIMITS.jump)
+    first, now = found_after(swap, limits=wide)
+    assert ("swapped", (0, 2)) in now
+    assert first < 3.1
