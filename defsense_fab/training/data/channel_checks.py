@@ -34,20 +34,22 @@ def channel_problems(
     """Of each recording, and between them. `predicted`: (R - R0)/R0 (t, c) at the pictures of
     recordings by name, where they can be foretold."""
     out = [p for r in dataset.recordings for p in _open(dataset, r)]
-    out += [p for r in dataset.recordings for p in _still(dataset, r)]
-    everywhere = {
+    constant = [
         name
         for k, name in enumerate(dataset.channels)
-        if all(_range(r.signals[:, k]) < _NOTHING for r in dataset.recordings)
-    }
-    if everywhere:
-        names = ", ".join(sorted(everywhere))
+        if all(
+            np.isfinite(r.signals[:, k]).any() and _range(r.signals[:, k]) < _NOTHING
+            for r in dataset.recordings
+        )
+    ]
+    if constant:
         out.append(
             Problem(
-                "constant channel", True, f"{names} does not change in any recording",
-                "leave it out, or see whether its cord is connected, and record again",
+                "constant channel", True, f"{', '.join(constant)} does not change in any recording",
+                "see whether its cord is connected, and record again",
             )
         )  # fmt: skip
+    out += [p for r in dataset.recordings for p in _still(dataset, r, constant)]
     return [*out, *_other_cords(dataset), *_other_signals(dataset, predicted or {})]
 
 
@@ -62,7 +64,7 @@ def _open(dataset: Dataset, r: Recording) -> list[Problem]:
             out.append(
                 Problem(
                     "missing channel", True, f"{r.name}: {name} has no resistance",
-                    "leave the recording or the channel out, or record it again", of=(r.name,),
+                    "leave the recording out, or record it again", of=(r.name,),
                 )
             )  # fmt: skip
             continue
@@ -71,7 +73,9 @@ def _open(dataset: Dataset, r: Recording) -> list[Problem]:
         if not (longest > _LONG or share > _MUCH):
             bad, kind = _at_an_end(R), "at the end of its range"
             longest, share = step * _longest(bad), float(bad.mean())
-            clipped = share > _ENDS and longest > _LONG / 2
+            # What never changes is at both ends of its range, and told as such.
+            changes = _range(r.signals[:, k]) >= _NOTHING
+            clipped = changes and share > _ENDS and longest > _LONG / 2
             if not (clipped and _others_move(r, k, *longest_at(bad))):
                 continue
         out.append(
@@ -99,24 +103,28 @@ def _others_move(r: Recording, k: int, begin: int, end: int) -> bool:
     return any(_range(s[begin:end]) > _MOVING * _range(s) > _MOVING * _NOTHING for s in others)
 
 
-def _still(dataset: Dataset, r: Recording) -> list[Problem]:
-    """Channels that stay what they are while others move."""
+def _still(dataset: Dataset, r: Recording, constant: Sequence[str]) -> list[Problem]:
+    """Channels that stay what they are while others move; without those that never change."""
     if len(r.sample_time) < 2:
         return []
     out = []
     step = float(np.median(np.diff(r.sample_time)))
     for k, name in enumerate(dataset.channels):
+        if name in constant:
+            continue
         R = r.ohm[:, k]
         same = np.append(False, (R[1:] == R[:-1]) & np.isfinite(R[1:]))
         begin, end = longest_at(same)
         begin = max(begin - 1, 0)
         if step * (end - begin) > _STUCK and _others_move(r, k, begin, end):
+            share = (end - begin) / len(R)
             out.append(
                 Problem(
-                    "stuck channel", False,
+                    "stuck channel", share > _MUCH,
                     f"{r.name}: {name} stays the same for {step * (end - begin):.1f} s, from"
                     f" {r.sample_time[begin]:.1f} s on, while others move",
-                    "check its wires; leave the recording out if it is for long",
+                    "check its wires; leave the recording out if it is for long"
+                    if share <= _MUCH else "check its wires, and leave the recording out",
                     step * (end - begin), (r.name,),
                 )
             )  # fmt: skip
@@ -148,8 +156,8 @@ def _other_cords(dataset: Dataset) -> list[Problem]:
                             "replaced cord", False,
                             f"{name}: R0 of {channel} is {np.exp(off):.2f} times that of the other"
                             f" sessions of {unit}: was the cord replaced, or its wires?",
-                            "train on the sessions since then, or name the device another unit"
-                            " since then (--unit)",
+                            "train on the sessions since then, or record with another --unit since"
+                            " then",
                             float(np.exp(off)), tuple(r.name for r in sessions[name]),
                         )
                     )  # fmt: skip
@@ -214,7 +222,7 @@ def _compare(
             "changed gain", False,
             f"{name}: {channels[k]} changes {ratio[k]:.2f} times as much as {by} let expect:"
             " was its cord replaced?",
-            "train on the sessions since then, or name the device another unit since then (--unit)",
+            "train on the sessions since then, or record with another --unit since then",
             float(ratio[k]), of,
         )
         for k in range(c)

@@ -19,6 +19,7 @@ _SHORT = 60.0  # s of frames, fewer than which show little of how a device moves
 _REST = 0.5  # s
 _STILL = 3.0  # mm, root mean square, by which markers at rest are off their places
 _HIDDEN = 0.5  # of the frames
+_NOTHING = 0.05  # of the movements' variance: what tells less forbids training
 _WRONG = 0.2  # s, by which signals out of step forbid training
 
 
@@ -28,11 +29,14 @@ def check_dataset(
 ) -> tuple[Problem, ...]:  # fmt: skip
     """All problems, those that forbid training first. `channels`: those that the device has;
     `predicted`: see `channel_problems`."""
-    out = [*_together(dataset), *_named(dataset, channels), *_numbers(dataset)]
+    out = [
+        *_together(dataset), *_named(dataset, channels), *_numbers(dataset), *_times(dataset),
+    ]  # fmt: skip
     if not any(p.fatal for p in out):  # what follows computes with them
+        # Causes first: of what has no signals or markers, too few frames are what follows.
         out += [
-            *_frames(dataset), *_rest(dataset), *channel_problems(dataset, predicted),
-            *_steps(dataset),
+            *channel_problems(dataset, predicted), *_hidden(dataset), *_frames(dataset),
+            *_rest(dataset), *_steps(dataset),
         ]  # fmt: skip
     return tuple(sorted(out, key=lambda p: not p.fatal))
 
@@ -113,6 +117,26 @@ def _numbers(dataset: Dataset) -> list[Problem]:
     return out
 
 
+def _times(dataset: Dataset) -> list[Problem]:
+    """Samples and frames at other times altogether."""
+    out = []
+    for r in dataset.recordings:
+        if not (len(r.time) and len(r.sample_time)):
+            continue
+        (a, b), (c, d) = r.sample_time[[0, -1]], r.time[[0, -1]]
+        if b < c or a > d:
+            out.append(
+                Problem(
+                    "out of step", True,
+                    f"{r.name}: samples ({a:.1f} to {b:.1f} s) and frames ({c:.1f} to {d:.1f} s)"
+                    " have no time in common",
+                    "process the session again, or tell how far their clocks are apart (--shift)",
+                    of=(r.name,),
+                )
+            )  # fmt: skip
+    return out
+
+
 def _frames(dataset: Dataset) -> list[Problem]:
     out = []
     counts = {r.name: int(usable(r).sum()) for r in dataset.recordings}
@@ -140,6 +164,12 @@ def _frames(dataset: Dataset) -> list[Problem]:
                 f"record {_SHORT:.0f} s or more, with all ways in which the device moves", lasts,
             )
         )  # fmt: skip
+    return out
+
+
+def _hidden(dataset: Dataset) -> list[Problem]:
+    """Frames and markers that no camera saw."""
+    out = []
     for r in dataset.recordings:
         hidden = float((~r.seen.any(axis=1)).mean()) if len(r.time) else 1.0
         if hidden > _HIDDEN:
@@ -210,11 +240,11 @@ def _steps(dataset: Dataset) -> list[Problem]:
         if found is not None and not found.tells:
             out.append(
                 Problem(
-                    "signals tell nothing", False,
+                    "signals tell nothing", found.best < _NOTHING,
                     f"{r.name}: signals tell {max(found.best, 0):.0%} of the markers' movement,"
                     f" shifted by up to {WITHIN:.0f} s either way",
-                    "are the clocks further apart (--offset auto), or are these another device's"
-                    " signals?",
+                    "see whether the clocks are further apart (--shift, or --offset auto for files"
+                    " of others), and whether signals and markers are of one device and time",
                     found.best, (r.name,),
                 )
             )  # fmt: skip

@@ -22,6 +22,8 @@ class Problem:
     of: tuple[str, ...] = ()
 
     def __str__(self) -> str:
+        if self.what.endswith("?"):
+            return f"{self.what} {self.remedy[:1].upper()}{self.remedy[1:]}"
         return f"{self.what}; {self.remedy}"
 
 

@@ -130,9 +130,11 @@ def test_a_channel_that_is_stuck_or_constant(good):
     problem = told(check_dataset(dataset(*flat)), "constant channel")
     assert problem.fatal
     assert "middle does not change in any recording" in problem.what
-    assert "constant channel" not in {
-        p.kind for p in check_dataset(dataset(flat[0], good.recordings[1]))
-    }
+    # Never again mentioned as at the end of its range, or stuck.
+    assert [p.kind for p in check_dataset(dataset(*flat)) if p.fatal] == ["constant channel"]
+    one = told(check_dataset(dataset(flat[0], good.recordings[1])), "stuck channel")
+    assert one.fatal
+    assert str(one).endswith("while others move; check its wires, and leave the recording out")
 
 
 def test_no_rest_pose(good):
@@ -158,8 +160,18 @@ def test_too_few_frames(good):
     assert not problem.fatal
     assert "last 40 s in all" in problem.what
     # Frames without signals are none.
-    gone = replace(good.recordings[0], sample_time=good.recordings[0].sample_time + 1000)
-    assert told(check_dataset(dataset(gone)), "too few frames").value == 0
+    r = good.recordings[0]
+    gone = replace(r, sample_time=r.sample_time[:40], ohm=r.ohm[:40])
+    assert told(check_dataset(dataset(gone)), "too few frames").value == 20
+    # What is the cause is told first.
+    dead = of_channel(r, 0, lambda R: np.full_like(R, np.nan))
+    kinds = [p.kind for p in check_dataset(dataset(dead)) if p.fatal]
+    assert kinds[0] == "missing channel"
+    assert "too few frames" in kinds
+    elsewhere = replace(r, sample_time=r.sample_time + 1000)
+    problem = told(check_dataset(dataset(elsewhere)), "out of step")
+    assert problem.fatal
+    assert "samples (1000.0 to 1040.0 s) and frames (0.0 to 40.0 s) have no" in problem.what
 
 
 def test_frames_without_markers(good):
@@ -206,8 +218,9 @@ def test_what_relaxes_is_not_taken_for_a_shift(good):
     rng = np.random.default_rng(0)
     noise = replace(good.recordings[0], ohm=R0 + rng.normal(size=good.recordings[0].ohm.shape))
     assert not find_shift(noise).tells
-    told = [p for p in check_dataset(dataset(noise)) if p.kind == "signals tell nothing"]
-    assert "--offset auto" in told[0].remedy
+    problem = told(check_dataset(dataset(noise)), "signals tell nothing")
+    assert problem.fatal
+    assert "--offset auto" in problem.remedy
     with pytest.raises(TrainingError, match="a shift of nan s cannot be"):
         shifted(good, float("nan"))
 
@@ -219,6 +232,7 @@ def test_a_cord_that_was_replaced(good):
     problem = told(check_dataset(dataset(*drifted, other)), "replaced cord")
     assert problem.of == ("s5/run-1",)
     assert "s5: R0 of middle is 1.4" in problem.what
+    assert "was the cord replaced, or its wires? Train on the sessions since then" in str(problem)
     two = check_dataset(dataset(drifted[0], other))
     assert "R0 of middle is 1." in told(two, "replaced cord").what
     # Another unit has other cords.

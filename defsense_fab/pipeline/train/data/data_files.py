@@ -48,3 +48,15 @@ class DataFiles:
                 " --offset, or --shift with a number"
             )
         return dataset, [f"{name}: signals are shifted by {s:+.2f} s" for name, s in by.items()]
+
+
+def told_files(dataset: Dataset) -> list[str]:
+    """What was left out of its sessions, and how files of others were read."""
+    out = []
+    for told in dataset.provenance.get("sessions", ()):
+        where = told.get("folder", dataset.device)
+        out += [f"{where}: {run}; it is left out" for run in told.get("skipped", ())]
+        out += [f"{where}: {note}" for note in told.get("notes", ())]
+        if " by motion" in (how := str(told.get("offset", ""))):
+            out.append(f"{where}: the tracks' clock is ahead by {how}")
+    return out

@@ -76,6 +76,12 @@ def of_series(
             f"markers at rest: where they are in the first {quiet:g} s; the tracks are taken to be"
             " in the device's frame"
         )
+        moved = _spread(tracks.points, rest, early)
+        if moved > _STILL:
+            notes.append(
+                f"markers move by {moved:.0f} mm in the first {quiet:g} s, which are taken for the"
+                " rest: places at rest and R0 are wrong; begin with a rest, or give markers.json"
+            )
     else:
         tracks, told = in_design_frame(tracks, markers, early, source)
         rest = markers.centers
@@ -142,6 +148,13 @@ def _medians(points: Float, frames: Bool) -> Float:
             if len(seen):
                 out[k] = np.median(seen, axis=0)
     return out
+
+
+def _spread(points: Float, rest: Float, frames: Bool) -> float:
+    """How far markers (t, m, 3) mm are off their places (m, 3) in some frames: root mean square."""
+    squares = ((points[frames] - rest) ** 2).sum(axis=2)
+    known = squares[np.isfinite(squares)]
+    return float(np.sqrt(known.mean())) if len(known) else 0.0
 
 
 def _still(tracks: Tracks, rest: Float) -> Bool:

@@ -26,6 +26,7 @@ from ...sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from ...sessions.session import CaptureSession, load
 from .tables import Table, read_table
 
+_KEPT = 0.995  # of the samples: fewer are worth a word
 _ROUNDING = 1e-6  # s, by which times in different files may differ
 
 
@@ -64,9 +65,10 @@ def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Da
     tracks = _taken(read_any(folder / ALIGNED), signals)
     samples = read_table(folder / SAMPLES) if (folder / SAMPLES).exists() else None
     runs = quality["runs"]
+    notes = list[str]()
     recordings, skipped = [], [f"{s['run']}: {s['why']}" for s in quality.get("skipped", [])]
     for run in runs:
-        made = _recording(folder, session, run, quality, tracks, samples, signals, len(runs))
+        made = _recording(folder, session, run, quality, tracks, samples, signals, len(runs), notes)
         if isinstance(made, str):
             skipped.append(f"{run['run']}: {made}")
         else:
@@ -74,6 +76,7 @@ def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Da
     if not recordings:
         raise TrainingError(f"{folder}: no run can be trained on: {'; '.join(skipped)}")
     told = {
+        "notes": notes,
         "folder": str(folder),
         "device": session.device,
         "unit": recordings[0].unit,
@@ -134,9 +137,9 @@ def _processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
 
 def _recording(
     folder: Path, session: CaptureSession, run: Mapping[str, Any], quality: Mapping[str, Any],
-    tracks: Tracks, samples: Table | None, signals: Table, runs: int,
+    tracks: Tracks, samples: Table | None, signals: Table, runs: int, notes: list[str],
 ) -> Recording | str:  # fmt: skip
-    """A run, or why it cannot be used."""
+    """A run, or why it cannot be used; what is doubtful of it is added to the `notes`."""
     name, c = str(run["run"]), len(session.channels)
     within = np.ones(len(tracks.time), bool) if runs == 1 else _within(tracks.time, run)
     part = tracks.part(within)
@@ -157,6 +160,11 @@ def _recording(
     kept = rising(time)
     if not np.isfinite(relative_change(ohm[kept], R0)).any():
         return "there is no sample of the read-out board"
+    if not kept.mean() > _KEPT:
+        notes.append(
+            f"{name}: {len(kept) - int(kept.sum())} of {len(kept)} samples have no time, or none"
+            " after those before, and are left out"
+        )
     error = run.get("sync", {}).get("error_ms")
     if part.ids.tolist() != session.markers.ids.tolist():
         part = _as_designed(part, session)

@@ -30,7 +30,8 @@ class Table:
         """A column (n,). Raises TrainingError where there is none."""
         if name not in self.names:
             raise TrainingError(
-                f"{self.path}: has no column {name}; its columns are {', '.join(self.names)}"
+                f"{self.path}: has no column {name}; its columns are {', '.join(self.names)}; is"
+                " it another file?"
             )
         return np.asarray(self.values[:, self.names.index(name)])
 

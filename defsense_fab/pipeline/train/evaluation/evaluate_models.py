@@ -15,14 +15,18 @@ from ....core.files import digest
 from ....core.progress import Progress, silent
 from ....decoding.trained_model import TrainedModel
 from ....training.data.dataset import Dataset
+from ....training.data.dataset_checks import check_dataset
 from ....training.data.uncertain_places import without_uncertain
 from ....training.evaluation.error_budget import ErrorBudget, error_budget
 from ....training.evaluation.evaluate import Evaluation, evaluate
 from ....training.evaluation.model_comparison import Comparison, FrameErrors, compare
-from ..data.data_files import DataFiles
+from ..data.data_files import DataFiles, told_files
 from ..models.train_device import recording_hash
+from .other_cords import other_cords
 
 _FEW = 200  # frames
+#: Problems of data that is to be trained on, which say nothing of a test.
+_TRAINING = ("too few frames", "few frames", "markers never seen")
 _TOLD = 0.01  # of the frames, that are worth a word
 
 
@@ -57,14 +61,21 @@ def evaluate_files(
     of others that do not say of which device they are count as of the first model's. Raises
     TrainingError, and what the readers raise."""
     from ..models.model_file import load_model
-    from ..models.prepare import told_uncertain
+    from ..models.prepare import AUTO, foretold, found_prior, told_uncertain
 
     progress("evaluate", 0.0, "reading")
     loaded = list(zip(_names(models), map(load_model, models), strict=True))
     dataset, uncertain = without_uncertain(files.load(device, loaded[0][1].device))
     dataset, shifts = files.in_step(dataset)
+    progress("evaluate", 0.1, "checking")
+    prior, why = found_prior(dataset, device, AUTO)
+    problems = check_dataset(dataset, predicted=foretold(prior, dataset))
+    doubts = [str(p) for p in problems if p.kind not in _TRAINING]
+    for name, model in loaded:
+        doubts += other_cords(name, model, dataset)
     found = evaluate_models(loaded, dataset, last_share, progress)
-    return replace(found, notes=(*found.notes, *told_uncertain(uncertain), *shifts))
+    notes = [*found.notes, *told_uncertain(uncertain), *told_files(dataset), *shifts, *why, *doubts]
+    return replace(found, notes=tuple(notes))
 
 
 def evaluate_models(

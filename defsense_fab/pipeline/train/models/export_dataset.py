@@ -11,7 +11,7 @@ from ....training.data.dataset import Dataset
 from ....training.data.dataset_checks import check_dataset
 from ....training.data.problems import Problem
 from ..data import dataset_parquet, lerobot_export
-from ..data.data_files import DataFiles
+from ..data.data_files import DataFiles, told_files
 from .prepare import AUTO, foretold, found_prior
 
 
@@ -47,4 +47,4 @@ def export_dataset(
     if lerobot is not None:
         lerobot_export.write_lerobot(lerobot, dataset, rate)
     progress("data", 1.0, "done")
-    return Exported(dataset, problems, (*notes, *why))
+    return Exported(dataset, problems, (*told_files(dataset), *notes, *why))

@@ -18,7 +18,7 @@ from ....training.ridge.frames import Frames
 from ....training.simulation.coverage import coverage
 from ....training.simulation.expected_signals import expected_signals
 from ....training.simulation.prior import Prior
-from ..data.data_files import DataFiles
+from ..data.data_files import DataFiles, told_files
 from .simulated_prior import simulated_prior
 
 AUTO, YES, NO = "auto", "yes", "no"
@@ -34,7 +34,7 @@ def prepare(
     for what forbids training."""
     progress("data", 0.0, "reading")
     dataset = files.load(device)
-    notes: list[str] = []
+    notes = told_files(dataset)
     seen = np.any([r.seen.any(axis=0) for r in dataset.recordings], axis=0)
     never = dataset.ids[~seen].tolist()
     if never and len(never) < len(dataset.ids):

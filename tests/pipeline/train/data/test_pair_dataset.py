@@ -188,3 +188,14 @@ def test_samples_and_frames_keep_their_own_clocks(tmp_path):
         assert np.diff(got.sample_time) == pytest.approx(1 / 60, abs=1e-5)
         assert np.diff(got.time) == pytest.approx(1 / frames, abs=1e-5)
         np.testing.assert_allclose(got.signals, r.signals, atol=1e-6)
+
+
+def test_a_device_that_moves_in_what_is_taken_for_its_rest_is_told(tmp_path, r):
+    signals = write_signals(tmp_path / "signals.csv", r)
+    later = r.time > QUIET + 5
+    tracks = tracks_of(r).part(later)
+    write_any(tmp_path / "take.csv", tracks)
+    notes = pair_dataset(signals, tmp_path / "take.csv").provenance["sessions"][0]["notes"]
+    assert any("mm in the first 3 s, which are taken for the rest" in note for note in notes)
+    notes = pair_dataset(signals, tmp_path / "take.csv", markers=markers()).provenance
+    assert not any("which are taken" in note for note in notes["sessions"][0]["notes"])

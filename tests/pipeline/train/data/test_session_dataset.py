@@ -154,6 +154,7 @@ def test_times_that_go_back_are_left_out(processed, tmp_path):
     # The one of another's time, and the one without.
     assert len(whole.sample_time) - len(r.sample_time) == 2
     assert (np.diff(r.sample_time) > 0).all()
+    assert session_dataset([back]).provenance["sessions"][0]["notes"] == []
     broken = [*lines[:50], "run-1,1,2,3"]
     (back / "samples.csv").write_text("\n".join(broken) + "\n")
     with pytest.raises(TrainingError, match=r"samples\.csv:51: 4 cells under 12 columns"):
