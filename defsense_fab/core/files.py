@@ -80,13 +80,13 @@ def write_text(path: Path, text: str) -> None:
 
 
 def load_json(path: Path, error: type[DefsenseError], hint: str) -> Any:
-    """What is in `path`. Raises `error` where it cannot be read (with a `hint`) or is not JSON."""
+    """What is in `path`. Raises `error`, with a `hint`, where it cannot be read or is not JSON."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
         raise error(f"{path}: cannot be read: {problem.strerror}; {hint}") from None
     except ValueError as problem:
-        raise error(f"{path}: not valid JSON: {problem}") from None
+        raise error(f"{path}: not valid JSON ({problem}), cut off or edited; {hint}") from None
 
 
 def digest(*parts: Any) -> str:

@@ -36,7 +36,9 @@ class Tracks:
         if len(np.unique(self.ids)) < m:
             raise CaptureError("tracks: two markers of one number")
         if (np.isnan(self.points).any(-1) != np.isnan(self.points).all(-1)).any():
-            raise CaptureError("tracks: a marker is seen or it is not: part of its place is NaN")
+            raise CaptureError(
+                "tracks: of a marker a part of its place is NaN; write three numbers or three NaN"
+            )
 
     def part(self, frames: slice | Bool) -> Tracks:
         """Some of the frames, a mask (t,) or a slice."""

@@ -18,6 +18,7 @@ _LEAST = 50  # frames
 _SHORT = 60.0  # s of frames, fewer than which show little of how a device moves
 _REST = 0.5  # s
 _STILL = 3.0  # mm, root mean square, by which markers at rest are off their places
+_BARE = 0.05  # of the frames
 _HIDDEN = 0.5  # of the frames
 _NOTHING = 0.05  # of the movements' variance: what tells less forbids training
 _WRONG = 0.2  # s, by which signals out of step forbid training
@@ -30,7 +31,8 @@ def check_dataset(
     """All problems, those that forbid training first. `channels`: those that the device has;
     `predicted`: see `channel_problems`."""
     out = [
-        *_together(dataset), *_named(dataset, channels), *_numbers(dataset), *_times(dataset),
+        *_together(dataset), *_twice(dataset), *_named(dataset, channels), *_numbers(dataset),
+        *_times(dataset),
     ]  # fmt: skip
     if not any(p.fatal for p in out):  # what follows computes with them
         # Causes first: of what has no signals or markers, too few frames are what follows.
@@ -74,6 +76,23 @@ def _together(dataset: Dataset) -> list[Problem]:
                 )
             )  # fmt: skip
     return out
+
+
+def _twice(dataset: Dataset) -> list[Problem]:
+    """Copies of a recording: what is trained on would be tested on."""
+    return [
+        Problem(
+            "same recording", True, f"{r.name} is a copy of {other.name}",
+            "give each recording once", of=(r.name, other.name),
+        )
+        for k, r in enumerate(dataset.recordings)
+        for other in dataset.recordings[:k]
+        if np.array_equal(r.time, other.time) and _same(r.signals, other.signals)
+    ]  # fmt: skip
+
+
+def _same(a: Float, b: Float) -> bool:
+    return a.shape == b.shape and np.allclose(a, b, rtol=0, atol=1e-5, equal_nan=True)
 
 
 def _named(dataset: Dataset, channels: Sequence[str] | None) -> list[Problem]:
@@ -168,9 +187,20 @@ def _frames(dataset: Dataset) -> list[Problem]:
 
 
 def _hidden(dataset: Dataset) -> list[Problem]:
-    """Frames and markers that no camera saw."""
+    """Frames before and after all samples, and without markers; markers that no camera saw."""
     out = []
     for r in dataset.recordings:
+        bare = (r.time < r.sample_time[0]) | (r.time > r.sample_time[-1])
+        if bare.mean() > _BARE:
+            out.append(
+                Problem(
+                    "frames without samples", False,
+                    f"{r.name}: {bare.mean():.0%} of the frames are before or after all samples"
+                    f" (samples {r.sample_time[0]:.1f} to {r.sample_time[-1]:.1f} s, frames"
+                    f" {r.time[0]:.1f} to {r.time[-1]:.1f} s)",
+                    "see whether the file of the signals is cut off", float(bare.mean()), (r.name,),
+                )
+            )  # fmt: skip
         hidden = float((~r.seen.any(axis=1)).mean()) if len(r.time) else 1.0
         if hidden > _HIDDEN:
             out.append(

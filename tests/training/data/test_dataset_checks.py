@@ -137,6 +137,24 @@ def test_a_channel_that_is_stuck_or_constant(good):
     assert str(one).endswith("while others move; check its wires, and leave the recording out")
 
 
+def test_a_copy_of_a_recording(good):
+    """Under another name, and as a table rounds it."""
+    r = good.recordings[0]
+    copy = replace(r, name="copy/run-1", session="copy", ohm=np.round(r.ohm, 3))
+    problem = told(check_dataset(dataset(r, copy)), "same recording")
+    assert problem.fatal
+    assert str(problem) == "copy/run-1 is a copy of session-1/run-1; give each recording once"
+
+
+def test_samples_that_end_before_the_frames(good):
+    r = good.recordings[0]
+    cut = replace(r, sample_time=r.sample_time[:1500], ohm=r.ohm[:1500])
+    problem = told(check_dataset(dataset(cut, good.recordings[1])), "frames without samples")
+    assert not problem.fatal
+    assert problem.value == pytest.approx(1 - 25 / 40, abs=0.01)
+    assert "(samples 0.0 to 25.0 s, frames 0.0 to 40.0 s)" in problem.what
+
+
 def test_no_rest_pose(good):
     def late(r):
         kept = r.time > QUIET + 2

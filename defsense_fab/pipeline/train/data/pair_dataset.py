@@ -24,6 +24,7 @@ Offset = float | Literal["auto"]
 #: s at the beginning, in which the device is taken to rest where nothing else tells.
 QUIET = 3.0
 _KEPT = 0.99  # of the samples must follow each other in time
+_LONGER = 0.1  # of the samples' time, by which they go on after the tracks
 _STILL = 1.0  # mm, root mean square, by which markers at rest are off their places
 
 
@@ -86,6 +87,11 @@ def of_series(
         tracks, told = in_design_frame(tracks, markers, early, source)
         rest = markers.centers
         notes += told
+    beyond = float(time[-1] - tracks.time[-1])
+    if beyond > max(_LONGER * float(np.ptp(time)), quiet):
+        notes.append(
+            f"the tracks end {beyond:.0f} s before the signals: see whether {source} is cut off"
+        )
     resting, when = early, f"of the first {quiet:g} s"
     if markers is not None:
         still = _still(tracks, rest)

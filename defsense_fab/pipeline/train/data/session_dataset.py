@@ -62,7 +62,14 @@ def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Da
             " record anew"
         )
     signals = read_table(folder / SIGNALS)
-    tracks = _taken(read_any(folder / ALIGNED), signals)
+    tracks = read_any(folder / ALIGNED)
+    for name, count in ((SIGNALS, len(signals.values)), (ALIGNED, len(tracks.time))):
+        if count < quality.get("frames", 0):
+            raise TrainingError(
+                f"{folder / name}: is cut off: {count} of {quality['frames']} frames; copy it"
+                f" again, or run 'defsense capture process {folder}'"
+            )
+    tracks = _taken(tracks, signals)
     samples = read_table(folder / SAMPLES) if (folder / SAMPLES).exists() else None
     runs = quality["runs"]
     notes = list[str]()
@@ -123,6 +130,9 @@ def _processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:
         old = several and not all({"begin", "end"} <= set(run) for run in quality["runs"])
         if not isinstance(quality["R0"], dict):
             old = True
+        if not all(isinstance(run.get(key, 0.0), int | float) for run in quality["runs"]
+                   for key in ("begin", "end")):  # fmt: skip
+            raise TypeError
     except (KeyError, TypeError):
         raise TrainingError(
             f"{folder / QUALITY}: lacks what is told of the runs; {again}"
@@ -145,7 +155,7 @@ def _recording(
     part = tracks.part(within)
     if not part.seen.any():
         return "no marker was seen"
-    R0 = np.array([np.nan if r is None else r for r in quality["R0"].get(name, [None] * c)], float)
+    R0, error, steps = _told_of(run, quality, folder / QUALITY, c)
     if samples is not None:
         rows = np.array([r == name for r in samples.run], bool)
         time = samples["time"][rows]
@@ -165,14 +175,32 @@ def _recording(
             f"{name}: {len(kept) - int(kept.sum())} of {len(kept)} samples have no time, or none"
             " after those before, and are left out"
         )
-    error = run.get("sync", {}).get("error_ms")
     if part.ids.tolist() != session.markers.ids.tolist():
         part = _as_designed(part, session)
     return Recording(
         f"{folder}/{name}", str(folder), session.unit or session.device, time[kept], ohm[kept], R0,
-        part.time, part.points, part.sigma, None if error is None else error / 1e3,
-        tuple((float(at), str(pose)) for at, pose in run.get("steps", [])),
+        part.time, part.points, part.sigma, error, steps,
     )  # fmt: skip
+
+
+def _told_of(
+    run: Mapping[str, Any], quality: Mapping[str, Any], path: Path, channels: int
+) -> tuple[Float, float | None, tuple[tuple[float, str], ...]]:
+    """R0 (c,) ohm of a run, NaN where not known, the error of its clocks, s, and its steps. Raises
+    TrainingError for what its quality.json cannot tell."""
+    try:
+        told = quality["R0"].get(str(run["run"]), [None] * channels)
+        R0 = np.array([np.nan if r is None else r for r in told], float)
+        error = run.get("sync", {}).get("error_ms")
+        if R0.shape != (channels,):
+            raise ValueError(f"R0 of {len(R0)} channels, where there are {channels}")
+        steps = tuple((float(at), str(pose)) for at, pose in run.get("steps", []))
+        return R0, None if error is None else float(error) / 1e3, steps
+    except (TypeError, ValueError, AttributeError) as problem:
+        raise TrainingError(
+            f"{path}: what it tells of {run['run']} cannot be ({problem}); run 'defsense capture"
+            f" process {path.parent}' again"
+        ) from None
 
 
 def _taken(tracks: Tracks, signals: Table) -> Tracks:

@@ -184,3 +184,25 @@ def test_sessions_are_of_the_cords_that_the_device_has(processed, straight, tmp_
     typed_json.save(bar / "build" / "layout.json", replace(known, sensors=known.sensors[:3]))
     with pytest.raises(TrainingError, match="has a channel a more"):
         session_dataset([own], device)
+
+
+def test_damaged_results_are_told_by_their_file(processed, tmp_path):
+    session, _ = processed
+    bad = shutil.copytree(session.folder, tmp_path / "bad")
+    quality = json.loads((bad / "quality.json").read_text(encoding="utf-8"))
+    for R0, why in (([1000.0], "R0 of 1 channels, where there are 4"), (["high"] * 4, "'high'")):
+        changed(bad, "quality.json", R0={"run-1": R0})
+        with pytest.raises(TrainingError, match=r"quality\.json: what it tells of run-1") as error:
+            session_dataset([bad])
+        assert why in str(error.value)
+    changed(bad, "quality.json", R0=quality["R0"])
+    for name in ("signals.csv", "aligned.csv"):
+        lines = (bad / name).read_text(encoding="utf-8").splitlines()
+        (bad / name).write_text("\n".join(lines[: len(lines) // 2]) + "\n")
+        with pytest.raises(TrainingError, match=f"{name}: is cut off: .* frames; copy it again"):
+            session_dataset([bad])
+        shutil.copy(session.folder / name, bad / name)
+    text = (bad / "quality.json").read_text(encoding="utf-8")
+    (bad / "quality.json").write_text(text[: len(text) // 2])
+    with pytest.raises(TrainingError, match=r"cut off or edited; run 'defsense capture process"):
+        session_dataset([bad])
