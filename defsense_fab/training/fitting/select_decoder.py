@@ -21,6 +21,7 @@ from ..simulation.simulated_map import SimulatedMap
 _TIMES = np.logspace(-1, 2, 10)
 _WORKED = np.logspace(-0.5, 2, 6)
 _FEWEST_FOR_MEMORY = 300  # pictures: fewer do not tell hysteresis from chance
+_SHORTEST_TO_BEND = 200.0  # s: less does not tell a bent map from what cords do as they set
 _REFINED = 6  # steps of the golden section
 _WORTH = 0.99  # of the error, that another memory must bring it under
 _SIMPLER = 1.01  # of the least error: a simpler decoder that stays below it is taken
@@ -156,7 +157,10 @@ def try_all(
         progress("train", 0.35, "fitting the simulation's map")
         start = best_simulated(frames, channels, outputs, weights, fold, decoder, memory=memory)
         out.append(start)
-        bent = [Candidate(f, start.candidate.past) for f in forms if f != AFFINE and not few]
+        short = frames.lasts < _SHORTEST_TO_BEND
+        bent = [
+            Candidate(f, start.candidate.past) for f in forms if f != AFFINE and not (few or short)
+        ]
         out += [
             try_candidate(c, frames, channels, outputs, weights, fold, start.simulated)
             for c in bent

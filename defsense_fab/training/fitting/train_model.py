@@ -158,8 +158,7 @@ def _need_long_folds(frames: Frames, folds: int) -> None:
             f"{len(frames)} pictures are left to train on, and training needs {FEWEST}; test on a"
             " smaller share (--test-share), or record for longer"
         )
-    time = frames.time
-    lasts = sum(float(np.ptp(time[frames.of == k])) for k in np.unique(frames.of))
+    lasts = frames.lasts
     if folds > FOLDS and lasts / folds < _LEAST_FOLD:
         raise TrainingError(
             f"{folds} folds of {lasts / folds:.1f} s each are told by their neighbours; take"

@@ -53,6 +53,12 @@ class Frames:
             )
         return whole.part(np.asarray(known & seen))
 
+    @property
+    def lasts(self) -> float:
+        """s from the first picture to the last, of all recordings together."""
+        time = self.time
+        return float(sum(np.ptp(time[self.of == k]) for k in np.unique(self.of)))
+
     def part(self, frames: Bool | slice | Int) -> Frames:
         """Some of them."""
         return replace(

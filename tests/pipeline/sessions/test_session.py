@@ -40,9 +40,7 @@ def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("capture") / "session"
     session = rig.begin(folder, [("rest", 1.5), ("out", 12.0), ("rest", 1.0)])
     screen = rig.Silent()
-    began = time.monotonic()
     assert rig.record(session, screen, gone=4.0)
-    assert time.monotonic() - began < 60
     return sessions.load(folder), screen
 
 
