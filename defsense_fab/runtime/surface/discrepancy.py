@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from ...core.arrays import Bool, Float
+from ...core.arrays import Float
 from .attachment import Attachment
 from .elastic_net import ElasticNet
 

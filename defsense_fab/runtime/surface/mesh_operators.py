@@ -20,9 +20,7 @@ def laplacian(vertices: Float, triangles: Int) -> csr_array:
     weights = np.clip(np.nan_to_num(-off.data[apart], nan=0.0), -_STEEPEST, _STEEPEST)
     weights[weights == 0.0] = 1e-12  # right-angled grids: an edge stays a neighbour
     between = csr_array((weights, (off.row[apart], off.col[apart])), shape=matrix.shape)
-    diagonal = csr_array(
-        (between.sum(axis=1), (np.arange(len(vertices)),) * 2), shape=matrix.shape
-    )
+    diagonal = csr_array((between.sum(axis=1), (np.arange(len(vertices)),) * 2), shape=matrix.shape)
     out = csr_array(diagonal - between)
     out.sort_indices()
     return out
@@ -59,8 +57,8 @@ def _barycentric(at: Float, a: Float, b: Float, c: Float) -> Float:
 
 
 def decimated(vertices: Float, triangles: Int, count: int) -> tuple[Float, Int]:
-    """About `count` vertices, by collapsing edges where quadrics say that it costs least."""
-    coarse, faces = igl.qslim(
+    """About `count` vertices, by collapsing the shortest edges to their middles: even meshes."""
+    coarse, faces = igl.decimate(
         np.asfortranarray(vertices), np.asfortranarray(triangles, np.int32), 2 * count
     )[:2]
     used, faces = np.unique(np.asarray(faces), return_inverse=True)

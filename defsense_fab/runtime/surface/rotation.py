@@ -17,7 +17,7 @@ from ...core.arrays import Float
 from ...core.compiled import compiled
 
 _ROUNDS = 60  # of Newton's method; most take one to five
-_TINY = 1e-12  # of the largest value that the denominator can have: no rotation is nearest
+_TINY = 1e-9  # of the largest value that the denominator can have: no rotation is nearest
 
 
 @compiled(fastmath={"contract", "nsz", "arcp"})

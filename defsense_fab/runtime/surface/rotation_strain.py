@@ -156,9 +156,21 @@ def _rotations(vectors: Float) -> Float:
         else:
             angle = math.sqrt(square)
             s, c = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
-        out[k, 0], out[k, 1], out[k, 2] = 1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y
-        out[k, 3], out[k, 4], out[k, 5] = c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x
-        out[k, 6], out[k, 7], out[k, 8] = c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)
+        out[k, 0], out[k, 1], out[k, 2] = (
+            1.0 - c * (y * y + z * z),
+            c * x * y - s * z,
+            c * x * z + s * y,
+        )
+        out[k, 3], out[k, 4], out[k, 5] = (
+            c * x * y + s * z,
+            1.0 - c * (x * x + z * z),
+            c * y * z - s * x,
+        )
+        out[k, 6], out[k, 7], out[k, 8] = (
+            c * x * z - s * y,
+            c * y * z + s * x,
+            1.0 - c * (x * x + y * y),
+        )
     return out
 
 

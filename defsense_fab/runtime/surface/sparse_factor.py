@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from ...core.arrays import Float, Int
 from ...core.compiled import compiled
 
-_PADDING = 0.2  # of a block's entries that may be zeros
+_PADDING = 0.3  # of a block's entries that may be zeros
 _SLACK = 16  # zeros that a small block may have besides
 _WIDEST = 64  # columns of a block
 
@@ -24,8 +24,8 @@ _WIDEST = 64  # columns of a block
 class SparseFactor:
     """`order` (n,) is the row of the matrix that stands at each place of a right side; blocks of
     columns begin at `start` (k + 1,), their rows below are `rows` from `row_at` (k + 1,) on, their
-    entries `values` from `value_at` (k + 1,) on: the lower triangle as a square, then the rows
-    below; `inverse` (n,) of the diagonal D."""
+    entries `values` from `value_at` (k + 1,) on, column by column, each from the block's first row
+    on; `inverse` (n,) of the diagonal D."""
 
     order: Int
     start: Int
@@ -92,8 +92,9 @@ def _pack(ptr: Int, rows: Int, values: Float, start: Int) -> tuple[Int, Int, Int
         width = end - first
         # Columns of a block have no rows that its last one has not: it is an ancestor of all.
         packed_rows[row_at[s] : row_at[s + 1]] = rows[ptr[end - 1] : ptr[end]]
+        height = width + row_at[s + 1] - row_at[s]
         for j in range(first, end):
-            q = row_at[s]
+            q, column = row_at[s], value_at[s] + (j - first) * height
             for p in range(ptr[j], ptr[j + 1]):
                 r = rows[p]
                 line = r - first
@@ -101,7 +102,7 @@ def _pack(ptr: Int, rows: Int, values: Float, start: Int) -> tuple[Int, Int, Int
                     while packed_rows[q] != r:
                         q += 1
                     line = width + q - row_at[s]
-                packed[value_at[s] + line * width + j - first] = values[p]
+                packed[column + line] = values[p]
     return row_at, packed_rows, value_at, packed
 
 
@@ -111,53 +112,56 @@ def _solve(
 ) -> None:  # fmt: skip
     x, y, z = right[0], right[1], right[2]
     blocks = len(start) - 1
+    tallest = 0
     for s in range(blocks):
-        a, width, base = start[s], start[s + 1] - start[s], value_at[s]
-        for i in range(1, width):
-            t0, t1, t2 = 0.0, 0.0, 0.0
-            at = base + i * width
-            for j in range(i):
-                v = values[at + j]
-                t0 += v * x[a + j]
-                t1 += v * y[a + j]
-                t2 += v * z[a + j]
-            x[a + i] -= t0
-            y[a + i] -= t1
-            z[a + i] -= t2
-        at = base + width * width
-        for p in range(row_at[s], row_at[s + 1]):
-            t0, t1, t2 = 0.0, 0.0, 0.0
-            for j in range(width):
-                v = values[at + j]
-                t0 += v * x[a + j]
-                t1 += v * y[a + j]
-                t2 += v * z[a + j]
-            r = rows[p]
-            x[r] -= t0
-            y[r] -= t1
-            z[r] -= t2
+        tallest = max(tallest, row_at[s + 1] - row_at[s])
+    below = np.empty((3, tallest))
+    b0, b1, b2 = below[0], below[1], below[2]
+    for s in range(blocks):
+        a, width, at, low = start[s], start[s + 1] - start[s], value_at[s], row_at[s]
+        height = row_at[s + 1] - low
+        for p in range(height):
+            b0[p], b1[p], b2[p] = 0.0, 0.0, 0.0
+        for j in range(width):
+            t0, t1, t2 = x[a + j], y[a + j], z[a + j]
+            for i in range(j + 1, width):
+                v = values[at + i]
+                x[a + i] -= v * t0
+                y[a + i] -= v * t1
+                z[a + i] -= v * t2
             at += width
+            for p in range(height):
+                v = values[at + p]
+                b0[p] += v * t0
+                b1[p] += v * t1
+                b2[p] += v * t2
+            at += height
+        for p in range(height):
+            r = rows[low + p]
+            x[r] -= b0[p]
+            y[r] -= b1[p]
+            z[r] -= b2[p]
     for s in range(blocks - 1, -1, -1):
-        a, width, base = start[s], start[s + 1] - start[s], value_at[s]
-        for j in range(a, a + width):
-            x[j] *= inverse[j]
-            y[j] *= inverse[j]
-            z[j] *= inverse[j]
-        at = base + width * width
-        for p in range(row_at[s], row_at[s + 1]):
-            r = rows[p]
-            t0, t1, t2 = x[r], y[r], z[r]
-            for j in range(width):
-                v = values[at + j]
-                x[a + j] -= v * t0
-                y[a + j] -= v * t1
-                z[a + j] -= v * t2
-            at += width
-        for i in range(width - 1, 0, -1):
-            t0, t1, t2 = x[a + i], y[a + i], z[a + i]
-            at = base + i * width
-            for j in range(i):
-                v = values[at + j]
-                x[a + j] -= v * t0
-                y[a + j] -= v * t1
-                z[a + j] -= v * t2
+        a, width, at, low = start[s], start[s + 1] - start[s], value_at[s + 1], row_at[s]
+        height = row_at[s + 1] - low
+        for p in range(height):
+            r = rows[low + p]
+            b0[p], b1[p], b2[p] = x[r], y[r], z[r]
+        for j in range(width - 1, -1, -1):
+            t0, t1, t2 = 0.0, 0.0, 0.0
+            at -= height
+            for p in range(height):
+                v = values[at + p]
+                t0 += v * b0[p]
+                t1 += v * b1[p]
+                t2 += v * b2[p]
+            at -= width
+            for i in range(j + 1, width):
+                v = values[at + i]
+                t0 += v * x[a + i]
+                t1 += v * y[a + i]
+                t2 += v * z[a + i]
+            d = inverse[a + j]
+            x[a + j] = x[a + j] * d - t0
+            y[a + j] = y[a + j] * d - t1
+            z[a + j] = z[a + j] * d - t2
