@@ -2,9 +2,9 @@
 
     python -m benchmarks.surface_truth DEVICE... [--markers 20 40] [--draws 3]
 
-DEVICE is a folder that `defsense simulate` has been run on. Errors are RMS over the surface, by area,
-in mm, over all states of a kind and draws of noise; every surface is found from rest, without a frame
-before. Kinds of states, and the basis that they are found with:
+DEVICE is a folder that `defsense simulate` has been run on. Errors are RMS over the surface, by
+area, in mm, over all states of a kind and draws of noise; every surface is found from rest, without
+a frame before. Kinds of states, and the basis that they are found with:
 
     trained      states of the design, with all of them
     in-between   parts of full amplitudes, with the states of full amplitude
@@ -12,9 +12,10 @@ before. Kinds of states, and the basis that they are found with:
     mixtures     all mixtures of poses, with the poses by themselves
     new pose     the last pose by itself, with the design's states that have nothing of it
 
-`arap` has the markers as hard constraints, `soft` weights them by their noise; `linear` is a basis of
-principal displacements, with coordinates of the states' variance. `ratio` is the default's error by
-the least of these three. Exact markers are told to be good to 0.02 mm.
+`arap` has the markers as hard constraints, `soft` weights them by their noise; `linear` is a basis
+of principal displacements, with coordinates of the states' variance; `basis` are the modes of the
+default by themselves. `ratio` is the default's error by the least of the first three. Exact markers
+are told to be good to 0.02 mm.
 """
 
 from __future__ import annotations

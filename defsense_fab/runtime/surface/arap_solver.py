@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from ...core.arrays import Float
+from ...core.arrays import Float, Int
 from .attachment import Attachment
 from .elastic_net import ElasticNet
 from .local_step import fit_rotations
@@ -70,8 +70,9 @@ class ArapSolver:
                 break
         return self._x, self._rotations
 
-    def _factor(self, sd: bytes) -> tuple[Float, Float]:
+    def _factor(self, sd: bytes) -> tuple[Float, Int]:
         variance = self._softness * np.frombuffer(sd) ** 2
         seen = np.isfinite(variance)
         system = np.where(seen[:, None] & seen, self._compliance, 0.0)
-        return lu_factor(system + np.diag(np.where(seen, variance, 1.0)))
+        factor, pivots = lu_factor(system + np.diag(np.where(seen, variance, 1.0)))
+        return factor, pivots

@@ -31,7 +31,7 @@ def vertex_areas(vertices: Float, triangles: Int) -> Float:
     corners = vertices[triangles]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(cross, axis=1) / 6
-    return np.bincount(triangles.ravel(), np.repeat(area, 3), len(vertices))
+    return np.asarray(np.bincount(triangles.ravel(), np.repeat(area, 3), len(vertices)), float)
 
 
 def nearest_points(points: Float, vertices: Float, triangles: Int) -> tuple[Int, Float]:

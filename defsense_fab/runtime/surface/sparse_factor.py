@@ -48,7 +48,9 @@ class SparseFactor:
         place[lu.perm_c] = order
         ptr, rows, values = lower.indptr.astype(np.int64), lower.indices, lower.data
         start = _blocks(ptr, rows)
-        return cls(place, start, *_pack(ptr, rows, values, start), 1.0 / lu.U.diagonal())
+        row_at, packed_rows, value_at, packed = _pack(ptr, rows, values, start)
+        inverse = 1.0 / lu.U.diagonal()
+        return cls(place, start, row_at, packed_rows, value_at, packed, inverse)
 
     def solve(self, right: Float) -> None:
         """In place, of right sides (3, n), whose entries stand in the factor's order."""
