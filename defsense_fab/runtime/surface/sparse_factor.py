@@ -88,7 +88,7 @@ def _pack(ptr: Int, rows: Int, values: Float, start: Int) -> tuple[Int, Int, Int
         width, below = start[s + 1] - start[s], ptr[start[s + 1]] - ptr[start[s + 1] - 1]
         row_at[s + 1] = row_at[s] + below
         value_at[s + 1] = value_at[s] + width * (width + below)
-    packed_rows, packed = np.zeros(row_at[blocks], np.int64), np.zeros(value_at[blocks])
+    packed_rows, packed = np.zeros(row_at[blocks], np.uint32), np.zeros(value_at[blocks])
     for s in range(blocks):
         first, end = start[s], start[s + 1]
         width = end - first
@@ -108,7 +108,7 @@ def _pack(ptr: Int, rows: Int, values: Float, start: Int) -> tuple[Int, Int, Int
     return row_at, packed_rows, value_at, packed
 
 
-@compiled(fastmath=True)
+@compiled(error_model="numpy", fastmath=True)
 def _solve(
     start: Int, row_at: Int, rows: Int, value_at: Int, values: Float, inverse: Float, right: Float
 ) -> None:  # fmt: skip
@@ -120,50 +120,48 @@ def _solve(
     below = np.empty((3, tallest))
     b0, b1, b2 = below[0], below[1], below[2]
     for s in range(blocks):
-        a, width, at, low = start[s], start[s + 1] - start[s], value_at[s], row_at[s]
-        height = row_at[s + 1] - low
-        for p in range(height):
-            b0[p], b1[p], b2[p] = 0.0, 0.0, 0.0
+        a, width, at = start[s], start[s + 1] - start[s], value_at[s]
+        # Views, whose indices count from 0: these loops are what is done at once.
+        own, u, v, w = rows[row_at[s] : row_at[s + 1]], x[a:], y[a:], z[a:]
+        height = len(own)
+        b0[:height] = 0.0
+        b1[:height] = 0.0
+        b2[:height] = 0.0
         for j in range(width):
-            t0, t1, t2 = x[a + j], y[a + j], z[a + j]
+            t0, t1, t2 = u[j], v[j], w[j]
+            column = values[at : at + width]
             for i in range(j + 1, width):
-                v = values[at + i]
-                x[a + i] -= v * t0
-                y[a + i] -= v * t1
-                z[a + i] -= v * t2
-            at += width
+                u[i] -= column[i] * t0
+                v[i] -= column[i] * t1
+                w[i] -= column[i] * t2
+            column = values[at + width : at + width + height]
             for p in range(height):
-                v = values[at + p]
-                b0[p] += v * t0
-                b1[p] += v * t1
-                b2[p] += v * t2
-            at += height
+                b0[p] += column[p] * t0
+                b1[p] += column[p] * t1
+                b2[p] += column[p] * t2
+            at += width + height
         for p in range(height):
-            r = rows[low + p]
-            x[r] -= b0[p]
-            y[r] -= b1[p]
-            z[r] -= b2[p]
+            x[own[p]] -= b0[p]
+            y[own[p]] -= b1[p]
+            z[own[p]] -= b2[p]
     for s in range(blocks - 1, -1, -1):
-        a, width, at, low = start[s], start[s + 1] - start[s], value_at[s + 1], row_at[s]
-        height = row_at[s + 1] - low
+        a, width, at = start[s], start[s + 1] - start[s], value_at[s + 1]
+        own, u, v, w = rows[row_at[s] : row_at[s + 1]], x[a:], y[a:], z[a:]
+        height = len(own)
         for p in range(height):
-            r = rows[low + p]
-            b0[p], b1[p], b2[p] = x[r], y[r], z[r]
+            b0[p], b1[p], b2[p] = x[own[p]], y[own[p]], z[own[p]]
         for j in range(width - 1, -1, -1):
             t0, t1, t2 = 0.0, 0.0, 0.0
-            at -= height
+            column = values[at - height : at]
             for p in range(height):
-                v = values[at + p]
-                t0 += v * b0[p]
-                t1 += v * b1[p]
-                t2 += v * b2[p]
-            at -= width
+                t0 += column[p] * b0[p]
+                t1 += column[p] * b1[p]
+                t2 += column[p] * b2[p]
+            at -= width + height
+            column = values[at : at + width]
             for i in range(j + 1, width):
-                v = values[at + i]
-                t0 += v * x[a + i]
-                t1 += v * y[a + i]
-                t2 += v * z[a + i]
+                t0 += column[i] * u[i]
+                t1 += column[i] * v[i]
+                t2 += column[i] * w[i]
             d = inverse[a + j]
-            x[a + j] = x[a + j] * d - t0
-            y[a + j] = y[a + j] * d - t1
-            z[a + j] = z[a + j] * d - t2
+            u[j], v[j], w[j] = u[j] * d - t0, v[j] * d - t1, w[j] * d - t2
