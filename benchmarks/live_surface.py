@@ -2,22 +2,23 @@
 
     OMP_NUM_THREADS=1 python -m benchmarks.live_surface [arap] [motion] [frames]
 
-A bar of 150 x 30 x 30 mm, held at one end, bent and twisted, with 40 markers, at about 1,000, 10,000
-and 50,000 vertices; one thread. Times are the least and the median of many, in ms: on a machine with
-other work the least is what the program takes.
+A bar of 150 x 30 x 30 mm, held at one end, bent and twisted, with 40 markers, at about 1,000,
+10,000 and 50,000 vertices; one thread. Times are the least and the median of many, in ms: on a
+machine with other work the least is what the program takes.
 
     arap    one round with hard markers at vertices against one of `arap_solve` (spokes), and how
             far both are from the converged shape after the same 20 rounds from rest
-    motion  60 frames a second, the tip at up to 250 mm/s and 20 mm/s: what two rounds a frame leave
+    motion  60 frames a second, the tip at up to 236 mm/s and 19 mm/s: what two rounds a frame leave
             beside the converged shape, RMS, relative to the displacement and to a frame's movement
-    frames  whole frames of the default and of as rigid as possible with two rounds, as the live loop
-            calls them: from 15,000 vertices on with a cage
+    frames  whole frames of the default and of as rigid as possible with two rounds, as the live
+            loop calls them: from 15,000 vertices on with a cage
 """
 
 from __future__ import annotations
 
 import sys
 import time
+from functools import partial
 
 import igl
 import numpy as np
@@ -96,8 +97,10 @@ def rigid(vertices, triangles, held, markers, still=0.0, most=2):
 
 
 def arap():
-    print("| vertices | this, ms | libigl, ms | times | set-up, s | libigl's, s | off after 20, mm |"
-          " libigl's, mm |")  # fmt: skip
+    print(
+        "| vertices | this, ms | libigl, ms | times | set-up, s | libigl's, s | off after 20, mm |"
+        " libigl's, mm |"
+    )
     print("|---" * 8 + "|")
     for cells in CELLS.values():
         vertices, triangles, held = bar(cells)
@@ -115,22 +118,22 @@ def arap():
         igl.arap_precomputation(vertices, triangles, 3, both, data)
         theirs_setup = time.perf_counter() - begun
 
-        def libigl(rounds, from_shape, data=data, targets=targets):
+        def libigl(rounds, data=data, targets=targets, rest=vertices):
             data.max_iter = rounds
-            return igl.arap_solve(targets, data, from_shape.copy())
+            return igl.arap_solve(targets, data, rest.copy())
 
         def frame(solver=solver, places=places, hard=hard):
             solver.solve(places, hard, TimeBudget(None))
 
-        solver._most = 1
+        solver.most = 1
         ours = timed(frame)
-        one, eleven = timed(lambda: libigl(1, vertices), 9), timed(lambda: libigl(11, vertices), 9)
+        one, eleven = (timed(partial(libigl, rounds), 9) for rounds in (1, 11))
         theirs = [(b - a) / 10 for a, b in zip(one, eleven, strict=True)]
-        solver._most = 20
+        solver.most = 20
         solver.reset()
         after = solver.solve(places, hard, TimeBudget(None))[0].copy()
-        their_shape = libigl(20, vertices)[net.order]
-        solver._most = 3000
+        their_shape = libigl(20)[net.order]
+        solver.most = 3000
         exact, _ = solver.solve(places, hard, TimeBudget(None))
         print(f"| {len(vertices):,} | {ours[0]:.2f} ({ours[1]:.2f}) | {theirs[0]:.2f}"
               f" ({theirs[1]:.2f}) | {theirs[0] / ours[0]:.1f} | {ours_setup:.2f} |"
@@ -149,7 +152,7 @@ def motion():
     exact, net = rigid(vertices, triangles, held, vertices[which], 1e-8, 3000)
     for hertz in (1.0, 0.08):  # of swings to and fro, by 0.5 rad and 0.7 rad
         for rounds in (2, 4):
-            live._most = rounds
+            live.most = rounds
             live.reset()
             off, moved, step = [], [], []
             begun = 0.25 / hertz  # from the turning point on
@@ -172,7 +175,9 @@ def motion():
 
 
 def frames():
-    print("| vertices | mode | one step, ms | as many as it wants, ms | off, mm | set-up, s | how |")
+    print(
+        "| vertices | mode | one step, ms | as many as it wants, ms | off, mm | set-up, s | how |"
+    )
     print("|---" * 7 + "|")
     for cells in CELLS.values():
         vertices, triangles, held = bar(cells)
@@ -185,7 +190,7 @@ def frames():
             surface = make_surface(basis, markers, np.full(MARKERS, 0.1), mode)
             setup = time.perf_counter() - begun
             if mode == "arap":
-                surface._solver._most = 2
+                surface._solver.most = 2
             phases = iter(np.sin(np.arange(1000) * 0.05))
 
             def frame(budget, surface=surface, markers=markers, phases=phases):
