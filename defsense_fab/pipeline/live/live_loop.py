@@ -20,14 +20,14 @@ from ...capture.readout.source import Event, Source, StampedSample
 from ...core.arrays import Float
 from ...core.errors import DefsenseError, LiveError
 from ...runtime.controls.control_bank import ControlBank
+from ...runtime.controls.pose_amplitudes import RADIUS_90
 from ...runtime.frames.live_decoder import LiveDecoder, Sample
-from ...runtime.frames.live_frame import LiveFrame
+from ...runtime.frames.live_frame import LiveFrame, Quality
 from ...sensing.serial_frames import Info
 from ...sensing.voltage_divider import Dividers
 
 _WAIT = 0.005  # s between looks at a source that has no thread of its own
 _WAITING = 4096  # samples that may wait to be decoded: 40 s at 100 Hz
-_RADIUS_90 = 1.645  # of an interval, in standard deviations
 _UNKNOWN = 1.0  # mm, of a marker whose interval is not known
 _KEPT = 6000  # latencies: a minute at 100 Hz
 _SILENT = 1.0  # s without a sample, after which that is said
@@ -220,7 +220,9 @@ class LiveLoop:
     def _give(self, frame: LiveFrame) -> None:
         if self._controls is not None and self._decoder.rested:
             found = self._controls.update(frame.markers, deviation(frame.radius), frame.time)
-            frame = replace(frame, controls=found.values, confidence=found.confidence)
+            lost = frame.quality is Quality.LOST
+            confidence = dict.fromkeys(found.confidence, 0.0) if lost else found.confidence
+            frame = replace(frame, controls=found.values, confidence=confidence)
         self._frame = frame
         for each in self._outputs:
             each.send(frame)
@@ -246,10 +248,9 @@ class LiveLoop:
 
 
 def deviation(radius: Float) -> Float:
-    """Standard deviation (m,) mm of markers with the radius (m,) mm of their 90 % intervals."""
-    return np.asarray(
-        np.where(np.isfinite(radius), np.maximum(radius / _RADIUS_90, 1e-3), _UNKNOWN)
-    )
+    """Standard deviation (m,) mm along each axis of markers with the radius (m,) mm of their 90 %
+    intervals."""
+    return np.asarray(np.where(np.isfinite(radius), np.maximum(radius / RADIUS_90, 1e-3), _UNKNOWN))
 
 
 def _told(name: str, event: Event) -> str | None:

@@ -17,7 +17,9 @@ from ...capture.readout.source import Source
 from ...core.arrays import Float
 from ...core.errors import LiveError
 from ...core.progress import Progress, silent
-from ...runtime.controls.control_bank import ControlBank, ControlSpec
+from ...runtime.controls.control_bank import ControlBank
+from ...runtime.controls.control_spec import ControlSpec
+from ...runtime.controls.pose_amplitudes import RADIUS_90
 from ...runtime.frames.live_decoder import LiveDecoder
 from ...runtime.outputs.live_file import open_outputs
 from ...runtime.outputs.newest_wins import NewestWins
@@ -198,7 +200,7 @@ def _viewed(live: LiveDevice) -> ViewedDevice:
         None if live.rest is None else live.rest.faces, model.channels,
         tuple(by[name] for name in model.channels if name in by),
         live.device.cord.diameter / 2 if live.device else 1.0, low, high,
-        float(1.645 * np.median(_typical(live))),
+        float(RADIUS_90 * np.median(_typical(live))),
     )  # fmt: skip
 
 

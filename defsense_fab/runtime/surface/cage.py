@@ -41,7 +41,7 @@ class Cage:
         return out
 
 
-@compiled(fastmath={"contract", "nsz", "arcp"})
+@compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def _carry(
     corners: Int, weights: Float, away: Float, x: Float, rotations: Float, out: Float
 ) -> None:

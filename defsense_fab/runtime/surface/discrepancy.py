@@ -1,20 +1,21 @@
 """How far, and how smoothly, a body may differ from its modes.
 
-The difference is a Gaussian field: its covariance is tau^2 times the Green's function of the squared
-Laplacian (a thin plate's), so that what the markers say beyond the modes is spread smoothly over
-the surface. How large tau is, each frame's own markers tell: it is integrated out over a grid, by
-its marginal likelihood beside the markers' noise (empirical Bayes; C. E. Rasmussen, C. K. I.
-Williams, "Gaussian Processes for Machine Learning", MIT Press 2006, ch. 2.7 and 5.4).
+The difference is a Gaussian field: its covariance is tau^2 times the Green's function of the
+squared Laplacian (a thin plate's), so that what the markers say beyond the modes is spread
+smoothly over the surface. How large tau is, each frame's own markers tell: it is integrated out
+over a grid, by its marginal likelihood beside the markers' noise (empirical Bayes; C. E. Rasmussen,
+C. K. I. Williams, "Gaussian Processes for Machine Learning", MIT Press 2006, ch. 2.7 and 5.4).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
-from ...core.arrays import Bool, Float
+from ...core.arrays import Float
+from ...core.compiled import compiled
 from .attachment import Attachment
 from .elastic_net import ElasticNet
 
@@ -75,17 +76,10 @@ class NoisyMarkers:
         jacobian = (whiten @ slopes.reshape(m, -1)).reshape(m, 3, k)
         seen = whiten @ off + jacobian @ q
         squares = (seen**2).sum(axis=1)
-        products = np.einsum("mdk,mdl->mkl", jacobian, jacobian).reshape(m, -1)
+        products = jacobian.transpose(0, 2, 1) @ jacobian
         pulls = np.einsum("mdk,md->mk", jacobian, seen)
         noise = 1.0 / (1.0 + np.outer(self.grid**2, self.values))
-        likelihood, found = np.empty(len(noise)), np.empty((len(noise), k))
-        for g, w in enumerate(noise):
-            factor = cho_factor((w @ products).reshape(k, k) + np.eye(k), check_finite=False)
-            pull = w @ pulls
-            found[g] = cho_solve(factor, pull, check_finite=False)
-            likelihood[g] = (
-                pull @ found[g] - w @ squares + 3 * np.log(w).sum()
-            ) / 2 - np.log(np.diag(factor[0])).sum()  # fmt: skip
+        likelihood, found = _marginal(noise, squares, products, pulls)
         p = np.exp(likelihood - likelihood.max())
         p /= p.sum()
         return p @ found, (p * self.grid**2) @ noise, float(np.exp(p @ np.log(self.grid)))
@@ -94,3 +88,43 @@ class NoisyMarkers:
         """(m, 3) that the field of a discrepancy is multiplied by, for markers off by (m, 3) mm."""
         inner = shrinkage[:, None] * (self.vectors.T @ (self.precision[:, None] * off))
         return np.asarray(self.precision[:, None] * (self.vectors @ inner))
+
+
+@compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+def _marginal(noise: Float, squares: Float, products: Float, pulls: Float) -> tuple[Float, Float]:
+    """Log likelihood (g,) and coordinates (g, k) for each row of weights `noise` (g, m), of what is
+    seen in m directions: `squares` (m,), `products` (m, k, k) of slopes, `pulls` (m, k)."""
+    count, m = noise.shape
+    k = pulls.shape[1]
+    likelihood, found = np.empty(count), np.empty((count, k))
+    system = np.empty((k, k))
+    for g in range(count):
+        w = noise[g]
+        system[:] = 0.0
+        q = found[g]
+        q[:] = 0.0
+        total = 0.0
+        for i in range(m):
+            total += 1.5 * math.log(w[i]) - 0.5 * w[i] * squares[i]
+            for a in range(k):
+                q[a] += w[i] * pulls[i, a]
+                for b in range(a + 1):
+                    system[a, b] += w[i] * products[i, a, b]
+        for a in range(k):  # Cholesky's factor, in place, of the system and the unit prior
+            for b in range(a + 1):
+                s = system[a, b] + (1.0 if a == b else 0.0)
+                for c in range(b):
+                    s -= system[a, c] * system[b, c]
+                system[a, b] = math.sqrt(s) if a == b else s / system[b, b]
+            s = q[a]
+            for c in range(a):
+                s -= system[a, c] * q[c]
+            q[a] = s / system[a, a]
+            total += 0.5 * q[a] * q[a] - math.log(system[a, a])
+        for a in range(k - 1, -1, -1):
+            s = q[a]
+            for c in range(a + 1, k):
+                s -= system[c, a] * q[c]
+            q[a] = s / system[a, a]
+        likelihood[g] = total
+    return likelihood, found

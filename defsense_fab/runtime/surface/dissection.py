@@ -7,6 +7,8 @@ across the set's longest extents, of which that with the smallest separator is t
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ...core.arrays import Float, Int
@@ -32,7 +34,7 @@ def elimination_order(points: Float, ptr: Int, neighbours: Int) -> Int:
     return order
 
 
-def _cut(points: Float, inside: Int, ptr: Int, neighbours: Int, side: Int) -> tuple[Int, Int, Int]:
+def _cut(points: Float, inside: Int, ptr: Int, neighbours: Int, side: Any) -> tuple[Int, Int, Int]:
     x = points[inside] - points[inside].mean(axis=0)
     _, axes = np.linalg.eigh(x.T @ x)
     best: tuple[Int, Int, Int] | None = None
@@ -56,7 +58,7 @@ def _cut(points: Float, inside: Int, ptr: Int, neighbours: Int, side: Int) -> tu
 
 
 @compiled()
-def _touches(vertices: Int, ptr: Int, neighbours: Int, side: Int, of: int) -> Int:
+def _touches(vertices: Int, ptr: Int, neighbours: Int, side: Any, of: int) -> Any:
     """(k,) which of these have a neighbour on a side."""
     out = np.zeros(len(vertices), np.bool_)
     for k in range(len(vertices)):

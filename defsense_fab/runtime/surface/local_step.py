@@ -8,39 +8,21 @@ where a vertex is strained, it is not the edge of the undeformed body.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ...core.arrays import Float, Int
 from ...core.compiled import compiled
-from .rotation import nearest_rotation
+from .rotation import LANES, nearest_of_many, nearest_rotation
 
 
-@compiled(fastmath={"contract", "nsz", "arcp"})
-def fit_rotations(
-    ptr: Int, ends: Int, weights: Float, edges: Float, x: Float, rotations: Float, right: Float
+@compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+def rotate_edges(
+    ptr: Int, ends: Int, weights: Float, edges: Float, rotations: Float, right: Float
 ) -> None:  # fmt: skip
-    """Of vertices x (n, 3): half edges of vertex i are `ptr[i]` to `ptr[i + 1]` and go to `ends`,
-    `edges` (h, 3) at rest. `rotations` (n, 9) are replaced, and kept where edges fix none; what
-    they ask of the Laplacian of x is added to `right` (3, n)."""
+    """Add what edges (h, 3), turned by `rotations` (n, 9) of the vertices that they start from, ask
+    of the Laplacian to `right` (3, n)."""
     bx, by, bz = right[0], right[1], right[2]
     for i in range(len(ptr) - 1):
-        a, b, c, d, e, f, g, h, k = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        x0, x1, x2 = x[i, 0], x[i, 1], x[i, 2]
-        for p in range(ptr[i], ptr[i + 1]):
-            j, w = ends[p], weights[p]
-            d0, d1, d2 = w * (x[j, 0] - x0), w * (x[j, 1] - x1), w * (x[j, 2] - x2)
-            c0, c1, c2 = edges[p, 0], edges[p, 1], edges[p, 2]
-            a += d0 * c0
-            b += d0 * c1
-            c += d0 * c2
-            d += d1 * c0
-            e += d1 * c1
-            f += d1 * c2
-            g += d2 * c0
-            h += d2 * c1
-            k += d2 * c2
-        found, r = nearest_rotation(a, b, c, d, e, f, g, h, k)
-        if found:
-            for q in range(9):
-                rotations[i, q] = r[q]
         r = rotations[i]
         s0, s1, s2 = 0.0, 0.0, 0.0
         for p in range(ptr[i], ptr[i + 1]):
@@ -58,6 +40,55 @@ def fit_rotations(
         bx[i] -= s0
         by[i] -= s1
         bz[i] -= s2
+
+
+@compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
+def fit_rotations(
+    ptr: Int, ends: Int, weights: Float, edges: Float, x: Float, rotations: Float, right: Float
+) -> None:  # fmt: skip
+    """Of vertices x (n, 3): half edges of vertex i are `ptr[i]` to `ptr[i + 1]` and go to `ends`,
+    `edges` (h, 3) at rest. `rotations` (n, 9) are replaced, and kept where edges fix none; what
+    they ask of the Laplacian of x is added to `right` (3, n)."""
+    n = len(ptr) - 1
+    entries, settled = np.zeros(9 * LANES), np.zeros(LANES)
+    kept = np.zeros(9 * LANES)
+    for first in range(0, n, LANES):
+        count = min(LANES, n - first)
+        for lane in range(count):
+            i = first + lane
+            a, b, c, d, e, f, g, h, k = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            x0, x1, x2 = x[i, 0], x[i, 1], x[i, 2]
+            for p in range(ptr[i], ptr[i + 1]):
+                j, w = ends[p], weights[p]
+                d0, d1, d2 = w * (x[j, 0] - x0), w * (x[j, 1] - x1), w * (x[j, 2] - x2)
+                c0, c1, c2 = edges[p, 0], edges[p, 1], edges[p, 2]
+                a += d0 * c0
+                b += d0 * c1
+                c += d0 * c2
+                d += d1 * c0
+                e += d1 * c1
+                f += d1 * c2
+                g += d2 * c0
+                h += d2 * c1
+                k += d2 * c2
+            entries[lane], entries[LANES + lane], entries[2 * LANES + lane] = a, b, c
+            entries[3 * LANES + lane], entries[4 * LANES + lane] = d, e
+            entries[5 * LANES + lane], entries[6 * LANES + lane] = f, g
+            entries[7 * LANES + lane], entries[8 * LANES + lane] = h, k
+        kept[:] = entries
+        nearest_of_many(entries, settled)
+        for lane in range(count):
+            i = first + lane
+            if settled[lane] > 0.0:
+                for q in range(9):
+                    rotations[i, q] = entries[q * LANES + lane]
+            else:
+                m = kept[lane::LANES]
+                found, r = nearest_rotation(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8])
+                if found:
+                    for q in range(9):
+                        rotations[i, q] = r[q]
+    rotate_edges(ptr, ends, weights, edges, rotations, right)
 
 
 @compiled(fastmath=True)

@@ -31,7 +31,7 @@ def vertex_areas(vertices: Float, triangles: Int) -> Float:
     corners = vertices[triangles]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(cross, axis=1) / 6
-    return np.bincount(triangles.ravel(), np.repeat(area, 3), len(vertices))
+    return np.asarray(np.bincount(triangles.ravel(), np.repeat(area, 3), len(vertices)), float)
 
 
 def nearest_points(points: Float, vertices: Float, triangles: Int) -> tuple[Int, Float]:
@@ -57,8 +57,8 @@ def _barycentric(at: Float, a: Float, b: Float, c: Float) -> Float:
 
 
 def decimated(vertices: Float, triangles: Int, count: int) -> tuple[Float, Int]:
-    """About `count` vertices, by collapsing edges where quadrics say that it costs least."""
-    coarse, faces = igl.qslim(
+    """About `count` vertices, by collapsing the shortest edges to their middles: even meshes."""
+    coarse, faces = igl.decimate(
         np.asfortranarray(vertices), np.asfortranarray(triangles, np.int32), 2 * count
     )[:2]
     used, faces = np.unique(np.asarray(faces), return_inverse=True)

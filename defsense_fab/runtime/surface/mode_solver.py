@@ -1,10 +1,10 @@
 """The surface from the modes of simulated states, and beyond them as far as the markers ask.
 
-A frame takes three steps: the modes' coordinates, and how far the body may differ from them, from the
-markers with their noise; the surface of the modes, on which what the markers say beyond is spread
-smoothly; then each vertex' rotation is fitted anew to that surface as rigidly as possible, with its
-edges as strained as the modes say, and the surface integrated again. The last step is repeated where
-the body is far from all modes.
+A frame takes three steps: the modes' coordinates, and how far the body may differ from them, from
+the markers with their noise; the surface of the modes, on which what the markers say beyond is
+spread smoothly; then each vertex' rotation is fitted anew to that surface as rigidly as possible,
+with its edges as strained as the modes say, and the surface integrated again. The last step is
+repeated where the body is far from all modes.
 """
 
 from __future__ import annotations

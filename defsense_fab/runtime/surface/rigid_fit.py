@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ...core.arrays import Float
 from .rotation import nearest_rotations
 

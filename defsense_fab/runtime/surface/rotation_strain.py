@@ -1,9 +1,9 @@
 """Modes of deformation in which rotations and strains are apart, so that states can be mixed.
 
-As rotation-strain coordinates (J. Huang et al., "Interactive shape interpolation through controllable
-dynamic deformation", IEEE TVCG 17 (2011)), here on the half edges of a surface: a state is each
-vertex' rotation vector, and its edges with that rotation taken out. Mixed linearly, rotated again
-and integrated, a simulated state comes back exactly, and turns add up as turns.
+As rotation-strain coordinates (J. Huang et al., "Interactive shape interpolation through
+controllable dynamic deformation", IEEE TVCG 17 (2011)), here on the half edges of a surface: a
+state is each vertex' rotation vector, and its edges with that rotation taken out. Mixed linearly,
+rotated again and integrated, a simulated state comes back exactly, and turns add up as turns.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.compiled import compiled
 from .elastic_net import ElasticNet
+from .local_step import rotate_edges
 
 _MODES = 16  # at most
 _SMALLEST = 1e-3  # of the largest amplitude
@@ -144,7 +145,7 @@ def _unwind(ptr: Int, ends: Int, vectors: Float) -> None:
                     vectors[j] = axis * (angle + 2.0 * math.pi * turns)
 
 
-@compiled(fastmath={"contract", "nsz", "arcp"})
+@compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
 def _rotations(vectors: Float) -> Float:
     """(n, 9) of rotation vectors (n, 3) rad, by Rodrigues' formula."""
     out = np.empty((len(vectors), 9))
@@ -172,29 +173,3 @@ def _rotations(vectors: Float) -> Float:
             1.0 - c * (x * x + y * y),
         )
     return out
-
-
-@compiled(fastmath={"contract", "nsz", "arcp"})
-def rotate_edges(
-    ptr: Int, ends: Int, weights: Float, edges: Float, rotations: Float, right: Float
-) -> None:  # fmt: skip
-    """Add what rotated edges ask of the Laplacian to `right` (3, n), as `fit_rotations` does."""
-    bx, by, bz = right[0], right[1], right[2]
-    for i in range(len(ptr) - 1):
-        r = rotations[i]
-        s0, s1, s2 = 0.0, 0.0, 0.0
-        for p in range(ptr[i], ptr[i + 1]):
-            j, w = ends[p], 0.5 * weights[p]
-            c0, c1, c2 = w * edges[p, 0], w * edges[p, 1], w * edges[p, 2]
-            t0 = r[0] * c0 + r[1] * c1 + r[2] * c2
-            t1 = r[3] * c0 + r[4] * c1 + r[5] * c2
-            t2 = r[6] * c0 + r[7] * c1 + r[8] * c2
-            s0 += t0
-            s1 += t1
-            s2 += t2
-            bx[j] += t0
-            by[j] += t1
-            bz[j] += t2
-        bx[i] -= s0
-        by[i] -= s1
-        bz[i] -= s2

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from ...core.arrays import Float, Int
 from ...core.compiled import compiled
 
-_PADDING = 0.2  # of a block's entries that may be zeros
+_PADDING = 0.3  # of a block's entries that may be zeros
 _SLACK = 16  # zeros that a small block may have besides
 _WIDEST = 64  # columns of a block
 
@@ -24,8 +24,8 @@ _WIDEST = 64  # columns of a block
 class SparseFactor:
     """`order` (n,) is the row of the matrix that stands at each place of a right side; blocks of
     columns begin at `start` (k + 1,), their rows below are `rows` from `row_at` (k + 1,) on, their
-    entries `values` from `value_at` (k + 1,) on: the lower triangle as a square, then the rows
-    below; `inverse` (n,) of the diagonal D."""
+    entries `values` from `value_at` (k + 1,) on, column by column, each from the block's first row
+    on; `inverse` (n,) of the diagonal D."""
 
     order: Int
     start: Int
@@ -48,7 +48,9 @@ class SparseFactor:
         place[lu.perm_c] = order
         ptr, rows, values = lower.indptr.astype(np.int64), lower.indices, lower.data
         start = _blocks(ptr, rows)
-        return cls(place, start, *_pack(ptr, rows, values, start), 1.0 / lu.U.diagonal())
+        row_at, packed_rows, value_at, packed = _pack(ptr, rows, values, start)
+        inverse = 1.0 / lu.U.diagonal()
+        return cls(place, start, row_at, packed_rows, value_at, packed, inverse)
 
     def solve(self, right: Float) -> None:
         """In place, of right sides (3, n), whose entries stand in the factor's order."""
@@ -86,14 +88,15 @@ def _pack(ptr: Int, rows: Int, values: Float, start: Int) -> tuple[Int, Int, Int
         width, below = start[s + 1] - start[s], ptr[start[s + 1]] - ptr[start[s + 1] - 1]
         row_at[s + 1] = row_at[s] + below
         value_at[s + 1] = value_at[s] + width * (width + below)
-    packed_rows, packed = np.zeros(row_at[blocks], np.int64), np.zeros(value_at[blocks])
+    packed_rows, packed = np.zeros(row_at[blocks], np.uint32), np.zeros(value_at[blocks])
     for s in range(blocks):
         first, end = start[s], start[s + 1]
         width = end - first
         # Columns of a block have no rows that its last one has not: it is an ancestor of all.
         packed_rows[row_at[s] : row_at[s + 1]] = rows[ptr[end - 1] : ptr[end]]
+        height = width + row_at[s + 1] - row_at[s]
         for j in range(first, end):
-            q = row_at[s]
+            q, column = row_at[s], value_at[s] + (j - first) * height
             for p in range(ptr[j], ptr[j + 1]):
                 r = rows[p]
                 line = r - first
@@ -101,63 +104,64 @@ def _pack(ptr: Int, rows: Int, values: Float, start: Int) -> tuple[Int, Int, Int
                     while packed_rows[q] != r:
                         q += 1
                     line = width + q - row_at[s]
-                packed[value_at[s] + line * width + j - first] = values[p]
+                packed[column + line] = values[p]
     return row_at, packed_rows, value_at, packed
 
 
-@compiled(fastmath=True)
+@compiled(error_model="numpy", fastmath=True)
 def _solve(
     start: Int, row_at: Int, rows: Int, value_at: Int, values: Float, inverse: Float, right: Float
 ) -> None:  # fmt: skip
     x, y, z = right[0], right[1], right[2]
     blocks = len(start) - 1
+    tallest = 0
     for s in range(blocks):
-        a, width, base = start[s], start[s + 1] - start[s], value_at[s]
-        for i in range(1, width):
-            t0, t1, t2 = 0.0, 0.0, 0.0
-            at = base + i * width
-            for j in range(i):
-                v = values[at + j]
-                t0 += v * x[a + j]
-                t1 += v * y[a + j]
-                t2 += v * z[a + j]
-            x[a + i] -= t0
-            y[a + i] -= t1
-            z[a + i] -= t2
-        at = base + width * width
-        for p in range(row_at[s], row_at[s + 1]):
-            t0, t1, t2 = 0.0, 0.0, 0.0
-            for j in range(width):
-                v = values[at + j]
-                t0 += v * x[a + j]
-                t1 += v * y[a + j]
-                t2 += v * z[a + j]
-            r = rows[p]
-            x[r] -= t0
-            y[r] -= t1
-            z[r] -= t2
-            at += width
+        tallest = max(tallest, row_at[s + 1] - row_at[s])
+    below = np.empty((3, tallest))
+    b0, b1, b2 = below[0], below[1], below[2]
+    for s in range(blocks):
+        a, width, at = start[s], start[s + 1] - start[s], value_at[s]
+        # Views, whose indices count from 0: these loops are what is done at once.
+        own, u, v, w = rows[row_at[s] : row_at[s + 1]], x[a:], y[a:], z[a:]
+        height = len(own)
+        b0[:height] = 0.0
+        b1[:height] = 0.0
+        b2[:height] = 0.0
+        for j in range(width):
+            t0, t1, t2 = u[j], v[j], w[j]
+            column = values[at : at + width]
+            for i in range(j + 1, width):
+                u[i] -= column[i] * t0
+                v[i] -= column[i] * t1
+                w[i] -= column[i] * t2
+            column = values[at + width : at + width + height]
+            for p in range(height):
+                b0[p] += column[p] * t0
+                b1[p] += column[p] * t1
+                b2[p] += column[p] * t2
+            at += width + height
+        for p in range(height):
+            x[own[p]] -= b0[p]
+            y[own[p]] -= b1[p]
+            z[own[p]] -= b2[p]
     for s in range(blocks - 1, -1, -1):
-        a, width, base = start[s], start[s + 1] - start[s], value_at[s]
-        for j in range(a, a + width):
-            x[j] *= inverse[j]
-            y[j] *= inverse[j]
-            z[j] *= inverse[j]
-        at = base + width * width
-        for p in range(row_at[s], row_at[s + 1]):
-            r = rows[p]
-            t0, t1, t2 = x[r], y[r], z[r]
-            for j in range(width):
-                v = values[at + j]
-                x[a + j] -= v * t0
-                y[a + j] -= v * t1
-                z[a + j] -= v * t2
-            at += width
-        for i in range(width - 1, 0, -1):
-            t0, t1, t2 = x[a + i], y[a + i], z[a + i]
-            at = base + i * width
-            for j in range(i):
-                v = values[at + j]
-                x[a + j] -= v * t0
-                y[a + j] -= v * t1
-                z[a + j] -= v * t2
+        a, width, at = start[s], start[s + 1] - start[s], value_at[s + 1]
+        own, u, v, w = rows[row_at[s] : row_at[s + 1]], x[a:], y[a:], z[a:]
+        height = len(own)
+        for p in range(height):
+            b0[p], b1[p], b2[p] = x[own[p]], y[own[p]], z[own[p]]
+        for j in range(width - 1, -1, -1):
+            t0, t1, t2 = 0.0, 0.0, 0.0
+            column = values[at - height : at]
+            for p in range(height):
+                t0 += column[p] * b0[p]
+                t1 += column[p] * b1[p]
+                t2 += column[p] * b2[p]
+            at -= width + height
+            column = values[at : at + width]
+            for i in range(j + 1, width):
+                t0 += column[i] * u[i]
+                t1 += column[i] * v[i]
+                t2 += column[i] * w[i]
+            d = inverse[a + j]
+            u[j], v[j], w[j] = u[j] * d - t0, v[j] * d - t1, w[j] * d - t2

@@ -1,0 +1,218 @@
+"""Seconds of a surface frame, beside libigl's as-rigid-as-possible solver.
+
+    OMP_NUM_THREADS=1 python -m benchmarks.live_surface [arap] [motion] [frames]
+
+A bar of 150 x 30 x 30 mm, held at one end, bent and twisted, with 40 markers, at about 1,000,
+10,000 and 50,000 vertices; one thread. Times are the least and the median of many, in ms: on a
+machine with other work the least is what the program takes.
+
+    arap    one round with hard markers at vertices against one of `arap_solve` (spokes), and how
+            far both are from the converged shape after the same 20 rounds from rest
+    motion  60 frames a second, the tip at up to 236 mm/s and 19 mm/s: what a frame of the default
+            without a second look, and two rounds of as rigid as possible, leave beside what they
+            come to without a limit (500 rounds), RMS: in mm, and relative to the displacement and
+            to a frame's movement
+    frames  whole frames of the default and of as rigid as possible with two rounds, as the live
+            loop calls them: from 15,000 vertices on with a cage
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from functools import partial
+
+import igl
+import numpy as np
+
+from defsense_fab.runtime.surface.arap_solver import ArapSolver
+from defsense_fab.runtime.surface.attachment import Attachment
+from defsense_fab.runtime.surface.elastic_net import ElasticNet
+from defsense_fab.runtime.surface.live_surface import make_surface
+from defsense_fab.runtime.surface.surface_basis import SurfaceBasis
+from defsense_fab.runtime.surface.time_budget import TimeBudget
+
+LENGTH, WIDTH, MARKERS = 150.0, 30.0, 40
+CELLS = {1_000: 34, 10_000: 107, 50_000: 239}  # along the bar
+POSES = [(0.5, 0), (0.25, 0), (-0.5, 0), (-0.25, 0), (0, 0.7), (0, 0.35), (0.5, 0.7), (-0.5, 0.7)]
+
+
+def bar(cells: int):
+    """Vertices and triangles of its surface, and which are held."""
+    across = max(2, cells // 5)
+    counts = np.array([cells, across, across])
+    points, faces, first = [], [], 0
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for side in (0, 1):
+            i, j = np.meshgrid(np.arange(counts[u] + 1), np.arange(counts[v] + 1), indexing="ij")
+            grid = np.zeros((i.size, 3), np.int64)
+            grid[:, axis], grid[:, u], grid[:, v] = side * counts[axis], i.ravel(), j.ravel()
+            a = (np.arange(counts[u])[:, None] * (counts[v] + 1) + np.arange(counts[v])).ravel()
+            b, c, d = a + counts[v] + 1, a + counts[v] + 2, a + 1
+            quads = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+            faces.append(first + (quads if side else quads[:, ::-1]))
+            points.append(grid)
+            first += len(grid)
+    used, index = np.unique(np.concatenate(points), axis=0, return_inverse=True)
+    vertices = used / counts * [LENGTH, WIDTH, WIDTH] - [0, WIDTH / 2, WIDTH / 2]
+    return vertices, index.reshape(-1)[np.concatenate(faces)], used[:, 0] == 0
+
+
+def bent(x, bend, twist):
+    """Constant curvature with a uniform twist, angles (rad) at the tip."""
+    turn = twist * x[:, 0] / LENGTH
+    y = np.cos(turn) * x[:, 1] - np.sin(turn) * x[:, 2]
+    z = np.sin(turn) * x[:, 1] + np.cos(turn) * x[:, 2]
+    if abs(bend) < 1e-9:
+        return np.stack([x[:, 0], y, z], axis=1)
+    r, angle = LENGTH / bend, bend * x[:, 0] / LENGTH
+    return np.stack([(r - z) * np.sin(angle), y, r - (r - z) * np.cos(angle)], axis=1)
+
+
+def spread(points, count):
+    chosen, away = [0], np.linalg.norm(points - points[0], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def timed(call, least=40):
+    taken = []
+    for _ in range(least):
+        begun = time.perf_counter()
+        call()
+        taken.append(1e3 * (time.perf_counter() - begun))
+    return min(taken), float(np.median(taken))
+
+
+def rms(a, b):
+    return float(np.sqrt(((a - b) ** 2).sum(axis=1).mean()))
+
+
+def rigid(vertices, triangles, held, markers, still=0.0, most=2):
+    net = ElasticNet.of(vertices, triangles, held)
+    attachment = Attachment.of(markers, net.rest, net.triangles)
+    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    return ArapSolver(net, attachment, size, still, most), net
+
+
+def arap():
+    print(
+        "| vertices | this, ms | libigl, ms | times | set-up, s | libigl's, s | off after 20, mm |"
+        " libigl's, mm |"
+    )
+    print("|---" * 8 + "|")
+    for cells in CELLS.values():
+        vertices, triangles, held = bar(cells)
+        base, free = np.flatnonzero(held), np.flatnonzero(~held)
+        which = free[spread(vertices[free], MARKERS)]
+        places, hard = bent(vertices, 0.5, 0.7)[which], np.zeros(MARKERS)
+        begun = time.perf_counter()
+        solver, net = rigid(vertices, triangles, held, vertices[which])
+        ours_setup = time.perf_counter() - begun
+        both = np.concatenate([base, which]).astype(np.int32)
+        targets = np.concatenate([vertices[base], places])
+        data = igl.ARAPData()
+        data.energy = igl.ARAP_ENERGY_TYPE_SPOKES
+        begun = time.perf_counter()
+        igl.arap_precomputation(vertices, triangles, 3, both, data)
+        theirs_setup = time.perf_counter() - begun
+
+        def libigl(rounds, data=data, targets=targets, rest=vertices):
+            data.max_iter = rounds
+            return igl.arap_solve(targets, data, rest.copy())
+
+        def frame(solver=solver, places=places, hard=hard):
+            solver.solve(places, hard, TimeBudget(None))
+
+        solver.most = 1
+        ours = timed(frame)
+        one, eleven = (timed(partial(libigl, rounds), 9) for rounds in (1, 11))
+        theirs = [(b - a) / 10 for a, b in zip(one, eleven, strict=True)]
+        solver.most = 20
+        solver.reset()
+        after = solver.solve(places, hard, TimeBudget(None))[0].copy()
+        their_shape = libigl(20)[net.order]
+        solver.most = 3000
+        exact, _ = solver.solve(places, hard, TimeBudget(None))
+        print(f"| {len(vertices):,} | {ours[0]:.2f} ({ours[1]:.2f}) | {theirs[0]:.2f}"
+              f" ({theirs[1]:.2f}) | {theirs[0] / ours[0]:.1f} | {ours_setup:.2f} |"
+              f" {theirs_setup:.2f} | {rms(after, exact):.3f} | {rms(their_shape, exact):.3f} |",
+              flush=True)  # fmt: skip
+
+
+def motion():
+    print("| vertices | mode | tip, mm/s | off, mm | of displacement | of a frame's movement |")
+    print("|---" * 6 + "|")
+    for mode, size in (("default", 10_000), ("arap", 1_000), ("arap", 10_000)):
+        vertices, triangles, held = bar(CELLS[size])
+        free = np.flatnonzero(~held)
+        markers = vertices[free[spread(vertices[free], MARKERS)]]
+        states = np.array([bent(vertices, *p) - vertices for p in POSES])
+        basis = SurfaceBasis(vertices, triangles, states, held)
+        live, converged = (
+            make_surface(basis, markers, np.full(MARKERS, 0.1), mode, np.inf) for _ in range(2)
+        )
+        if mode == "arap":
+            live._solver.most, converged._solver.most = 2, 500
+        for hertz in (1.0, 0.08):  # of swings to and fro, by 0.5 rad and 0.7 rad
+            live.reset()
+            off, moved, step = [], [], []
+            for k in range(40):
+                now, later = (np.sin(2 * np.pi * hertz * (k + i) / 60) for i in (0, 1))
+                x = live(bent(markers, 0.5 * now, 0.7 * now), budget=[0.0, None][mode == "arap"])
+                if k % 13 == 0 and k:
+                    known = converged(bent(markers, 0.5 * now, 0.7 * now))
+                    off.append(rms(x, known))
+                    moved.append(rms(known, vertices))
+                    step.append(rms(bent(vertices, 0.5 * later, 0.7 * later),
+                                    bent(vertices, 0.5 * now, 0.7 * now)))  # fmt: skip
+            speed = 2 * np.pi * hertz * 0.25 * LENGTH
+            print(f"| {len(vertices):,} | {mode} | {speed:.0f} | {np.mean(off):.3f} |"
+                  f" {np.mean(off) / np.mean(moved):.2%} | {np.mean(off) / np.mean(step):.1%} |",
+                  flush=True)  # fmt: skip
+
+
+def frames():
+    print(
+        "| vertices | mode | one step, ms | as many as it wants, ms | off, mm | set-up, s | how |"
+    )
+    print("|---" * 7 + "|")
+    for cells in CELLS.values():
+        vertices, triangles, held = bar(cells)
+        free = np.flatnonzero(~held)
+        markers = vertices[free[spread(vertices[free], MARKERS)]]
+        states = np.array([bent(vertices, *p) - vertices for p in POSES])
+        basis = SurfaceBasis(vertices, triangles, states, held)
+        for mode in ("default", "arap"):
+            begun = time.perf_counter()
+            surface = make_surface(basis, markers, np.full(MARKERS, 0.1), mode)
+            setup = time.perf_counter() - begun
+            if mode == "arap":
+                surface._solver.most = 2
+            phases = iter(np.sin(np.arange(1000) * 0.05))
+
+            def frame(budget, surface=surface, markers=markers, phases=phases):
+                p = next(phases)
+                return surface(bent(markers, 0.4 * p, 0.5 * p), budget=budget)
+
+            frame(None)
+            once = timed(lambda: frame(0.0))
+            whole = timed(lambda: frame(None))
+            off = rms(surface(bent(markers, 0.3, 0.4)), bent(vertices, 0.3, 0.4))
+            print(f"| {len(vertices):,} | {mode} | {once[0]:.2f} ({once[1]:.2f}) | {whole[0]:.2f}"
+                  f" ({whole[1]:.2f}) | {off:.3f} | {setup:.1f} | {surface.choice} |",
+                  flush=True)  # fmt: skip
+
+
+def main() -> None:
+    parts = {"arap": arap, "motion": motion, "frames": frames}
+    for name in sys.argv[1:] or parts:
+        parts[name]()
+        print()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""The default surface on shapes whose every point is known: trained, between, mixed, noisy."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.runtime.surface.live_surface import make_surface
+from defsense_fab.runtime.surface.surface_basis import SurfaceBasis
+from tests.runtime.surface import meshes
+
+VERTICES, TRIANGLES = meshes.bar((24, 5, 5))
+BASE = VERTICES[:, 0] < 1e-9
+MARKERS = meshes.spread(VERTICES, TRIANGLES, 30)
+SD = np.full(len(MARKERS), 0.02)
+#: Bend and twist (rad) of the states of the basis.
+POSES = [(0.5, 0), (0.25, 0), (-0.5, 0), (-0.25, 0), (0, 0.7), (0, 0.35), (0.5, 0.7), (-0.5, 0.7)]
+
+
+def basis(poses=POSES, base=BASE):
+    states = np.array([meshes.bent(VERTICES, *p) - VERTICES for p in poses])
+    return SurfaceBasis(VERTICES, TRIANGLES, states, base)
+
+
+def rms(found, pose):
+    return float(np.sqrt(((found - meshes.bent(VERTICES, *pose)) ** 2).sum(axis=1).mean()))
+
+
+@pytest.fixture(scope="module")
+def surface():
+    return make_surface(basis(), MARKERS, SD)
+
+
+def test_a_trained_state_comes_back(surface):
+    for pose in POSES:
+        surface.reset()
+        assert rms(surface(meshes.bent(MARKERS, *pose)), pose) < 0.02
+
+
+def test_states_between_and_mixed_are_as_good_as_by_the_better_part(surface):
+    alone = [make_surface(basis(), MARKERS, SD, mode) for mode in ("arap", "basis")]
+    for pose in [(0.4, 0.2), (-0.2, 0.6), (0.6, 0.5)]:
+        seen = meshes.bent(MARKERS, *pose)
+        surface.reset()
+        error = rms(surface(seen), pose)
+        assert error < 0.06
+        assert error < 1.05 * min(rms(other(seen), pose) for other in alone) + 0.002
+
+
+def test_noise_is_averaged_and_not_passed_on():
+    rng, noise = np.random.default_rng(0), 0.5
+    sd = np.full(len(MARKERS), noise)
+    surface, rigid = (make_surface(basis(), MARKERS, sd, mode) for mode in ("default", "arap"))
+    errors = []
+    for pose in POSES:
+        seen = meshes.bent(MARKERS, *pose) + noise * rng.standard_normal(MARKERS.shape)
+        errors.append([rms(surface(seen), pose), rms(rigid(seen), pose)])
+    ours, theirs = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert ours < 0.25 < 0.4 < theirs
+
+
+def test_far_from_all_states_markers_lead():
+    only_bends = make_surface(basis(POSES[:4]), MARKERS, SD)
+    pose = (0.0, 0.6)
+    found = only_bends(meshes.bent(MARKERS, *pose))
+    assert rms(found, pose) < 0.25
+    assert only_bends.rounds > 1
+
+
+def test_missing_markers_are_left_out(surface):
+    pose = (0.5, 0.35)
+    seen = meshes.bent(MARKERS, *pose)
+    seen[::3] = np.nan
+    surface.reset()
+    found = surface(seen)
+    assert np.isfinite(found).all()
+    assert rms(found, pose) < 0.1
+    surface.reset()
+    assert rms(surface(np.full_like(seen, np.nan)), (0, 0)) < 1e-6  # nothing is known: at rest
+
+
+def test_a_body_that_nothing_holds_is_found_wherever_it_is():
+    sd = np.full(len(MARKERS), 0.05)
+    free = make_surface(basis(base=np.zeros(len(VERTICES), bool)), MARKERS, sd)
+    turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+    found = free(meshes.bent(MARKERS, 0.5, 0.35) @ turn.T + [100.0, 20.0, -30.0])
+    expected = meshes.bent(VERTICES, 0.5, 0.35) @ turn.T + [100.0, 20.0, -30.0]
+    assert np.sqrt(((found - expected) ** 2).sum(axis=1).mean()) < 0.1
+
+
+def test_fixed_vertices_do_not_move_much_even_with_noise(surface):
+    seen = meshes.bent(MARKERS, 0.5, 0.7)
+    found = surface(seen, np.full(len(seen), 1.0))
+    assert np.abs(found - VERTICES)[BASE].max() < 1e-9
+
+
+def test_a_budget_of_nothing_takes_one_step_and_the_next_frames_go_on(surface):
+    pose = (0.5, 0.35)
+    surface.reset()
+    errors = [rms(surface(meshes.bent(MARKERS, *pose), budget=0.0), pose) for _ in range(4)]
+    assert surface.rounds == 0
+    assert errors[-1] < 0.1
+
+
+def test_without_states_it_is_as_rigid_as_possible():
+    alone = make_surface(SurfaceBasis.at_rest(VERTICES, TRIANGLES), MARKERS, SD)
+    assert alone.choice.startswith("as rigid as possible;")
+    assert rms(alone(meshes.bent(MARKERS, 0.3, 0.3)), (0.3, 0.3)) < 1.0
+
+
+def test_a_large_mesh_is_carried_by_a_cage():
+    vertices, triangles = meshes.bar((120, 30, 30))
+    base = vertices[:, 0] < 1e-9
+    states = np.array([meshes.bent(vertices, *p) - vertices for p in POSES])
+    large = make_surface(SurfaceBasis(vertices, triangles, states, base), MARKERS, SD)
+    assert len(vertices) > 15_000
+    assert "a cage of 4,0" in large.choice
+    found, truth = large(meshes.bent(MARKERS, 0.5, 0.7)), meshes.bent(vertices, 0.5, 0.7)
+    assert found.shape == vertices.shape
+    assert np.sqrt(((found - truth) ** 2).sum(axis=1).mean()) < 0.1
+
+
+def test_what_does_not_fit_is_refused(surface):
+    with pytest.raises(ValueError, match="30 markers"):
+        surface(MARKERS[:5])
+    with pytest.raises(ValueError, match="every vertex"):
+        SurfaceBasis.at_rest(np.concatenate([VERTICES, VERTICES[:1]]), TRIANGLES)
+    with pytest.raises(ValueError, match="markers must have shape"):
+        make_surface(basis(), MARKERS, SD[:3])
