@@ -17,6 +17,9 @@ from .time_budget import TimeBudget
 _STILL = 1e-5  # of the body's size: vertices that move less stand still
 _MOST = 200  # rounds
 _FREEDOM = 0.05  # of the body's size: how far it is thought to leave what is most rigid
+_LEAST = (
+    1e-10  # of a typical compliance: markers on fixed vertices, and two at one place, are no harm
+)
 _NEAR = 1e-2  # of that: as near as a smooth move has to come to markers
 
 
@@ -39,7 +42,13 @@ class ArapSolver:
         response = self._response[attachment.corners]
         self._compliance = np.einsum("mk,mkp->mp", attachment.weights, response)
         # A force on a marker is (y - x) / (softness sd^2).
-        self._softness = float(np.median(np.diag(self._compliance))) / (_FREEDOM * size) ** 2
+        own = self._compliance
+        if not net.fixed.any():  # what the ground gives way, as a whole, is of no matter
+            own = own - own.mean(axis=0)
+            own = own - own.mean(axis=1, keepdims=True)
+        typical = float(np.diag(own).mean())
+        self._softness = typical / (_FREEDOM * size) ** 2
+        self._least = _LEAST * typical
         self._prepared = lru_cache(4)(self._prepare)
         self.rounds = 0
         self.reset()
@@ -84,7 +93,7 @@ class ArapSolver:
         """The factor for the forces, and the loads (m, m) of a smooth move by what markers are off,
         for these standard deviations (m,)."""
         sd = np.frombuffer(deviations)
-        variance = self._softness * sd**2
+        variance = self._softness * sd**2 + self._least
         seen = np.isfinite(variance)
         system = np.where(seen[:, None] & seen, self._compliance, 0.0)
         factor, pivots = lu_factor(system + np.diag(np.where(seen, variance, 1.0)))

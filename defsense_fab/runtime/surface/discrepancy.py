@@ -47,7 +47,9 @@ class Discrepancy:
             field -= mean @ field
         markers = np.einsum("mk,mkp->mp", attachment.weights, field[attachment.corners])
         markers = 0.5 * (markers + markers.T)
-        unit = float(np.median(np.diag(markers)))
+        own = np.diag(markers)
+        moving = own > 1e-9 * own.max()  # others are on what is fixed
+        unit = float(np.median(own[moving])) if moving.any() else 1.0
         return cls(field / unit, markers / unit, _GRID * size)
 
     def beside(self, precision: Float) -> NoisyMarkers:

@@ -53,6 +53,7 @@ class ModeSolver:
     def reset(self) -> None:
         """Begin at rest."""
         self._q = np.zeros(self._modes.modes)
+        self._turn, self._shift = np.eye(3), np.zeros(3)
         self._bias = np.zeros(self._attachment.offset.shape)
 
     @property
@@ -68,10 +69,11 @@ class ModeSolver:
         noise = self._noise(sd)
         markers = np.where(noise.precision[:, None] > 0, markers, 0.0)
         while budget.allows():
-            turn, shift, shrinkage = self._fit(markers, noise)
+            shrinkage = self._fit(markers, noise)
             x, rotations, edges = self._modes.surface(self._q, net.rest)
             if self._settled(x, rotations):
                 break
+        turn, shift = self._turn, self._shift
         own = (markers - shift) @ turn  # in the frame of the body at rest
         self.rounds = 0
         if self._beyond:
@@ -88,22 +90,22 @@ class ModeSolver:
             rotations = np.einsum("ij,njk->nik", turn, rotations.reshape(-1, 3, 3)).reshape(-1, 9)
         return x, rotations
 
-    def _fit(self, markers: Float, noise: NoisyMarkers) -> tuple[Float, Float, Float]:
-        """The body's place as a whole, and the shrinkage (m,) of its difference from the modes."""
-        turn, shift = np.eye(3), np.zeros(3)
+    def _fit(self, markers: Float, noise: NoisyMarkers) -> Float:
+        """Find the coordinates, and where the body is as a whole if nothing is fixed; returns the
+        shrinkage (m,) of its difference from the modes."""
         for _ in range(_FITS):
             at, slopes = self._map.at(self._q)
             at = at + self._bias
-            if self._floating:
-                turn, shift = rigid_fit(at, markers, noise.precision**2)
-            off = (markers - shift) @ turn - at
+            if self._floating and np.count_nonzero(noise.precision) > 2:
+                self._turn, self._shift = rigid_fit(at, markers, noise.precision**2)
+            off = (markers - self._shift) @ self._turn - at
             q, shrinkage, self.tau = noise.fit(off, slopes, self._q)
             q = np.clip(q, -_FURTHEST * self._map.limits, _FURTHEST * self._map.limits)
             moved = float(np.abs(q - self._q).max())
             self._q = q
             if moved < _SETTLED:
                 break
-        return turn, shift, shrinkage
+        return shrinkage
 
     def _settled(self, x: Float, rotations: Float) -> bool:
         """Whether markers on the surface of the modes are where the fit took them to be. What its

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks import live_surface
 from defsense_fab.runtime.surface.live_surface import make_surface
 from defsense_fab.runtime.surface.surface_basis import SurfaceBasis
 from tests.runtime.surface import meshes
@@ -84,12 +85,21 @@ def test_a_body_that_nothing_holds_is_found_wherever_it_is():
     found = free(meshes.bent(MARKERS, 0.5, 0.35) @ turn.T + [100.0, 20.0, -30.0])
     expected = meshes.bent(VERTICES, 0.5, 0.35) @ turn.T + [100.0, 20.0, -30.0]
     assert np.sqrt(((found - expected) ** 2).sum(axis=1).mean()) < 0.1
+    assert np.isfinite(free(np.full((len(MARKERS), 3), np.nan))).all()
 
 
 def test_fixed_vertices_do_not_move_much_even_with_noise(surface):
     seen = meshes.bent(MARKERS, 0.5, 0.7)
     found = surface(seen, np.full(len(seen), 1.0))
     assert np.abs(found - VERTICES)[BASE].max() < 1e-9
+
+
+@pytest.mark.parametrize("mode", ["default", "arap"])
+def test_markers_on_what_is_fixed_and_two_at_one_place_do_no_harm(mode):
+    on_base = np.stack([np.zeros(25), *np.random.default_rng(0).uniform(-14, 14, (2, 25))], axis=1)
+    markers = np.concatenate([MARKERS[:20], MARKERS[:1], on_base])
+    surface = make_surface(basis(), markers, np.zeros(len(markers)), mode)
+    assert rms(surface(meshes.bent(markers, 0.25, 0.0)), (0.25, 0.0)) < 0.3
 
 
 def test_a_budget_of_nothing_takes_one_step_and_the_next_frames_go_on(surface):
@@ -107,8 +117,7 @@ def test_without_states_it_is_as_rigid_as_possible():
 
 
 def test_a_large_mesh_is_carried_by_a_cage():
-    vertices, triangles = meshes.bar((120, 30, 30))
-    base = vertices[:, 0] < 1e-9
+    vertices, triangles, base = live_surface.bar(140)
     states = np.array([meshes.bent(vertices, *p) - vertices for p in POSES])
     large = make_surface(SurfaceBasis(vertices, triangles, states, base), MARKERS, SD)
     assert len(vertices) > 15_000
