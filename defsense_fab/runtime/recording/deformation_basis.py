@@ -19,9 +19,11 @@ from .animation import Animation, Float32
 
 @dataclass(frozen=True)
 class DeformationBasis:
-    """`targets` (k, v, 3) mm, the largest first, `weights` (n, k) from -1 to 1 of the animation's
-    frames; `error` (mm) is the largest distance of a vertex from where it was recorded, with both
-    as they are."""
+    """`targets` (k, v, 3) mm and `weights` (n, k), 0 to 1, of the animation's frames. The first
+    target is always at 1: it brings rest to where all others only add, as programs cut weights
+    below 0 off (Blender's shape keys). The others are the principal components, the largest first.
+    `error` (mm) is the largest distance of a vertex from where it was recorded, with both as they
+    are."""
 
     targets: Float32
     weights: Float32
@@ -31,7 +33,7 @@ class DeformationBasis:
 def deformation_basis(
     animation: Animation, tolerance: float = 0.02, most: int = 128
 ) -> DeformationBasis:
-    """At least one target and at most so `many`; where these do not reach the `tolerance` (mm),
+    """With one to so many (`most`) components; where these do not reach the `tolerance` (mm),
     `error` says what they reach. Raises LiveError where a position is not finite."""
     wide = _span(animation, tolerance / 2, 2 * most)
     gram = np.zeros((len(wide), len(wide)))
@@ -106,10 +108,11 @@ def _needed(animation: Animation, directions: Float, tolerance: float) -> int:
 def _written(animation: Animation, directions: Float) -> DeformationBasis:
     """Rounded to float32, with the error that this leaves."""
     weights = np.concatenate([moved @ directions.T for _, moved in animation.chunks()])
-    scale = np.abs(weights).max(axis=0)
-    scale[scale == 0] = 1.0
-    rounded = (weights / scale).astype(np.float32)
-    targets = (directions * scale[:, None]).astype(np.float32)
+    low = weights.min(axis=0)
+    scale = weights.max(axis=0) - low
+    shares = (weights - low) / np.where(scale > 0, scale, 1.0)
+    rounded = np.column_stack([np.ones(len(shares)), shares]).astype(np.float32)
+    targets = np.vstack([low @ directions, directions * scale[:, None]]).astype(np.float32)
     error = 0.0
     for part, moved in animation.chunks():
         shown = rounded[part].astype(float) @ targets.astype(float)

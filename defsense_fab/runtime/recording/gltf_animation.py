@@ -1,9 +1,9 @@
 """Animations in glTF 2.0 (Khronos 2021), one binary file with morph targets.
 
 Positions are metres with y up, as glTF has them: x, z, -y of the device's millimetres, written so
-and not by a node's scale, which some readers leave out of morph targets. The mesh is the surface at
-rest; its targets are the principal components of the motion (`deformation_basis`), so that the file
-grows with vertices plus frames and not with their product. Weights are -1 to 1. Normals are left
+and not by a node's scale, so that meshes can be taken out of their scene. The mesh is the surface
+at rest; its targets are the principal components of the motion (`deformation_basis`), so that the file
+grows with vertices plus frames and not with their product. Weights are 0 to 1. Normals are left
 out: they would turn with the surface, and readers then shade it flat or work them out themselves.
 """
 
@@ -56,7 +56,11 @@ def write_gltf(
                 ],
                 "weights": [0.0] * len(targets),
                 # What Blender and others call the targets by.
-                "extras": {"targetNames": [f"component {k + 1}" for k in range(len(targets))]},
+                "extras": {
+                    "targetNames": [
+                        f"component {k}" if k else "offset" for k in range(len(targets))
+                    ]
+                },
             }
         ],
         "animations": [
