@@ -2,7 +2,7 @@
 
 Positions are metres with y up, as glTF has them: x, z, -y of the device's millimetres, written so
 and not by a node's scale, so that meshes can be taken out of their scene. The mesh is the surface
-at rest; its targets are the principal components of the motion (`deformation_basis`), so that the file
+at rest; its targets are principal components of the motion (`deformation_basis`), so that the file
 grows with vertices plus frames and not with their product. Weights are 0 to 1. Normals are left
 out: they would turn with the surface, and readers then shade it flat or work them out themselves.
 """

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...core.errors import StorageError
 from ...core.files import storage_errors
 from .animation import Float32
 
@@ -18,6 +19,8 @@ class RowFile:
     def __init__(self, folder: Path, width: int) -> None:
         """Raises StorageError where there can be no such file."""
         self.width, self.count = width, 0
+        if not folder.is_dir():
+            raise StorageError(f"{folder}: no such folder; make it, or choose another")
         with storage_errors(folder):
             # Without a buffer: what does not fit on the disk is told with the row that does not.
             self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115

@@ -25,6 +25,7 @@ def write_usd(path: Path, animation: Animation) -> AnimationFile:
     from pxr import Tf
 
     with replacing(path) as temporary:
+        temporary.touch()  # the system says why where it cannot be; USD would make folders
         try:
             _write(temporary, animation)
         except Tf.ErrorException as error:
