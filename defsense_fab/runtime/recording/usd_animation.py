@@ -7,6 +7,7 @@ USD allows for meshes that are not subdivided: readers work them out from the po
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from ...core.files import replacing
 from .animation import Animation, AnimationFile, Float32
 
 _SAVE = 64e6  # bytes of samples after which they are written, so that they do not fill the memory
+_FULL = 64e6  # bytes free, below which a file that could not be written found no room
 
 
 def write_usd(path: Path, animation: Animation) -> AnimationFile:
@@ -29,10 +31,9 @@ def write_usd(path: Path, animation: Animation) -> AnimationFile:
         try:
             _write(temporary, animation)
         except Tf.ErrorException as error:
-            why = " ".join(str(error).split())[-200:]
-            raise StorageError(
-                f"{path}: USD could not write it; is the disk full? ({why})"
-            ) from None
+            full = shutil.disk_usage(temporary.parent).free < _FULL
+            why = "the disk is full; free some space" if full else _words(error)
+            raise StorageError(f"{path}: USD could not write it: {why}") from None
         size = temporary.stat().st_size
     frames, seconds = len(animation.steps), float(np.ptp(animation.times))
     return AnimationFile(path, size, frames, seconds, 0.0)
@@ -92,3 +93,8 @@ def _points(vertices: Float32) -> object:
 
 def _extent(vertices: Float32) -> object:
     return _points(np.stack([vertices.min(axis=0), vertices.max(axis=0)]))
+
+
+def _words(error: Exception) -> str:
+    """The last of what USD says, which begins with where in its source that is."""
+    return " ".join(str(error).split())[-200:]

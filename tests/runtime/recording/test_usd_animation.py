@@ -2,10 +2,11 @@
 
 import dataclasses
 import sys
+from collections import namedtuple
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom
+from pxr import Tf, Usd, UsdGeom
 
 from defsense_fab.core.errors import LiveError, StorageError
 from defsense_fab.runtime.recording import usd_animation
@@ -74,3 +75,18 @@ def test_without_the_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pxr", None)
     with pytest.raises(LiveError, match=r"needs the package usd-core; pip install .*animation"):
         write_usd(tmp_path / "bar.usdc", animation(3))
+
+
+@pytest.mark.parametrize(
+    ("free", "why"), [(0, "the disk is full; free some space$"), (1e9, "no such luck")]
+)
+def test_what_usd_cannot_write(tmp_path, monkeypatch, free, why):
+    def refuse(*_):
+        Tf.RaiseRuntimeError("no such luck")
+
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(usd_animation, "_write", refuse)
+    monkeypatch.setattr(usd_animation.shutil, "disk_usage", lambda _: usage(1e9, 0, free))
+    with pytest.raises(StorageError, match=f"bar.usdc: USD could not write it: .*{why}"):
+        write_usd(tmp_path / "bar.usdc", animation(3))
+    assert list(tmp_path.iterdir()) == []
