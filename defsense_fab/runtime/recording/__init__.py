@@ -1,0 +1,1 @@
+"""The moving surface recorded, and written as an animation for other programs."""

@@ -1,0 +1,100 @@
+"""Animations in USD, a mesh whose points have a sample for each recorded picture.
+
+Millimetres with z up, as the stage's metadata say (metersPerUnit 0.001, upAxis Z); the time codes
+are the pictures' numbers. Between samples USD interpolates linearly. Normals are left out, which
+USD allows for meshes that are not subdivided: readers work them out from the points.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from ...core.errors import LiveError, StorageError
+from ...core.files import replacing
+from .animation import Animation, AnimationFile, Float32
+
+_SAVE = 64e6  # bytes of samples after which they are written, so that they do not fill the memory
+_FULL = 64e6  # bytes free, below which a file that could not be written found no room
+
+
+def write_usd(path: Path, animation: Animation) -> AnimationFile:
+    """`.usda` is text, `.usd` and `.usdc` are binary. Raises StorageError, and LiveError where
+    the package is missing."""
+    require_usd(path)
+    from pxr import Tf
+
+    with replacing(path) as temporary:
+        temporary.touch()  # the system says why where it cannot be; USD would make folders
+        try:
+            _write(temporary, animation)
+        except Tf.ErrorException as error:
+            full = shutil.disk_usage(temporary.parent).free < _FULL
+            why = "the disk is full; free some space" if full else _words(error)
+            raise StorageError(f"{path}: USD could not write it: {why}") from None
+        size = temporary.stat().st_size
+    frames, seconds = len(animation.steps), float(np.ptp(animation.times))
+    return AnimationFile(path, size, frames, seconds, 0.0)
+
+
+def require_usd(path: Path) -> None:
+    """Raises LiveError where the package that writes USD is missing."""
+    try:
+        import pxr.Usd  # noqa: F401
+    except ImportError:
+        raise LiveError(
+            f"{path}: needs the package usd-core; pip install 'defsense-fab[animation]' brings it,"
+            " or choose .glb"
+        ) from None
+
+
+def _write(path: Path, animation: Animation) -> None:
+    from pxr import Sdf, Tf, Usd, UsdGeom, Vt
+
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.LinearUnits.millimeters)
+    stage.SetTimeCodesPerSecond(animation.fps)
+    stage.SetFramesPerSecond(animation.fps)
+    stage.SetStartTimeCode(int(animation.steps[0]))
+    stage.SetEndTimeCode(int(animation.steps[-1]))
+    root = UsdGeom.Xform.Define(stage, Sdf.Path("/" + Tf.MakeValidIdentifier(animation.name)))
+    stage.SetDefaultPrim(root.GetPrim())
+    mesh = UsdGeom.Mesh.Define(stage, root.GetPath().AppendChild("surface"))
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray([3] * len(animation.faces)))
+    mesh.CreateFaceVertexIndicesAttr(
+        Vt.IntArray.FromNumpy(animation.faces.ravel().astype(np.int32))
+    )
+    rest = animation.rest.astype(np.float32)
+    points, extent = mesh.CreatePointsAttr(_points(rest)), mesh.CreateExtentAttr(_extent(rest))
+    unsaved = 0
+    for part, _ in animation.chunks():
+        for step, row in zip(animation.steps[part], animation.positions[part], strict=True):
+            at = Usd.TimeCode(float(step))
+            points.Set(_points(row), at)
+            extent.Set(_extent(row), at)
+            unsaved += row.nbytes
+        # A text file is written anew as a whole each time.
+        if unsaved > _SAVE and path.suffix != ".usda":
+            stage.GetRootLayer().Save()
+            unsaved = 0
+    stage.GetRootLayer().Save()
+
+
+def _points(vertices: Float32) -> object:
+    from pxr import Vt
+
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(vertices))
+
+
+def _extent(vertices: Float32) -> object:
+    return _points(np.stack([vertices.min(axis=0), vertices.max(axis=0)]))
+
+
+def _words(error: Exception) -> str:
+    """The last of what USD says, which begins with where in its source that is."""
+    return " ".join(str(error).split())[-200:]

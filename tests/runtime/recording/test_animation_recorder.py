@@ -1,0 +1,159 @@
+"""Frames in, an animation out; and what goes wrong on the way."""
+
+import shutil
+import threading
+from collections import namedtuple
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import LiveError, StorageError
+from defsense_fab.runtime.recording import animation_recorder
+from defsense_fab.runtime.recording.animation_recorder import AnimationRecorder
+from tests.runtime.frames import frame
+from tests.runtime.full_disk import fill
+from tests.runtime.recording_bars import bar, frames, moved
+
+REST, FACES = bar()
+
+
+def recorder(path, **limits):
+    return AnimationRecorder(path, REST, FACES, **limits)
+
+
+def record(recording, seconds=2.0, **options):
+    for one in frames(seconds, 100, REST, **options):
+        recording.add(one)
+
+
+def test_frames_are_resampled(tmp_path):
+    path = tmp_path / "bar.npz"
+    with recorder(path, fps=25) as recording:
+        record(recording, start=3.21)
+        assert recording.about == f"animation: 2.0 s to {path}"
+        written = recording.finish()
+    assert (written.path, written.frames, written.seconds) == (path, 51, 2.0)
+    assert written.size == path.stat().st_size
+    data = np.load(path)
+    np.testing.assert_allclose(data["times"], np.arange(51) / 25)
+    expected = np.stack([moved(REST, t) for t in data["times"]])
+    np.testing.assert_allclose(data["positions"], expected, atol=1e-4)
+    np.testing.assert_array_equal(data["faces"], FACES)
+    assert recording.trouble is None
+    assert [p.name for p in tmp_path.iterdir()] == ["bar.npz"]
+
+
+def test_a_full_disk_ends_the_recording(tmp_path):
+    """What was recorded is kept and written; the loop's frames are taken without an error."""
+    path = tmp_path / "bar.npz"
+    recording = recorder(path)
+    fill(recording._rows, int(20.5 * 4 * REST.size))
+    record(recording)
+    assert recording.trouble == (
+        f"{path}: recording stopped after 0.6 s: the disk is full; what was recorded is kept"
+    )
+    assert recording.finish().frames == 20
+    np.testing.assert_allclose(np.load(path)["positions"][19], moved(REST, 19 / 30), atol=5e-3)
+
+
+def test_room_is_left_for_the_finished_file(tmp_path, monkeypatch):
+    usage = namedtuple("usage", "total used free")
+    room = iter([33e6] * 10 + [32e6] * 1000)
+    monkeypatch.setattr(
+        animation_recorder.shutil, "disk_usage", lambda _: usage(1e9, 0, next(room))
+    )
+    recording = recorder(tmp_path / "bar.npz")
+    record(recording)
+    assert "the disk is full" in recording.trouble
+    assert recording.finish().frames == 10
+
+
+def test_finishing_can_be_tried_again(tmp_path):
+    """Where the file cannot be written, nothing is lost and no half file is there."""
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    recording = recorder(folder / "bar.npz")
+    record(recording)
+    shutil.rmtree(folder)
+    with pytest.raises(StorageError, match="bar"):
+        recording.finish()
+    assert recording.finish(tmp_path / "other.npz").frames == 61
+    assert [p.name for p in tmp_path.iterdir()] == ["other.npz"]
+    with pytest.raises(LiveError, match="is closed"):
+        recording.finish()
+
+
+def test_limits(tmp_path):
+    recording = recorder(tmp_path / "bar.npz", seconds=1)
+    record(recording)
+    assert "after 1.0 s: 1 s, the most that was asked for" in recording.trouble
+    assert recording.finish().frames == 31
+    recording = recorder(tmp_path / "bar.npz", size=10 * 4 * REST.size)
+    record(recording)
+    assert "GB, the most that was asked for" in recording.trouble
+    assert recording.finish().frames == 10
+
+
+def test_frames_without_a_surface(tmp_path):
+    recording = recorder(tmp_path / "bar.npz")
+    for k, vertices in enumerate([None, REST[:-1], np.full(REST.shape, np.nan), REST]):
+        recording.add(frame(k, time=0.1 * k, vertices=vertices))
+    assert recording.left_out == 3
+    assert recording.finish().frames == 1
+
+
+def test_nothing_recorded(tmp_path):
+    with (
+        recorder(tmp_path / "bar.glb") as recording,
+        pytest.raises(LiveError, match="no frame with a surface was recorded"),
+    ):
+        recording.finish()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_finished_while_frames_come(tmp_path):
+    """From another thread; frames after the end are ignored."""
+    recording = recorder(tmp_path / "bar.npz")
+    begun, stop = threading.Event(), threading.Event()
+
+    def loop():
+        for k, one in enumerate(frames(600, 100, REST)):
+            recording.add(one)
+            if k == 300:
+                begun.set()
+            if stop.is_set():
+                return
+
+    thread = threading.Thread(target=loop)
+    thread.start()
+    assert begun.wait(60)
+    written = recording.finish()
+    stop.set()
+    thread.join(60)
+    assert not thread.is_alive()
+    data = np.load(tmp_path / "bar.npz")
+    assert len(data["times"]) == written.frames >= 90
+    np.testing.assert_allclose(data["positions"][-1], moved(REST, data["times"][-1]), atol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"path": "bar.fbx"}, r"no animation format '.fbx'; there is .glb, .usd, "),
+        ({"fps": 0}, "fps must be 1 to 1000, not 0"),
+        ({"rest": np.zeros((4, 2))}, r"rest must be \(v, 3\)"),
+        ({"faces": np.array([[0, 1, 4]])}, r"faces must be .* of its 4 vertices"),
+        ({"faces": np.empty((0, 3), int)}, "faces must be"),
+    ],
+)
+def test_refused(tmp_path, changes, message):
+    given = {"path": "bar.glb", "rest": np.eye(4)[:, :3], "faces": np.array([[0, 1, 2]])} | changes
+    with pytest.raises(LiveError, match=message):
+        AnimationRecorder(
+            tmp_path / given["path"], given["rest"], given["faces"], fps=given.get("fps", 30)
+        )
+
+
+def test_no_folder(tmp_path):
+    with pytest.raises(StorageError, match=r"none: no such folder"):
+        recorder(tmp_path / "none" / "bar.npz")

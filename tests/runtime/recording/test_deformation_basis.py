@@ -1,0 +1,66 @@
+"""Few shapes with weights against the frames that they stand for."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import LiveError
+from defsense_fab.runtime.recording.deformation_basis import deformation_basis
+from tests.runtime.recording_bars import animation
+
+
+def largest_error(of, basis):
+    shapes = np.einsum("nk,kvi->nvi", basis.weights.astype(float), basis.targets.astype(float))
+    return np.linalg.norm(of.rest + shapes - of.positions, axis=2).max()
+
+
+@pytest.mark.parametrize("tolerance", [0.5, 0.02, 0.001])
+def test_every_vertex_is_within_the_tolerance(tolerance):
+    """300 frames are several chunks."""
+    of = animation(300)
+    basis = deformation_basis(of, tolerance)
+    assert basis.error <= tolerance
+    assert basis.error == pytest.approx(largest_error(of, basis), rel=1e-9)
+    assert len(basis.targets) < 40
+    assert (basis.weights.min(), basis.weights.max()) == (0, 1)
+    assert (basis.weights[:, 0] == 1).all()
+
+
+def test_no_more_than_are_needed():
+    """A motion of three shapes takes three, and one for where they begin."""
+    rng = np.random.default_rng(1)
+    of = animation(50)
+    shapes = rng.normal(size=(3, *of.rest.shape))
+    weights = rng.normal(size=(50, 3)) * [30, 3, 1]
+    positions = of.rest + np.einsum("nk,kvi->nvi", weights, shapes)
+    basis = deformation_basis(dataclasses.replace(of, positions=positions.astype(np.float32)))
+    assert len(basis.targets) == 4
+    assert basis.error < 1e-3
+
+
+def test_what_few_targets_do_not_reach_is_told():
+    """Noise has no few shapes: the error is that of the shapes that there are."""
+    rng = np.random.default_rng(2)
+    of = animation(100)
+    noisy = of.positions + rng.normal(size=of.positions.shape).astype(np.float32)
+    of = dataclasses.replace(of, positions=noisy)
+    basis = deformation_basis(of, most=10)
+    assert len(basis.targets) == 11
+    assert basis.error > 1
+    assert basis.error == pytest.approx(largest_error(of, basis), rel=1e-9)
+
+
+def test_no_motion():
+    of = animation(3)
+    still = np.repeat(of.rest[None].astype(np.float32), 3, axis=0)
+    basis = deformation_basis(dataclasses.replace(of, positions=still))
+    assert len(basis.targets) == 2
+    assert basis.error < 1e-4
+
+
+def test_a_vertex_without_a_position():
+    of = animation(3)
+    of.positions[1, 4, 2] = np.nan
+    with pytest.raises(LiveError, match="no position in frames from 0 on"):
+        deformation_basis(of)
