@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.arrays import Float
+from defsense_fab.core.arrays import Bool, Float
 from defsense_fab.pipeline.live.live_device import LiveDevice, live_device
 from defsense_fab.pipeline.twin.twin_recordings import TwinRun, TwinRuns, simulate_runs
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Sample
@@ -53,12 +53,18 @@ class Played:
         return out
 
 
-def play(device: LiveDevice, made: TwinRuns, ohm: Float, *, fallback: bool = True) -> Played:
+def play(
+    device: LiveDevice, made: TwinRuns, ohm: Float, *, fallback: bool = True,
+    stuck: tuple[int, Bool] | None = None,
+) -> Played:  # fmt: skip
     """Resistances (n, c) in the order of the wires, after the converter, decoded."""
     run, converter = made.runs[0], made.converter
     sums = converter.sums(ohm, made.traits.board.own_noise, np.random.default_rng(3))
     dividers = Dividers(converter.reference, converter.full_scale)
     read = dividers.resistance(sums / converter.averages)
+    if stuck is not None:  # it is the converter that says the same again and again
+        channel, on = stuck
+        read[on, channel] = read[np.flatnonzero(on)[0], channel]
     order = [device.wired.index(name) for name in device.model.channels]
     decoder = LiveDecoder(device.model, None, device.trained_rest, fallback=fallback)
     frames = []
@@ -84,9 +90,8 @@ def damaged(ohm: Float, time: Float, kind: str, channels: tuple[int, ...], begin
     if kind == SWAP:
         a, b = channels
         out[on, a], out[on, b] = ohm[on, b], ohm[on, a]
-    else:
-        first = ohm[np.searchsorted(time, begin), channels[0]]
-        out[on, channels[0]] = {CUT: 1e9, SHORT: 1e-3, STUCK: first}[kind]
+    elif kind != STUCK:
+        out[on, channels[0]] = 1e9 if kind == CUT else 1e-3
     return out
 
 
@@ -118,7 +123,9 @@ def faults_of(device: LiveDevice, options: argparse.Namespace) -> None:
             harm = damaged(ohm, time, kind, channels, begin)
             part = slice(0, int(np.searchsorted(time, begin + _SECONDS + 1)))
             cut = _first(made, part)
-            rows.setdefault(kind, []).append(_case(device, cut, harm[part], begin))
+            on = (time[part] >= begin) & (time[part] < begin + _SECONDS)
+            stuck = (channels[0], on) if kind == STUCK else None
+            rows.setdefault(kind, []).append(_case(device, cut, harm[part], begin, stuck))
     for kind, found in rows.items():
         waits = [w for w, *_ in found if w is not None]
         said = f"{np.median(waits):.2f}, at most {max(waits):.2f} s" if waits else "-"
@@ -141,10 +148,10 @@ def _first(made: TwinRuns, part: slice) -> TwinRuns:
 
 
 def _case(
-    device: LiveDevice, made: TwinRuns, ohm: Float, begin: float
+    device: LiveDevice, made: TwinRuns, ohm: Float, begin: float, stuck: tuple[int, Bool] | None
 ) -> tuple[float | None, float, float, float]:
-    with_it = play(device, made, ohm)
-    without = play(device, made, ohm, fallback=False)
+    with_it = play(device, made, ohm, stuck=stuck)
+    without = play(device, made, ohm, fallback=False, stuck=stuck)
     waits = [t - begin for t, _ in with_it.alarms(device) if begin <= t < begin + _SECONDS]
     run, found = made.runs[0], []
     for played, low, high in (

@@ -11,13 +11,14 @@ from ...core.arrays import Float
 from ...core.errors import LiveError
 from ...decoding.trained_model import Branch, Decoded, ModelStream, TrainedModel, decoded
 from ...sensing.signal import relative_change
-from .live_fault_words import fault_told
-from .live_faults import SWAPPED, LiveFault, LiveFaults
+from .live_fault_words import SWAPPED, fault_told
+from .live_faults import LiveFault, LiveFaults
 from .live_frame import LiveFrame, Quality
 from .rest_tracker import Rest, RestTracker, drift_told
 from .swap_watch import SwapWatch
 
 _UNTRAINED = 1.5  # distance from the training; of its own, 1 % lie beyond 1
+_ABSURD = 5.0  # such a distance is no shape that the decoder can tell anything of
 _SMOOTH = 0.3  # s over which the distance is averaged for that
 _REPLACED = 0.15  # relative change of R0 from the training's that is no drift
 _SETTLE = (
@@ -57,7 +58,6 @@ class LiveDecoder:
         self._faults, self._swaps = LiveFaults(model.faults, c), SwapWatch(model)
         lost: list[str | None] = [None, *(n for n in model.channels if n in model.without)]
         self._streams = {name: _Stream(model, name) for name in lost}
-        self._swapped: tuple[int, int] | None = None
         self._found: list[LiveFault] = []
         self._number, self._distance, self._rest_asked = 0, 0.0, False
         self._last: Decoded | None = None
@@ -88,44 +88,32 @@ class LiveDecoder:
         if self._rest_asked:
             self._rest_asked = False
             self._rest.set_now()
-        rest = self._rest(sample.time, sample.ohms, self._lost_channels())
+        ohms = self._swaps.exchanged(sample.ohms)
+        rest = self._rest(sample.time, ohms, frozenset(f.channel for f in self._found))
         if self._rest_ohms is None or not self._fixed:
             self._rest_ohms = rest.ohms
         self._number += 1
         if self._rest_ohms is None:
             return self._waiting(sample)
-        known = np.isfinite(sample.ohms) & (sample.ohms > 0)
+        before = self._swaps.pair
+        self._swaps(sample.time, sample.ohms, self._rest_ohms)
+        if self._swaps.pair != before:
+            self._faults.begin_anew()
+        ohms = self._swaps.exchanged(sample.ohms)
+        known = np.isfinite(ohms) & (ohms > 0)
         with np.errstate(all="ignore"):
-            signals = relative_change(sample.ohms, self._rest_ohms)
-        found = self._found = self._faults(sample.time, sample.ohms, signals)
-        signals = np.where(known, signals, np.nan)
-        self._note_swap(sample.time, found, signals)
-        return self._frame(sample, since, signals, rest, found)
+            signals = relative_change(ohms, self._rest_ohms)
+        self._found = self._faults(sample.time, ohms, signals)
+        return self._frame(sample, since, np.where(known, signals, np.nan), rest)
 
-    def _lost_channels(self) -> frozenset[int]:
-        return frozenset(c for f in self._found for c in f.channels)
-
-    def _note_swap(self, time: float, found: list[LiveFault], signals: Float) -> None:
-        at_once = next((f.channels for f in found if f.kind == SWAPPED), None)
-        slow = self._swaps(time, self.model.corrected(signals)) if not found else None
-        if at_once is not None:
-            self._swapped = (at_once[0], at_once[1])
-        elif slow is not None:
-            self._swapped = slow
-        elif not any(f.kind == SWAPPED for f in found) and self._distance < _UNTRAINED:
-            self._swapped = None
-
-    def _frame(
-        self, sample: Sample, since: float, signals: Float, rest: Rest, found: list[LiveFault]
-    ) -> LiveFrame:
-        model = self.model
-        faults = [f for f in found if f.kind != SWAPPED]
-        notes = [fault_told(model.channels, f.kind, f.channels) for f in faults]
-        if self._swapped is not None:
-            notes.append(fault_told(model.channels, SWAPPED, self._swapped))
+    def _frame(self, sample: Sample, since: float, signals: Float, rest: Rest) -> LiveFrame:
+        model, swapped = self.model, self._swaps.pair
+        notes = [fault_told(model.channels, f.kind, (f.channel,)) for f in self._found]
+        if swapped is not None:
+            notes.append(fault_told(model.channels, SWAPPED, swapped))
         decoded_all = {n: s(sample.time, signals) for n, s in self._streams.items()}
-        lost, quality = None, Quality.TRUSTED
-        names = [model.channels[f.channels[0]] for f in faults]
+        lost, quality = None, Quality.TRUSTED if swapped is None else Quality.FALLBACK
+        names = [model.channels[f.channel] for f in self._found]
         if len(names) == 1 and names[0] in self._streams and self._fallback:
             lost, quality = names[0], Quality.FALLBACK
         elif names and self._fallback:
@@ -133,12 +121,11 @@ class LiveDecoder:
             if len(names) == 1:
                 notes.append("the model has no decoder without that cord")
         now = decoded_all[lost]
-        if self._swapped is not None:
-            quality = Quality.LOST
-        if not np.isfinite(now.points).all() or quality == Quality.LOST:
+        far = not now.distance[0] < _ABSURD
+        if far or quality == Quality.LOST or not np.isfinite(now.points).all():
             quality = Quality.LOST
             now = self._last or now
-        else:
+        elif now.distance[0] < _UNTRAINED or self._last is None:
             self._last = now
         self._follow_distance(float(now.distance[0]), since)
         if quality == Quality.TRUSTED and self._distance > _UNTRAINED:

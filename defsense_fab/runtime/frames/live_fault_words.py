@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...decoding.channel_faults import LOOSE, SHORTED, STUCK, TORN
-from .live_faults import SWAPPED
 
+SWAPPED = "swapped"
 _WORDS = {
     TORN: "{} is open: is the cord torn, or its plug out?",
     SHORTED: "{} is shorted: do its wires touch?",

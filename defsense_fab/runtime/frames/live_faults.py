@@ -1,8 +1,8 @@
 """Cords that fail while the device is in use: told at once where it can be, and for as long as it
 lasts.
 
-An open or short circuit shows in one sample, plugs that were swapped in the two around the swap;
-that a channel is stuck, or its contact loose, takes longer to tell (`decoding/channel_faults.py`).
+An open or short circuit shows in a few samples; that a channel is stuck, or its contact loose,
+takes longer to tell (`decoding/channel_faults.py`).
 """
 
 from __future__ import annotations
@@ -15,20 +15,17 @@ import numpy as np
 from ...core.arrays import Float
 from ...decoding.channel_faults import SHORTED, TORN, FaultLimits, find_faults
 
-SWAPPED = "swapped"
 _SURE = 3  # samples in a row beyond a limit: one may be a glitch of the line
 _GONE = 1.0  # s without it, after which a fault is over
 _WINDOW = 6.0  # s that slow faults are looked for in
 _EVERY = 0.1  # s
-_JUMP = 4.0  # times the steps between samples that were usual in training, of either channel
-_ALIKE = 0.25  # of such a jump, by which the values after a swap differ from the other's before
 
 
 @dataclass(frozen=True)
 class LiveFault:
-    """The `channels` (by index) that are wrong, how, and since when, s."""
+    """The `channel` (by index) that is wrong, how, and since when, s."""
 
-    channels: tuple[int, ...]
+    channel: int
     kind: str
     since: float
 
@@ -40,21 +37,25 @@ class LiveFaults:
     def __init__(self, limits: FaultLimits | None, channels: int) -> None:
         self._limits, self._count = limits, channels
         self._beyond = np.zeros((2, channels), int)
-        self._window: deque[tuple[float, Float, Float]] = deque()
+        self._window: deque[tuple[float, Float]] = deque()
         self._looked = -np.inf
         self._slow: dict[int, tuple[str, float]] = {}
         self._now: dict[int, LiveFault] = {}
         self._last_seen: dict[int, float] = {}
-        self._swap: LiveFault | None = None
+
+    def begin_anew(self) -> None:
+        """Forget the samples so far: they were of other channels."""
+        self._beyond[:] = 0
+        self._window.clear()
+        self._slow, self._now = {}, {}
 
     def __call__(self, time: float, ohms: Float, signals: Float) -> list[LiveFault]:
         """Of a sample: resistances (c,) ohm, and (R - R0)/R0 (c,), at a time, s."""
-        self._window.append((time, ohms, signals))
+        self._window.append((time, signals))
         while time - self._window[0][0] > _WINDOW:
             self._window.popleft()
         seen = self._at_once(ohms, signals)
         if self._limits is not None:
-            self._look_for_swaps(time)
             if time - self._looked >= _EVERY:
                 self._looked = time
                 self._slow = self._slowly()
@@ -64,11 +65,10 @@ class LiveFaults:
             self._last_seen[c] = time
             if c not in self._now or self._now[c].kind != kind:
                 since = self._slow[c][1] if c in self._slow else time
-                self._now[c] = LiveFault((c,), kind, since)
+                self._now[c] = LiveFault(c, kind, since)
         for c in [c for c in self._now if time - self._last_seen[c] > _GONE]:
             del self._now[c]
-        found = [self._now[c] for c in sorted(self._now)]
-        return [*found, self._swap] if self._swap is not None else found
+        return [self._now[c] for c in sorted(self._now)]
 
     def _at_once(self, ohms: Float, signals: Float) -> dict[int, str]:
         high, low = ~np.isfinite(ohms), ohms <= 0
@@ -88,36 +88,9 @@ class LiveFaults:
 
     def _slowly(self) -> dict[int, tuple[str, float]]:
         assert self._limits is not None
-        time = np.array([t for t, _, _ in self._window])
-        signals = np.array([s for _, _, s in self._window])
+        time = np.array([t for t, _ in self._window])
+        signals = np.array([s for _, s in self._window])
         if len(time) < 3:
             return {}
         found = find_faults(self._limits, time, signals)
         return {f.channel: (f.kind, f.since) for f in found if f.kind not in (TORN, SHORTED)}
-
-    def _look_for_swaps(self, time: float) -> None:
-        """Whether two channels took each other's resistance from one sample to the next, each by a
-        jump that hands do not make; they stay swapped until they jump back."""
-        assert self._limits is not None
-        if len(self._window) < 2 * _SURE:
-            return
-        # What each was before, and is now, with a sample that lies on neither side left out.
-        recent = [self._window[k][1] for k in range(-2 * _SURE, 0)]
-        before, after = np.median(recent[: _SURE - 1], axis=0), np.median(recent[-_SURE:], axis=0)
-        both = np.isfinite(before) & np.isfinite(after) & (before > 0) & (after > 0)
-        with np.errstate(all="ignore"):
-            change = np.abs(after / before - 1)
-            usual = _JUMP * self._limits.jump / 8.0 * _SURE
-        for a in range(self._count):
-            for b in range(a + 1, self._count):
-                if not (both[a] and both[b]):
-                    continue
-                if change[a] < usual[a] or change[b] < usual[b]:
-                    continue
-                near_a = abs(after[a] - before[b]) < _ALIKE * abs(after[a] - before[a])
-                near_b = abs(after[b] - before[a]) < _ALIKE * abs(after[b] - before[b])
-                if near_a and near_b:
-                    swapped = self._swap is not None and self._swap.channels == (a, b)
-                    self._swap = None if swapped else LiveFault((a, b), SWAPPED, time)
-                    self._window.clear()
-                    return

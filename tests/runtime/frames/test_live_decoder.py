@@ -1,5 +1,7 @@
 """From samples to frames: what is decoded, and how far it is to be believed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,7 +57,7 @@ def test_frames_say_where_the_markers_are_as_the_model_does(model, run):
     assert np.sqrt((errors(frames, run) ** 2).mean()) < 0.5
 
 
-def test_R0_is_measured_first_and_frames_are_lost_until_then(model, run):
+def test_rest_is_measured_first_and_frames_are_lost_until_then(model, run):
     frames = play(LiveDecoder(model), run)
     assert frames[30].quality is Quality.LOST
     assert "at rest" in frames[30].notes[0]
@@ -120,3 +122,36 @@ def test_other_channels_are_refused_and_old_samples_left_out(model, run):
     assert decoder(Sample(1.0, run.rest, 0.0)) is None
     with pytest.raises(LiveError, match="rest: 2 resistances for 3 channels"):
         LiveDecoder(model, np.ones(2))
+
+
+def test_swapped_plugs_are_told_at_once_and_decoded_as_they_were(model, run):
+    def swap(t, ohms):
+        return ohms[[2, 1, 0]] if 10 < t < 20 else ohms
+
+    # Cords of different lengths, as in a device.
+    run = replace(run, ohm=run.ohm * [1.0, 1.0, 0.3], rest=run.rest * [1.0, 1.0, 0.3])
+    frames = play(LiveDecoder(model, run.rest), run, swap)
+    on = [f for f in frames if 10.1 < f.time < 20]
+    assert {f.quality for f in on} == {Quality.FALLBACK}
+    assert "left and right look swapped" in on[0].notes[0]
+    whole = errors(play(LiveDecoder(model, run.rest), run), run)
+    assert errors(frames, run) == pytest.approx(whole, abs=1.0)
+    later = {f.quality for f in frames if f.time > 20.1}
+    assert later <= {Quality.TRUSTED, Quality.UNTRAINED}
+
+
+def test_plugs_that_were_swapped_before_are_told_after_some_seconds(model, run):
+    run = replace(run, ohm=run.ohm * [1.0, 1.0, 0.9], rest=run.rest * [1.0, 1.0, 0.9])
+    frames = play(LiveDecoder(model, run.rest), run, lambda t, ohms: ohms[[2, 1, 0]])
+    told = [f.time for f in frames if any("look swapped" in n for n in f.notes)]
+    assert told
+    assert told[0] < 30
+
+
+def test_readings_far_from_all_sense_keep_the_last_shape(model, run):
+    def absurd(t, ohms):
+        return run.rest * [1.7, 0.4, 1.6] if t > 10 else ohms
+
+    frames = play(LiveDecoder(model, run.rest), run, absurd)
+    assert frames[-1].quality is Quality.LOST
+    assert np.abs(frames[-1].markers - model.rest_points).max() < 60

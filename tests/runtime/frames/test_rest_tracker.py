@@ -25,7 +25,7 @@ def still(t):
     return 0.0, 0.0
 
 
-def test_nothing_is_known_while_it_moves_and_R0_is_the_median_of_the_first_stillness():
+def test_nothing_is_known_while_it_moves_and_rest_is_the_median_of_the_first_stillness():
     tracker = RestTracker(SPAN)
     told, t = feed(tracker, 5, lambda t: SPAN * np.sin(3 * t), 0.0)
     assert told.ohms is None
@@ -34,7 +34,7 @@ def test_nothing_is_known_while_it_moves_and_R0_is_the_median_of_the_first_still
     assert told.resting
 
 
-def test_the_first_rest_after_movement_sets_R0_at_once_and_drift_counts_from_there():
+def test_the_first_rest_after_movement_sets_rest_at_once_and_drift_counts_from_there():
     tracker = RestTracker(SPAN)
     _, t = feed(tracker, 3, still, 0.0)
     told, t = feed(tracker, 4, lambda t: 0.8 * SPAN * np.sin(2 * t), t)
