@@ -68,6 +68,8 @@ def add(commands: Commands) -> None:
     sub.add_argument("--record", type=Path, metavar="FOLDER",
                      help="for the readings (live/TIME in the device's folder)")  # fmt: skip
     sub.add_argument("--no-record", action="store_true", help="keep no readings")
+    sub.add_argument("--animation", type=Path, metavar="FILE",
+                     help="record the moving surface: .glb, .usdc or .npz (docs/live-recording.md)")  # fmt: skip
     sub.add_argument("--seconds", type=float, default=None, metavar="S",
                      help="end after so long (runs until Ctrl-C)")  # fmt: skip
     sub.add_argument("--json", action="store_true", help="print a line of JSON a second")
@@ -98,6 +100,8 @@ def _run(options: argparse.Namespace) -> int:
             if options.view is not None and not options.no_browser:
                 _open_pages(runs)
             lines.follow(options.seconds)
+    written = [told for run in runs if run.animations for told in run.animations.written]
+    say(f"Wrote:   {told}" for told in written if not options.json)
     return 0
 
 
@@ -133,8 +137,13 @@ def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | No
         outputs=(*said.outputs, *(parse_output(text) for text in options.output)),
         controls=said.controls, surface=options.surface, fallback=not options.no_fallback,
         keep=not options.no_record,
-        record=options.record / str(k + 1) if options.record and k else options.record,
+        record=_own(options.record, k), animation=_own(options.animation, k),
     )  # fmt: skip
+
+
+def _own(path: Path | None, k: int) -> Path | None:
+    """Of several devices each but the first has a number in its file's name."""
+    return path.with_stem(f"{path.stem}-{k + 1}") if path is not None and k else path
 
 
 def _announce(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:

@@ -30,6 +30,8 @@ _WAIT = 0.005  # s between looks at a source that has no thread of its own
 _WAITING = 4096  # samples that may wait to be decoded: 40 s at 100 Hz
 _UNKNOWN = 1.0  # mm, of a marker whose interval is not known
 _KEPT = 6000  # latencies: a minute at 100 Hz
+#: s that a surface may take: it bounds the rounds of its solver.
+BUDGET = 0.008
 _SILENT = 1.0  # s without a sample, after which that is said
 
 
@@ -48,9 +50,12 @@ class Sending(Protocol):
 
 
 class Surfaces(Protocol):
-    """Vertices (v, 3) mm of markers (m, 3) mm with standard deviations (m,) mm."""
+    """Vertices (v, 3) mm of markers (m, 3) mm with standard deviations (m,) mm, in about `budget`
+    s."""
 
-    def __call__(self, markers: Float, sd: Float) -> Float: ...
+    def __call__(
+        self, markers: Float, sd: Float | None = None, budget: float | None = None
+    ) -> Float: ...
 
 
 class Keeping(Protocol):
@@ -237,7 +242,7 @@ class LiveLoop:
                 return
             if self._surface is not None:
                 try:
-                    vertices = self._surface(frame.markers, deviation(frame.radius))
+                    vertices = self._surface(frame.markers, deviation(frame.radius), BUDGET)
                 except Exception as error:
                     self._failure = error
                     return

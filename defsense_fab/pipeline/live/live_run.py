@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,8 @@ from ...capture.readout.reader import Reader, Settings
 from ...capture.readout.replay import Replay
 from ...capture.readout.source import Source
 from ...core.arrays import Float
-from ...core.errors import LiveError
+from ...core.errors import DefsenseError, LiveError
+from ...core.files import storage_errors
 from ...core.progress import Progress, silent
 from ...runtime.controls.control_bank import ControlBank
 from ...runtime.controls.control_spec import ControlSpec
@@ -24,14 +25,15 @@ from ...runtime.frames.live_decoder import LiveDecoder
 from ...runtime.outputs.live_file import open_outputs
 from ...runtime.outputs.newest_wins import NewestWins
 from ...runtime.outputs.settings import Settings as OutputSettings
-from ...runtime.surface.live_surface import Mode, make_surface
+from ...runtime.surface.live_surface import LiveSurface, Mode, make_surface
 from ...runtime.surface.surface_basis import SurfaceBasis
 from ...runtime.view.live_panel import PanelActions
 from ...runtime.view.live_view import LiveView
 from ...runtime.view.viewed_device import ViewedDevice
 from ..twin.walking_board import WalkingBoard, parse_faults, walking_board
+from .animations import Animations
 from .live_device import LiveDevice
-from .live_loop import LiveLoop, Sending, deviation
+from .live_loop import BUDGET, LiveLoop, Sending, deviation
 from .raw_recording import RawRecording, run_folder
 
 REFERENCE = 2200.0  # ohm, of dividers that nothing tells
@@ -44,7 +46,8 @@ class RunOptions:
     """What a run is asked for. `port`: a serial port, socket://host:port, a recording's .csv
     (replay:FILE), or twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30). `reference` and `rest`
     (c,) ohm in the order of the wires, where they are known; `view` is a port, None without one;
-    whether the readings are kept (`keep`), in the folder `record` or in a new one of the device's.
+    whether the readings are kept (`keep`), in the folder `record` or in a new one of the device's;
+    the file of an `animation`, None: none.
     """
 
     port: str
@@ -58,6 +61,7 @@ class RunOptions:
     fallback: bool = True
     keep: bool = True
     record: Path | None = None
+    animation: Path | None = None
 
 
 @dataclass
@@ -68,6 +72,7 @@ class LiveRun:
     outputs: Sequence[NewestWins]
     view: LiveView | None
     recording: RawRecording | None
+    animations: Animations | None = None
     twin: WalkingBoard | None = None
     surface: str = ""
     notes: list[str] = field(default_factory=list)
@@ -92,19 +97,17 @@ def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent)
     elif options.controls:
         raise LiveError("[controls] need the poses of a built device: give its folder (--device)")
     views, view, surface, told = list[Sending](), None, None, ""
+    animations: Animations | None = None
     with contextlib.ExitStack() as undo:
+        if options.view is not None or options.animation is not None:
+            surface, animations = _surface(live, options, notes, progress)
+            told = surface.choice if surface is not None else ""
+        if animations is not None:
+            views.append(animations)
         if options.view is not None:
-            if live.rest is not None and live.states is not None:
-                progress("live", 0.5, "preparing the surface")
-                surface = make_surface(_basis(live), model.rest_points, _typical(live),
-                                       options.surface)  # fmt: skip
-                told = surface.choice
-            else:
-                notes.append(
-                    "no built device is known, so that the view shows markers alone; give its"
-                    " folder (--device)"
-                )
-            actions = PanelActions(rest=decoder.rest_now)
+            actions = PanelActions(
+                decoder.rest_now, None if animations is None else _button(animations, live)
+            )
             view = LiveView(_viewed(live), actions, options.view)
             views.append(NewestWins("view", partial(_same, view), _VIEW_RATE))
             undo.callback(view.close)
@@ -117,7 +120,50 @@ def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent)
         source, decoder, live.wired, reference, controls=controls, surface=surface,
         outputs=outputs, views=views, recorder=recording,
     )  # fmt: skip
-    return LiveRun(loop, outputs, view, recording, twin, told, notes)
+    return LiveRun(loop, outputs, view, recording, animations, twin, told, notes)
+
+
+def _surface(
+    live: LiveDevice, options: RunOptions, notes: list[str], progress: Progress
+) -> tuple[LiveSurface | None, Animations | None]:
+    """Solved once, which compiles what it needs."""
+    if live.rest is None or live.states is None:
+        if options.animation is not None:
+            raise LiveError(
+                f"{options.animation}: an animation needs a built device; give its folder"
+                " (--device)"
+            )
+        notes.append(
+            "no built device is known, so that the view shows markers alone; give its folder"
+            " (--device)"
+        )
+        return None, None
+    progress("live", 0.5, "preparing the surface")
+    surface = make_surface(_basis(live), live.model.rest_points, _typical(live), options.surface)
+    surface(live.model.rest_points, None, BUDGET)
+    surface.reset()
+    animations = Animations(live.rest.vertices, np.asarray(live.rest.faces, np.int64))
+    if options.animation is not None:
+        animations.start(options.animation)
+    return surface, animations
+
+
+def _button(animations: Animations, live: LiveDevice) -> Callable[[bool], str]:
+    """Starts an animation in the device's folder, and stops it."""
+
+    def clicked(on: bool) -> str:
+        if not on:
+            return animations.stop()
+        folder = run_folder(live.device.source if live.device else Path())
+        try:
+            with storage_errors(folder):
+                folder.mkdir(parents=True, exist_ok=True)
+            animations.start(folder / "animation.glb")
+        except DefsenseError as error:
+            return str(error)
+        return f"recording into {folder}"
+
+    return clicked
 
 
 def _same(view: LiveView) -> LiveView:
