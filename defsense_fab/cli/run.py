@@ -69,7 +69,7 @@ def add(commands: Commands) -> None:
                      help="for the readings (live/TIME in the device's folder)")  # fmt: skip
     sub.add_argument("--no-record", action="store_true", help="keep no readings")
     sub.add_argument("--animation", type=Path, metavar="FILE",
-                     help="record the moving surface: .glb, .usdc or .npz (docs/live-recording.md)")  # fmt: skip
+                     help="record the moving surface: .glb, .usdc or .npz")  # fmt: skip
     sub.add_argument("--seconds", type=float, default=None, metavar="S",
                      help="end after so long (runs until Ctrl-C)")  # fmt: skip
     sub.add_argument("--json", action="store_true", help="print a line of JSON a second")

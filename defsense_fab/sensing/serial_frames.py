@@ -24,7 +24,7 @@ _ABOUT = struct.Struct("<BBBBBBBHHBI")
 _LONGEST = _HEAD.size + 3 * MOST_CHANNELS + 2
 _LONGEST_TEXT = 100
 #: Largest count of one conversion of any converter.
-_MOST_COUNT = 32767
+MOST_COUNT = 32767
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _sample(payload: bytes) -> Sample | None:
     sums = tuple(
         int.from_bytes(payload[i : i + 3], "little") for i in range(_HEAD.size, len(payload), 3)
     )
-    if any(n > averages * _MOST_COUNT and n != NOT_READ for n in sums):
+    if any(n > averages * MOST_COUNT and n != NOT_READ for n in sums):
         return None
     return Sample(counter, micros, bool(flags & 1), bool(flags & 2), averages, sums)
 

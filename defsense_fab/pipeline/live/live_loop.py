@@ -27,7 +27,7 @@ from ...sensing.serial_frames import Info
 from ...sensing.voltage_divider import Dividers
 
 _WAIT = 0.005  # s between looks at a source that has no thread of its own
-_WAITING = 4096  # samples that may wait to be decoded: 40 s at 100 Hz
+_WAITING = 50  # samples that may wait: a machine that is too slow leaves out, and stays in time
 _UNKNOWN = 1.0  # mm, of a marker whose interval is not known
 _KEPT = 6000  # latencies: a minute at 100 Hz
 #: s that a surface may take: it bounds the rounds of its solver.
@@ -201,7 +201,8 @@ class LiveLoop:
                 self._came.clear()
                 self._source.drain()
                 frame = None
-                while self._items:
+                # Those that wait now: where more come than can be decoded, frames are given still.
+                for _ in range(len(self._items)):
                     frame = self._decode(self._items.popleft()) or frame
                 if frame is not None:
                     self._give(frame)

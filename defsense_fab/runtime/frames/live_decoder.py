@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import LiveError
-from ...decoding.trained_model import Branch, Decoded, ModelStream, TrainedModel, decoded
+from ...decoding.trained_model import Decoded, TrainedModel, decoded
 from ...sensing.signal import relative_change
 from .live_fault_words import SWAPPED, fault_told
 from .live_faults import LiveFault, LiveFaults
@@ -57,7 +57,7 @@ class LiveDecoder:
         self._trained_rest, self._fallback = trained_rest, fallback
         self._faults, self._swaps = LiveFaults(model.faults, c), SwapWatch(model)
         lost: list[str | None] = [None, *(n for n in model.channels if n in model.without)]
-        self._streams = {name: _Stream(model, name) for name in lost}
+        self._streams = {name: model.stream(name) for name in lost}  # each with its own past
         self._found: list[LiveFault] = []
         self._number, self._distance, self._rest_asked = 0, 0.0, False
         self._last: Decoded | None = None
@@ -111,7 +111,7 @@ class LiveDecoder:
         notes = [fault_told(model.channels, f.kind, (f.channel,)) for f in self._found]
         if swapped is not None:
             notes.append(fault_told(model.channels, SWAPPED, swapped))
-        decoded_all = {n: s(sample.time, signals) for n, s in self._streams.items()}
+        inputs = {n: s.inputs(sample.time, signals) for n, s in self._streams.items()}
         lost, quality = None, Quality.TRUSTED if swapped is None else Quality.FALLBACK
         names = [model.channels[f.channel] for f in self._found]
         if len(names) == 1 and names[0] in self._streams and self._fallback:
@@ -120,7 +120,7 @@ class LiveDecoder:
             quality = Quality.LOST
             if len(names) == 1:
                 notes.append("the model has no decoder without that cord")
-        now = decoded_all[lost]
+        now = decoded(model.branch(lost), inputs[lost][None], len(self._ids))
         far = not now.distance[0] < _ABSURD
         if far or quality == Quality.LOST or not np.isfinite(now.points).all():
             quality = Quality.LOST
@@ -170,16 +170,3 @@ class LiveDecoder:
             sample.ohms, signals, self._ids, now.points[0], now.radius[0], float(now.distance[0]),
             quality, lost, notes=notes,
         )  # fmt: skip
-
-
-class _Stream:
-    """One branch's memory and decoder. It starts anew when its channels were gone."""
-
-    def __init__(self, model: TrainedModel, lost: str | None) -> None:
-        self._model, self._lost = model, lost
-        self._branch: Branch = model.branch(lost)
-        self._stream: ModelStream = model.stream(lost)
-
-    def __call__(self, time: float, signals: Float) -> Decoded:
-        z = self._stream.inputs(time, signals)
-        return decoded(self._branch, z[None], len(self._model.ids))

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device import CONVERTERS
-from ...sensing.serial_frames import PROTOCOL, Info, Message, Sample, Text, encode
+from ...sensing.serial_frames import MOST_COUNT, PROTOCOL, Info, Message, Sample, Text, encode
 from ...sensing.voltage_divider import Dividers, conversion_time
 from .device_cords import DeviceCords
 from .played_cords import PlayedCords
@@ -126,6 +126,8 @@ class ReadoutTwin:
             _, ohm = self._specimen.cords.hold(step, 1 / step)
             self._done += step
             counts = self._dividers.counts(ohm[0])[: self._about["channels"]]
+            if self._converter:  # its range ends below the supply's voltage
+                counts = np.minimum(counts, MOST_COUNT)
             sums = np.round(counts * self._about["average"]).astype(int)
             if self._framed:
                 # As the firmware has it: the time of the middle of the conversions, and the LED as

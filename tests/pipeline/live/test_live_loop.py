@@ -1,0 +1,180 @@
+"""The loop from a read-out board that plays a device to its outputs."""
+
+import threading
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.readout.reader import Reader, Settings
+from defsense_fab.core.errors import CaptureError, LiveError
+from defsense_fab.pipeline.live.live_device import live_device
+from defsense_fab.pipeline.live.live_loop import LiveLoop
+from defsense_fab.pipeline.live.live_run import RunOptions, live_run
+from defsense_fab.runtime.frames.live_decoder import LiveDecoder
+from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.twin.electronics.played_cords import CUT, PlayedCords
+from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
+from tests.pipeline.live.conftest import NAMES, moved
+
+SPEED = 4.0
+
+
+class Kept:
+    """An output that keeps what it is given."""
+
+    name, trouble = "kept", None
+
+    def __init__(self):
+        self.frames, self.closed = [], False
+        self._some = threading.Condition()
+
+    def send(self, frame):
+        with self._some:
+            self.frames.append(frame)
+            self._some.notify()
+
+    def until(self, condition, seconds=60.0):
+        with self._some:
+            assert self._some.wait_for(lambda: any(condition(f) for f in self.frames), seconds), (
+                f"{len(self.frames)} frames, none as wanted"
+            )
+
+    def close(self):
+        self.closed = True
+
+
+def board_of(live_bar, seed=3, seconds=40.0):
+    run, levels = live_bar.run(seconds, seed)
+    cords = PlayedCords(NAMES, run.sample_time, run.ohm)
+    board = partial(ReadoutTwin, cords, np.array([1500.0, 1000.0]), speed=SPEED,
+                    converter="ads1115")  # fmt: skip
+    return cords, board, run, levels
+
+
+def loop_of(live_bar, board, outputs, **more):
+    device = live_device(live_bar.model)
+    source = Reader(board, "twin", Settings(channels=2, rate=100))
+    decoder = LiveDecoder(device.model, None, device.trained_rest)
+    return LiveLoop(source, decoder, device.wired, device.reference, outputs=outputs, **more)
+
+
+def test_frames_reach_outputs_and_say_where_the_markers_are(live_bar):
+    _, board, run, levels = board_of(live_bar)
+    out = Kept()
+    loop = loop_of(live_bar, board, [out])
+    info = loop.start()
+    assert info.channels == 2
+    out.until(lambda f: f.time > 25)
+    loop.close()
+    assert out.closed
+    late = [f for f in out.frames if f.time > 12]
+    assert {f.quality for f in late} <= {Quality.TRUSTED, Quality.UNTRAINED}
+    off = []
+    for f in late:
+        now = [np.interp(f.time, run.sample_time, x) for x in levels.T]
+        true = live_bar.rest_points + moved(live_bar.rest_points, *now)
+        off.append(np.linalg.norm(f.markers - true, axis=1))
+    assert np.sqrt(np.mean(np.square(off))) < 1.5
+    status = loop.status
+    assert status.samples >= len(out.frames)
+    assert np.isfinite(status.decoded).all()
+
+
+def test_a_cord_that_is_cut_is_told_while_the_loop_goes_on(live_bar):
+    cords, board, _, _ = board_of(live_bar)
+    out = Kept()
+    loop = loop_of(live_bar, board, [out])
+    loop.start()
+    out.until(lambda f: f.quality is not Quality.LOST)
+    cords.fail(CUT, (0,))
+    out.until(lambda f: f.lost == "cord_1" and f.quality is Quality.FALLBACK)
+    cords.mend()
+    seen = len(out.frames)
+    out.until(lambda f: f.number > out.frames[seen - 1].number + 200 and f.lost is None)
+    loop.close()
+
+
+class Gone(ReadoutTwin):
+    """Its port goes away once, after some samples."""
+
+    gone = False
+
+    def read(self, size):
+        if self._counter > 250 and not Gone.gone:
+            Gone.gone = True
+            raise OSError("unplugged")
+        return super().read(size)
+
+
+def test_a_port_that_goes_away_and_comes_back_is_followed(live_bar):
+    cords, _, _, _ = board_of(live_bar)
+    out, Gone.gone = Kept(), False
+    board = partial(Gone, cords, np.array([1500.0, 1000.0]), speed=SPEED, converter="ads1115")
+    loop = loop_of(live_bar, board, [out])
+    loop.start()
+    end = time.monotonic() + 60
+    while not Gone.gone and time.monotonic() < end:
+        time.sleep(0.01)
+    before = out.frames[-1].number
+    out.until(lambda f: f.number > before + 50)
+    assert loop.wait(0)
+    loop.close()
+
+
+def test_another_number_of_channels_is_refused_before_anything_runs(live_bar):
+    device = live_device(live_bar.model)
+    cords = PlayedCords(("a",), np.array([0.0, 1.0]), np.full((2, 1), 1000.0))
+    source = Reader(lambda: ReadoutTwin(cords), "twin", Settings())
+    loop = LiveLoop(source, LiveDecoder(device.model), device.wired, device.reference)
+    with pytest.raises(LiveError, match="has 1 channels, and bar 2"):
+        loop.start()
+
+
+def test_a_recording_plays_again_and_its_end_is_told(live_bar, tmp_path):
+    from defsense_fab.pipeline.live.raw_recording import RawRecording
+
+    _, board, _, _ = board_of(live_bar, seconds=10.0)
+    out, recording = Kept(), RawRecording(tmp_path / "live", 2)
+    loop = loop_of(live_bar, board, [out], recorder=recording)
+    loop.start()
+    out.until(lambda f: f.time > 6)
+    loop.close()
+    device = live_device(live_bar.model)
+    run = live_run(device, RunOptions(f"replay:{recording.path}"))
+    run.loop.start()
+    with pytest.raises(CaptureError, match="the recording is at its end"):
+        run.loop.wait(60.0)
+    assert run.loop.status.samples > 100
+    run.close()
+
+
+def test_what_cannot_be_opened_is_told(live_bar, tmp_path):
+    device = live_device(live_bar.model)
+    for port, words in (
+        ("replay:/nowhere/board.csv", "no such recording"),
+        ("twin:speed=3", "write twin:unit=1"),
+        ("twin:minutes=900", "minutes are from 1 to 60"),
+    ):
+        with pytest.raises(LiveError, match=words):
+            live_run(device, RunOptions(port, keep=False))
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_run(live_bar, tmp_path, monkeypatch):
+    from defsense_fab.core.errors import StorageError
+    from defsense_fab.pipeline.live.raw_recording import RawRecording
+
+    recording = RawRecording(tmp_path / "live", 2)
+    _, board, _, _ = board_of(live_bar)
+    out = Kept()
+    loop = loop_of(live_bar, board, [out], recorder=recording)
+
+    def full(item):
+        raise StorageError(f"{recording.path}: No space left on device")
+
+    monkeypatch.setattr(recording._recorder, "add", full)
+    loop.start()
+    out.until(lambda f: f.number > 50)
+    assert any("no longer recorded" in note for note in loop.status.notes)
+    loop.close()
