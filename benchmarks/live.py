@@ -1,0 +1,96 @@
+"""The live loop end to end, in real time: how late frames are, and whether memory stays flat.
+
+    python -m benchmarks.live my-device/model.json --minutes 10
+    python -m benchmarks.live my-device/model.json --minutes 10 --view 8080 --output osc
+
+The device's twin walks at 100 samples a second (`--port` names another port). Every half minute are
+told: samples a second, surfaces a second, ms from a sample's arrival until its frame was given to
+outputs, and until its surface was given to the view (median, 99th percentile, most), memory (MB),
+share of a core. At the end, a histogram of both. Open the page of the view to count what a browser
+costs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import time
+from pathlib import Path
+
+import numpy as np
+
+from defsense_fab.core.arrays import Float
+from defsense_fab.pipeline.live.live_device import live_device
+from defsense_fab.pipeline.live.live_run import RunOptions, live_run
+from defsense_fab.runtime.outputs.live_file import parse_output
+
+_EVERY = 30.0  # s
+_EDGES = (0, 1, 2, 3, 5, 8, 12, 15, 20, 30, 50, 100, np.inf)  # ms
+
+
+def memory() -> float:
+    """MB in use now."""
+    text = Path("/proc/self/status").read_text(encoding="utf-8")
+    return int(next(x for x in text.splitlines() if x.startswith("VmRSS")).split()[1]) / 1024
+
+
+def processor() -> float:
+    """s of all threads so far."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def said(seconds: Float) -> str:
+    if not len(seconds):
+        return "-"
+    ms = 1e3 * seconds
+    return f"{np.median(ms):.2f} / {np.quantile(ms, 0.99):.2f} / {ms.max():.1f}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("model", type=Path)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--port", default="twin")
+    parser.add_argument("--rate", type=int, default=100)
+    parser.add_argument("--view", type=int, default=None)
+    parser.add_argument("--output", action="append", default=[])
+    options = parser.parse_args()
+    run = live_run(
+        live_device(options.model),
+        RunOptions(
+            options.port, rate=options.rate, view=options.view, keep=False,
+            outputs=tuple(parse_output(text) for text in options.output),
+        ),
+    )  # fmt: skip
+    run.loop.start()
+    print(f"{run.surface or 'no surface'}; view: {run.view.url if run.view else 'none'}")
+    print("s, samples/s, surfaces/s, ms to outputs, ms to view, MB, cores")
+    begun, spent = time.monotonic(), processor()
+    every: tuple[list[Float], list[Float]] = ([], [])
+    while time.monotonic() - begun < 60 * options.minutes:
+        if not run.loop.wait(_EVERY):
+            break
+        status, (decoded, shown) = run.loop.status, run.loop.latencies()
+        recent = round(_EVERY * options.rate)
+        every[0].append(decoded[-recent:])
+        every[1].append(shown[-recent:])
+        now, used = time.monotonic() - begun, processor()
+        print(
+            f"{now:.0f}, {status.rate:.0f}, {status.surfaces:.0f}, {said(every[0][-1])},"
+            f" {said(every[1][-1])}, {memory():.0f}, {(used - spent) / now:.2f}", flush=True,
+        )  # fmt: skip
+    run.close()
+    for what, parts in zip(("outputs", "view"), every, strict=True):
+        ms = 1e3 * np.concatenate(parts or [np.zeros(0)])
+        if len(ms):
+            counts = np.histogram(ms, _EDGES)[0]
+            rows = ", ".join(
+                f"{low:g}-{high:g} ms: {100 * n / len(ms):.2f} %"
+                for low, high, n in zip(_EDGES, _EDGES[1:], counts, strict=False)
+            )
+            print(f"{what}: {said(ms / 1e3)} ms of {len(ms)} frames; {rows}")
+
+
+if __name__ == "__main__":
+    main()
