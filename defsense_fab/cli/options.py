@@ -30,13 +30,13 @@ def numbers(option: str, text: str, unit: str = "mm") -> list[float]:
         ) from None
 
 
-def references(text: str, channels: int) -> list[float]:
+def references(text: str, channels: int, option: str = "--reference") -> list[float]:
     """Resistances, one for all channels or one each. Raises DeviceError for others."""
-    values = numbers("--reference", text, "ohm")
+    values = numbers(option, text, "ohm")
     if len(values) not in (1, channels):
-        raise DeviceError(f"--reference {text}: give one resistance, or {channels}")
+        raise DeviceError(f"{option} {text}: give one resistance, or {channels}")
     for value in values:
-        within("--reference", value, 1e-3, 1e9)
+        within(option, value, 1e-3, 1e9)
     return values * channels if len(values) == 1 else values
 
 

@@ -128,7 +128,7 @@ def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | No
         path = device / "live.toml"
     said = read_live_file(path) if path is not None else LiveSettings()
     known = {
-        name: None if text is None else np.array(references(text, channels))
+        name: None if text is None else np.array(references(text, channels, f"--{name}"))
         for name, text in (("rest", options.rest), ("reference", options.reference))
     }
     return RunOptions(
