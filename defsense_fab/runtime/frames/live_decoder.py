@@ -88,7 +88,7 @@ class LiveDecoder:
         if self._rest_asked:
             self._rest_asked = False
             self._rest.set_now()
-        ohms = self._swaps.exchanged(sample.ohms)
+        ohms = self._exchanged(sample.ohms)
         rest = self._rest(sample.time, ohms, frozenset(f.channel for f in self._found))
         if self._rest_ohms is None or not self._fixed:
             self._rest_ohms = rest.ohms
@@ -99,12 +99,15 @@ class LiveDecoder:
         self._swaps(sample.time, sample.ohms, self._rest_ohms)
         if self._swaps.pair != before:
             self._faults.begin_anew()
-        ohms = self._swaps.exchanged(sample.ohms)
+        ohms = self._exchanged(sample.ohms)
         known = np.isfinite(ohms) & (ohms > 0)
         with np.errstate(all="ignore"):
             signals = relative_change(ohms, self._rest_ohms)
         self._found = self._faults(sample.time, ohms, signals)
         return self._frame(sample, since, np.where(known, signals, np.nan), rest)
+
+    def _exchanged(self, ohms: Float) -> Float:
+        return self._swaps.exchanged(ohms) if self._fallback else ohms
 
     def _frame(self, sample: Sample, since: float, signals: Float, rest: Rest) -> LiveFrame:
         model, swapped = self.model, self._swaps.pair

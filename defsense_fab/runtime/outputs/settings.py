@@ -87,7 +87,8 @@ class MidiSettings:
     """To the first port whose name contains `device` ("": the first), to a `virtual` port of this
     name that others connect to, or into a Standard MIDI `file`. Without `mapping` the controls
     become the control changes from 20 on. `learn` is part of an input's name, from whose knobs and
-    keys mappings are learned; they are written to the file `learned`."""
+    keys mappings are learned; they are written to the file `learned`. `program` is the
+    instrument of the channels in use, as General MIDI counts from 0 (19: church organ)."""
 
     device: str = ""
     virtual: str = ""
@@ -95,9 +96,12 @@ class MidiSettings:
     learn: str = ""
     learned: str = "midi-learned.toml"
     mapping: tuple[MidiMapping, ...] = ()
+    program: int | None = None
     rate: float = 200.0
 
     def __post_init__(self) -> None:
+        if self.program is not None and not 0 <= self.program <= 127:
+            raise OutputError(f"program must lie between 0 and 127, not {self.program}")
         if sum(map(bool, (self.device, self.virtual, self.file))) > 1:
             raise OutputError("give one of device, virtual and file")
         _rate(self.rate)

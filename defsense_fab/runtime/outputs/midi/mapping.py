@@ -88,9 +88,10 @@ def _note(one: MidiMapping, state: _State, value: float, scaled: float, time: fl
 
 
 def _velocity(late: deque[tuple[float, float]]) -> int:
-    """1 to 127 by the speed; in between where nothing is known of it. 0 would end the note."""
+    """1 to 127 by the root of the speed, as hands are slow beside keys; in between where nothing is
+    known of it. 0 would end the note."""
     (begin, first), (end, last) = late[0], late[-1]
     if end <= begin:
         return 64
     speed = abs(last - first) / (end - begin)
-    return max(1, round(127 * min(1.0, speed / _FULL_SPEED)))
+    return max(1, round(127 * min(1.0, speed / _FULL_SPEED) ** 0.5))

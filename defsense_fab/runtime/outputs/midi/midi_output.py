@@ -35,6 +35,7 @@ class MidiOutput:
         known = bool(settings.mapping or settings.learn)
         self._mapper = MidiMapper(settings.mapping) if known else None
         self._learn: MidiLearn | None = None
+        self._told = False  # which instruments play
         self.trouble: str | None = None
         if settings.file:
             self._file = MidiFile(Path(settings.file), "defsense")
@@ -59,7 +60,7 @@ class MidiOutput:
         wanted = (one.control for one in self._mapping)
         self.trouble = unknown_controls("midi", wanted, frame)
         self._time = frame.time
-        self._put(self._mapper.messages(frame))
+        self._put([*self._instruments(), *self._mapper.messages(frame)])
 
     def close(self) -> None:
         """Notes that sound end."""
@@ -73,6 +74,15 @@ class MidiOutput:
                 self._learn.close()
             if self._file is not None:
                 self._file.close()
+
+    def _instruments(self) -> list[bytes]:
+        """Program changes, once for each port."""
+        program = self._settings.program
+        if program is None or self._told:
+            return []
+        self._told = True
+        channels = sorted({one.channel for one in self._mapping} or {1})
+        return [bytes([0xC0 | channel - 1, program]) for channel in channels]
 
     def _put(self, messages: list[bytes]) -> None:
         if self._file is not None:
@@ -90,6 +100,7 @@ class MidiOutput:
         name = s.virtual or find_port(self._ports, s.device, inputs=False)
         self._port = self._ports.open(name, inputs=False, virtual=bool(s.virtual))
         self._port_name, self._looked = name, time.monotonic()
+        self._told = False
         if self._mapper is not None:
             self._mapper.silence()  # another device, perhaps: it gets all values
 

@@ -169,6 +169,18 @@ def test_a_device_is_pulled_out_and_comes_back(monkeypatch):
     ]  # fmt: skip
 
 
+def test_the_instrument_is_told_once_for_each_channel():
+    cable = Cable("Synth")
+    mapping = (MidiMapping("bend", cc=7), MidiMapping("twist", cc=8, channel=3))
+    output = MidiOutput(MidiSettings(program=19, mapping=mapping), cable)
+    output.send(frame(1))
+    output.send(frame(2))
+    assert cable.sent[:2] == [(0xC0, 19), (0xC2, 19)]
+    assert sum(message[0] >> 4 == 0xC for message in cable.sent) == 2
+    with pytest.raises(OutputError, match="program must lie between 0 and 127"):
+        MidiSettings(program=128)
+
+
 def test_a_virtual_port():
     cable = Cable()
     output = MidiOutput(MidiSettings(virtual="DefSense"), cable)
