@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -94,4 +95,4 @@ def _velocity(late: deque[tuple[float, float]]) -> int:
     if end <= begin:
         return 64
     speed = abs(last - first) / (end - begin)
-    return max(1, round(127 * min(1.0, speed / _FULL_SPEED) ** 0.5))
+    return max(1, round(127 * math.sqrt(min(1.0, speed / _FULL_SPEED))))
