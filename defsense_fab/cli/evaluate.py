@@ -116,6 +116,12 @@ def _show(found: SessionEvaluation, folder: Path) -> None:
         told = ", ".join(f"{cause} {100 * s / budget.total:.0f} %" for cause, s in shares
                          if abs(s) >= 0.005 * budget.total)  # fmt: skip
         lines.append(f"squared error by cause: {told}")
+    if (p := first.predicted) is not None:
+        promise = "" if p.promise is None else f"; the design alone, {p.promise.rmse:.2f} mm"
+        lines.append(
+            f"predicted {p.predicted:.2f} mm, measured {p.measured:.2f} mm: ratio {p.ratio:.2f}"
+            f"{promise}"
+        )
     if found.comparison is not None:
         lines.append(verdict(found.comparison))
     say(lines)

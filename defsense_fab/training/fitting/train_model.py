@@ -25,6 +25,7 @@ from ..simulation.simulated_model import simulated_decoder
 from .conformal import LEVEL, conformal
 from .fault_limits import fault_limits
 from .pose_signals import pose_signals
+from .repeatability import Repeatability, repeatability
 from .select_decoder import Tried, chosen, try_all, try_candidate, try_simulated
 
 AUTO = "auto"
@@ -76,7 +77,8 @@ class Attempt:
 @dataclass(frozen=True)
 class Training:
     """The model, its rows, which of them it is; pictures trained on and tested on; which markers of
-    the training (t, m), and of the test, were wrong."""
+    the training (t, m), and of the test, were wrong; how far what is said of one shape differs from
+    show to show, None where none was shown twice."""
 
     model: TrainedModel
     attempts: tuple[Attempt, ...]
@@ -85,6 +87,7 @@ class Training:
     tested: Frames
     wrong: Bool
     wrong_tested: Bool
+    repeats: Repeatability | None = None
 
 
 def train(
@@ -133,7 +136,9 @@ def train(
     wrong_tested = np.zeros_like(tested.seen)
     if options.weighted and len(tested) >= FEWEST:
         wrong_tested = _weights(tested, options)[1]
-    return Training(model, rows, best.name, frames, tested, wrong, wrong_tested)
+    said, _ = _left_out(best, frames, channels, outputs, fold)
+    repeats = repeatability(_without_wrong(frames, weights), said)
+    return Training(model, rows, best.name, frames, tested, wrong, wrong_tested, repeats)
 
 
 def _clock(frames: Frames) -> Float:
@@ -185,21 +190,34 @@ def branch(
     """The candidate fitted to all of the frames, with its range, and intervals from errors on the
     folds that were left out."""
     z = frames.inputs(tried.candidate.past, channels)
-    signals = z[:, : len(channels)]
-    range_ = trained_range(z, signals)
-    errors, away = np.full(outputs.shape[:2], np.nan), np.empty(len(frames))
-    for k in range(int(fold.max()) + 1):
-        left = fold == k
-        guess = tried.displacements(z[left], k).reshape(-1, *outputs.shape[1:])
-        errors[left] = np.linalg.norm(guess - outputs[left], axis=2)
-        # As far as a picture lies from a training that it was not part of.
-        away[left] = trained_range(z[~left], signals[~left]).distance(z[left])
+    range_ = trained_range(z, z[:, : len(channels)])
+    guess, away = _left_out(tried, frames, channels, outputs, fold)
+    errors = np.linalg.norm(guess - outputs, axis=2)
     errors[weights <= 0] = np.nan
     intervals = conformal(errors, away, _clock(frames), level)
     found = tried.decoder()
     decoder = replace(found, constant=found.constant + frames.dataset.rest_points.ravel())
     simulated = None if tried.simulated is None else tried.simulated.whole
     return Branch(tuple(channels), tried.candidate.past, decoder, range_, intervals, simulated)
+
+
+def _left_out(
+    tried: Tried, frames: Frames, channels: Sequence[int], outputs: Float, fold: Int
+) -> tuple[Float, Float]:
+    """Displacements (t, m, 3) mm by decoders of the other folds, and how far (t,) each picture lies
+    from a training that it was not part of."""
+    z = frames.inputs(tried.candidate.past, channels)
+    guess, away = np.empty(outputs.shape), np.empty(len(frames))
+    for k in range(int(fold.max()) + 1):
+        left = fold == k
+        guess[left] = tried.displacements(z[left], k).reshape(-1, *outputs.shape[1:])
+        away[left] = trained_range(z[~left], z[~left, : len(channels)]).distance(z[left])
+    return guess, away
+
+
+def _without_wrong(frames: Frames, weights: Float) -> Frames:
+    """As if markers that do not count had not been seen."""
+    return replace(frames, points=np.where(weights[..., None] > 0, frames.points, np.nan))
 
 
 def _without(

@@ -20,9 +20,14 @@ from ....training.data.uncertain_places import without_uncertain
 from ....training.evaluation.error_budget import ErrorBudget, error_budget
 from ....training.evaluation.evaluate import Evaluation, evaluate
 from ....training.evaluation.model_comparison import Comparison, FrameErrors, compare
+from ....training.evaluation.predicted_error import PredictedError
+from ...artifacts.layout import LayoutRecord
 from ..data.data_files import DataFiles, told_files
+from ..data.session_dataset import device_layout
 from ..models.train_device import recording_hash
 from .other_cords import other_cords
+from .prediction import predicted
+from .twin_truth import budget_of_truth
 
 _FEW = 200  # frames
 #: Problems of data that is to be trained on, which say nothing of a test.
@@ -32,12 +37,16 @@ _TOLD = 0.01  # of the frames, that are worth a word
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A model by name, its errors, and what they come from."""
+    """A model by name, its errors, and what they come from; what was predicted of them, None where
+    the model's training tells too little; what they come from by the truth that a twin's sessions
+    have, None of others."""
 
     name: str
     model: TrainedModel
     evaluation: Evaluation
     budget: ErrorBudget
+    predicted: PredictedError | None = None
+    by_truth: ErrorBudget | None = None
 
 
 @dataclass(frozen=True)
@@ -73,17 +82,17 @@ def evaluate_files(
     doubts = [str(p) for p in problems if p.kind not in _TRAINING]
     for name, model in loaded:
         doubts += other_cords(name, model, dataset)
-    found = evaluate_models(loaded, dataset, last_share, progress)
+    found = evaluate_models(loaded, dataset, last_share, progress, device_layout(device))
     notes = [*found.notes, *told_uncertain(uncertain), *told_files(dataset), *shifts, *why, *doubts]
     return replace(found, notes=tuple(notes))
 
 
 def evaluate_models(
     models: Sequence[tuple[str, TrainedModel]], dataset: Dataset, last_share: float | None = None,
-    progress: Progress = silent,
+    progress: Progress = silent, layout: LayoutRecord | None = None,
 ) -> SessionEvaluation:  # fmt: skip
-    """Of models by name. Without a share, all pictures that none of them was trained on. Raises
-    TrainingError."""
+    """Of models by name. Without a share, all pictures that none of them was trained on. With what
+    the device's `layout` promises, if it is given. Raises TrainingError."""
     names = [name for name, _ in models]
     if len(set(names)) < len(names):
         raise TrainingError(f"{', '.join(names)}: give each model once")
@@ -105,7 +114,10 @@ def evaluate_models(
         progress("evaluate", (k + 0.2) / len(models), f"{name}: errors")
         result = evaluate(model, dataset, share)
         progress("evaluate", (k + 0.4) / len(models), f"{name}: causes of errors")
-        found.append(Evaluated(name, model, result, error_budget(model, dataset, share)))
+        budget = error_budget(model, dataset, share)
+        told_of = predicted(model, result.frames, layout)
+        truth = budget_of_truth(model, dataset, share)
+        found.append(Evaluated(name, model, result, budget, told_of, truth))
     notes += _notes(found[0].evaluation)
     progress("evaluate", 0.95, "comparing")
     comparison = None

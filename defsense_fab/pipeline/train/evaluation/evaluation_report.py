@@ -10,9 +10,10 @@ from typing import Any
 from .... import __version__
 from ....core.errors import TrainingError
 from ....core.files import replacing_folder, write_text
+from ....training.evaluation.error_budget import ErrorBudget
 from ....training.evaluation.model_comparison import LEVEL, Analysis, Comparison, Statistic
 from ...report.html import write_page
-from .evaluate_models import Evaluated, SessionEvaluation
+from .evaluate_models import SessionEvaluation
 from .figures import svg_figures
 from .tables import PAPER, SOURCE, as_data, csv_files
 
@@ -79,7 +80,8 @@ def _values(result: SessionEvaluation, figures: dict[str, str]) -> dict[str, Any
         "rows_by_pose": list(
             zip(first.evaluation.frames.poses, first.evaluation.by_pose, strict=True)
         ),
-        "causes": _causes(first),
+        "causes": _causes(first.budget),
+        "true_causes": None if first.by_truth is None else _causes(first.by_truth),
         "comparison": _comparison(result.comparison) if result.comparison else None,
         "version": __version__,
     }
@@ -90,9 +92,9 @@ def _image(svg: str) -> str:
     return f"data:image/svg+xml;base64,{data}"
 
 
-def _causes(found: Evaluated) -> list[tuple[str, float, float]]:
-    total = found.budget.total
-    return [(c, s, s / total if total else 0.0) for c, s in found.budget.shares.items()]
+def _causes(budget: ErrorBudget) -> list[tuple[str, float, float]]:
+    total = budget.total
+    return [(c, s, s / total if total else 0.0) for c, s in budget.shares.items()]
 
 
 def _comparison(c: Comparison) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ....training.evaluation.evaluate import Evaluation, Measures
+from ....training.evaluation.predicted_error import PredictedError
 from .evaluate_models import Evaluated, SessionEvaluation
 
 #: DefSense (CHI 2016), Table 1: a bar with 3 cords, 2,040 test frames, mm.
@@ -51,6 +52,7 @@ def csv_files(result: SessionEvaluation) -> dict[str, str]:
         "coverage.csv": _coverage(result.models),
         "speed.csv": _by_speed(result.models),
         "error-budget.csv": _budget(result.models),
+        "predicted.csv": _predicted(result.models),
         "frames.csv": _frames(result.models),
     }
     if result.comparison is not None:
@@ -76,6 +78,10 @@ def _model(m: Evaluated) -> dict[str, Any]:
         "intervals": None if c is None else asdict(c),
         "by_speed": asdict(e.by_speed),
         "error_budget": {"total": m.budget.total, **m.budget.shares},
+        "error_budget_by_truth": (
+            None if m.by_truth is None else {"total": m.by_truth.total, **m.by_truth.shares}
+        ),
+        "predicted": None if m.predicted is None else _foretold(m.predicted),
         "left_out": {
             "without_samples": e.frames.without_samples,
             "without_markers": e.frames.without_markers,
@@ -151,12 +157,39 @@ def _by_speed(models: Sequence[Evaluated]) -> Rows:
 
 
 def _budget(models: Sequence[Evaluated]) -> Rows:
-    rows: Rows = [["model", "cause", "mean_square_mm2", "share"]]
+    """As fitted, and by the truth where it is known."""
+    rows: Rows = [["model", "cause", "mean_square_mm2", "share", "how"]]
     for m in models:
-        total = m.budget.total
-        rows += [[m.name, cause, square, square / total if total else None]
-                 for cause, square in m.budget.shares.items()]  # fmt: skip
-        rows.append([m.name, "total", total, 1.0 if total else None])
+        for how, budget in (("truth", m.by_truth), ("fitted", m.budget)):
+            if budget is None:
+                continue
+            total = budget.total
+            rows += [[m.name, cause, square, square / total if total else None, how]
+                     for cause, square in budget.shares.items()]  # fmt: skip
+            rows.append([m.name, "total", total, 1.0 if total else None, how])
+    return rows
+
+
+def _foretold(p: PredictedError) -> dict[str, Any]:
+    return {
+        "rmse": p.predicted, "measured": p.measured, "ratio": p.ratio,
+        "promised_ratio": p.promised_ratio, "mean_squares": p.shares,
+        "promise": None if p.promise is None else asdict(p.promise), "shapes_shown_again": p.share,
+    }  # fmt: skip
+
+
+def _predicted(models: Sequence[Evaluated]) -> Rows:
+    """Mean squares add up to the predicted one; RMSE and its ratio to the measured one beside."""
+    rows: Rows = [["model", "cause", "mean_square_mm2", "rmse_mm", "ratio_to_measured"]]
+    for m in models:
+        if (p := m.predicted) is None:
+            continue
+        rows += [[m.name, cause, square, None, None] for cause, square in p.shares.items()]
+        rows.append([m.name, "predicted", p.predicted**2, p.predicted, p.ratio])
+        if p.promise is not None:
+            promise = p.promise.rmse
+            rows.append([m.name, "promised", promise**2, promise, p.promised_ratio])
+        rows.append([m.name, "measured", p.measured**2, p.measured, 1.0])
     return rows
 
 

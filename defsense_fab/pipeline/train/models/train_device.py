@@ -86,6 +86,7 @@ def told_of(
         "runs": [r.name for r in dataset.recordings],
         "data": {r.name: recording_hash(r) for r in dataset.recordings},
         "held_out": _held_out(result, dataset),
+        "repeatability": None if result.repeats is None else asdict(result.repeats),
         "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
         "sync_error": {r.name: r.sync_error for r in dataset.recordings},
         "provenance": dict(dataset.provenance),
