@@ -1,0 +1,79 @@
+"""What differs from show to show of one shape is found, and what comes back with it is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.training.fitting.repeatability import repeatability
+from defsense_fab.training.ridge.frames import Frames
+from tests.training import soft_bar as bar
+
+
+@pytest.fixture(scope="module")
+def frames():
+    """Two shapes that are held in turn for some seconds each, in pictures with noise and gaps."""
+    time = np.arange(0.0, 300.0, 0.1)
+    bend = np.where((time // 10) % 2 < 1, 0.0, 12.0)
+    rng = np.random.default_rng(3)
+    points = bar.points_of(bend, 0 * bend) + 0.1 * rng.normal(size=(len(time), 6, 3))
+    points[rng.random(points.shape[:2]) < 0.05] = np.nan
+    run = bar.recording(300)
+    run = replace(run, time=time, points=points, sigma=np.full(points.shape, 0.1))
+    return Frames.all_of(bar.dataset(run)), bend
+
+
+def said(frames, bend, added):
+    """The true displacements and an error (t,) along the height of every marker, mm."""
+    out = bar.points_of(bend, 0 * bend)[: len(frames)] - bar.REST
+    out[..., 2] += np.asarray(added)[: len(frames), None]
+    return out
+
+
+def test_an_error_that_comes_back_with_the_shape_is_none(frames):
+    data, bend = frames
+    found = repeatability(data, said(data, bend, 0.5 + 0.1 * bend))
+    assert found is not None
+    assert found.at_once + found.drift < 0.03
+    assert found.cameras == pytest.approx(0.03)
+    assert found.share > 0.95
+
+
+def test_shows_that_differ_have_their_variance(frames):
+    data, bend = frames
+    show = np.random.default_rng(1).normal(size=31)[(data.time // 10).astype(int)]
+    found = repeatability(data, said(data, bend, show))
+    assert found is not None
+    assert found.at_once + found.drift == pytest.approx(np.var(show), rel=0.25)
+
+
+def test_a_drift_is_told_from_what_differs_at_once(frames):
+    data, bend = frames
+    found = repeatability(data, said(data, bend, 2 * data.time / 300))
+    assert found is not None
+    assert found.drift > 3 * found.at_once
+
+
+def test_clocks_matter_where_markers_move(frames):
+    data, bend = frames
+    moving = bar.recording(60, sigma=0.05)
+    slow = repeatability(data, said(data, bend, 0 * bend))
+    fast = Frames.all_of(bar.dataset(moving))
+    quick = repeatability(fast, np.nan_to_num(fast.points) - bar.REST)
+    assert slow is not None
+    assert quick is not None
+    assert quick.clocks > 0
+    unknown = replace(fast, dataset=bar.dataset(replace(moving, sync_error=None)))
+    none = repeatability(unknown, np.nan_to_num(unknown.points) - bar.REST)
+    assert none is not None
+    assert none.clocks == 0
+
+
+def test_shapes_that_never_come_back_tell_nothing():
+    time = np.arange(0.0, 60.0, 0.1)
+    run = replace(
+        bar.recording(60), time=time, points=bar.points_of(time, 0 * time),
+        sigma=np.full((len(time), 6, 3), 0.001),
+    )  # fmt: skip
+    frames = Frames.all_of(bar.dataset(run))
+    assert repeatability(frames, np.zeros(frames.points.shape)) is None
