@@ -7,7 +7,9 @@ Each device is built up to its layout; each seed is another built unit, moved by
 so many minutes. Told are, for each: the design's promise and its band; RMSE (mm) on the last 30 %
 of the paper's affine decoder, of the best static one and of the one chosen; its peak and average
 peak; what cross-validation had promised; the share of marker positions inside of their 90 %
-intervals, over all and in the pose where it is least, and the intervals' mean radius.
+intervals, over all and in the pose where it is least, and the intervals' mean radius; the error
+that design and training predict of the decoder chosen, and of the best without memory, its ratio to
+the measured one, and the promise's; all mean squares (mm^2) that the prediction is made of.
 
 `--few` trains on less: nothing but the simulation, 60 pictures of the first minute, 5 minutes; each
 with and without the simulation, by RMSE on the same last 30 %. `--later` decodes another session of
@@ -29,11 +31,14 @@ from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.trained_model import TrainedModel
 from defsense_fab.pipeline.artifacts.build_folder import build_folder
-from defsense_fab.pipeline.artifacts.layout import load_layout
+from defsense_fab.pipeline.artifacts.layout import LayoutRecord, load_layout
 from defsense_fab.pipeline.build.build import build
+from defsense_fab.pipeline.train.evaluation.prediction import promised
 from defsense_fab.pipeline.train.models.simulated_prior import simulated_prior
 from defsense_fab.pipeline.twin.twin_recordings import simulate_runs
 from defsense_fab.training.data.dataset import Dataset, Recording
+from defsense_fab.training.evaluation.decoded_frames import decode_frames
+from defsense_fab.training.evaluation.predicted_error import predicted_error
 from defsense_fab.training.fitting.pose_signals import shows
 from defsense_fab.training.fitting.recalibration import recalibrate
 from defsense_fab.training.fitting.train_model import Training, TrainingOptions, train
@@ -93,6 +98,7 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
             radius,
             by_pose(r, after, np.where(np.isfinite(off), off <= radius, np.nan)),
         )
+        foretold(layout, result, whole)
         if options.few:
             few(whole, result, prior, after)
         if options.later:
@@ -117,6 +123,23 @@ def tell(seed: int, result: Training, off: Float, radius: Float, poses: dict[str
         f" radius {np.nanmean(radius):.2f}; {len(result.tested)} tested",
         flush=True,
     )
+
+
+def foretold(layout: LayoutRecord, result: Training, whole: Dataset) -> None:
+    """Predicted against measured."""
+    plain = train(whole, TrainingOptions(decoder="quadratic", memory=False))
+    for found in (result, plain):
+        if found.repeats is None:
+            print(f"    {found.chosen}: no shape is shown twice")
+            continue
+        frames = decode_frames(found.model, whole, _TEST)
+        p = predicted_error(found.repeats, frames, promised(layout, found.chosen))
+        parts = ", ".join(f"{cause} {square:.3f}" for cause, square in p.shares.items())
+        print(
+            f"    {found.chosen}: predicted {p.predicted:.2f}, measured {p.measured:.2f}, ratio"
+            f" {p.ratio:.2f} (the promise alone {p.promised_ratio:.2f}): {parts}",
+            flush=True,
+        )
 
 
 def few(whole: Dataset, full: Training, prior, after: slice) -> None:  # type: ignore[no-untyped-def]

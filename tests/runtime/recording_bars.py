@@ -3,7 +3,7 @@
 import numpy as np
 
 from defsense_fab.runtime.recording.animation import Animation
-from tests.runtime.frames import frame
+from tests.runtime.live_frames import frame
 
 
 def bar(along=12, around=8):

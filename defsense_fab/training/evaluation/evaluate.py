@@ -53,11 +53,14 @@ class SpeedBins:
 class Coverage:
     """Shares of marker positions that were inside of their intervals, which ought to be `level`: of
     all, of each pose (p,), and of each tenth of the tested time (10,); NaN where there was nothing.
-    `radius` is the mean half width, mm."""
+    `by_pose_error` (p,) are the standard errors of the poses' shares, from one show to another,
+    NaN of a pose that was shown once: neighbouring pictures are not independent. `radius` is the
+    mean half width, mm."""
 
     level: float
     share: float
     by_pose: Float
+    by_pose_error: Float
     by_tenth: Float
     radius: float
 
@@ -177,6 +180,23 @@ def _coverage(frames: DecodedFrames, level: float) -> Coverage:
         level=level,
         share=share(np.ones(len(tenth), bool)),
         by_pose=np.array([share(frames.pose == k) for k in range(len(frames.poses))]),
+        by_pose_error=np.array(
+            [_between_shows(frames, covered, k) for k in range(len(frames.poses))]
+        ),
         by_tenth=np.array([share(tenth == k) for k in range(_TENTHS)]),
         radius=float(frames.radius[frames.seen].mean()),
     )
+
+
+def _between_shows(frames: DecodedFrames, covered: Bool, pose: int) -> float:
+    """Standard error of a pose's share inside (t, m), from shows that follow each other."""
+    own = np.flatnonzero(frames.pose == pose)
+    ends = np.flatnonzero((np.diff(own) > 1) | (np.diff(frames.run[own]) != 0)) + 1
+    shows = np.split(own, ends)
+    seen = np.array([frames.seen[s].sum() for s in shows], float)
+    inside = np.array([covered[s][frames.seen[s]].sum() for s in shows], float)
+    n = len(shows)
+    if n < 2:
+        return np.nan
+    off = inside - seen * inside.sum() / seen.sum()
+    return float(np.sqrt(n / (n - 1) * (off**2).sum()) / seen.sum())

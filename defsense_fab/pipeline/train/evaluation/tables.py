@@ -128,12 +128,13 @@ def _by_marker(models: Sequence[Evaluated]) -> Rows:
 
 def _by_pose(models: Sequence[Evaluated]) -> Rows:
     rows: Rows = [["model", "pose", "rmse_mm", "standard_deviation_mm", "peak_mm",
-                   "average_peak_mm", "frames", "coverage"]]  # fmt: skip
+                   "average_peak_mm", "frames", "coverage", "coverage_standard_error"]]  # fmt: skip
     for m in models:
         e = m.evaluation
         for k, (pose, t) in enumerate(zip(e.frames.poses, e.by_pose, strict=True)):
-            inside = None if e.coverage is None else e.coverage.by_pose[k]
-            rows.append([m.name, pose, *asdict(t).values(), inside])
+            c = e.coverage
+            inside = [None, None] if c is None else [c.by_pose[k], c.by_pose_error[k]]
+            rows.append([m.name, pose, *asdict(t).values(), *inside])
     return rows
 
 

@@ -2,7 +2,8 @@
 
 One cause after another is taken out of what was recorded: the cameras' noise, clocks that are off,
 the read-out's noise, and for decoders without a memory also all that a cord remembers and how its
-R0 drifts. A memory that was trained on such cords would take out what is no longer there.
+R0 drifts. A memory that was trained on such cords would take out what is no longer there, and one
+of how much a signal moved counts noise as movement: read-out noise stays in for that.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ def budget_of_truth(model: TrainedModel, dataset: Dataset, last_share: float) ->
             return None
         parts += found
     names = ["recorded", CAMERAS, CLOCKS, READ_OUT, MEMORY]
-    if model.main.past.count:
-        names.pop()
+    past = model.main.past
+    names = names[: 3 if past.worked else 4 if past.count else 5]
     made = [
         (name, replace(dataset, recordings=tuple(parts[k] for parts in stages)))
         for k, name in enumerate(names)

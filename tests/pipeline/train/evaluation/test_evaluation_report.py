@@ -69,6 +69,7 @@ def test_tables_agree_with_the_records(folder, result):
     mean = sum(float(r["error_mm"]) ** 2 for r in frames) / len(frames)
     assert mean**0.5 == pytest.approx(result.models[0].evaluation.total.rmse, rel=1e-4)
     budget = [r for r in rows(folder, "error-budget.csv") if r["model"] == "plain"]
+    assert {r["how"] for r in budget} == {"fitted"}
     assert sum(float(r["mean_square_mm2"]) for r in budget[:-1]) == pytest.approx(
         float(budget[-1]["mean_square_mm2"]), rel=1e-4
     )
@@ -166,6 +167,27 @@ def test_what_a_model_was_trained_on_is_held_out(models, unseen):
     none = replace(model, told={"held_out": {recording_hash(r): None}})
     with pytest.raises(TrainingError, match="trained on all of these pictures"):
         evaluate_models([(name, none)], unseen)
+
+
+def test_what_was_predicted_stands_beside(models, unseen, tmp_path):
+    """Where the model's training tells of it; nothing of others."""
+    name, model = models[0]
+    repeats = {"at_once": 0.3, "drift": 0.05, "cameras": 0.04, "clocks": 0.02, "share": 0.6}
+    result = evaluate_models(
+        [(name, replace(model, told={"repeatability": repeats})), models[1]], unseen
+    )
+    assert result.models[1].predicted is None
+    write_evaluation(tmp_path / "out", result)
+    table = rows(tmp_path / "out", "predicted.csv")
+    assert {r["model"] for r in table} == {name}
+    squares = {r["cause"]: float(r["mean_square_mm2"]) for r in table}
+    measured = squares.pop("measured")
+    assert squares.pop("predicted") == pytest.approx(sum(squares.values()), rel=1e-5)
+    assert measured == pytest.approx(result.models[0].evaluation.total.rmse ** 2, rel=1e-5)
+    data = json.loads((tmp_path / "out" / "evaluation.json").read_text(encoding="utf-8"))
+    assert data["models"][name]["predicted"]["rmse"] == pytest.approx(0.39**0.5)
+    assert data["models"]["with-memory"]["predicted"] is None
+    assert "Predicted against measured" in (tmp_path / "out" / "evaluation.html").read_text()
 
 
 def test_another_device_and_markers_elsewhere_are_refused(models, unseen):
