@@ -73,6 +73,12 @@ class PastStream:
         )  # fmt: skip
         return np.concatenate([signals, h, q])
 
+    def rescale(self, scale: Float, shift: Float) -> None:
+        """Go on as if all signals (c,) so far had been `scale` (c,) times themselves and `shift`
+        (c,) more: what they refer to has changed. How much they have moved stays as it was."""
+        for kept in (self._last, self._m, self._r):
+            kept[...] = scale * kept + shift
+
 
 @compiled(error_model="numpy")
 def _step(past, signals, since, last, m, q, r, moved, worked):  # type: ignore[no-untyped-def]

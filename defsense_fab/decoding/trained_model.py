@@ -157,6 +157,13 @@ class ModelStream:
         """Positions (m, 3) mm of the signals (c,) at a time, s."""
         return self._branch.one(self.inputs(time, signals)).reshape(-1, 3)
 
+    def refer(self, ratio: Float) -> None:
+        """R0 is from now on the former one over `ratio` (c,): what is remembered refers to it, too,
+        so that it counts as no movement."""
+        offset, gain = self._model.offset[self._pick], self._model.gain[self._pick]
+        k = ratio[self._pick]
+        self._past.rescale(k, (1 + offset) * (k - 1) / gain)
+
     def inputs(self, time: float, signals: Float) -> Float:
         """What the decoder sees (d,) of the same."""
         s = self._model.corrected(signals)[self._pick]

@@ -76,3 +76,18 @@ def test_samples_that_are_none_and_samples_that_are_missing_are_one_gap() -> Non
     past = Past((1.0,), (2.0,))
     kept = np.r_[:100, 400:600]
     np.testing.assert_allclose(past(time, gone)[kept], past(time[kept], signals[kept]))
+
+
+def test_a_stream_that_is_rescaled_goes_on_as_if_it_had_been_so_from_the_first() -> None:
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.uniform(0.005, 0.03, 600))
+    signals = 0.1 * np.sin(np.outer(time, [1.0, 1.7]))
+    scale, shift = np.array([0.97, 1.02]), np.array([-0.03, 0.02])
+    past = Past((0.5, 5.0, 50.0))
+    whole = past(time, signals * scale + shift)
+    stream = PastStream(past, 2)
+    for k in range(300):
+        stream(time[k], signals[k])
+    stream.rescale(scale, shift)
+    for k in range(300, 600):
+        assert stream(time[k], signals[k] * scale + shift) == pytest.approx(whole[k], abs=1e-12)

@@ -91,7 +91,7 @@ class LiveDecoder:
         ohms = self._exchanged(sample.ohms)
         rest = self._rest(sample.time, ohms, frozenset(f.channel for f in self._found))
         if self._rest_ohms is None or not self._fixed:
-            self._rest_ohms = rest.ohms
+            self._refer(rest.ohms)
         self._number += 1
         if self._rest_ohms is None:
             return self._waiting(sample)
@@ -105,6 +105,15 @@ class LiveDecoder:
             signals = relative_change(ohms, self._rest_ohms)
         self._found = self._faults(sample.time, ohms, signals)
         return self._frame(sample, since, np.where(known, signals, np.nan), rest)
+
+    def _refer(self, rest: Float | None) -> None:
+        """R0 is `rest` from now on."""
+        before, self._rest_ohms = self._rest_ohms, rest
+        if before is None or rest is None or np.array_equal(before, rest):
+            return
+        self._swaps.refer(before / rest)
+        for stream in self._streams.values():
+            stream.refer(before / rest)
 
     def _exchanged(self, ohms: Float) -> Float:
         return self._swaps.exchanged(ohms) if self._fallback else ohms

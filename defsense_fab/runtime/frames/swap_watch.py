@@ -46,6 +46,12 @@ class SwapWatch:
             return ohms
         return np.asarray(ohms[_exchanged(len(ohms), self.pair)])
 
+    def refer(self, ratio: Float) -> None:
+        """As `ModelStream.refer`."""
+        model = self._model
+        for past in self._pasts:
+            past.rescale(ratio, (1 + model.offset) * (ratio - 1) / model.gain)
+
     def __call__(self, time: float, ohms: Float, rest: Float) -> None:
         """Of resistances (c,) ohm with R0 (c,) ohm, at a time, s."""
         self._window.append(ohms)

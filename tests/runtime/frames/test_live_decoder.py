@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import LiveError
+from defsense_fab.decoding.past import Past
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Sample
 from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
@@ -155,3 +156,17 @@ def test_readings_far_from_all_sense_keep_the_last_shape(model, run):
     frames = play(LiveDecoder(model, run.rest), run, absurd)
     assert frames[-1].quality is Quality.LOST
     assert np.abs(frames[-1].markers - model.rest_points).max() < 60
+
+
+def test_a_new_rest_is_no_movement_to_a_model_that_remembers(model):
+    model = replace(model, main=replace(model.main, past=Past((0.5, 20.0))))
+    model = replace(model, gain=np.array([1.1, 0.9, 1.0]), offset=np.array([0.01, 0.0, -0.01]))
+    stream, other = model.stream(), model.stream()
+    before, after = np.array([1500.0, 1400.0, 900.0]), np.array([1560.0, 1390.0, 910.0])
+    for k in range(200):
+        ohms = before * (1 + 0.05 * np.sin(k / np.array([20.0, 30.0, 40.0])))
+        stream.inputs(k / 60, ohms / before - 1)
+        other.inputs(k / 60, ohms / after - 1)
+    stream.refer(before / after)
+    now, c = before / after - 1, 9
+    assert stream.inputs(4.0, now)[:c] == pytest.approx(other.inputs(4.0, now)[:c], abs=1e-9)
