@@ -187,7 +187,8 @@ def test_what_was_predicted_stands_beside(models, unseen, tmp_path):
     data = json.loads((tmp_path / "out" / "evaluation.json").read_text(encoding="utf-8"))
     assert data["models"][name]["predicted"]["rmse"] == pytest.approx(0.39**0.5)
     assert data["models"]["with-memory"]["predicted"] is None
-    assert "Predicted against measured" in (tmp_path / "out" / "evaluation.html").read_text(encoding="utf-8")
+    page = (tmp_path / "out" / "evaluation.html").read_text(encoding="utf-8")
+    assert "Predicted against measured" in page
 
 
 def test_another_device_and_markers_elsewhere_are_refused(models, unseen):
