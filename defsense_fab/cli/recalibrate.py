@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
         " and rest, which needs no camera, after the device was moved for half a minute; says when"
         " that is not enough, and writes no model then. The poses are those that the model was"
         " trained on, shown about as far: 'defsense capture record my-device --cameras none --port"
-        " /dev/ttyUSB0 --rounds 1 --seconds 5 --free 0 --rest 5 --out routine'.",
+        " /dev/ttyUSB0 --rounds 3 --seconds 5 --free 0 --rest 5 --out routine'.",
         examples=["defsense recalibrate my-device/model.json routine"],
     )
     sub.add_argument("model", type=Path, metavar="MODEL", help="model.json, or its folder")
@@ -61,7 +61,7 @@ def _recalibrate(options: argparse.Namespace) -> int:
         for name, gain, error in zip(model.channels, found.gain, found.error, strict=True):
             table.add_row(name, f"{gain:.3f} ± {error:.3f}")
         console().print(table)
-        say([f"warning: {p}" for p in found.problems])
+        say([f"warning: {p}" for p in (*found.problems, *found.notes)])
         if found.problems:
             say(["No model was written: gains do not suffice.",
                  "Next:    defsense capture record ..., then defsense train"])  # fmt: skip

@@ -98,8 +98,9 @@ class TrainedModel:
     """`kind` names the decoder; `channels` by name, markers by their numbers `ids` (m,), their
     places at rest (m, 3) mm. `gain` and `offset` (c,) correct the signals: s -> (s - offset)/gain.
     The `main` branch uses all channels, `without` has one for each channel that may fail; `faults`
-    tells when one has; `poses` are the signals (c,) at the extreme of each pose. `told` is what
-    there is to know of the training, in plain values: folds, hashes, versions, units."""
+    tells when one has; `poses` are the signals (c,) at the extreme of each pose, `pose_spread` what
+    they differ by from one show to another, where known. `told` is what there is to know of the
+    training, in plain values: folds, hashes, versions, units."""
 
     SCHEMA: ClassVar[int] = 1
 
@@ -115,6 +116,7 @@ class TrainedModel:
     without: Mapping[str, Branch] = field(default_factory=dict)
     faults: FaultLimits | None = None
     poses: Mapping[str, Float] = field(default_factory=dict)
+    pose_spread: Mapping[str, float] = field(default_factory=dict)
     told: Mapping[str, Any] = field(default_factory=dict)
 
     def corrected(self, signals: Float) -> Float:

@@ -1,8 +1,14 @@
-"""The signals at the extreme of each pose: what a re-calibration compares."""
+"""The signals at the extreme of each pose: what a re-calibration compares.
+
+A hand that is asked for a pose often still leaves the one before, and does not always go all the
+way. So the extreme is sought along the direction in which the pose's shows agree, or along that of
+the training, and shows that go less than half as far as the others do not count.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,31 +17,71 @@ from ..data.dataset import Recording
 
 _TOP = 0.9  # of a show's farthest signals, from which on it counts as the extreme
 _BEGINS = 1.0  # s, in which hands still leave what was shown before
+_SAMPLES = 3  # of a show, at least
+_FAR = 0.5  # of how far the farthest show went, at least
+_SPREAD = (
+    0.06  # of a pose's signals, from one show to another of cords that remember: what is usual
+)
+_USUAL = 2.0  # shows that this counts for
 _NOT_POSES = ("rest", "free", "all")
 
 
-def pose_signals(recordings: Sequence[Recording]) -> Mapping[str, Float]:
-    """Of each pose that was asked for the signals (c,): the mean over that half of its shows which
-    went farthest."""
-    spread = np.nanstd(np.concatenate([r.signals for r in recordings]), axis=0)
-    found: dict[str, list[tuple[float, Float]]] = {}
+@dataclass(frozen=True)
+class PoseSignals:
+    """At the extreme of one pose: signals (c,), the standard deviation from one show to another
+    (the root mean square over channels, drawn to what is usual where shows are few), how many
+    `shows` that is of, and how far the farthest went, in terms of what was expected (one where
+    nothing was)."""
+
+    signals: Float
+    spread: float
+    shows: int
+    reach: float
+
+
+def pose_signals(
+    recordings: Sequence[Recording], expected: Mapping[str, Float] | None = None
+) -> Mapping[str, PoseSignals]:
+    """Of each pose that was asked for; of those only that are `expected` to have signals (c,), if
+    any are."""
+    found: dict[str, list[Float]] = {}
     for r in recordings:
         for name, samples in shows(r):
             time = r.sample_time[samples]
             s = r.signals[samples][time > time[:1] + _BEGINS]
             s = s[np.isfinite(s).all(axis=1)]
-            if name in _NOT_POSES or len(s) < 3:
-                continue
-            far = np.linalg.norm(s / np.maximum(spread, 1e-9), axis=1)
-            extreme = np.median(s[far >= _TOP * far.max()], axis=0)
-            found.setdefault(name, []).append((float(far.max()), extreme))
-    return {name: _mean_of_farthest(each) for name, each in found.items()}
+            known = expected is None or name in expected
+            if name not in _NOT_POSES and known and len(s) >= _SAMPLES and s.any():
+                found.setdefault(name, []).append(s)
+    return {name: _extreme(each, (expected or {}).get(name)) for name, each in found.items()}
 
 
-def _mean_of_farthest(extremes: list[tuple[float, Float]]) -> Float:
-    order = sorted(extremes, key=lambda e: -e[0])
-    half = order[: (len(order) + 1) // 2]
-    return np.asarray(np.mean([signals for _, signals in half], axis=0))
+def _extreme(each: Sequence[Float], expected: Float | None) -> PoseSignals:
+    """Of signals (n, c) in each show of a pose."""
+    along = _agreed(each) if expected is None else expected / np.linalg.norm(expected)
+    reach = np.array([(s @ along).max() for s in each])
+    farthest = float(reach.max())
+    whole = 1.0 if expected is None else farthest / float(np.linalg.norm(expected))
+    if farthest <= 0:  # the pose was not shown at all
+        return PoseSignals(np.zeros(len(along)), 0.0, 0, whole)
+    far = [_top(s, s @ along) for s, r in zip(each, reach, strict=True) if r >= _FAR * farthest]
+    each_way = np.array([s / (s @ along) for s in far])
+    half = np.sort(reach)[::-1][: (len(far) + 1) // 2].mean()
+    off = ((each_way - each_way.mean(axis=0)) ** 2).sum() / len(along)
+    square = (off + _USUAL * _SPREAD**2) / (len(far) - 1 + _USUAL)
+    spread = half * float(np.sqrt(square))
+    return PoseSignals(half * np.median(each_way, axis=0), spread, len(far), whole)
+
+
+def _agreed(each: Sequence[Float]) -> Float:
+    """The direction (c,) of that show which is most like all others."""
+    far = np.array([_top(s, np.linalg.norm(s, axis=1)) for s in each])
+    ways = far / np.maximum(np.linalg.norm(far, axis=1, keepdims=True), 1e-12)
+    return np.asarray(ways[np.argmax((ways @ ways.T).sum(axis=1))])
+
+
+def _top(signals: Float, height: Float) -> Float:
+    return np.asarray(np.median(signals[height >= _TOP * height.max()], axis=0))
 
 
 def shows(recording: Recording) -> list[tuple[str, slice]]:

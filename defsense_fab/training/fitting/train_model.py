@@ -127,10 +127,12 @@ def train(
         if len(channels) > 1
     }
     rows = tuple(_attempt(t, frames, tested, channels) for t in tried)
+    poses = pose_signals(dataset.recordings)
     model = TrainedModel(
         dataset.device, dataset.layout, best.name, dataset.channels, dataset.ids,
         dataset.rest_points, np.ones(len(channels)), np.zeros(len(channels)), main, without,
-        fault_limits(dataset), pose_signals(dataset.recordings),
+        fault_limits(dataset), {n: p.signals for n, p in poses.items()},
+        {n: p.spread for n, p in poses.items()},
     )  # fmt: skip
     progress("train", 1.0, "done")
     wrong_tested = np.zeros_like(tested.seen)
