@@ -3,7 +3,7 @@ differ."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,8 +14,9 @@ from ....core.errors import TrainingError
 from ....core.files import digest
 from ....core.progress import Progress, silent
 from ....decoding.trained_model import TrainedModel
-from ....training.data.dataset import Dataset
+from ....training.data.dataset import Dataset, Recording
 from ....training.data.dataset_checks import check_dataset
+from ....training.data.fingerprint import fingerprint, same_recording
 from ....training.data.uncertain_places import without_uncertain
 from ....training.evaluation.error_budget import ErrorBudget, error_budget
 from ....training.evaluation.evaluate import Evaluation, evaluate
@@ -24,7 +25,6 @@ from ....training.evaluation.predicted_error import PredictedError
 from ...artifacts.layout import LayoutRecord
 from ..data.data_files import DataFiles, told_files
 from ..data.session_dataset import device_layout
-from ..models.train_device import recording_hash
 from .other_cords import other_cords
 from .prediction import predicted
 from .twin_truth import budget_of_truth
@@ -33,6 +33,7 @@ _FEW = 200  # frames
 #: Problems of data that is to be trained on, which say nothing of a test.
 _TRAINING = ("too few frames", "few frames", "markers never seen")
 _TOLD = 0.01  # of the frames, that are worth a word
+_ROUNDING = 1e-3  # s, by which times differ in other files
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def evaluate_models(
     else:
         share = told = last_share
         for name, model in models:
-            own = [r.name for r in dataset.recordings if recording_hash(r) in _held(model)]
+            own = [r.name for r in dataset.recordings if _held_out(model, r)]
             if own:
                 notes.append(
                     f"{name} was trained on pictures of {', '.join(own)}, which makes it look"
@@ -136,10 +137,15 @@ def evaluate_models(
     return SessionEvaluation(dataset.device, sessions, told, tuple(found), comparison, tuple(notes))
 
 
-def _held(model: TrainedModel) -> Mapping[str, float | None]:
-    """Of recordings that the model was trained on, by what is in them: since when, s, its training
-    held pictures out, None where it held out none."""
-    return model.told.get("held_out", {})  # type: ignore[no-any-return]
+def _held_out(model: TrainedModel, r: Recording) -> list[float]:
+    """Since when, s, a training of the model held its pictures out, infinite where it held none
+    out; empty where it was not trained on the recording."""
+    own = fingerprint(r)
+    return [
+        np.inf if known["after"] is None else r.time[0] + known["after"]
+        for known in model.told.get("held_out", ())
+        if same_recording(own, known["fingerprint"])
+    ]
 
 
 def _not_trained_on(models: Sequence[TrainedModel], dataset: Dataset) -> Dataset:
@@ -147,8 +153,8 @@ def _not_trained_on(models: Sequence[TrainedModel], dataset: Dataset) -> Dataset
     left."""
     out = []
     for r in dataset.recordings:
-        held = [_held(m)[recording_hash(r)] for m in models if recording_hash(r) in _held(m)]
-        begin = max((np.inf if h is None else h for h in held), default=-np.inf)
+        held = [since for model in models for since in _held_out(model, r)]
+        begin = max(held, default=-np.inf) - _ROUNDING
         keep = r.time >= begin
         if keep.any():
             out.append(

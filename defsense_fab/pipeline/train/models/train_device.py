@@ -18,6 +18,7 @@ from ....core.errors import TrainingError
 from ....core.progress import Progress, silent
 from ....decoding.trained_model import TrainedModel
 from ....training.data.dataset import Dataset, Recording
+from ....training.data.fingerprint import fingerprint
 from ....training.fitting.train_model import Attempt, Training, TrainingOptions, train
 from ....training.simulation.prior import Prior
 from ....training.simulation.simulated_model import simulated_model
@@ -94,19 +95,23 @@ def told_of(
 
 
 def recording_hash(r: Recording) -> str:
-    """Of what is in it, by which it is known wherever it lies, whatever order its channels are in
-    and whichever markers and times of samples are taken."""
+    """Of what is in it, whatever order its channels are in."""
     columns = sorted(hashlib.sha256(c.tobytes()).hexdigest() for c in r.ohm.T.copy())
     return hashlib.sha256("".join(columns).encode() + r.time.tobytes()).hexdigest()
 
 
-def _held_out(result: Training, dataset: Dataset) -> Mapping[str, float | None]:
-    """Of each recording since when, s, its pictures were held out; None: all were trained on."""
+def _held_out(result: Training, dataset: Dataset) -> list[Mapping[str, Any]]:
+    """Of each recording how long after its first picture, s, pictures were held out; None: all
+    were trained on."""
     tested, time = result.tested.of, result.tested.time
-    return {
-        recording_hash(r): float(time[tested == k][0]) if (tested == k).any() else None
+    return [
+        {
+            "run": r.name,
+            "fingerprint": fingerprint(r),
+            "after": float(time[tested == k][0] - r.time[0]) if (tested == k).any() else None,
+        }
         for k, r in enumerate(dataset.recordings)
-    }
+    ]
 
 
 def row(attempt: Attempt) -> Mapping[str, Any]:

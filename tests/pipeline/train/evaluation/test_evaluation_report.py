@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from defsense_fab.core.errors import StorageError, TrainingError
@@ -13,7 +14,7 @@ from defsense_fab.decoding.past import Past
 from defsense_fab.pipeline.train.evaluation import evaluation_report
 from defsense_fab.pipeline.train.evaluation.evaluate_models import _names, evaluate_models
 from defsense_fab.pipeline.train.evaluation.evaluation_report import write_evaluation
-from defsense_fab.pipeline.train.models.train_device import recording_hash
+from defsense_fab.training.data.fingerprint import fingerprint
 from tests.training import soft_bar as bar
 
 CAUSES = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1, "memory": 0.3}
@@ -153,18 +154,24 @@ def test_what_a_model_was_trained_on_is_held_out(models, unseen):
     name, model = models[0]
     r = unseen.recordings[0]
     begin = float(r.time[len(r.time) * 3 // 4])
-    knowing = [(name, replace(model, told={"held_out": {recording_hash(r): begin}}))]
+    known = {"run": r.name, "fingerprint": fingerprint(r), "after": begin - r.time[0]}
+    knowing = [(name, replace(model, told={"held_out": [known]}))]
     held = evaluate_models(knowing, unseen)
     assert held.last_share == pytest.approx(0.25, abs=0.01)
     assert held.models[0].evaluation.frames.time.min() >= begin
     assert not any("was trained on" in note for note in held.notes)
     # Wherever it lies, whatever its name, in whatever order its channels are.
     moved = replace(r, name="copy/run-1", session="copy", ohm=r.ohm.copy())
+    # As another format keeps it: rounded, with times from another zero, and another R0.
+    moved = replace(
+        moved, ohm=np.round(moved.ohm, 3), rest=1.01 * r.rest, time=np.round(r.time + 7, 4),
+        sample_time=np.round(r.sample_time + 7, 4),
+    )  # fmt: skip
     again = evaluate_models(knowing, replace(unseen, recordings=(moved,)))
     assert again.models[0].evaluation.total.frames == held.models[0].evaluation.total.frames
     every = evaluate_models(knowing, unseen, 1.0)
     assert f"was trained on pictures of {r.name}" in every.notes[0]
-    none = replace(model, told={"held_out": {recording_hash(r): None}})
+    none = replace(model, told={"held_out": [{**known, "after": None}]})
     with pytest.raises(TrainingError, match="trained on all of these pictures"):
         evaluate_models([(name, none)], unseen)
 
