@@ -66,7 +66,9 @@ def play(
         channel, on = stuck
         read[on, channel] = read[np.flatnonzero(on)[0], channel]
     order = [device.wired.index(name) for name in device.model.channels]
-    decoder = LiveDecoder(device.model, None, device.trained_rest, fallback=fallback)
+    decoder = LiveDecoder(
+        device.model, None, device.trained_rest, lying=device.lying, fallback=fallback
+    )
     frames = []
     for t, now in zip(run.truth.sample_time, read[:, order], strict=True):
         frame = decoder(Sample(float(t), now, float(t)))

@@ -43,7 +43,8 @@ def add(commands: Commands) -> None:
                      help="model.json, or its folder; several run at once")  # fmt: skip
     sub.add_argument(
         "--port", required=True, nargs="+", metavar="PORT",
-        help="of each read-out board: /dev/ttyUSB0, COM3, socket://host:port, replay:board.csv, or"
+        help="of each read-out board: /dev/ttyUSB0, COM3, socket://host:port, replay:board.csv"
+        " or replay:SESSION (with what its cameras saw), or"
         " twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b)",
     )  # fmt: skip
     sub.add_argument("--device", nargs="+", type=Path, metavar="DEVICE",

@@ -35,8 +35,8 @@ class LiveDevice:
     """The `model`; of its `device`, where its build is known: the surface at `rest`, displacements
     `states` (s, v, 3) mm of its vertices in all simulated states, `poses` at the model's markers,
     and the `cords`. `wired` are the channels' names in the order in which the read-out board has
-    them; `reference` (c,) ohm of the dividers and `trained_rest` (c,) ohm, in the model's order,
-    where the training tells them."""
+    them; `reference` (c,) ohm of the dividers, `trained_rest` (c,) ohm and signals `lying` (c,) in
+    the training's first rest, in the model's order, where the training tells them."""
 
     model: TrainedModel
     device: Device | None
@@ -47,6 +47,7 @@ class LiveDevice:
     wired: tuple[str, ...]
     reference: Float | None
     trained_rest: Float | None
+    lying: Float | None = None
 
 
 def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
@@ -56,8 +57,9 @@ def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
     model = load_model(path)
     own = folder or _beside(path)
     reference, rest = _told(model)
+    lying = _lying(model)
     if own is None:
-        return LiveDevice(model, None, None, None, None, (), model.channels, reference, rest)
+        return LiveDevice(model, None, None, None, None, (), model.channels, reference, rest, lying)
     device = load_device(own)
     if device.name != model.device:
         raise LiveError(
@@ -67,7 +69,9 @@ def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
     built = build_folder(device)
     if not (built / LAYOUT).exists():
         if folder is None:
-            return LiveDevice(model, device, None, None, None, (), model.channels, reference, rest)
+            return LiveDevice(
+                model, device, None, None, None, (), model.channels, reference, rest, lying
+            )
         raise LiveError(f"{own}: is not built; run 'defsense build {own}'")
     layout = load_layout(built, LiveError)
     if model.layout and model.layout != layout_hash(layout):
@@ -88,7 +92,7 @@ def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
         for name, cord, moved in zip(found.names, found.cords, found.moved, strict=True)
     )
     return LiveDevice(
-        model, device, found.rest, found.skin, _poses(found), cords, wired, reference, rest
+        model, device, found.rest, found.skin, _poses(found), cords, wired, reference, rest, lying
     )
 
 
@@ -112,3 +116,9 @@ def _told(model: TrainedModel) -> tuple[Float | None, Float | None]:
             resistors = np.array([float(by[name]) for name in model.channels])
     rests = [np.array(r, float) for r in model.told.get("R0", {}).values() if len(r) == c]
     return resistors, rests[-1] if rests else None
+
+
+def _lying(model: TrainedModel) -> Float | None:
+    by = model.told.get("first_rest") or {}
+    known = all(isinstance(by.get(name), float) for name in model.channels)
+    return np.array([by[name] for name in model.channels]) if known else None

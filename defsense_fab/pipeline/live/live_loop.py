@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -88,18 +88,20 @@ class LiveStatus:
 class LiveLoop:
     """Of a `source` whose channels come in the order `wired`; `start` it, and `close` it after use.
 
-    `reference` (c,) ohm are the dividers' resistors in the model's order of channels."""
+    `reference` (c,) ohm are the dividers' resistors in the model's order of channels; `tracks` tell
+    where cameras saw the markers (m, 3) mm at a sample's time, s."""
 
     def __init__(
         self, source: Source, decoder: LiveDecoder, wired: Sequence[str], reference: Float, *,
         controls: ControlBank | None = None, surface: Surfaces | None = None,
         outputs: Sequence[Sending] = (), views: Sequence[Sending] = (),
-        recorder: Keeping | None = None,
+        recorder: Keeping | None = None, tracks: Callable[[float], Float] | None = None,
     ) -> None:  # fmt: skip
         self._source, self._decoder = source, decoder
         self._order = [list(wired).index(name) for name in decoder.model.channels]
         self._reference, self._controls, self._surface = reference, controls, surface
         self._outputs, self._views, self._recorder = tuple(outputs), tuple(views), recorder
+        self._tracks = tracks
         self._items: deque[StampedSample] = deque(maxlen=_WAITING)
         self._came, self._stop = threading.Event(), threading.Event()
         self._shape, self._solve = _Slot(), threading.Thread(target=self._solving, daemon=True)
@@ -229,6 +231,8 @@ class LiveLoop:
             lost = frame.quality is Quality.LOST
             confidence = dict.fromkeys(found.confidence, 0.0) if lost else found.confidence
             frame = replace(frame, controls=found.values, confidence=confidence)
+        if self._tracks is not None:
+            frame = replace(frame, tracks=self._tracks(frame.time))
         self._frame = frame
         for each in self._outputs:
             each.send(frame)

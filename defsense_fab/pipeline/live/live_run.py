@@ -35,6 +35,7 @@ from .animations import Animations
 from .live_device import LiveDevice
 from .live_loop import BUDGET, LiveLoop, Sending, deviation
 from .raw_recording import RawRecording, run_folder
+from .session_play import SessionPlay, is_session
 
 REFERENCE = 2200.0  # ohm, of dividers that nothing tells
 _TWIN, _REPLAY = "twin", "replay"
@@ -43,9 +44,10 @@ _VIEW_RATE = 60.0  # Hz, at most
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a run is asked for. `port`: a serial port, socket://host:port, a recording's .csv
-    (replay:FILE), or twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30). `reference` and `rest`
-    (c,) ohm in the order of the wires, where they are known; `view` is a port, None without one;
+    """What a run is asked for. `port`: a serial port, socket://host:port, a recording's .csv or a
+    processed session (replay:FILE), or twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30).
+    `reference` and `rest` (c,) ohm in the order of the wires, where they are known; `view` is a
+    port, None without one;
     whether the readings are kept (`keep`), in the folder `record` or in a new one of the device's;
     the file of an `animation`, None: none.
     """
@@ -84,11 +86,13 @@ class LiveRun:
 def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent) -> LiveRun:
     """Raises LiveError, CaptureError, OutputError and StorageError for what cannot be opened."""
     model, notes = live.model, list[str]()
-    source, twin = _source(live, options, progress)
     reference = _reference(live, options, notes)
+    source, twin = _source(live, options, reference, progress)
     order = [live.wired.index(name) for name in model.channels]
     rest = None if options.rest is None else options.rest[order]
-    decoder = LiveDecoder(model, rest, live.trained_rest, fallback=options.fallback)
+    decoder = LiveDecoder(
+        model, rest, live.trained_rest, lying=live.lying, fallback=options.fallback
+    )
     controls = None
     if live.poses is not None:
         controls = ControlBank(
@@ -119,6 +123,7 @@ def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent)
     loop = LiveLoop(
         source, decoder, live.wired, reference, controls=controls, surface=surface,
         outputs=outputs, views=views, recorder=recording,
+        tracks=source.tracks if isinstance(source, SessionPlay) else None,
     )  # fmt: skip
     return LiveRun(loop, outputs, view, recording, animations, twin, told, notes)
 
@@ -171,8 +176,9 @@ def _same(view: LiveView) -> LiveView:
 
 
 def _source(
-    live: LiveDevice, options: RunOptions, progress: Progress
+    live: LiveDevice, options: RunOptions, reference: Float, progress: Progress
 ) -> tuple[Source, WalkingBoard | None]:
+    """With the dividers' `reference` (c,) ohm in the model's order."""
     word, _, rest = options.port.partition(":")
     settings = Settings(channels=len(live.model.channels), rate=options.rate)
     if word == _TWIN:
@@ -180,8 +186,12 @@ def _source(
         return Reader(twin.open, options.port, settings), twin
     if word == _REPLAY or options.port.endswith(".csv"):
         path = Path(rest if word == _REPLAY else options.port)
+        if path.is_dir() and is_session(path):
+            order = [live.model.channels.index(name) for name in live.wired]
+            wired = reference[order]
+            return SessionPlay(path, live.device, live.wired, live.model.ids, wired), None
         if not path.is_file():
-            raise LiveError(f"{path}: no such recording; give a board.csv")
+            raise LiveError(f"{path}: no such recording; give a board.csv, or a session's folder")
         return Replay(path), None
     return Reader(partial(open_port, options.port), options.port, settings), None
 

@@ -40,19 +40,20 @@ class Sample:
 class LiveDecoder:
     """Decodes samples one after another. `rest` (c,): R0 in ohm where it is known; otherwise the
     device must lie at rest for two seconds first. `trained_rest` (c,) is that of the training, to
-    compare with. Without `fallback` a cord that fails is told, and nothing else is done."""
+    compare with; `lying` (c,) what signals were in its first rest, before cords had set. Without
+    `fallback` a cord that fails is told, and nothing else is done."""
 
     def __init__(
         self, model: TrainedModel, rest: Float | None = None, trained_rest: Float | None = None,
-        *, track: bool = True, fallback: bool = True,
+        *, lying: Float | None = None, track: bool = True, fallback: bool = True,
     ) -> None:  # fmt: skip
         c = len(model.channels)
-        for name, values in (("rest", rest), ("trained_rest", trained_rest)):
+        for name, values in (("rest", rest), ("trained_rest", trained_rest), ("lying", lying)):
             if values is not None and np.shape(values) != (c,):
                 raise LiveError(f"{name}: {np.size(values)} resistances for {c} channels")
         span = np.maximum(model.main.range.high - model.main.range.low, 1e-6)
         self.model = model
-        self._rest, self._fixed = RestTracker(span, rest), not track
+        self._rest, self._fixed = RestTracker(span, rest, lying), not track
         self._rest_ohms = None if rest is None else np.asarray(rest, float)
         self._trained_rest, self._fallback = trained_rest, fallback
         self._faults, self._swaps = LiveFaults(model.faults, c), SwapWatch(model)

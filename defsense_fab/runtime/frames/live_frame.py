@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+
 from ...core.arrays import Float
 
 
@@ -30,8 +32,9 @@ class LiveFrame:
     of the cords named `channels`; `markers` (m, 3) mm in the rest frame, by their numbers `ids`
     (m,), and `radius` (m,) mm of the 90 % interval around each (NaN: not known); `distance` from
     what was trained on (above 1: outside of it); `controls` by name, 0..1 or -1..1, `confidence` of
-    each, 0..1; `vertices` (v, 3) mm of the surface, None where none is solved. `lost` names a cord
-    that failed, `notes` say in sentences what a user should know."""
+    each, 0..1; `vertices` (v, 3) mm of the surface, None where none is solved; `tracks` (m, 3) mm
+    where cameras saw the markers (NaN: did not), None without cameras. `lost` names a cord that
+    failed, `notes` say in sentences what a user should know."""
 
     device: str
     number: int
@@ -49,4 +52,13 @@ class LiveFrame:
     controls: Mapping[str, float] = field(default_factory=dict)
     confidence: Mapping[str, float] = field(default_factory=dict)
     vertices: Float | None = None
+    tracks: Float | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def off(self) -> float | None:
+        """Root mean square (mm) of the markers' distances from where cameras saw them; None where
+        they saw none."""
+        if self.tracks is None or not np.isfinite(self.tracks).any():
+            return None
+        return float(np.sqrt(np.nanmean(((self.markers - self.tracks) ** 2).sum(axis=1))))

@@ -76,6 +76,8 @@ class LivePanel:
         lines = [f"### {frame.device}", said]
         if radius is not None:
             lines.append(f"markers within ± {radius:.1f} mm (90 %)")
+        if frame.off is not None:
+            lines.append(f"cameras (black): {frame.off:.1f} mm off (RMS)")
         if self._actions.latency is not None:
             lines.append(self._actions.latency())
         self._said.content = "\n\n".join(lines)

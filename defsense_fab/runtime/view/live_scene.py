@@ -10,7 +10,7 @@ import numpy as np
 from ...core.arrays import Float
 from ..frames.live_frame import LiveFrame
 from .carried_points import carrying_weights
-from .colors import BODY, cord_color, marker_colors
+from .colors import BODY, TRACKS, cord_color, marker_colors
 from .tube import tube_faces, tube_vertices
 from .viewed_device import ViewedDevice
 
@@ -50,6 +50,7 @@ class LiveScene:
             for channel, (rest, _) in zip(device.channels, self._cords, strict=False)
         ]
         self._markers: Any = None
+        self._tracks: Any = None
         self._name, self._scene = name, scene
 
     def show(self, frame: LiveFrame) -> None:
@@ -74,6 +75,19 @@ class LiveScene:
             )  # fmt: skip
         else:
             self._markers.points, self._markers.colors = points, colors
+        if frame.tracks is not None:
+            self._show_tracks(frame.tracks)
+
+    def _show_tracks(self, tracks: Float) -> None:
+        """Where cameras saw the markers, in black."""
+        seen = tracks[np.isfinite(tracks).all(axis=1)].astype(np.float32)
+        if self._tracks is None and len(seen):
+            self._tracks = self._scene.add_point_cloud(
+                f"{self._name}/tracks", seen, TRACKS, point_size=0.7 * self._marker_size,
+                point_shape="diamond", precision="float32",
+            )  # fmt: skip
+        elif self._tracks is not None:
+            self._tracks.points = seen
 
     def _carried(self) -> list[tuple[Float, Any]]:
         device = self._device

@@ -21,6 +21,7 @@ _STILL = 3.0  # mm, root mean square, by which markers at rest are off their pla
 _BARE = 0.05  # of the frames
 _HIDDEN = 0.5  # of the frames
 _NOTHING = 0.05  # of the movements' variance: what tells less forbids training
+_ALIKE = 0.4  # correlation of a channel's signal with what was predicted of it
 _WRONG = 0.2  # s, by which signals out of step forbid training
 
 
@@ -38,7 +39,7 @@ def check_dataset(
         # Causes first: of what has no signals or markers, too few frames are what follows.
         out += [
             *channel_problems(dataset, predicted), *_hidden(dataset), *_frames(dataset),
-            *_rest(dataset), *_steps(dataset),
+            *_rest(dataset), *_steps(dataset, predicted or {}),
         ]  # fmt: skip
     return tuple(sorted(out, key=lambda p: not p.fatal))
 
@@ -262,17 +263,36 @@ def _rested(dataset: Dataset, r: Recording) -> float:
     return float(r.time[frames[end - 1]] - r.time[frames[begin]]) if end > begin else 0.0
 
 
-def _steps(dataset: Dataset) -> list[Problem]:
+def _as_predicted(r: Recording, predicted: Float | None) -> bool:
+    """Whether a channel goes with what was predicted of it (t, c): then signals are in step,
+    however little they tell of the markers."""
+    if predicted is None:
+        return False
+    signals = r.signals_at(r.time)
+    for one, other in zip(signals.T, predicted.T, strict=True):
+        known = np.isfinite(one) & np.isfinite(other)
+        a, b = one[known] - one[known].mean(), other[known] - other[known].mean()
+        if known.sum() >= _LEAST and a @ b > _ALIKE * np.linalg.norm(a) * np.linalg.norm(b) > 0:
+            return True
+    return False
+
+
+def _steps(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
     """Signals that are not in step with the markers."""
     out = []
     for r in dataset.recordings:
         found = find_shift(r)
         if found is not None and not found.tells:
+            told = f"{r.name}: signals tell {max(found.best, 0):.0%} of the markers' movement"
+            if _as_predicted(r, predicted.get(r.name)):
+                remedy = "cords that lie elsewhere would ('defsense build' shows the error)"
+                told += ", as the simulation says of this layout"
+                out.append(Problem("cords tell little", False, told, remedy, found.best, (r.name,)))
+                continue
             out.append(
                 Problem(
                     "signals tell nothing", found.best < _NOTHING,
-                    f"{r.name}: signals tell {max(found.best, 0):.0%} of the markers' movement,"
-                    f" shifted by up to {WITHIN:.0f} s either way",
+                    f"{told}, shifted by up to {WITHIN:.0f} s either way",
                     "see whether the clocks are further apart (--shift, or --offset auto for files"
                     " of others), and whether signals and markers are of one device and time",
                     found.best, (r.name,),

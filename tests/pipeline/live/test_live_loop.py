@@ -2,6 +2,7 @@
 
 import threading
 import time
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -14,6 +15,7 @@ from defsense_fab.pipeline.live.live_loop import LiveLoop
 from defsense_fab.pipeline.live.live_run import RunOptions, live_run
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder
 from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.twin.electronics.played_cords import CUT, PlayedCords
 from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
 from tests.pipeline.live.conftest import NAMES, moved
@@ -148,6 +150,49 @@ def test_a_recording_plays_again_and_its_end_is_told(live_bar, tmp_path):
         run.loop.wait(60.0)
     assert run.loop.status.samples > 100
     run.close()
+
+
+def test_a_session_plays_beside_what_its_cameras_saw(live_bar, tmp_path, monkeypatch):
+    from defsense_fab.pipeline.live import session_play
+
+    run, _ = live_bar.run(8.0, 3)
+    device = live_device(live_bar.model)
+    ids, rest = device.model.ids, device.model.rest_points
+    # Other orders of channels and markers, and one marker that the model does not know.
+    points = np.concatenate([run.points[:, ::-1], run.points[:, :1]], axis=1)
+    points[200:260, 0] = np.nan
+    recording = replace(
+        run, name="s/run-1", ohm=run.ohm[:, ::-1], rest=run.rest[::-1], time=run.time + 5.0,
+        sample_time=run.sample_time + 5.0, points=points, sigma=np.full(points.shape, 0.05),
+    )  # fmt: skip
+    dataset = Dataset(
+        "bar", device.model.layout, NAMES[::-1], np.array([*ids[::-1], 900]),
+        np.concatenate([rest[::-1], rest[:1]]), (recording,),
+    )  # fmt: skip
+    for name in ("run-1", "run-7"):
+        (tmp_path / "s" / name).mkdir(parents=True)
+    monkeypatch.setattr(session_play, "manifest_path", lambda f: f if f.name == "s" else None)
+    monkeypatch.setattr(session_play, "session_dataset", lambda folders, device: dataset)
+    out = Kept()
+    for folder in (tmp_path / "s" / "run-1", tmp_path / "s"):
+        play = live_run(device, RunOptions(f"replay:{folder}"))
+        monkeypatch.setattr(play.loop, "_outputs", (out,))
+        play.loop.start()
+        with pytest.raises(CaptureError, match="the recording is at its end"):
+            play.loop.wait(60.0)
+        play.close()
+    known = [f for f in out.frames if f.quality is not Quality.LOST and f.time > 4]
+    assert len(known) > 50
+    for frame in known:
+        at = np.argmin(abs(run.time - frame.time))
+        own = np.where(np.isfinite(frame.tracks), run.points[at], np.nan)
+        assert np.nanmax(np.abs(frame.tracks - own)) < 0.5
+        assert frame.off < 1.0
+    blind = [f for f in known if run.time[205] < f.time < run.time[255]]
+    assert blind
+    assert all(np.isnan(f.tracks[-1]).all() for f in blind)
+    with pytest.raises(LiveError, match="run-7: was not processed; there are run-1"):
+        live_run(device, RunOptions(f"replay:{tmp_path / 's' / 'run-7'}"))
 
 
 def test_what_cannot_be_opened_is_told(live_bar, tmp_path):

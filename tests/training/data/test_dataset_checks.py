@@ -243,6 +243,20 @@ def test_what_relaxes_is_not_taken_for_a_shift(good):
         shifted(good, float("nan"))
 
 
+def test_a_layout_that_senses_little_may_be_trained_on():
+    """Its signals go with what the simulation expects of them, and so they are in step."""
+    r = recording(9)
+    rng = np.random.default_rng(2)
+    expected = 1e-3 * rng.normal(size=(len(r.time), 3))
+    at = np.stack([np.interp(r.sample_time, r.time, e) for e in expected.T], axis=1)
+    noise = replace(r, ohm=r.rest * (1 + at + 3e-4 * rng.normal(size=r.ohm.shape)))
+    told(check_dataset(dataset(noise)), "signals tell nothing")
+    problem = told(check_dataset(dataset(noise), predicted={r.name: expected}), "cords tell little")
+    assert not problem.fatal
+    other = 1e-3 * rng.normal(size=expected.shape)
+    told(check_dataset(dataset(noise), predicted={r.name: other}), "signals tell nothing")
+
+
 def test_a_cord_that_was_replaced(good):
     drifted = [recording(k, rest=R0 * (1 + 0.02 * k), session=f"s{k}") for k in (1, 2, 3, 4)]
     assert check_dataset(dataset(*drifted)) == ()

@@ -19,6 +19,7 @@ from ....core.progress import Progress, silent
 from ....decoding.trained_model import TrainedModel
 from ....training.data.dataset import Dataset, Recording
 from ....training.data.fingerprint import fingerprint
+from ....training.data.first_rest import first_rest
 from ....training.fitting.train_model import Attempt, Training, TrainingOptions, train
 from ....training.simulation.prior import Prior
 from ....training.simulation.simulated_model import simulated_model
@@ -88,6 +89,7 @@ def told_of(
         "data": {r.name: recording_hash(r) for r in dataset.recordings},
         "held_out": _held_out(result, dataset),
         "repeatability": None if result.repeats is None else asdict(result.repeats),
+        "first_rest": first_rest(dataset),
         "R0": {r.name: r.rest.tolist() for r in dataset.recordings},
         "sync_error": {r.name: r.sync_error for r in dataset.recordings},
         "provenance": dict(dataset.provenance),

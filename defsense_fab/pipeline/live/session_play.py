@@ -1,0 +1,107 @@
+"""A recorded session as a source: what its cords said comes again, beside where its cameras saw
+the markers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...capture.readout.source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
+from ...core.arrays import Float, Int
+from ...core.device import Device
+from ...core.errors import CaptureError, LiveError
+from ...core.sampling import at_times
+from ...sensing.serial_frames import NOT_READ, Info, Sample
+from ...sensing.voltage_divider import Dividers
+from ...training.data.dataset import Recording
+from ..artifacts.session_manifest import manifest_path
+from ..train.data.session_dataset import session_dataset
+
+_FULL_SCALE = 1 << 24  # counts of a converter that is finer than any that is built in
+_BETWEEN = 0.1  # s between two pictures, at most, for a marker to be told in between
+
+
+def is_session(path: Path) -> bool:
+    """A session's folder, or that of one of its runs."""
+    return any(manifest_path(folder) is not None for folder in (path, path.parent))
+
+
+class SessionPlay:
+    """A `Source` that plays a run of a processed session at its own pace, with the dividers
+    `reference` (c,) ohm in the order `wired`. Raises LiveError and TrainingError for what is not
+    to be played."""
+
+    def __init__(
+        self, path: Path, device: Device | None, wired: Sequence[str], ids: Int, reference: Float
+    ) -> None:
+        whole = manifest_path(path) is not None
+        folder = path if whole else path.parent
+        dataset = session_dataset([folder], device)
+        if set(dataset.channels) != set(wired):
+            raise LiveError(
+                f"{path}: has the channels {', '.join(dataset.channels)}, and the model"
+                f" {', '.join(wired)}; give a session of the device that it was trained on"
+            )
+        runs = {Path(r.name).name: r for r in dataset.recordings}
+        if not whole and path.name not in runs:
+            raise LiveError(f"{path}: was not processed; there are {', '.join(runs)}")
+        self.name = str(path)
+        self.sink: Sink | None = None
+        self._run: Recording = next(iter(runs.values())) if whole else runs[path.name]
+        self._ids, self._known = np.asarray(ids), list(dataset.ids)
+        counts = Dividers(reference, _FULL_SCALE).counts(
+            self._run.ohm[:, [dataset.channels.index(name) for name in wired]]
+        )
+        self._counts = np.where(np.isfinite(counts), np.rint(counts), NOT_READ).astype(np.int64)
+        self._device_us = np.rint(1e6 * (self._run.sample_time - self._run.sample_time[0]))
+        self._next, self._begun = 0, 0
+        self._latest: StampedSample | None = None
+
+    def tracks(self, when: float) -> Float:
+        """Where cameras saw the model's markers (m, 3) mm at a time, s, of the samples; NaN where
+        they did not."""
+        r = self._run
+        flat = r.points.reshape(len(r.time), -1)
+        at = at_times(np.array([when + r.sample_time[0]]), r.time, flat, _BETWEEN)
+        seen = at.reshape(-1, 3)
+        nowhere = np.full(3, np.nan)
+        return np.array([
+            seen[self._known.index(i)] if i in self._known else nowhere for i in self._ids
+        ])  # fmt: skip
+
+    def start(self) -> Info:
+        self._begun, self._next = time.monotonic_ns(), 0
+        span = float(np.median(np.diff(self._run.sample_time)))
+        c = self._counts.shape[1]
+        return Info(1, (0, 0), 0, c, 1, round(1 / span), 0, c, _FULL_SCALE)
+
+    def drain(self) -> list[StampedSample | Event]:
+        if self._next >= len(self._counts):
+            raise CaptureError(f"{self.name}: the recording is at its end")
+        due = self._begun + (1000 * self._device_us).astype(np.int64)
+        last = int(np.searchsorted(due, time.monotonic_ns(), side="right"))
+        out: list[StampedSample | Event] = []
+        for k in range(self._next, last):
+            micros, sums = int(self._device_us[k]), tuple(int(s) for s in self._counts[k])
+            sample = Sample(k, micros % (1 << 32), False, False, 1, sums)
+            self._latest = StampedSample(int(due[k]), micros, sample)
+            if self.sink is not None:
+                self.sink(self._latest)
+            out.append(self._latest)
+        self._next = max(self._next, last)
+        return out
+
+    def read_latest(self, max_age: float) -> StampedSample:
+        if self._latest is None or time.monotonic_ns() - self._latest.host_ns > max_age * 1e9:
+            raise StaleError(f"{self.name}: no sample of the last {max_age:g} s; drain() plays")
+        return self._latest
+
+    @property
+    def statistics(self) -> ReadoutStatistics:
+        return ReadoutStatistics(samples=self._next)
+
+    def close(self) -> None:
+        """Nothing is open."""
