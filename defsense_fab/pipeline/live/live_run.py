@@ -34,12 +34,13 @@ from ..twin.walking_board import WalkingBoard, parse_faults, walking_board
 from .animations import Animations
 from .live_device import LiveDevice
 from .live_loop import BUDGET, LiveLoop, Sending, deviation
-from .raw_recording import RawRecording, run_folder
+from .raw_recording import RawRecording, run_folder, since_last_run
 from .session_play import SessionPlay, is_session
 
 REFERENCE = 2200.0  # ohm, of dividers that nothing tells
 _TWIN, _REPLAY = "twin", "replay"
 _VIEW_RATE = 60.0  # Hz, at most
+_RECENT = 900.0  # s, in which cords that have set do not recover
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent)
     order = [live.wired.index(name) for name in model.channels]
     rest = None if options.rest is None else options.rest[order]
     decoder = LiveDecoder(
-        model, rest, live.trained_rest, lying=live.lying, fallback=options.fallback
+        model, rest, live.trained_rest, lying=_lying(live, options.port), fallback=options.fallback
     )
     controls = None
     if live.poses is not None:
@@ -215,6 +216,15 @@ def _twin(live: LiveDevice, text: str, words: str, progress: Progress) -> Walkin
         live.device, unit=values["unit"], seed=values["seed"], seconds=60.0 * values["minutes"],
         faults=parse_faults(live.wired, faults), progress=progress,
     )  # fmt: skip
+
+
+def _lying(live: LiveDevice, port: str) -> Float | None:
+    """What signals are in the first rest (c,), of cords that have not moved for long; None where
+    they have, or where that is not known."""
+    played = port.partition(":")[0] in (_TWIN, _REPLAY) or port.endswith(".csv")
+    if not played and live.device and since_last_run(live.device.source) < _RECENT:
+        return None
+    return live.lying
 
 
 def _reference(live: LiveDevice, options: RunOptions, notes: list[str]) -> Float:

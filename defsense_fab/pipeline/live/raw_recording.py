@@ -3,6 +3,7 @@ again."""
 
 from __future__ import annotations
 
+import time
 from datetime import datetime
 from pathlib import Path
 
@@ -51,3 +52,9 @@ class RawRecording:
 def run_folder(device: Path) -> Path:
     """For a run that begins now: live/2026-11-25-14-03-09 in the device's folder."""
     return device / "live" / datetime.now().astimezone().strftime("%Y-%m-%d-%H-%M-%S")
+
+
+def since_last_run(device: Path) -> float:
+    """s since the last run that was kept in the device's folder ended, infinite without one."""
+    ends = [path.stat().st_mtime for path in device.glob(f"live/*/{BOARD}")]
+    return time.time() - max(ends) if ends else float("inf")

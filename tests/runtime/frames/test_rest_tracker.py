@@ -78,3 +78,26 @@ def test_a_user_may_say_that_it_rests_now():
 def test_drift_is_told_from_one_per_cent_on():
     assert drift_told(("a", "b"), np.array([0.004, -0.002])) is None
     assert "a by +2.0 %" in drift_told(("a", "b"), np.array([0.02, -0.002]))
+
+
+def test_what_the_training_began_with_is_taken_out_from_the_beginning():
+    lying = np.array([-0.03, -0.015])
+    tracker = RestTracker(SPAN, lying=lying)
+    told, t = feed(tracker, 3, lambda t: lying, 0.0)
+    assert told.ohms == pytest.approx(R0, rel=1e-3)
+    told, t = feed(tracker, 4, lambda t: 0.8 * SPAN * np.sin(2 * t), t)
+    told, _ = feed(tracker, 5, still, t)
+    assert told.settled
+    assert told.ohms == pytest.approx(R0, rel=1e-3)
+
+
+def test_a_pause_in_a_pose_counts_no_more_than_it_lasts():
+    """Two seconds near the rest, and then ten at it."""
+    tracker = RestTracker(SPAN, lying=np.zeros(2))
+    _, t = feed(tracker, 3, still, 0.0)
+    _, t = feed(tracker, 4, lambda t: 0.8 * SPAN * np.sin(2 * t), t)
+    paused, t = feed(tracker, 3, lambda t: 0.12 * SPAN, t)
+    assert (np.abs(paused.ohms / R0 - 1) < 0.06 * SPAN).all()
+    _, t = feed(tracker, 4, lambda t: 0.8 * SPAN * np.sin(2 * t), t)
+    told, _ = feed(tracker, 10, still, t)
+    assert (np.abs(told.ohms / R0 - 1) < 0.02 * SPAN).all()
