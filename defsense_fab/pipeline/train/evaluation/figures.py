@@ -17,6 +17,7 @@ _COLUMN = 85 / 25.4  # inches
 _DARK, _BLUE, _LIGHT, _BAND = "#111111", "#1f5fa8", "#e08a1e", "#c9d6e6"
 _DRAWN = 2000  # points of a curve
 _WINDOW = 30.0  # s of the paths
+_LABEL = 0.06  # of the device, in which one marker's label covers the next
 _STYLE: dict[Any, Any] = {
     "font.size": 8, "axes.titlesize": 8, "axes.labelsize": 8, "legend.fontsize": 7,
     "xtick.labelsize": 7, "ytick.labelsize": 7, "axes.linewidth": 0.6, "lines.linewidth": 0.9,
@@ -114,6 +115,7 @@ def _markers(figure: Any, found: Evaluated) -> None:
     a, b, c = np.argsort(-np.ptp(places, axis=0), kind="stable")
     views = figure.subplots(2, 1, sharex=True, height_ratios=_heights(places))
     most = float(np.nanmax(rmse)) if np.isfinite(rmse).any() else 1.0
+    extent = float(np.ptp(places, axis=0).max())
     order = np.argsort(np.nan_to_num(rmse), kind="stable")
     for ax, (x, y) in zip(views, ((a, b), (a, c)), strict=True):
         size = 10 + 60 * np.nan_to_num(rmse[order]) / most
@@ -125,10 +127,22 @@ def _markers(figure: Any, found: Evaluated) -> None:
         ax.margins(0.12)
         ax.set_ylabel(f"{'xyz'[y]}, mm")
     views[1].set_xlabel(f"{'xyz'[a]}, mm")
-    for m in order[-3:]:
-        views[0].annotate(f"{found.model.ids[m]}", places[m, [a, b]], (4, 4),
-                          textcoords="offset points", fontsize=7)  # fmt: skip
+    for at, ids in _together(places[order[-3:]][:, [a, b]], found.model.ids[order[-3:]], extent):
+        views[0].annotate(", ".join(map(str, ids)), at, (4, 4), textcoords="offset points",
+                          fontsize=7)  # fmt: skip
     figure.colorbar(drawn, ax=views, label="RMSE, mm", aspect=30)
+
+
+def _together(places: Float, ids: Int, extent: float) -> list[tuple[Float, list[int]]]:
+    """Places (n, 2) with the numbers of all markers that lie so near that one label is for them."""
+    out: list[tuple[Float, list[int]]] = []
+    for place, number in zip(places, ids.tolist(), strict=True):
+        near = [ids for at, ids in out if np.abs(at - place).max() < _LABEL * extent]
+        if near:
+            near[0].append(number)
+        else:
+            out.append((place, [number]))
+    return out
 
 
 def _heights(places: Float) -> tuple[float, float]:
