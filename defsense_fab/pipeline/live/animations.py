@@ -24,6 +24,7 @@ class Animations:
         self._recorder: AnimationRecorder | None = None
         self.written: list[str] = []
         self.trouble: str | None = None
+        self.news: str | None = None
 
     def start(self, path: Path) -> None:
         """Raises DefsenseError for a path that no animation can be written to."""

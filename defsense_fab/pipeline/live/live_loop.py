@@ -44,6 +44,9 @@ class Sending(Protocol):
     @property
     def trouble(self) -> str | None: ...
 
+    @property
+    def news(self) -> str | None: ...
+
     def send(self, frame: LiveFrame) -> None: ...
 
     def close(self) -> None: ...
@@ -164,7 +167,7 @@ class LiveLoop:
         if time.monotonic() - self._heard > _SILENT:
             notes.append(f"{self._source.name}: no sample for {self.silence:.0f} s")
         for each in (*self._outputs, *self._views):
-            notes += [each.trouble] if each.trouble else []
+            notes += [told for told in (each.trouble, each.news) if told]
         if self._recorder is not None and self._recorder.trouble:
             notes.append(self._recorder.trouble)
         frame = self._frame

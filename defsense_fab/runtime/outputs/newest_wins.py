@@ -49,6 +49,7 @@ class NewestWins:
         self._signed = self._sending = False
         self._given = self._sent = self._failures = 0
         self._failure: str | None = None
+        self._began_as = ""
         self._begun = 0.0  # with the frame that is being sent
         self._stop, self._tried = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"output {name}", daemon=True)
@@ -67,6 +68,11 @@ class NewestWins:
     def about(self) -> str:
         output = self._output
         return output.about if output is not None else f"{self.name}: is not open"
+
+    @property
+    def news(self) -> str | None:
+        """What it does now, where that is something else than when it was opened."""
+        return self.about if self._output is not None and self.about != self._began_as else None
 
     @property
     def statistics(self) -> OutputStatistics:
@@ -96,7 +102,8 @@ class NewestWins:
         while not self._stop.is_set():
             try:
                 if self._output is None:
-                    self._output = self._opener()
+                    opened = self._opener()
+                    self._began_as, self._output = opened.about, opened
                     self._failure = None
                     self._tried.set()
                 frame = self._next()

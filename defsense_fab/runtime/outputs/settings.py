@@ -81,6 +81,12 @@ class MidiMapping:
         if self.hysteresis < 0:
             raise OutputError("hysteresis must not be negative")
 
+    @property
+    def place(self) -> str:
+        """In words."""
+        what = f"control change {self.cc}" if self.cc is not None else f"note {self.note}"
+        return f"{what} of channel {self.channel}"
+
 
 @dataclass(frozen=True)
 class MidiSettings:

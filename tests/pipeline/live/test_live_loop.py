@@ -26,7 +26,7 @@ SPEED = 4.0
 class Kept:
     """An output that keeps what it is given."""
 
-    name, trouble = "kept", None
+    name, trouble, news = "kept", None, None
 
     def __init__(self):
         self.frames, self.closed = [], False

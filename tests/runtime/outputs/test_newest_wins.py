@@ -137,3 +137,13 @@ def test_what_fails_while_it_closes_is_logged(recorder, caplog):
     assert output.wait_until_tried(20)
     output.close()
     assert "could not be closed: too late" in caplog.text
+
+
+def test_what_an_output_does_now_is_news_where_it_did_something_else():
+    changed = Recorder()
+    output = NewestWins("recorder", lambda: changed)
+    assert output.wait_until_tried(5.0)
+    assert output.news is None
+    changed.about = "recorder: keeps every second frame"
+    assert output.news == "recorder: keeps every second frame"
+    output.close()

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from ....core.errors import OutputError
-from ....core.files import storage_errors
+from ....core.files import write_text
 from ...frames.live_frame import LiveFrame
 from ..output import unknown_controls
 from ..settings import MidiMapping, MidiSettings
@@ -35,6 +35,7 @@ class MidiOutput:
         known = bool(settings.mapping or settings.learn)
         self._mapper = MidiMapper(settings.mapping) if known else None
         self._learn: MidiLearn | None = None
+        self._new: MidiMapping | None = None  # that was learned last
         self._told = False  # which instruments play
         self.trouble: str | None = None
         if settings.file:
@@ -48,6 +49,8 @@ class MidiOutput:
             where = f"writes to {self._file.path}"
         if self._learn is not None:
             where += f", learns from {self._learn.port_name!r} into {self._settings.learned}"
+        if self._new is not None:
+            where += f"; {self._new.control} plays {self._new.place} from now on"
         return f"midi: {where}"
 
     def send(self, frame: LiveFrame) -> None:
@@ -134,7 +137,5 @@ class MidiOutput:
         if self._mapper is not None:
             self._put(self._mapper.silence())
         self._mapping = merged(self._mapping, new)
-        self._mapper = MidiMapper(self._mapping)
-        path = Path(self._settings.learned)
-        with storage_errors(path):
-            path.write_text(as_toml(self._mapping), encoding="utf-8")
+        self._mapper, self._new = MidiMapper(self._mapping), new
+        write_text(Path(self._settings.learned), as_toml(self._mapping))

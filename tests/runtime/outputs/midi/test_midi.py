@@ -252,6 +252,7 @@ def test_learning_while_it_plays(tmp_path, monkeypatch):
     cable.waiting = [bytes([0xB0, 7, 1])]
     output.send(frame(31, controls={"bend": 0.5, "twist": 0.0}))
     assert cable.sent == [(0xB0, 7, 64)]
+    assert output.about.endswith("; bend plays control change 7 of channel 1 from now on")
     assert read_live_file(path).outputs == (MidiSettings(mapping=(MidiMapping("bend", cc=7),)),)
     for n in range(40):
         output.send(frame(1000 + n, controls={"bend": 0.5, "twist": n / 40}))
