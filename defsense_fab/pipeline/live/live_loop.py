@@ -33,6 +33,7 @@ _KEPT = 6000  # latencies: a minute at 100 Hz
 #: s that a surface may take: it bounds the rounds of its solver.
 BUDGET = 0.008
 _SILENT = 1.0  # s without a sample, after which that is said
+_TOLD = 5.0  # s, for which it is told what happened
 
 
 class Sending(Protocol):
@@ -114,8 +115,11 @@ class LiveLoop:
         self._frame: LiveFrame | None = None
         self._failure: Exception | None = None
         self._samples = self._skipped = 0
-        self._event: str | None = None
+        self._event, self._event_at = "", -np.inf
+        self._event_lasts = False
         self._heard = time.monotonic()
+        self._told_silent = False
+        self._number = 0  # of frames: those of silence count, too
 
     def start(self) -> Info:
         """Open the source. Raises CaptureError where it cannot be read, LiveError where it has
@@ -131,6 +135,7 @@ class LiveLoop:
                     " device that the model was trained on"
                 )
             self._dividers = Dividers(self._reference, info.full_scale)
+            self._heard = time.monotonic()
         except DefsenseError:
             self._source.close()
             raise
@@ -163,7 +168,8 @@ class LiveLoop:
 
     @property
     def status(self) -> LiveStatus:
-        notes = [self._event] if self._event else []
+        now = time.monotonic()
+        notes = [self._event] if self._event_lasts or now - self._event_at < _TOLD else []
         if time.monotonic() - self._heard > _SILENT:
             notes.append(f"{self._source.name}: no sample for {self.silence:.0f} s")
         for each in (*self._outputs, *self._views):
@@ -190,14 +196,21 @@ class LiveLoop:
         if self._recorder is not None:
             self._recorder.add(item)
         if isinstance(item, Event):
-            self._event = _told(self._source.name, item)
+            self._tell(_told(self._source.name, item), lasts=item.kind == "gap")
+            if item.data.get("full_scale", 0) > 0:  # another board, or another range of it
+                self._dividers = Dividers(self._reference, item.data["full_scale"])
             return
         self._samples += 1
         self._skipped += len(self._items) == _WAITING
         self._items.append(item)
         self._heard = time.monotonic()
-        self._event = None
+        self._event_lasts = False
         self._came.set()
+
+    def _tell(self, told: str | None, *, lasts: bool = False) -> None:
+        """A note for some seconds, or until samples come again."""
+        if told is not None:
+            self._event, self._event_at, self._event_lasts = told, time.monotonic(), lasts
 
     def _decoding(self) -> None:
         try:
@@ -211,6 +224,10 @@ class LiveLoop:
                     frame = self._decode(self._items.popleft()) or frame
                 if frame is not None:
                     self._give(frame)
+                    self._told_silent = False
+                elif self.silence > _SILENT and not self._told_silent:
+                    self._told_silent = True
+                    self._give_lost()
         except Exception as error:  # told by `wait`
             self._failure = error
         finally:
@@ -220,7 +237,7 @@ class LiveLoop:
         assert self._dividers is not None
         counts = np.array(item.sample.counts)
         if len(counts) != len(self._order):
-            self._event = (
+            self._tell(
                 f"{self._source.name}: samples of {len(counts)} channels come, where"
                 f" {len(self._order)} are connected; another program changed the board's settings"
             )
@@ -234,12 +251,28 @@ class LiveLoop:
             lost = frame.quality is Quality.LOST
             confidence = dict.fromkeys(found.confidence, 0.0) if lost else found.confidence
             frame = replace(frame, controls=found.values, confidence=confidence)
-        if self._tracks is not None:
-            frame = replace(frame, tracks=self._tracks(frame.time))
-        self._frame = frame
+        self._number += 1
+        tracks = None if self._tracks is None else self._tracks(frame.time)
+        self._frame = frame = replace(frame, number=self._number, tracks=tracks)
         for each in self._outputs:
             each.send(frame)
         self._decoded.add(time.monotonic() - frame.arrived)
+        if self._views:
+            self._shape.put(frame)
+
+    def _give_lost(self) -> None:
+        """The last frame once more, which is not to be believed: nothing comes from the device."""
+        if self._frame is None or self._frame.quality is Quality.LOST:
+            return
+        note = f"{self._source.name}: nothing comes from the read-out board"
+        self._number += 1
+        self._frame = frame = replace(
+            self._frame, number=self._number, arrived=time.monotonic(),
+            quality=Quality.LOST, confidence=dict.fromkeys(self._frame.confidence, 0.0),
+            notes=(note,),
+        )  # fmt: skip
+        for each in self._outputs:
+            each.send(frame)
         if self._views:
             self._shape.put(frame)
 
@@ -269,6 +302,8 @@ def deviation(radius: Float) -> Float:
 def _told(name: str, event: Event) -> str | None:
     if event.kind == "gap":
         return f"{name}: the read-out board is gone ({event.data.get('why', 'no answer')}); waiting"
+    if event.kind == "resumed":
+        return f"{name}: the read-out board is back"
     if event.kind == "restart":
         return f"{name}: the read-out board started anew"
     return None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Bool, Float
 from ...core.errors import LiveError
 from ...decoding.trained_model import Decoded, TrainedModel, decoded
 from ...sensing.signal import relative_change
@@ -20,7 +20,19 @@ from .swap_watch import SwapWatch
 _UNTRAINED = 1.5  # distance from the training; of its own, 1 % lie beyond 1
 _ABSURD = 5.0  # such a distance is no shape that the decoder can tell anything of
 _SMOOTH = 0.3  # s over which the distance is averaged for that
+_GROSS = 3.0  # times R0 in training, which no cord of the same length has
 _REPLACED = 0.15  # relative change of R0 from the training's that is no drift
+_PATIENCE = 5.0  # s of readings that make no sense, after which R0 is measured anew
+_SAID = 10.0  # s, for which that is told
+_NONSENSE = (
+    "the readings make no sense: if the device is at rest, let it lie for some seconds, or say so"
+    ' ("At rest now")'
+)
+_MEASURED_ANEW = "R0 was measured anew, since by the former one the readings made no sense"
+_DRIFTED_FAR = (
+    "the rest reading has drifted as far as it is followed: let the device rest and say so"
+    ' ("At rest now"), or train again'
+)
 _SETTLE = (
     "move the device through all its poses once, then leave it at rest for two seconds: rubber sets"
     " in its first cycles"
@@ -53,7 +65,7 @@ class LiveDecoder:
                 raise LiveError(f"{name}: {np.size(values)} resistances for {c} channels")
         span = np.maximum(model.main.range.high - model.main.range.low, 1e-6)
         self.model = model
-        self._rest, self._fixed = RestTracker(span, rest, lying), not track
+        self._rest, self._fixed = RestTracker(span, rest, lying, trained_rest), not track
         self._rest_ohms = None if rest is None else np.asarray(rest, float)
         self._trained_rest, self._fallback = trained_rest, fallback
         self._faults, self._swaps = LiveFaults(model.faults, c), SwapWatch(model)
@@ -61,6 +73,7 @@ class LiveDecoder:
         self._streams = {name: model.stream(name) for name in lost}  # each with its own past
         self._found: list[LiveFault] = []
         self._number, self._distance, self._rest_asked = 0, 0.0, False
+        self._absurd_since, self._said = np.inf, (-np.inf, "")
         self._last: Decoded | None = None
         self._last_time = -np.inf
         self._ids = tuple(int(i) for i in model.ids)
@@ -86,11 +99,11 @@ class LiveDecoder:
         if not sample.time > self._last_time:
             return None
         since, self._last_time = sample.time - self._last_time, sample.time
-        if self._rest_asked:
-            self._rest_asked = False
-            self._rest.set_now()
         ohms = self._exchanged(sample.ohms)
-        rest = self._rest(sample.time, ohms, frozenset(f.channel for f in self._found))
+        lost = frozenset(f.channel for f in self._found)
+        rest = self._rest(sample.time, ohms, lost)
+        if self._rest_asked or self._nonsense(sample.time, rest):
+            rest = self._set_rest(sample.time, rest, lost)
         if self._rest_ohms is None or not self._fixed:
             self._refer(rest.ohms)
         self._number += 1
@@ -105,21 +118,26 @@ class LiveDecoder:
         with np.errstate(all="ignore"):
             signals = relative_change(ohms, self._rest_ohms)
         self._found = self._faults(sample.time, ohms, signals)
-        return self._frame(sample, since, np.where(known, signals, np.nan), rest)
+        return self._frame(sample, since, known, np.where(known, signals, np.nan), rest)
 
     def _refer(self, rest: Float | None) -> None:
         """R0 is `rest` from now on."""
         before, self._rest_ohms = self._rest_ohms, rest
-        if before is None or rest is None or np.array_equal(before, rest):
+        if before is None and rest is not None:
+            self._faults.begin_anew()  # before, they were of signals by R0 in training
+        if before is None or rest is None or np.array_equal(before, rest, equal_nan=True):
             return
-        self._swaps.refer(before / rest)
+        ratio = np.nan_to_num(before / rest, nan=1.0)
+        self._swaps.refer(ratio)
         for stream in self._streams.values():
-            stream.refer(before / rest)
+            stream.refer(ratio)
 
     def _exchanged(self, ohms: Float) -> Float:
         return self._swaps.exchanged(ohms) if self._fallback else ohms
 
-    def _frame(self, sample: Sample, since: float, signals: Float, rest: Rest) -> LiveFrame:
+    def _frame(
+        self, sample: Sample, since: float, known: Bool, signals: Float, rest: Rest
+    ) -> LiveFrame:
         model, swapped = self.model, self._swaps.pair
         notes = [fault_told(model.channels, f.kind, (f.channel,)) for f in self._found]
         if swapped is not None:
@@ -133,8 +151,15 @@ class LiveDecoder:
             quality = Quality.LOST
             if len(names) == 1:
                 notes.append("the model has no decoder without that cord")
+        elif names:
+            quality = Quality.FALLBACK
         now = decoded(model.branch(lost), inputs[lost][None], len(self._ids))
         far = not now.distance[0] < _ABSURD
+        # One cord that is off is that cord's; several that can be read are R0's.
+        absurd = bool(known.all()) and swapped is None and (len(names) > 1 or (far and not names))
+        self._absurd_since = min(self._absurd_since, sample.time) if absurd else np.inf
+        if absurd:
+            notes.append(_NONSENSE)
         if far or quality == Quality.LOST or not np.isfinite(now.points).all():
             quality = Quality.LOST
             now = self._last or now
@@ -148,6 +173,11 @@ class LiveDecoder:
             notes.append(_SETTLE)
         drift = drift_told(model.channels, rest.drift)
         notes += [drift] if drift else []
+        if rest.farthest:
+            quality = Quality.UNTRAINED if quality == Quality.TRUSTED else quality
+            notes.append(_DRIFTED_FAR)
+        if sample.time < self._said[0]:
+            notes.append(self._said[1])
         notes += self._replaced()
         return self._made(sample, signals, now, quality, lost, tuple(notes))
 
@@ -155,10 +185,27 @@ class LiveDecoder:
         if np.isfinite(distance):
             self._distance += (distance - self._distance) * -np.expm1(-since / _SMOOTH)
 
+    def _nonsense(self, time: float, rest: Rest) -> bool:
+        """Whether readings have made no sense for so long, and lie so still, that it is R0 that
+        is wrong: it was measured while the device was held in a pose."""
+        return rest.still and not self._fixed and time - self._absurd_since > _PATIENCE
+
+    def _set_rest(self, time: float, rest: Rest, lost: frozenset[int]) -> Rest:
+        """Take what the cords read at this moment for their rest, and say so."""
+        asked, self._rest_asked = self._rest_asked, False
+        self._absurd_since = np.inf
+        if not self._rest.set_now(lost):
+            self._said = (time + _SAID, "no cord can be read, so that R0 stays what it was")
+            return rest
+        left_out = ", ".join(self.model.channels[c] for c in sorted(lost))
+        told = "R0 is what the cords read now" if asked else _MEASURED_ANEW
+        self._said = (time + _SAID, f"{told} (but {left_out})" if left_out else told)
+        return self._rest.told
+
     def _replaced(self) -> list[str]:
         if self._trained_rest is None or self._rest_ohms is None:
             return []
-        off = self._rest_ohms / self._trained_rest - 1
+        off = np.nan_to_num(self._rest_ohms / self._trained_rest - 1)
         return [
             f"{name} has {100 * d:+.0f} % of its resistance at rest in training: if the cord was"
             " replaced, run 'defsense recalibrate'"
@@ -167,12 +214,19 @@ class LiveDecoder:
         ]
 
     def _waiting(self, sample: Sample) -> LiveFrame:
+        """Before R0 is known; cords far from their R0 in training are open or shorted."""
         c = len(self.model.channels)
+        known = sample.ohms if self._trained_rest is None else self._trained_rest
+        with np.errstate(all="ignore"):
+            signals = relative_change(sample.ohms, known)
+        gross = (signals > _GROSS - 1) | (signals < 1 / _GROSS - 1)
+        self._found = self._faults(sample.time, sample.ohms, np.where(gross, signals, 0.0))
         points = self.model.rest_points[None]
         none = np.full((1, len(self._ids)), np.nan)
         now = Decoded(points, none, np.array([np.nan]))
         note = "leave the device at rest for two seconds: its resistances at rest are measured"
-        return self._made(sample, np.full(c, np.nan), now, Quality.LOST, None, (note,))
+        notes = [fault_told(self.model.channels, f.kind, (f.channel,)) for f in self._found]
+        return self._made(sample, np.full(c, np.nan), now, Quality.LOST, None, (*notes, note))
 
     def _made(
         self, sample: Sample, signals: Float, now: Decoded, quality: Quality, lost: str | None,

@@ -15,6 +15,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...decoding.channel_faults import SHORTED, TORN, FaultLimits, find_faults
 
+_WIRE = 1.0  # ohm, of what is no rubber
 _SURE = 3  # samples in a row beyond a limit: one may be a glitch of the line
 _GONE = 1.0  # s without it, after which a fault is over
 _WINDOW = 6.0  # s that slow faults are looked for in
@@ -71,7 +72,7 @@ class LiveFaults:
         return [self._now[c] for c in sorted(self._now)]
 
     def _at_once(self, ohms: Float, signals: Float) -> dict[int, str]:
-        high, low = ~np.isfinite(ohms), ohms <= 0
+        high, low = ~np.isfinite(ohms), ohms < _WIRE
         if self._limits is not None:
             with np.errstate(invalid="ignore"):
                 high = high | (signals > self._limits.high)
