@@ -20,13 +20,16 @@ class FaultLimits:
     """Of c channels: signals (R - R0)/R0 above `high` (c,) or below `low` (c,) are no strain; a
     channel that stays exactly the same for longer than `still` (c,) s while another moves by more
     than `moves` (c,) is stuck; one whose samples jump by more than `jump` (c,) from one to the
-    next, root mean square over a second, has a loose contact."""
+    next, root mean square over a second, has a loose contact. One that stays exactly the same for
+    longer than `repeats` (c,) s is stuck whatever others do: noise would have changed it (None
+    where that is not known)."""
 
     low: Float
     high: Float
     still: Float
     moves: Float
     jump: Float
+    repeats: Float | None = None
 
 
 @dataclass(frozen=True)

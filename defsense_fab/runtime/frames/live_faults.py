@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import Float
-from ...decoding.channel_faults import SHORTED, TORN, FaultLimits, find_faults
+from ...core.arrays import Bool, Float
+from ...decoding.channel_faults import SHORTED, STUCK, TORN, FaultLimits, find_faults
 
 _WIRE = 1.0  # ohm, of what is no rubber
 _SURE = 3  # samples in a row beyond a limit: one may be a glitch of the line
@@ -38,6 +38,7 @@ class LiveFaults:
     def __init__(self, limits: FaultLimits | None, channels: int) -> None:
         self._limits, self._count = limits, channels
         self._beyond = np.zeros((2, channels), int)
+        self._last, self._same_since = np.full(channels, np.nan), np.zeros(channels)
         self._window: deque[tuple[float, Float]] = deque()
         self._looked = -np.inf
         self._slow: dict[int, tuple[str, float]] = {}
@@ -55,7 +56,7 @@ class LiveFaults:
         self._window.append((time, signals))
         while time - self._window[0][0] > _WINDOW:
             self._window.popleft()
-        seen = self._at_once(ohms, signals)
+        seen = self._at_once(time, ohms, signals)
         if self._limits is not None:
             if time - self._looked >= _EVERY:
                 self._looked = time
@@ -71,7 +72,7 @@ class LiveFaults:
             del self._now[c]
         return [self._now[c] for c in sorted(self._now)]
 
-    def _at_once(self, ohms: Float, signals: Float) -> dict[int, str]:
+    def _at_once(self, time: float, ohms: Float, signals: Float) -> dict[int, str]:
         high, low = ~np.isfinite(ohms), ohms < _WIRE
         if self._limits is not None:
             with np.errstate(invalid="ignore"):
@@ -85,7 +86,17 @@ class LiveFaults:
                 found[c] = TORN
             elif self._beyond[1, c] >= _SURE:
                 found[c] = SHORTED
+        for c in np.flatnonzero(self._repeating(time, ohms)).tolist():
+            found.setdefault(c, STUCK)
         return found
+
+    def _repeating(self, time: float, ohms: Float) -> Bool:
+        """Channels that have been the same for longer than noise allows."""
+        self._same_since = np.where(ohms == self._last, self._same_since, time)
+        self._last = ohms
+        if self._limits is None or self._limits.repeats is None:
+            return np.zeros(self._count, bool)
+        return np.asarray(time - self._same_since > self._limits.repeats)
 
     def _slowly(self) -> dict[int, tuple[str, float]]:
         assert self._limits is not None

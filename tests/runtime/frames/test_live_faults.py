@@ -1,5 +1,7 @@
 """What a cord that fails looks like, from one sample to the next."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,14 @@ def test_a_channel_that_stays_where_it_is_while_others_move_is_stuck():
     first, now = found_after(put(2, 431.0))
     assert now == [("stuck", 2)]
     assert first < 3.0 + 2.0
+
+
+def test_a_channel_that_repeats_itself_is_stuck_within_a_fifth_of_a_second():
+    """Whatever others do: noise would have changed it. Without that limit it takes longer."""
+    limits = replace(LIMITS, repeats=np.full(3, 0.15))
+    first, now = found_after(put(1, 1412.0), limits=limits)
+    assert 3.15 < first < 3.2
+    assert now == [("stuck", 1)]
+    assert found_after(put(1, 1412.0))[0] > 3.5
+    first, now = found_after(lambda t, ohms: ohms, limits=limits)
+    assert (first, now) == (None, [])
