@@ -54,6 +54,16 @@ class TrainedRange:
         away = (inputs - self.middle) @ self.whiten
         return np.asarray(np.sqrt((away**2).mean(axis=1)) / self.usual)
 
+    def of_signals(self) -> TrainedRange:
+        """The same of the signals alone, the first c of the inputs, without what is remembered of
+        them."""
+        c = len(self.low)
+        covariance = np.linalg.inv(self.whiten @ self.whiten.T)[:c, :c]
+        values, vectors = np.linalg.eigh(covariance)
+        return TrainedRange(
+            self.middle[:c], vectors / np.sqrt(values), self.usual, self.low, self.high
+        )
+
 
 @dataclass(frozen=True)
 class Branch:

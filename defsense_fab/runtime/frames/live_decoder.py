@@ -102,7 +102,7 @@ class LiveDecoder:
         ohms = self._exchanged(sample.ohms)
         lost = frozenset(f.channel for f in self._found)
         rest = self._rest(sample.time, ohms, lost)
-        if self._rest_asked or self._nonsense(sample.time, rest):
+        if self._rest_asked or self._nonsense(sample.time, ohms, rest):
             rest = self._set_rest(sample.time, rest, lost)
         if self._rest_ohms is None or not self._fixed:
             self._refer(rest.ohms)
@@ -128,7 +128,6 @@ class LiveDecoder:
         if before is None or rest is None or np.array_equal(before, rest, equal_nan=True):
             return
         ratio = np.nan_to_num(before / rest, nan=1.0)
-        self._swaps.refer(ratio)
         for stream in self._streams.values():
             stream.refer(ratio)
 
@@ -185,10 +184,17 @@ class LiveDecoder:
         if np.isfinite(distance):
             self._distance += (distance - self._distance) * -np.expm1(-since / _SMOOTH)
 
-    def _nonsense(self, time: float, rest: Rest) -> bool:
+    def _nonsense(self, time: float, ohms: Float, rest: Rest) -> bool:
         """Whether readings have made no sense for so long, and lie so still, that it is R0 that
-        is wrong: it was measured while the device was held in a pose."""
-        return rest.still and not self._fixed and time - self._absurd_since > _PATIENCE
+        is wrong: it was measured while the device was held in a pose. Then they are nearer to R0
+        in training than it is; of plugs that are swapped they are not."""
+        if self._fixed or not rest.still or not time - self._absurd_since > _PATIENCE:
+            return False
+        if self._trained_rest is None or self._rest_ohms is None:
+            return False
+        with np.errstate(all="ignore"):
+            now, before = np.log(np.array([ohms, self._rest_ohms]) / self._trained_rest)
+        return bool(np.abs(now).max() < np.abs(before).max())
 
     def _set_rest(self, time: float, rest: Rest, lost: frozenset[int]) -> Rest:
         """Take what the cords read at this moment for their rest, and say so."""

@@ -13,7 +13,6 @@ from itertools import combinations
 import numpy as np
 
 from ...core.arrays import Float
-from ...decoding.past import PastStream
 from ...decoding.trained_model import TrainedModel
 from ...sensing.signal import relative_change
 
@@ -34,8 +33,8 @@ class SwapWatch:
         self.pair: tuple[int, int] | None = None
         self._pairs = list(combinations(range(count), 2))
         self._orders = [list(range(count)), *(_exchanged(count, pair) for pair in self._pairs)]
-        self._model, self._branch = model, model.main
-        self._pasts = [PastStream(model.main.past, count) for _ in self._orders]
+        # Not of what is remembered: that is wrong of all orders but one, for long after a swap.
+        self._model, self._range = model, model.main.range.of_signals()
         self._mean = np.zeros(len(self._orders))
         self._since, self._time = np.nan, np.nan
         self._window: deque[Float] = deque(maxlen=2 * _AROUND)
@@ -45,12 +44,6 @@ class SwapWatch:
         if self.pair is None:
             return ohms
         return np.asarray(ohms[_exchanged(len(ohms), self.pair)])
-
-    def refer(self, ratio: Float) -> None:
-        """As `ModelStream.refer`."""
-        model = self._model
-        for past in self._pasts:
-            past.rescale(ratio, (1 + model.offset) * (ratio - 1) / model.gain)
 
     def __call__(self, time: float, ohms: Float, rest: Float) -> None:
         """Of resistances (c,) ohm with R0 (c,) ohm, at a time, s."""
@@ -64,11 +57,11 @@ class SwapWatch:
             self._since = np.nan
             return
         dt = time - self._time if np.isfinite(self._time) else 0.0
-        self._time, branch = time, self._branch
-        signals = [self._model.corrected(relative_change(ohms[o], rest)) for o in self._orders]
-        z = np.array([p(time, s) if branch.past.count else s
-                      for p, s in zip(self._pasts, signals, strict=True)])  # fmt: skip
-        now = np.log(np.maximum(branch.range.distance(z), 1e-6))
+        self._time = time
+        signals = np.array(
+            [self._model.corrected(relative_change(ohms[o], rest)) for o in self._orders]
+        )
+        now = np.log(np.maximum(self._range.distance(signals), 1e-6))
         if not np.isfinite(self._since):
             self._since, self._mean = time, now
         self._mean += -np.expm1(-dt / _TIME) * (now - self._mean)

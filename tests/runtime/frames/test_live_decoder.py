@@ -9,7 +9,9 @@ from defsense_fab.core.errors import LiveError
 from defsense_fab.decoding.past import Past
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Sample
 from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.runtime.frames.swap_watch import SwapWatch
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
+from defsense_fab.training.ridge.trained_range import trained_range
 from tests.training.conftest import recorded as recorded_fixture
 
 recorded = recorded_fixture
@@ -170,3 +172,26 @@ def test_a_new_rest_is_no_movement_to_a_model_that_remembers(model):
     stream.refer(before / after)
     now, c = before / after - 1, 9
     assert stream.inputs(4.0, now)[:c] == pytest.approx(other.inputs(4.0, now)[:c], abs=1e-9)
+
+
+def test_a_swap_stays_told_for_as_long_as_it_lasts_of_a_model_that_remembers(model, recorded, run):
+    """What is remembered of exchanged readings was wrong until then, and says nothing."""
+    r, past = recorded(120).recordings[0], Past((2.0, 40.0), (20.0,))
+    seen = trained_range(past(r.sample_time, r.signals), r.signals)
+    watch = SwapWatch(replace(model, main=replace(model.main, past=past, range=seen)))
+    rest = run.rest * [1.0, 0.8, 1.0]
+    pairs = {}
+    for t, ohm in zip(run.sample_time, run.ohm * [1.0, 0.8, 1.0], strict=True):
+        watch(t, ohm[[1, 0, 2]] if 15 < t < 45 else ohm, rest)
+        pairs[t] = watch.pair
+    assert {pair for t, pair in pairs.items() if 15.2 < t < 45} == {(0, 1)}
+    assert {pair for t, pair in pairs.items() if not 14.9 < t < 45.2} == {None}
+
+
+def test_the_range_of_signals_alone_is_that_of_a_training_without_memory(recorded):
+    dataset = recorded(240, tear=0.2)
+    whole = train(dataset, TrainingOptions(decoder="quadratic")).model.main.range
+    alone = train(dataset, TrainingOptions(decoder="quadratic", memory=False)).model.main.range
+    signals = dataset.recordings[0].signals[::50]
+    ratio = whole.of_signals().distance(signals) / alone.distance(signals)
+    assert np.std(np.log(ratio)) < 0.05
