@@ -33,9 +33,10 @@ from .pose_file import read_poses, read_states
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from .response import ResponseSpec, read_measured, read_response
 from .shore import from_shore
-from .toml_table import Table, is_number, load_toml
+from .toml_table import Table, is_number, load_toml, parse_toml
 
 SCHEMA = 1
+DEVICE = "device.toml"
 #: Width, height and depth of a connector bay, mm: a row of header pins or a JST-XH of 4 ways.
 BAY = (14.0, 7.0, 8.0)
 
@@ -49,7 +50,15 @@ def load_device(
 
     Raises DeviceError with file, line and key for anything unknown, missing or out of range.
     """
-    top = load_toml(folder / "device.toml")
+    return _read(load_toml(folder / DEVICE), folder, overrides or {}, complete)
+
+
+def parse_device(text: str, folder: Path, complete: bool = True) -> Device:
+    """The same of the text that the device's file has, or would have, in its `folder`."""
+    return _read(parse_toml(text, folder / DEVICE), folder, {}, complete)
+
+
+def _read(top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool) -> Device:
     if top.raw("schema", 1) is not SCHEMA:
         top.fail("schema", f"this version reads schema {SCHEMA}, not {top.data['schema']!r}")
     regions = _regions(top.table("regions", required=False))
@@ -58,7 +67,7 @@ def load_device(
     hanging = 0.0 if fabrication.pockets else fabrication.lead
     cord = _cord(top.table("cord"), hanging, folder)
     sensors = _sensors(top)
-    body = _body(top.table("body"), folder, overrides or {})
+    body = _body(top.table("body"), folder, overrides)
     _agree(top, body, cord, fabrication)
     _stretching(top, cord, fabrication)
     readout = top.table("readout", required=False)

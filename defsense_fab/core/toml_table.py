@@ -19,13 +19,22 @@ def load_toml(path: Path) -> Table:
     """Parse `path`. Raises DeviceError where it is missing or not TOML."""
     try:
         text = path.read_text(encoding="utf-8")
-        return Table(tomllib.loads(text), path, text, ())
     except FileNotFoundError:
         raise DeviceError(f"{path}: no such file; give a folder that holds a device.toml") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise DeviceError(f"{path}: not valid TOML: {error}") from None
     except OSError as error:
         raise DeviceError(f"{path}: cannot be read: {error.strerror}") from None
+    return parse_toml(text, path)
+
+
+def parse_toml(text: str, path: Path) -> Table:
+    """The same of the text that `path` has, or would have. Raises DeviceError for what is no
+    TOML."""
+    try:
+        return Table(tomllib.loads(text), path, text, ())
+    except tomllib.TOMLDecodeError as error:
+        raise DeviceError(f"{path}: not valid TOML: {error}") from None
 
 
 class Table:

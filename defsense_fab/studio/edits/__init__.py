@@ -1,0 +1,1 @@
+"""Changes to a device's file, by what they mean."""

@@ -1,0 +1,202 @@
+"""A device's folder under many hands: undo and redo, other programs, a program that is killed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import DeviceError, StorageError
+from defsense_fab.studio.edits import body, cords, poses
+from defsense_fab.studio.edits.edit import Edit
+from defsense_fab.studio.edits.tables import free_name
+from defsense_fab.studio.project import history
+from defsense_fab.studio.project.project import Project
+from tests.studio.devices import TEXT, write_device
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return write_device(tmp_path / "grip")
+
+
+def written(folder):
+    return (folder / "device.toml").read_bytes().decode()
+
+
+def random_edit(project, rng):
+    """One of what a person may do, sometimes of what is not there."""
+    device = project.device
+    cord = str(rng.choice([s.name for s in device.sensors] or ["none"]))
+    pose = str(rng.choice([p.name for p in device.poses] or ["none"]))
+    at, place = int(rng.integers(0, 6)), rng.uniform(-20, 150, 2)
+    new = free_name("copy", [s.name for s in device.sensors])
+    pose_new = free_name("pose", [p.name for p in device.poses])
+    edits = [
+        cords.move_point(cord, at, place), cords.insert_point(cord, at, place),
+        cords.delete_point(cord, at), cords.rename_cord(cord, new), cords.remove_cord(cord),
+        cords.mirror_cord(cord, new, np.zeros(3), rng.normal(size=3)),
+        cords.set_freedoms(cord, ["path"] if at % 2 else []),
+        poses.duplicate_pose(pose, pose_new), poses.rename_pose(pose, pose_new),
+        poses.remove_pose(pose), poses.turn_handle(pose, "tip", rng.normal(size=3), 20.0),
+        poses.rename_region("tip", "end"), poses.rename_region("end", "tip"),
+        body.set_parameter("length", float(rng.uniform(100, 200))),
+        body.set_value("fabrication", "wall", float(rng.uniform(1, 3))),
+        body.reset_value("fabrication", "wall"),
+    ]  # fmt: skip
+    return edits[rng.integers(len(edits))]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_undo_and_redo_through_two_hundred_operations(folder, seed):
+    rng = np.random.default_rng(seed)
+    project, texts, refused = Project(folder), [TEXT], 0
+    while len(texts) < 201:
+        before = written(folder)
+        try:
+            project.do(random_edit(project, rng))
+        except DeviceError:
+            refused += 1
+            assert written(folder) == before
+            continue
+        if written(folder) != before:
+            texts.append(written(folder))
+    assert refused > 10
+    for text in reversed(texts[:-1]):
+        assert project.undo()
+        assert written(folder) == text
+    assert project.undo() is None
+    assert written(folder) == TEXT
+    for text in texts[1:]:
+        assert project.redo()
+        assert written(folder) == text
+    assert project.redo() is None
+
+
+def test_undo_and_redo_mixed_with_edits(folder):
+    rng, project = np.random.default_rng(5), Project(folder)
+    done, undone = [TEXT], []
+    for _ in range(200):
+        what = rng.integers(3)
+        if what == 0:
+            assert (project.undo() is not None) == (len(done) > 1)
+            if len(done) > 1:
+                undone.append(done.pop())
+        elif what == 1:
+            assert (project.redo() is not None) == bool(undone)
+            if undone:
+                done.append(undone.pop())
+        else:
+            value = float(np.round(rng.uniform(100, 200), 2))
+            project.do(body.set_parameter("length", value))
+            if written(folder) != done[-1]:
+                done.append(written(folder))
+                undone.clear()
+        assert written(folder) == done[-1] == project.text
+
+
+def test_steps_have_names_and_watchers_hear_them(folder):
+    project, heard = Project(folder), []
+    project.watchers.append(heard.append)
+    assert project.undoes is None
+    project.do(cords.move_point("top", 2, np.array([70.0, 1.0])))
+    assert project.undoes == "move control point 3 of `top`"
+    assert project.undo() == "move control point 3 of `top`"
+    assert project.redoes == "move control point 3 of `top`"
+    project.redo()
+    name = "move control point 3 of `top`"
+    assert heard == [name, f"undo: {name}", f"redo: {name}"]
+    project.do(body.set_parameter("length", 150))  # as it is
+    assert len(heard) == 3
+
+
+def test_a_program_that_was_killed_goes_on_where_it_was(folder):
+    project = Project(folder)
+    for k in range(5):
+        project.do(body.set_parameter("length", 151 + k))
+    project.undo()
+    again = Project(folder)
+    assert again.undoes == "set length to 154"
+    assert again.redoes == "set length to 155"
+    # Killed while it wrote: half a line.
+    file = folder / history.FOLDER / history.FILE
+    file.write_bytes(file.read_bytes()[:-4])
+    other = Project(folder)
+    assert other.undoes == "edit outside of the studio" or other.undoes == "set length to 154"
+    for _ in range(6):
+        other.undo()
+    assert written(folder) == TEXT
+    file.write_text("garbage\n" * 3, encoding="utf-8")
+    assert Project(folder).undoes is None
+
+
+def test_an_edit_from_outside_is_a_step_and_loses_nothing(folder):
+    project = Project(folder)
+    project.do(cords.move_point("top", 2, np.array([70.0, 1.0])))
+    mine = written(folder)
+    outside = mine.replace('name = "side"', 'name = "flank"  # by hand')
+    (folder / "device.toml").write_text(outside, encoding="utf-8")
+    project.do(body.set_parameter("length", 160))
+    assert "flank" in written(folder)
+    assert "length = 160" in written(folder)
+    assert [s.name for s in project.device.sensors] == ["top", "flank"]
+    # What is gone is told, and nothing is written.
+    with pytest.raises(DeviceError, match="no sensor 'side' any more; there are top, flank"):
+        project.do(cords.remove_cord("side"))
+    assert project.undo() == "set length to 160"
+    assert project.undo() == "edit outside of the studio"
+    assert written(folder) == mine
+
+
+def test_a_file_that_is_no_device_for_a_while(folder):
+    project = Project(folder)
+    (folder / "device.toml").write_text("name = ", encoding="utf-8")
+    for action in (project.refresh, project.undo, lambda: project.do(body.rename_device("x"))):
+        with pytest.raises(DeviceError, match="not valid TOML"):
+            action()
+    assert project.device.name == "grip"
+    project.restore()
+    assert written(folder) == TEXT
+    assert not project.refresh()
+
+
+def test_an_edit_that_makes_no_device_changes_nothing(folder):
+    project = Project(folder)
+    for edit, words in (
+        (body.set_value("mesh", "edge_length", -1.0), "edge_length: must be greater than 0"),
+        (cords.rename_cord("side", "top"), "'top' is used already"),
+        (Edit("spoil", lambda d: d.add("name", 3)), "spoil"),
+    ):
+        with pytest.raises(DeviceError, match=words):
+            project.do(edit)
+        assert written(folder) == TEXT
+        assert project.undoes is None
+
+
+def test_a_folder_that_cannot_be_written_to_is_told(folder, monkeypatch):
+    project = Project(folder)
+
+    def refuse(path, text):
+        raise StorageError(f"{path}: the disk is full; free some space and run again")
+
+    monkeypatch.setattr("defsense_fab.studio.project.project.write_text", refuse)
+    with pytest.raises(StorageError, match="the disk is full"):
+        project.do(body.set_parameter("length", 160))
+    assert project.undoes is None
+    assert project.text == written(folder) == TEXT
+
+
+def test_line_ends_stay_as_they_are(folder):
+    (folder / "device.toml").write_bytes(TEXT.replace("\n", "\r\n").encode())
+    project = Project(folder)
+    project.do(cords.move_point("top", 2, np.array([70.0, 1.0])))
+    assert b"\r\n" in (folder / "device.toml").read_bytes()
+    assert "\n" not in written(folder).replace("\r\n", "")
+
+
+def test_long_histories_are_trimmed(folder, monkeypatch):
+    monkeypatch.setattr(history, "_MOST", 10)
+    project = Project(folder)
+    for k in range(25):
+        project.do(body.set_parameter("length", 160 + k))
+    assert sum(project.undo() is not None for _ in range(30)) == 9
+    assert len(Project(folder)._history.steps) == 10
