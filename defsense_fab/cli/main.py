@@ -22,6 +22,7 @@ from . import (
     modes,
     recalibrate,
     run,
+    studio,
     study,
     train,
     twin,
@@ -136,6 +137,7 @@ def make_parser() -> CommandParser:
     evaluate.add(commands)
     recalibrate.add(commands)
     run.add(commands)
+    studio.add(commands)
     twin.add(commands)
     return parser
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from ...core.errors import OutputError
 
-LOCAL = ("127.0.0.1", "localhost", "::1")
 _FEWEST = 16  # characters of a token
 
 

@@ -11,6 +11,7 @@ from ...core.arrays import Float
 from ..frames.live_frame import LiveFrame
 from .carried_points import carrying_weights
 from .colors import BODY, TRACKS, cord_color, marker_colors
+from .first_look import look_at_body
 from .tube import tube_faces, tube_vertices
 from .viewed_device import ViewedDevice
 
@@ -37,7 +38,7 @@ class LiveScene:
                 f"{name}/ground", width=2 * size, height=2 * size, cell_size=10.0,
                 section_size=50.0, position=(*((low + high) / 2)[:2], float(low[2] - 0.05 * size)),
             )  # fmt: skip
-            self._look_at((low + high) / 2, size, server)
+            look_at_body(server, device.vertices)
         self._marker_size = _MARKER * size
         self._cords = self._carried()
         self._tubes = [
@@ -98,12 +99,3 @@ class LiveScene:
             some = np.linspace(0, len(path) - 1, min(_CORD_POINTS, len(path))).round().astype(int)
             out.append((path[some], carrying_weights(path[some], device.vertices)))
         return out
-
-    @staticmethod
-    def _look_at(middle: Float, size: float, server: Any) -> None:
-        def place(client: Any) -> None:
-            client.camera.up_direction = (0.0, 0.0, 1.0)
-            client.camera.position = tuple(middle + size * np.array([0.45, -1.0, 0.55]))
-            client.camera.look_at = tuple(middle)  # last: moving the camera moves it too
-
-        server.on_client_connect(place)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import io
-import logging
-import socket
 from typing import Any
 
-from ...core.errors import OutputError
 from ..frames.live_frame import LiveFrame
 from .live_panel import LivePanel, PanelActions
 from .live_scene import LiveScene
+from .local_page import local_page
 from .viewed_device import ViewedDevice
 
 PORT = 8080
@@ -26,23 +24,8 @@ class LiveView:
     def __init__(
         self, device: ViewedDevice, actions: PanelActions | None = None, port: int = PORT
     ) -> None:
-        try:
-            import viser
-        except ImportError:
-            raise OutputError(
-                "--view needs viser: install it with pip install 'defsense-fab[live]'"
-            ) from None
-        _need_free(port)
-        for noisy in ("websockets", "viser"):
-            logging.getLogger(noisy).setLevel(logging.ERROR)
-        with contextlib.redirect_stdout(io.StringIO()):  # it prints its address in a box
-            self.server: Any = viser.ViserServer(
-                host="127.0.0.1", port=port, label=f"{device.name} live", verbose=False
-            )
+        self.server: Any = local_page(port, f"{device.name} live")
         self.port = int(self.server.get_port())
-        self.server.gui.configure_theme(
-            control_layout="fixed", show_logo=False, show_share_button=False
-        )
         self.panel = LivePanel(self.server, device, actions or PanelActions())
         self.scene = LiveScene(self.server, device)
 
@@ -62,15 +45,3 @@ class LiveView:
     def close(self) -> None:
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()
-
-
-def _need_free(port: int) -> None:
-    """Viser takes the next free port without a word; a user would open another program's page."""
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError:
-            raise OutputError(
-                f"view: port {port} is taken by another program; give another, as in --view 8090"
-            ) from None

@@ -10,7 +10,7 @@ from tomlkit import TOMLDocument
 
 from ...core.arrays import Float
 from ...core.curve import Hermite, Plane, catmull_rom
-from ...core.device import FREEDOMS
+from ...core.device import FREEDOMS, Sensor
 from ...core.errors import DeviceError
 from .edit import Edit
 from .tables import append, index, inline, named, number, numbers, remove, rows, strings
@@ -44,6 +44,23 @@ def remove_cord(name: str) -> Edit:
         remove(document, _KEY, index(document, _KEY, name))
 
     return Edit(f"delete `{name}`", change)
+
+
+def take_cords(sensors: Sequence[Sensor]) -> Edit:
+    """All cords anew, as the optimiser has left them; what was free stays free."""
+
+    def change(document: TOMLDocument) -> None:
+        free = {str(row["name"]): row.get("free") for row in rows(document, _KEY)}
+        for k in reversed(range(len(rows(document, _KEY)))):
+            remove(document, _KEY, k)
+        for sensor in sensors:
+            given = free.get(sensor.name, ["path"])
+            add_cord(sensor.name, sensor.plane, sensor.curve, given or ()).change(document)
+        design: Any = document.get("design", {})
+        if "sensors" in design and design["sensors"] <= len(sensors):
+            design.pop("sensors")  # all of them are drawn now
+
+    return Edit("take the optimised cords", change)
 
 
 def rename_cord(name: str, to: str) -> Edit:

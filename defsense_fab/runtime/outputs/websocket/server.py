@@ -19,8 +19,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from ....core.errors import OutputError
+from ....core.local_access import Access
 from ..settings import WebSocketSettings
-from .access import Access
 
 _LONGEST = 2048  # bytes of a client's message; nothing that is meant is longer
 _BUFFER = 65536  # bytes that the system keeps for a client that does not read
@@ -80,7 +80,7 @@ class WebSocketServer:
 
     def __init__(self, settings: WebSocketSettings) -> None:
         """Raises OutputError where the port is taken or the host is not this machine's."""
-        self.counts, self.access = Counts(), Access(settings)
+        self.counts, self.access = Counts(), Access(settings.host, settings.token)
         self._settings, self._clients = settings, set[Client]()
         self._connected = 0
         self._page = _PAGE.read_text(encoding="utf-8")

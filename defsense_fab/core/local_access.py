@@ -1,11 +1,12 @@
-"""Who may read the WebSocket: pages of this machine, and whoever has the token."""
+"""Who may use what listens here: pages of this machine, and whoever has the token."""
 
 from __future__ import annotations
 
 import secrets
 from urllib.parse import parse_qs, urlsplit
 
-from ..settings import LOCAL, WebSocketSettings
+#: Names of this machine for itself.
+LOCAL = ("127.0.0.1", "localhost", "::1")
 
 
 class Access:
@@ -13,9 +14,10 @@ class Access:
     `Origin` that they tell must be this machine's, and the `Host` that they asked for, too, as a
     foreign name may be made to lead here. Listening for other machines needs the token."""
 
-    def __init__(self, settings: WebSocketSettings) -> None:
-        self.local = settings.host in LOCAL
-        self.token = settings.token or ("" if self.local else secrets.token_urlsafe(16))
+    def __init__(self, host: str, token: str = "") -> None:
+        """Of what listens at the address `host`, with a `token` of one's own."""
+        self.local = host in LOCAL
+        self.token = token or ("" if self.local else secrets.token_urlsafe(16))
 
     def refusal(self, host: str, origins: list[str]) -> str | None:
         """Why a request with these headers is refused; None where it is not."""

@@ -1,0 +1,86 @@
+"""What cords would sense, before anything is built of them: within milliseconds, for a person who
+draws them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.curve import Hermite, Plane, catmull_rom
+from ...core.device import DECODERS, Device, Sensor
+from ...core.errors import LayoutError
+from ...optimize.limits.verification import LayoutCheck, verify
+from ..artifacts.body import load_surface
+from .as_built import assumed_cords
+from .design_task import DesignTask, load_task
+from .predict import predict
+
+_ENDS = 8.0  # mm, of a straight run at either end of a new path
+_POINTS = 4  # between them
+_STEPS = 400  # samples of a line through the body
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The error (mm) that is expected of cords on states that they are not designed for, by the
+    best of the decoders that the device may have, and its name; the error in each state; signals
+    (n, c) in the states `names` (n,)."""
+
+    error: float
+    decoder: str
+    per_state: Mapping[str, float]
+    names: tuple[str, ...]
+    signals: Float
+
+
+class LayoutJudge:
+    """Of a device whose poses are simulated in the build `folder`."""
+
+    def __init__(self, device: Device, folder: Path) -> None:
+        """Raises a DefsenseError where the poses are not simulated."""
+        self._task: DesignTask = load_task(device, folder)
+        self._decoders = DECODERS if device.decoder == "auto" else (device.decoder,)
+        self._tasks = [self._task.decoded_by(kind) for kind in self._decoders]
+        self.surface = load_surface(folder)
+
+    def judge(self, sensors: Sequence[Sensor]) -> Judged | None:
+        """None without cords. Raises LayoutError for cords of which nothing can be said."""
+        if not sensors:
+            return None
+        cords = assumed_cords(self._task, sensors)
+        scored = [predict(task, cords) for task in self._tasks]
+        best = min(scored, key=lambda s: s.prediction.unseen)
+        p = best.prediction
+        if not np.isfinite(p.unseen):
+            raise LayoutError("nothing can be said of these cords: do they leave the body?")
+        return Judged(
+            p.unseen, p.decoder, {**p.per_state, **p.held_out}, self._task.names, best.signals
+        )
+
+    def check(self, sensors: Sequence[Sensor]) -> LayoutCheck:
+        """Lengths, radii, walls and distances, and what they break."""
+        return verify(sensors, self.surface, self._task.design.limits)
+
+    def new_cord(self, name: str) -> Sensor:
+        """A straight cord along the body, through its middle, in the plane in which it is widest.
+        Raises LayoutError where none has room."""
+        v = self.surface.vertices
+        middle = (v.min(axis=0) + v.max(axis=0)) / 2
+        extent = np.ptp(v, axis=0)
+        x, normal = np.eye(3)[int(extent.argmax())], np.eye(3)[int(extent.argmin())]
+        half = float(extent.max()) / 2
+        along = np.linspace(-half, half, _STEPS)
+        depth = self._task.everything.depth(middle + along[:, None] * x)[0]
+        inside = along[depth >= self._task.design.limits.depth]
+        if not len(inside) or np.ptp(inside) < 2 * _ENDS + 1:
+            raise LayoutError("a straight cord along the body has no room in it; draw its plane")
+        # Its ends leave the body as they come, so that only walls beside it count.
+        first, last = along[depth > 0][[0, -1]] + [1.0, -1.0]
+        between = np.linspace(first + _ENDS, last - _ENDS, _POINTS)
+        points = np.array([[p, 0.0] for p in (first, *between, last)])
+        plane = Plane.from_normal(middle, normal, x)
+        return Sensor(name, plane, Hermite(points, catmull_rom(points)), frozenset({"path"}))

@@ -1,0 +1,41 @@
+"""What the page says, of numbers that are given."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from defsense_fab.optimize.limits.verification import CordCheck, LayoutCheck
+from defsense_fab.pipeline.design.layout_judge import Judged
+from defsense_fab.studio.page.words import broken_cords, error_table, extremes, limit_words
+
+PER_STATE = {"rest": 0.1, "bend@0.5": 0.8, "bend@1": 2.0, "twist@1": 1.0, "bend@1+twist@1": 9.0}
+
+
+def judged(error):
+    return Judged(error, "quadratic", PER_STATE, tuple(PER_STATE), np.zeros((5, 2)))
+
+
+def test_each_pose_is_told_at_its_extreme():
+    assert extremes(PER_STATE) == {"bend": 2.0, "twist": 1.0}
+    lines = error_table(judged(1.234), None).splitlines()
+    assert lines[:2] == ["### 1.23 mm", "expected on unseen states (quadratic)"]
+    assert lines[-2:] == ["| bend | 2.00 | █████████ |", "| twist | 1.00 | ████ |"]
+
+
+def test_a_drag_is_told_by_how_much_it_changes():
+    assert error_table(judged(1.0), judged(1.25)).startswith("### 1.00 mm (-0.25)")
+    assert error_table(judged(1.0), judged(1.001)).startswith("### 1.00 mm\n")
+    assert error_table(None, None) == "no cord yet: add one"
+
+
+def test_limits_and_what_breaks_them():
+    cords = (
+        CordCheck(140.0, np.inf, 2.8, (1.0, 1.5), ()),
+        CordCheck(90.0, 12.0, 0.4, (1.0, np.inf), ("cord 'b' leaves a wall of 0.40 mm",)),
+    )
+    check = LayoutCheck(cords, 5.0, ("cord 'b' leaves a wall of 0.40 mm",))
+    lines = limit_words(check, ["a", "b"]).splitlines()
+    assert lines[2] == "| a | 142 mm | straight | 2.8 mm |"
+    assert lines[3] == "| b | 91 mm | 12 mm | 0.4 mm |"
+    assert lines[-1] == "- cord 'b' leaves a wall of 0.40 mm"
+    assert broken_cords(check, ["a", "b"]) == {"b"}
