@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...core.errors import OutputError
 from ..frames.live_frame import LiveFrame
-from .output import signals_of, unknown_controls
+from .output import controls_known, signals_of, unknown_controls
 from .settings import GamepadMapping, GamepadSettings
 
 _UINPUT = Path("/dev/uinput")
@@ -67,7 +67,8 @@ class GamepadOutput:
     def send(self, frame: LiveFrame) -> None:
         if not self._mapping:
             self._mapping = default_mapping(frame)
-        self.trouble = unknown_controls("gamepad", self._asked, frame)
+        if controls_known(frame):
+            self.trouble = unknown_controls("gamepad", self._asked, frame)
         for kind, code, value in events(self._mapping, frame):
             self._pad.write(kind, code, value)
         self._pad.syn()
