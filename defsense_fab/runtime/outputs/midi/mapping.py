@@ -18,7 +18,8 @@ FREE = (*range(20, 32), *range(85, 91), *range(102, 119))
 QUALITY = 119
 
 _WINDOW = 0.1  # s over which a note's speed is taken
-_FULL_SPEED = 8.0  # of the range per second: the loudest
+_SOFTEST = 40  # of 127, 20 dB below the loudest on most synthesisers: the slowest is heard, too
+_FULL_SPEED = 4.0  # of the range per second: the loudest, as of a hand that is in a hurry
 
 
 def default_mapping(frame: LiveFrame) -> list[MidiMapping]:
@@ -89,10 +90,10 @@ def _note(
 
 
 def _velocity(late: deque[tuple[float, float]]) -> int:
-    """1 to 127 by the root of the speed, as hands are slow beside keys; in between where nothing is
-    known of it. 0 would end the note."""
+    """Of a note, up to 127 by the root of the speed, as hands are slow beside keys; in between
+    where nothing is known of it."""
     (begin, first), (end, last) = late[0], late[-1]
     if end <= begin:
         return 64
     speed = abs(last - first) / (end - begin)
-    return max(1, round(127 * math.sqrt(min(1.0, speed / _FULL_SPEED))))
+    return round(_SOFTEST + (127 - _SOFTEST) * math.sqrt(min(1.0, speed / _FULL_SPEED)))

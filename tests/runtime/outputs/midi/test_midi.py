@@ -46,8 +46,10 @@ def test_notes():
     got = sent_by(one, moved([0, 0.4, 0.55, 0.45, 0.35, 0.6, 0.29, 0.2, 0.6]))
     assert [m[:2] for m in got] == [(0x99, 60), (0x89, 60), (0x99, 60)]
     slow, quick = (sent_by(one, moved(np.linspace(0, 1, n)))[0][2] for n in (200, 20))
-    assert 0 < slow < quick <= 127
-    assert slow == pytest.approx(127 * (0.5 / 8) ** 0.5, abs=4)  # 0.5 of the range per second
+    assert 40 < slow < quick <= 127
+    assert slow == pytest.approx(40 + 87 * (0.5 / 4) ** 0.5, abs=4)  # 0.5 of the range per second
+    slowest = sent_by(one, moved(np.linspace(0.49, 0.51, 200)))[0][2]
+    assert slowest == pytest.approx(40 + 87 * (0.01 / 4) ** 0.5, abs=2)  # and can be heard
     assert sent_by(one, moved([0.9])) == [(0x99, 60, 64)]  # nothing is known of its speed
 
 
