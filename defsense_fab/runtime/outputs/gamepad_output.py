@@ -49,20 +49,21 @@ class GamepadOutput:
         axes = [(code, evdev.AbsInfo(0, -_FULL, _FULL, 16, 0, 0)) for code in _AXES.values()]
         try:
             self._pad = evdev.UInput(
-                {_KEY: list(_BUTTONS.values()), _AXIS: axes}, name="DefSense gamepad"
+                {_KEY: list(_BUTTONS.values()), _AXIS: axes}, name=settings.name
             )
         except (OSError, evdev.UInputError) as error:
             raise OutputError(
                 f"gamepad: {device} cannot be opened ({error}); on Linux give your user the right:"
                 " sudo setfacl -m u:$USER:rw /dev/uinput"
             ) from None
+        self._name = settings.name
         self._mapping: Sequence[GamepadMapping] = settings.mapping
         self._asked = [one.control for one in settings.mapping]
         self.trouble: str | None = None
 
     @property
     def about(self) -> str:
-        return "gamepad: 'DefSense gamepad' is plugged in"
+        return f"gamepad: {self._name!r} is plugged in"
 
     def send(self, frame: LiveFrame) -> None:
         if not self._mapping:

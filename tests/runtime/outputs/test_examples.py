@@ -80,8 +80,11 @@ def test_osc_receiver(run):
     port = int(example.lines[0].split()[-1])
     output = OscOutput(OscSettings(port=port, send=("controls", "markers", "quality")))
     sent = frame(1)
-    assert example.prints("twist            -0.50 ###############....", lambda: output.send(sent))
-    assert example.prints("quality          trusted")
+    both = (sent, frame(1, device="bar-2", controls={"twist": 0.5}))
+    for name, value in (("bar", "-0.50"), ("bar-2", "+0.50")):
+        wanted = f"{name + ' twist':20} {value} ###############...."
+        assert example.prints(wanted, lambda: [output.send(one) for one in both])
+        assert example.prints(f"{name + ' quality':20} trusted")
     output.close()
 
 

@@ -82,10 +82,14 @@ def test_a_gamepad_is_plugged_in(evdev, tmp_path):
     pad.written.clear()
     output.send(frame(2))
     assert pad.written == [(3, 0, 8192), (3, 1, -16384), "syn"]
+    assert pad.name == "DefSense gamepad"
+    assert output.about == "gamepad: 'DefSense gamepad' is plugged in"
     assert set(pad.capabilities) == {1, 3}
     assert len(pad.capabilities[3]) == 6
     output.close()
     assert pad.closed
+    GamepadOutput(GamepadSettings(name="Pad 2"), tmp_path / "uinput")
+    assert evdev.made[1].name == "Pad 2"
 
 
 def test_a_control_that_is_not_there(evdev, tmp_path):

@@ -22,12 +22,12 @@ _SOFTEST = 40  # of 127, 20 dB below the loudest on most synthesisers: the slowe
 _FULL_SPEED = 4.0  # of the range per second: the loudest, as of a hand that is in a hurry
 
 
-def default_mapping(frame: LiveFrame) -> list[MidiMapping]:
-    """The controls in their order become undefined control changes; the quality is the last. The
-    frame has all controls (`controls_known`)."""
+def default_mapping(frame: LiveFrame, channel: int = 1) -> list[MidiMapping]:
+    """The controls in their order become undefined control changes of a `channel` (1..16); the
+    quality is the last. The frame has all controls (`controls_known`)."""
     names = [name for name in frame.controls if name != "quality"]
-    out = [MidiMapping(name, cc=cc) for name, cc in zip(names, FREE, strict=False)]
-    return [*out, MidiMapping("quality", cc=QUALITY)]
+    out = [MidiMapping(name, cc, channel=channel) for name, cc in zip(names, FREE, strict=False)]
+    return [*out, MidiMapping("quality", QUALITY, channel=channel)]
 
 
 @dataclass

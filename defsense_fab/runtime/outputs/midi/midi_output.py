@@ -71,7 +71,7 @@ class MidiOutput:
             self._learned(self._learn.watch(frame))
         if controls_known(frame):
             if self._choose:
-                self._mapping, self._choose = default_mapping(frame), False
+                self._mapping, self._choose = default_mapping(frame, self._settings.channel), False
                 self._mapper = MidiMapper(self._mapping)
             wanted = (one.control for one in self._mapping)
             self.trouble = unknown_controls("midi", wanted, frame)
