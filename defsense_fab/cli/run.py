@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from .output import progress_bars, say
 if TYPE_CHECKING:
     from ..core.progress import Progress
     from ..pipeline.live.live_run import LiveRun, RunOptions
+    from ..runtime.outputs.several_devices import SeveralDevices
     from .options import Commands
 
 _VIEW = 8080
@@ -80,6 +82,7 @@ def add(commands: Commands) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from ..core.errors import DeviceError
+    from ..runtime.outputs.several_devices import SeveralDevices
     from ..terminal.live_lines import LiveLines
 
     count = len(options.models)
@@ -93,7 +96,8 @@ def _run(options: argparse.Namespace) -> int:
         within("--seconds", options.seconds, 0.1, 1e7)
     with ExitStack() as stack:
         with progress_bars(options) as progress:
-            runs = [_prepare(options, k, stack, progress) for k in range(count)]
+            several = SeveralDevices()
+            runs = [_prepare(options, k, stack, progress, several) for k in range(count)]
         for run in runs:
             run.loop.start()
         with LiveLines(runs, as_json=options.json) as lines:
@@ -106,13 +110,18 @@ def _run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _prepare(options: argparse.Namespace, k: int, stack: ExitStack, progress: Progress) -> LiveRun:
+def _prepare(
+    options: argparse.Namespace, k: int, stack: ExitStack, progress: Progress,
+    several: SeveralDevices,
+) -> LiveRun:  # fmt: skip
     from ..pipeline.live.live_device import live_device
     from ..pipeline.live.live_run import live_run
 
     folder = options.device[k] if options.device else None
     live = live_device(options.models[k], folder)
     asked = _asked(options, k, len(live.wired), live.device.source if live.device else None)
+    live = replace(live, model=replace(live.model, device=several.name(live.model.device)))
+    asked = replace(asked, outputs=several.outputs(asked.outputs))
     run = live_run(live, asked, progress)
     stack.callback(run.close)
     return run

@@ -2,6 +2,7 @@
 
     defsense run my-device/model.json --port twin --output gamepad              # in one terminal
     python gamepad_receiver.py                                 # in another
+    python gamepad_receiver.py "DefSense gamepad 2"            # of the second device
 
 Games and browsers see the same gamepad.
 """
@@ -15,15 +16,16 @@ EVENT = "llHHi"  # struct input_event: seconds, microseconds, type, code, value
 AXES = {0: "x", 1: "y", 2: "z", 3: "rx", 4: "ry", 5: "rz"}
 
 
-def device():
+def device(wanted):
     for name in pathlib.Path("/sys/class/input").glob("event*/device/name"):
-        if name.read_text().strip() == "DefSense gamepad":
+        if name.read_text().strip() == wanted:
             return pathlib.Path("/dev/input") / name.parts[-3]
-    sys.exit("there is no DefSense gamepad; does the live loop run?")
+    sys.exit(f"there is no {wanted}; does the live loop run?")
 
 
 def main():
-    with device().open("rb") as events:
+    wanted = sys.argv[1] if len(sys.argv) > 1 else "DefSense gamepad"
+    with device(wanted).open("rb") as events:
         while True:
             data = events.read(struct.calcsize(EVENT))
             _, _, kind, code, value = struct.unpack(EVENT, data)

@@ -3,6 +3,7 @@
     defsense run my-device/model.json --port twin --output lsl                  # in one terminal
     pip install pylsl
     python lsl_receiver.py                                     # in another
+    python lsl_receiver.py bar-2                               # the stream of that name
 
 LabRecorder records the same stream beside EEG, motion capture and the like, on one clock.
 """
@@ -23,9 +24,12 @@ def labels(info):
 
 def main():
     what = ("name", sys.argv[1]) if len(sys.argv) > 1 else ("type", "Deformation")
-    found = pylsl.resolve_byprop(*what, 1, 10)
+    found = pylsl.resolve_byprop(*what, 1, 30)
     if not found:
-        sys.exit(f"no stream of the {' '.join(what)} within 10 s; does the live loop run?")
+        sys.exit(
+            f"no stream of the {' '.join(what)} within 30 s; does the live loop run, and did the"
+            " device lie at rest?"
+        )
     inlet = pylsl.StreamInlet(found[0])
     names = labels(inlet.info(10))
     print(f"stream {found[0].name()!r}:", ", ".join(f"{n} ({u})" for n, u in names), flush=True)

@@ -1,4 +1,4 @@
-"""Shows the controls of a device that arrive by Open Sound Control, as bars in the terminal.
+"""Shows the controls of devices that arrive by Open Sound Control, as bars in the terminal.
 
     defsense run my-device/model.json --port twin --output osc,port=9000        # in one terminal
     python osc_receiver.py 9000                                # in another
@@ -59,12 +59,12 @@ def main():
             for address, values in found:
                 parts = address.split("/")
                 if len(parts) == 5 and parts[1] == "defsense" and parts[3] == "control":
-                    shown[parts[4]] = bar(values[0])
-                elif parts[-1] == "quality":
-                    shown["quality"] = values[1]
+                    shown[f"{parts[2]} {parts[4]}"] = bar(values[0])
+                elif len(parts) == 4 and parts[3] == "quality":
+                    shown[f"{parts[2]} quality"] = values[1]
             if shown:
                 up = f"\x1b[{lines}A" if lines else ""
-                rows = "".join(f"{name:16} {row}\x1b[K\n" for name, row in shown.items())
+                rows = "".join(f"{name:20} {row}\x1b[K\n" for name, row in shown.items())
                 print(up + rows, end="", flush=True)
                 lines = len(shown)
 

@@ -28,6 +28,17 @@ def frame(number=1, count=3, **changes):
     return LiveFrame(**{**values, **changes})
 
 
+def unrested(number=1, **changes):
+    """A frame before the resistances at rest are known."""
+    none = {
+        "quality": Quality.LOST,
+        "signals": np.full(2, np.nan),
+        "controls": {},
+        "confidence": {},
+    }
+    return frame(number, **{**none, **changes})
+
+
 def wait_for(condition, seconds=20.0):
     """Whether a condition comes true before long."""
     end = time.monotonic() + seconds

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...core.errors import OutputError
 from ..frames.live_frame import LiveFrame
-from .output import signals_of, unknown_controls
+from .output import controls_known, signals_of, unknown_controls
 from .settings import GamepadMapping, GamepadSettings
 
 _UINPUT = Path("/dev/uinput")
@@ -49,25 +49,27 @@ class GamepadOutput:
         axes = [(code, evdev.AbsInfo(0, -_FULL, _FULL, 16, 0, 0)) for code in _AXES.values()]
         try:
             self._pad = evdev.UInput(
-                {_KEY: list(_BUTTONS.values()), _AXIS: axes}, name="DefSense gamepad"
+                {_KEY: list(_BUTTONS.values()), _AXIS: axes}, name=settings.name
             )
         except (OSError, evdev.UInputError) as error:
             raise OutputError(
                 f"gamepad: {device} cannot be opened ({error}); on Linux give your user the right:"
                 " sudo setfacl -m u:$USER:rw /dev/uinput"
             ) from None
+        self._name = settings.name
         self._mapping: Sequence[GamepadMapping] = settings.mapping
         self._asked = [one.control for one in settings.mapping]
         self.trouble: str | None = None
 
     @property
     def about(self) -> str:
-        return "gamepad: 'DefSense gamepad' is plugged in"
+        return f"gamepad: {self._name!r} is plugged in"
 
     def send(self, frame: LiveFrame) -> None:
         if not self._mapping:
             self._mapping = default_mapping(frame)
-        self.trouble = unknown_controls("gamepad", self._asked, frame)
+        if controls_known(frame):
+            self.trouble = unknown_controls("gamepad", self._asked, frame)
         for kind, code, value in events(self._mapping, frame):
             self._pad.write(kind, code, value)
         self._pad.syn()

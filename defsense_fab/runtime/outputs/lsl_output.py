@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.errors import OutputError
 from ..frames.live_frame import LiveFrame
-from .output import finite
+from .output import controls_known, finite
 from .settings import LslSettings
 
 try:
@@ -63,8 +63,8 @@ class SampleClock:
 
 
 class LslOutput:
-    """An `Output` as a stream, which begins with the first frame: only then its channels are
-    known."""
+    """An `Output` as a stream. Its channels cannot change, and receivers that know it would lose
+    one that begins anew: with controls in it, it begins once they are known."""
 
     name, trouble = "lsl", None
 
@@ -77,11 +77,20 @@ class LslOutput:
     @property
     def about(self) -> str:
         if self._outlet is None:
-            return "lsl: the stream begins with the first frame"
+            return "lsl: the stream begins when the resistances at rest are known"
         return f"lsl: stream {self._stream!r} of {len(self._channels)} channels"
 
     def send(self, frame: LiveFrame) -> None:
+        """Raises OutputError where the device has nothing of what is to be sent."""
+        waits = not {"controls", "confidence"}.isdisjoint(self._settings.send)
+        if self._outlet is None and waits and not controls_known(frame):
+            return
         channels, values = sample(frame, self._settings.send)
+        if not channels:
+            raise OutputError(
+                f"lsl: {frame.device} has no {' and no '.join(self._settings.send)}; give the"
+                ' folder of the built device (--device), or another send: ["markers", "quality"]'
+            )
         if self._outlet is None or channels != self._channels:
             self._open(frame, channels)
         assert self._outlet is not None

@@ -7,7 +7,7 @@ Of a frame of `bar`, all in bundles stamped with the time of the sample (NTP, th
     /defsense/bar/marker/7             x y z radius     mm, in the rest frame; radius 0: not known
     /defsense/bar/quality              3 "trusted"      3 the best to 0 the worst
     /defsense/bar/time                 12.34 567        s on the board's clock (double), number
-    /1/fader1 ...                      0.42             TouchOSC's faders, controls in their order
+    /1/fader1 ...                      0.42             TouchOSC's faders on page 1, in their order
 
 and beside them `/wek/inputs` with all controls in one message without a bundle, as Wekinator reads.
 Nothing is received: whatever is sent to the port that this sends from is not read.
@@ -53,6 +53,8 @@ class OscOutput:
     def about(self) -> str:
         s = self._settings
         also = f", /wek/inputs to port {s.wekinator_port}" if "wekinator" in s.send else ""
+        if "touchosc" in s.send:
+            also += f", /{s.page}/fader1 and on"
         return f"osc: sends to {s.host}:{s.port} (UDP){also}"
 
     @property
@@ -63,7 +65,9 @@ class OscOutput:
         try:
             if self._send != {"wekinator"}:
                 stamp = time.time() - (time.monotonic() - frame.arrived)
-                for datagram in bundles(messages(frame, self._send), stamp, _LONGEST):
+                for datagram in bundles(
+                    messages(frame, self._send, self._settings.page), stamp, _LONGEST
+                ):
                     self._socket.sendto(datagram, self._to)
             if "wekinator" in self._send and frame.controls:
                 values = [finite(v) for v in frame.controls.values()]
@@ -79,8 +83,8 @@ class OscOutput:
         self._socket.close()
 
 
-def messages(frame: LiveFrame, send: frozenset[str]) -> list[bytes]:
-    """The messages of a frame; the quality and the time come last."""
+def messages(frame: LiveFrame, send: frozenset[str], page: int = 1) -> list[bytes]:
+    """The messages of a frame, with faders on a `page`; the quality and the time come last."""
     base, out = f"/defsense/{address_part(frame.device)}", []
     if "controls" in send:
         for name, value in frame.controls.items():
@@ -90,7 +94,7 @@ def messages(frame: LiveFrame, send: frozenset[str]) -> list[bytes]:
             out.append(message(f"{base}/confidence/{address_part(name)}", finite(value)))
     if "touchosc" in send:
         for n, value in enumerate(frame.controls.values(), 1):
-            out.append(message(f"/1/fader{n}", finite(value)))
+            out.append(message(f"/{page}/fader{n}", finite(value)))
     if "markers" in send:
         rows = zip(frame.ids, frame.markers.tolist(), frame.radius.tolist(), strict=True)
         for number, place, radius in rows:

@@ -37,6 +37,12 @@ def signals_of(frame: LiveFrame) -> dict[str, float]:
     }
 
 
+def controls_known(frame: LiveFrame) -> bool:
+    """Whether the frame's controls are all that the device has, even if these are none. Until the
+    resistances at rest are known there are none yet, and frames are lost."""
+    return bool(frame.controls) or frame.quality is not Quality.LOST
+
+
 def unknown_controls(kind: str, asked: Iterable[str], frame: LiveFrame) -> str | None:
     """A sentence of controls that a mapping names and that are not there, None where all are."""
     there = signals_of(frame)

@@ -7,16 +7,19 @@ from dataclasses import dataclass
 from ...core.errors import OutputError
 
 _FEWEST = 16  # characters of a token
+_LONGEST_NAME = 79  # bytes, of a gamepad in Linux
 
 
 @dataclass(frozen=True)
 class OscSettings:
     """UDP to `host`: what `send` names, in bundles to `port`; "wekinator" alone goes to
-    `wekinator_port`, as that program expects it. `rate` (Hz) is the most, 0 no limit."""
+    `wekinator_port`, as that program expects it. "touchosc" is of the faders on that `page`. `rate`
+    (Hz) is the most, 0 no limit."""
 
     host: str = "127.0.0.1"
     port: int = 9000
     wekinator_port: int = 6448
+    page: int = 1
     send: tuple[str, ...] = ("controls", "markers", "quality", "wekinator")
     rate: float = 0.0
 
@@ -25,6 +28,8 @@ class OscSettings:
     def __post_init__(self) -> None:
         _port("port", self.port)
         _port("wekinator_port", self.wekinator_port)
+        if not 1 <= self.page <= 999:
+            raise OutputError(f"page must lie between 1 and 999, not {self.page}")
         _words("send", self.send, self.SENDS)
         _rate(self.rate)
 
@@ -73,8 +78,7 @@ class MidiMapping:
         if not 0 <= number <= (119 if self.cc is not None else 127):
             # 120 to 127 are mode messages: all sound off, reset and the like.
             raise OutputError("cc must lie between 0 and 119, note between 0 and 127")
-        if not 1 <= self.channel <= 16:
-            raise OutputError(f"channel must lie between 1 and 16, not {self.channel}")
+        _channel(self.channel)
         if self.low == self.high:
             raise OutputError("low and high must differ")
         if self.hysteresis < 0:
@@ -91,9 +95,10 @@ class MidiMapping:
 class MidiSettings:
     """To the first port whose name contains `device` ("": the first), to a `virtual` port of this
     name that others connect to, or into a Standard MIDI `file`. Without `mapping` the controls
-    become the control changes from 20 on. `learn` is part of an input's name, from whose knobs and
-    keys mappings are learned; they are written to the file `learned`. `program` is the
-    instrument of the channels in use, as General MIDI counts from 0 (19: church organ)."""
+    become the control changes from 20 on, of the `channel`. `learn` is part of an input's name,
+    from whose knobs and keys mappings are learned; they are written to the file `learned`.
+    `program` is the instrument of the channels in use, as General MIDI counts from 0 (19: church
+    organ)."""
 
     device: str = ""
     virtual: str = ""
@@ -101,6 +106,7 @@ class MidiSettings:
     learn: str = ""
     learned: str = "midi-learned.toml"
     mapping: tuple[MidiMapping, ...] = ()
+    channel: int = 1
     program: int | None = None
     rate: float = 200.0
 
@@ -109,6 +115,7 @@ class MidiSettings:
             raise OutputError(f"program must lie between 0 and 127, not {self.program}")
         if sum(map(bool, (self.device, self.virtual, self.file))) > 1:
             raise OutputError("give one of device, virtual and file")
+        _channel(self.channel)
         _rate(self.rate)
 
 
@@ -150,12 +157,16 @@ class GamepadMapping:
 
 @dataclass(frozen=True)
 class GamepadSettings:
-    """Without `mapping` the controls become the axes x, y, rx, ry, z, rz in their order."""
+    """Without `mapping` the controls become the axes x, y, rx, ry, z, rz in their order. Games see
+    it by its `name`."""
 
     mapping: tuple[GamepadMapping, ...] = ()
+    name: str = "DefSense gamepad"
     rate: float = 0.0
 
     def __post_init__(self) -> None:
+        if not 1 <= len(self.name.encode()) <= _LONGEST_NAME:
+            raise OutputError(f"name must have from 1 to {_LONGEST_NAME} bytes")
         _rate(self.rate)
 
 
@@ -173,6 +184,11 @@ KINDS: dict[str, type[Settings]] = {
 def _port(key: str, port: int) -> None:
     if not 1 <= port <= 65535:
         raise OutputError(f"{key} must lie between 1 and 65535, not {port}")
+
+
+def _channel(channel: int) -> None:
+    if not 1 <= channel <= 16:
+        raise OutputError(f"channel must lie between 1 and 16, not {channel}")
 
 
 def _rate(rate: float) -> None:

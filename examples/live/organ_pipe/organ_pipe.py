@@ -13,6 +13,7 @@ import wave
 
 RATE = 22050
 STOPS = {1: 0.5, 2: 0.25, 3: 0.15, 4: 0.1}  # partials of a pipe, and how loud each is
+PEAK = 0.5  # of full scale: -6 dB, whatever was played
 
 
 def number(data, at):
@@ -38,8 +39,9 @@ def events(data):
             size, at = number(data, at + 2)
             at += size
             continue
-        yield now / (2 * ticks), data[at : at + 3]
-        at += 3
+        size = 2 if data[at] & 0xF0 in (0xC0, 0xD0) else 3  # an instrument's choice is short
+        yield now / (2 * ticks), data[at : at + size]
+        at += size
 
 
 def main():
@@ -52,7 +54,8 @@ def main():
     for k in range(len(sound)):
         now = k / RATE
         while played and played[0][0] <= now:
-            _, (kind, what, value) = played.pop(0)
+            _, (kind, what, *rest) = played.pop(0)
+            value = rest[0] if rest else 0
             if kind & 0xF0 == 0xB0 and what == 11:
                 swell = 0.4 + 0.6 * value / 127
             elif kind & 0xF0 == 0x90 and value:
@@ -66,8 +69,9 @@ def main():
             )
             turn = 2 * math.pi * 440 * 2 ** ((note - 69) / 12) * now
             pipe = sum(a * math.sin(n * turn) for n, a in STOPS.items())
-            sound[k] += 0.2 * swell * levels[note] * pipe
-    samples = array.array("h", (round(32767 * max(-1.0, min(1.0, x))) for x in sound))
+            sound[k] += swell * levels[note] * pipe
+    gain = 32767 * PEAK / (max(map(abs, sound)) or 1.0)
+    samples = array.array("h", (round(gain * x) for x in sound))
     if sys.byteorder == "big":
         samples.byteswap()
     with wave.open(target, "wb") as file:

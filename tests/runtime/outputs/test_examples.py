@@ -1,12 +1,16 @@
 """The example programs on the other side of the outputs, each run as it is."""
 
+import runpy
 import subprocess
 import sys
 import threading
 import uuid
 import wave
+from dataclasses import replace
+from itertools import accumulate
 from pathlib import Path
 
+import mido
 import numpy as np
 import pytest
 
@@ -76,8 +80,11 @@ def test_osc_receiver(run):
     port = int(example.lines[0].split()[-1])
     output = OscOutput(OscSettings(port=port, send=("controls", "markers", "quality")))
     sent = frame(1)
-    assert example.prints("twist            -0.50 ###############....", lambda: output.send(sent))
-    assert example.prints("quality          trusted")
+    both = (sent, frame(1, device="bar-2", controls={"twist": 0.5}))
+    for name, value in (("bar", "-0.50"), ("bar-2", "+0.50")):
+        wanted = f"{name + ' twist':20} {value} ###############...."
+        assert example.prints(wanted, lambda: [output.send(one) for one in both])
+        assert example.prints(f"{name + ' quality':20} trusted")
     output.close()
 
 
@@ -108,7 +115,7 @@ def test_organ_pipe(tmp_path):
     live = read_live_file(EXAMPLES / "organ_pipe" / "live.toml")
     assert [c.name for c in live.controls] == ["bend", "swell"]
     (asked,) = live.outputs
-    output = MidiOutput(MidiSettings(file=str(tmp_path / "x.mid"), mapping=asked.mapping))
+    output = MidiOutput(replace(asked, file=str(tmp_path / "x.mid")))
     for n in range(100):
         bend = min(0.2, n / 100)
         output.send(frame(n, controls={"bend": bend, "swell": 1.0}, confidence={}))
@@ -121,6 +128,34 @@ def test_organ_pipe(tmp_path):
         rate, data = file.getframerate(), file.readframes(file.getnframes())
     sound = np.frombuffer(data, "<i2") / 32768
     assert not sound[: rate // 20].any()  # not yet
+    assert np.abs(sound).max() == pytest.approx(0.5, abs=0.001)  # -6 dB
     part = sound[rate // 2 : rate // 2 + rate // 4]
     loudest = np.argmax(np.abs(np.fft.rfft(part * np.hanning(len(part)), 10 * rate))) / 10
     assert loudest == pytest.approx(130.8, abs=0.5)
+
+
+def test_organ_pipe_reads_files_as_others_do(tmp_path):
+    """Messages of two bytes, as the choice of the instrument at the beginning, and of three."""
+    path, file, track = tmp_path / "x.mid", mido.MidiFile(type=0), mido.MidiTrack()
+    track.append(mido.MetaMessage("track_name", name="t"))
+    track.append(mido.Message("program_change", program=19))
+    track.append(mido.Message("note_on", note=48, velocity=70, time=300))
+    track.append(mido.Message("aftertouch", value=9, time=200))
+    track.append(mido.Message("note_off", note=48, velocity=0, time=1000))
+    file.tracks.append(track)
+    file.save(path)
+    read = runpy.run_path(str(EXAMPLES / "organ_pipe" / "organ_pipe.py"))["events"]
+    theirs = [message for message in mido.MidiFile(path) if not message.is_meta]
+    ours = list(read(path.read_bytes()))
+    assert [list(message) for _, message in ours] == [message.bytes() for message in theirs]
+    times = accumulate(message.time for message in theirs)
+    assert [time for time, _ in ours] == pytest.approx(list(times))
+
+
+def test_organ_pipe_of_nothing(tmp_path):
+    MidiOutput(MidiSettings(file=str(tmp_path / "x.mid"))).close()
+    made = tmp_path / "x.wav"
+    program = EXAMPLES / "organ_pipe" / "organ_pipe.py"
+    subprocess.run([sys.executable, "-I", program, tmp_path / "x.mid", made], check=True)
+    with wave.open(str(made)) as file:
+        assert not any(file.readframes(file.getnframes()))

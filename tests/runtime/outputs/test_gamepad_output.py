@@ -8,7 +8,7 @@ import pytest
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.outputs.gamepad_output import GamepadOutput, default_mapping, events
 from defsense_fab.runtime.outputs.settings import GamepadMapping, GamepadSettings
-from tests.runtime.live_frames import frame
+from tests.runtime.live_frames import frame, unrested
 
 
 def test_events():
@@ -76,20 +76,29 @@ def evdev(monkeypatch):
 def test_a_gamepad_is_plugged_in(evdev, tmp_path):
     (tmp_path / "uinput").touch()
     output = GamepadOutput(GamepadSettings(), tmp_path / "uinput")
-    output.send(frame(1))
     (pad,) = evdev.made
+    output.send(unrested(1))
+    assert pad.written == ["syn"]
+    pad.written.clear()
+    output.send(frame(2))
     assert pad.written == [(3, 0, 8192), (3, 1, -16384), "syn"]
+    assert pad.name == "DefSense gamepad"
+    assert output.about == "gamepad: 'DefSense gamepad' is plugged in"
     assert set(pad.capabilities) == {1, 3}
     assert len(pad.capabilities[3]) == 6
     output.close()
     assert pad.closed
+    GamepadOutput(GamepadSettings(name="Pad 2"), tmp_path / "uinput")
+    assert evdev.made[1].name == "Pad 2"
 
 
 def test_a_control_that_is_not_there(evdev, tmp_path):
     (tmp_path / "uinput").touch()
     settings = GamepadSettings((GamepadMapping("bnd", axis="x"),))
     output = GamepadOutput(settings, tmp_path / "uinput")
-    output.send(frame(1))
+    output.send(unrested(1))  # there are none yet
+    assert output.trouble is None
+    output.send(frame(2))
     assert output.trouble.startswith("gamepad: there is no control 'bnd'")
 
 

@@ -91,7 +91,7 @@ def test_an_empty_file(read):
         ("[output.osc]", "live.toml: output: unknown key; did you mean 'outputs'?"),
         (
             "[outputs.osc]\nprot = 1",
-            "live.toml:2: outputs.osc.prot: unknown key; did you mean 'port'? (known: host, port,",
+            "live.toml:2: outputs.osc.prot: unknown key; did you mean 'port'? (known: host, page,",
         ),
         ('[outputs.osc]\nport = "9"', "live.toml:2: outputs.osc.port: must be a whole number"),
         ("[outputs.osc]\nport = true", "must be a whole number, not True"),
@@ -101,6 +101,9 @@ def test_an_empty_file(read):
         ('[outputs.osc]\nsend = ["all"]', "send has 'all'; there is: controls, confidence, mark"),
         ("[outputs.osc]\nsend = []", "send must name at least one of"),
         ("[outputs.osc]\nrate = -1", "rate must lie between 0"),
+        ("[outputs.osc]\npage = 0", "live.toml:2: outputs.osc.page: page must lie between 1 and"),
+        ("[outputs.midi]\nchannel = 17", "outputs.midi.channel: channel must lie between 1 and 16"),
+        (f'[outputs.gamepad]\nname = "{"x" * 80}"', "outputs.gamepad.name: name must have from 1"),
         ("[outputs.osc]\nrate = nan", "rate: must be a number, not nan"),
         ("[outputs.osc]\nhost = 3", "host: must be a text in quotes, not 3"),
         ('[outputs.websocket]\ntoken = "abc"', "token needs at least 16 plain characters"),

@@ -6,18 +6,19 @@ import numpy as np
 import pylsl
 import pytest
 
+from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs import lsl_output
 from defsense_fab.runtime.outputs.lsl_output import LslOutput, SampleClock, sample
 from defsense_fab.runtime.outputs.settings import LslSettings
-from tests.runtime.live_frames import frame
+from tests.runtime.live_frames import frame, unrested
 
 
 def test_a_stream_arrives():
     """Channels with their names and units, values, and the times of the samples."""
     name = f"bar {uuid.uuid4().hex[:8]}"
     output = LslOutput(LslSettings(stream=name))
-    assert output.about == "lsl: the stream begins with the first frame"
+    assert output.about == "lsl: the stream begins when the resistances at rest are known"
     output.send(frame(0))
     assert output.about == f"lsl: stream {name!r} of 3 channels"
     (info,) = pylsl.resolve_byprop("name", name, 1, 20)
@@ -97,3 +98,42 @@ def test_a_stream_whose_channels_change():
     assert output.about.endswith("of 2 channels")
     output.send(frame(3, time=float("nan"), controls={"bend": float("nan")}))
     output.close()
+
+
+def begun(output):
+    return "of " in output.about
+
+
+def test_a_stream_begins_with_its_controls():
+    """A receiver of one that begins anew would have to look for it again."""
+    output = LslOutput(LslSettings(stream=uuid.uuid4().hex))
+    output.send(unrested(1))
+    assert not begun(output)
+    output.send(frame(2, quality=Quality.LOST))
+    assert output.about.endswith("of 3 channels")
+    output.close()
+
+
+def test_a_stream_of_a_device_without_poses():
+    """It has no controls, then or later."""
+    name = uuid.uuid4().hex
+    output = LslOutput(LslSettings(stream=name, send=("controls", "markers", "quality")))
+    output.send(unrested(1))
+    assert not begun(output)
+    output.send(unrested(2, quality=Quality.UNTRAINED))
+    output.send(unrested(3))
+    assert output.about.endswith("of 10 channels")
+    output.close()
+
+
+def test_a_stream_without_controls_waits_for_nothing():
+    output = LslOutput(LslSettings(stream=uuid.uuid4().hex, send=("signals", "quality")))
+    output.send(unrested(1))
+    assert output.about.endswith("of 3 channels")
+    output.close()
+
+
+def test_a_stream_of_nothing():
+    output = LslOutput(LslSettings(send=("controls", "confidence")))
+    with pytest.raises(OutputError, match="lsl: bar has no controls and no confidence; give the"):
+        output.send(unrested(1, quality=Quality.TRUSTED))

@@ -113,6 +113,12 @@ def test_touchosc_and_confidence(receiver, opened):
     assert got["/1/fader1"] == [0.25]
     assert got["/1/fader2"] == [-0.5]
     assert got["/defsense/bar/confidence/twist"] == pytest.approx([0.8])
+    second = opened(send=("touchosc",), page=2)
+    assert second.about.endswith("(UDP), /2/fader1 and on")
+    second.send(frame(1))
+    assert set(dict(parse_all(drain(receiver[0], "/defsense/bar/time")))) == {
+        "/2/fader1", "/2/fader2", "/defsense/bar/time"
+    }  # fmt: skip
 
 
 def test_many_markers_go_into_several_datagrams(receiver, opened):

@@ -18,7 +18,7 @@ class MidiFile:
 
     def __init__(self, path: Path, title: str) -> None:
         """A file that is there stays: the name gets a number. Raises StorageError."""
-        self.path = _free(path)
+        self.path = free_path(path)
         with storage_errors(self.path):
             self._file = self.path.open("xb")
             self._file.write(b"MThd" + struct.pack(">IHHH", 6, 0, 1, _TICKS))
@@ -56,7 +56,7 @@ class MidiFile:
             self._file.close()
 
 
-def _free(path: Path) -> Path:
+def free_path(path: Path) -> Path:
     """A name by which there is no file: x.mid, x-2.mid, x-3.mid, ..."""
     number, free = 1, path
     while free.exists():

@@ -49,8 +49,12 @@ def as_toml(mapping: Sequence[MidiMapping]) -> str:
     rows = []
     for one in mapping:
         what = f"cc = {one.cc}" if one.cc is not None else f"note = {one.note}"
-        low = f", low = {one.low:g}" if one.low else ""
-        rows.append(f'  {{ control = "{one.control}", {what}, channel = {one.channel}{low} }},\n')
+        rest = "".join(
+            f", {key} = {getattr(one, key)!r}"
+            for key in ("low", "high", "threshold", "hysteresis")
+            if getattr(one, key) != getattr(MidiMapping, key)
+        )
+        rows.append(f'  {{ control = "{one.control}", {what}, channel = {one.channel}{rest} }},\n')
     return f"[outputs.midi]\nmapping = [\n{''.join(rows)}]\n"
 
 

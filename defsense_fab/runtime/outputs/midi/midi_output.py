@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
-from ....core.errors import OutputError
+from ....core.errors import OutputError, StorageError
 from ....core.files import write_text
 from ...frames.live_frame import LiveFrame
-from ..output import unknown_controls
+from ..output import controls_known, unknown_controls
 from ..settings import MidiMapping, MidiSettings
 from .mapping import MidiMapper, default_mapping
-from .midi_file import MidiFile
+from .midi_file import MidiFile, free_path
 from .midi_learn import MidiLearn, as_toml, merged
 from .ports import MidiPort, MidiPorts, SystemPorts, find_port
 
@@ -32,15 +33,23 @@ class MidiOutput:
         self._file: MidiFile | None = None
         self._flushed, self._time = time.monotonic(), 0.0
         self._mapping: list[MidiMapping] = list(settings.mapping)
-        known = bool(settings.mapping or settings.learn)
-        self._mapper = MidiMapper(settings.mapping) if known else None
+        self._mapper = MidiMapper(self._mapping)
+        self._choose = not (
+            settings.mapping or settings.learn
+        )  # a mapping, once there are controls
+        self._anew = False  # notes that may sound shall end, and all be sent again
         self._learn: MidiLearn | None = None
         self._new: MidiMapping | None = None  # that was learned last
-        self._told = False  # which instruments play
+        self._learned_into, self._wrote = free_path(Path(settings.learned)), False
+        self._told = set[int]()  # channels whose instrument was chosen
         self.trouble: str | None = None
-        if settings.file:
-            self._file = MidiFile(Path(settings.file), "defsense")
-        self._look()
+        try:
+            self._look()
+            if settings.file:  # at last: what raises is tried again, and would leave a file behind
+                self._file = MidiFile(Path(settings.file), "defsense")
+        except (OutputError, StorageError):
+            self.close()
+            raise
 
     @property
     def about(self) -> str:
@@ -48,28 +57,39 @@ class MidiOutput:
         if self._file is not None:
             where = f"writes to {self._file.path}"
         if self._learn is not None:
-            where += f", learns from {self._learn.port_name!r} into {self._settings.learned}"
+            where += f", learns from {self._learn.port_name!r} into {self._learned_into}"
         if self._new is not None:
             where += f"; {self._new.control} plays {self._new.place} from now on"
         return f"midi: {where}"
 
     def send(self, frame: LiveFrame) -> None:
-        """Raises OutputError while the device is not plugged in."""
+        """Raises OutputError while the device is not plugged in; what could not be sent is sent
+        with the next frame, after the end of all notes that may sound."""
         self._look()
+        self._time = frame.time
         if self._learn is not None:
             self._learned(self._learn.watch(frame))
-        if self._mapper is None:
-            self._mapper = MidiMapper(default_mapping(frame))
-        wanted = (one.control for one in self._mapping)
-        self.trouble = unknown_controls("midi", wanted, frame)
-        self._time = frame.time
-        self._put([*self._instruments(), *self._mapper.messages(frame)])
+        if controls_known(frame):
+            if self._choose:
+                self._mapping, self._choose = default_mapping(frame, self._settings.channel), False
+                self._mapper = MidiMapper(self._mapping)
+            wanted = (one.control for one in self._mapping)
+            self.trouble = unknown_controls("midi", wanted, frame)
+        try:
+            if self._anew:
+                self._put(self._mapper.silence())
+                self._mapper, self._anew = MidiMapper(self._mapping), False
+            self._tell_instruments()
+            self._put(self._mapper.messages(frame))
+        except Exception:  # of whatever library: the device may have got any part of it
+            self._anew = True
+            raise
+        self._flush()
 
     def close(self) -> None:
         """Notes that sound end."""
         try:
-            if self._mapper is not None:
-                self._put(self._mapper.silence())
+            self._put(self._mapper.silence())
         finally:
             if self._port is not None:
                 self._port.close()
@@ -78,39 +98,39 @@ class MidiOutput:
             if self._file is not None:
                 self._file.close()
 
-    def _instruments(self) -> list[bytes]:
-        """Program changes, once for each port."""
+    def _tell_instruments(self) -> None:
+        """Program changes, once for each channel in use."""
         program = self._settings.program
-        if program is None or self._told:
-            return []
-        self._told = True
-        channels = sorted({one.channel for one in self._mapping} or {1})
-        return [bytes([0xC0 | channel - 1, program]) for channel in channels]
+        if program is not None:
+            for channel in sorted({one.channel for one in self._mapping} - self._told):
+                self._put([bytes([0xC0 | channel - 1, program])])
+                self._told.add(channel)
 
-    def _put(self, messages: list[bytes]) -> None:
-        if self._file is not None:
-            for message in messages:
+    def _put(self, messages: Iterable[bytes]) -> None:
+        """One after the other: where one fails, the rest is not asked for."""
+        for message in messages:
+            if self._file is not None:
                 self._file.add(message, self._time)
-            if time.monotonic() - self._flushed > _FLUSH:
-                self._flushed = time.monotonic()
-                self._file.flush()
-        elif self._port is not None:
-            for message in messages:
+            elif self._port is not None:
                 self._port.send(message)
+
+    def _flush(self) -> None:
+        if self._file is not None and time.monotonic() - self._flushed > _FLUSH:
+            self._flushed = time.monotonic()
+            self._file.flush()
 
     def _open(self) -> None:
         s = self._settings
         name = s.virtual or find_port(self._ports, s.device, inputs=False)
         self._port = self._ports.open(name, inputs=False, virtual=bool(s.virtual))
         self._port_name, self._looked = name, time.monotonic()
-        self._told = False
-        if self._mapper is not None:
-            self._mapper.silence()  # another device, perhaps: it gets all values
+        self._told.clear()
+        self._anew = True  # another device, perhaps: it gets all values
 
     def _look(self) -> None:
         """Open the ports that are not open; close those whose device was pulled out."""
         s = self._settings
-        if self._port is None and self._file is None:
+        if self._port is None and not s.file:
             self._open()
         if self._learn is None and s.learn:
             self._learn = MidiLearn(s.learn, self._ports)
@@ -131,11 +151,12 @@ class MidiOutput:
         return name in self._ports.names(inputs)
 
     def _learned(self, new: MidiMapping | None) -> None:
-        """Play it from now on, and keep it."""
+        """Play it from now on, and keep it, beside what an earlier run learned."""
         if new is None:
             return
-        if self._mapper is not None:
-            self._put(self._mapper.silence())
-        self._mapping = merged(self._mapping, new)
-        self._mapper, self._new = MidiMapper(self._mapping), new
-        write_text(Path(self._settings.learned), as_toml(self._mapping))
+        self._mapping, self._new = merged(self._mapping, new), new
+        self._anew = True
+        if not self._wrote:
+            self._learned_into = free_path(self._learned_into)
+        write_text(self._learned_into, as_toml(self._mapping))
+        self._wrote = True

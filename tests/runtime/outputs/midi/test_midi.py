@@ -17,30 +17,7 @@ from defsense_fab.runtime.outputs.midi.midi_output import MidiOutput
 from defsense_fab.runtime.outputs.midi.ports import SystemPorts, find_port
 from defsense_fab.runtime.outputs.settings import MidiMapping, MidiSettings
 from tests.runtime.live_frames import frame
-
-
-class Cable:
-    """Ports of a machine on which devices are plugged in and pulled out."""
-
-    def __init__(self, *names):
-        self.there, self.sent, self.waiting, self.opened = list(names), [], [], []
-
-    def names(self, inputs):
-        return list(self.there)
-
-    def open(self, name, inputs, virtual=False):
-        self.opened.append((name, inputs, virtual))
-        return self
-
-    def send(self, message):
-        self.sent.append(tuple(message))
-
-    def pending(self):
-        out, self.waiting = self.waiting, []
-        return out
-
-    def close(self):
-        self.opened.append("closed")
+from tests.runtime.outputs.midi.cable import Cable
 
 
 def moved(values, **kwargs):
@@ -69,8 +46,10 @@ def test_notes():
     got = sent_by(one, moved([0, 0.4, 0.55, 0.45, 0.35, 0.6, 0.29, 0.2, 0.6]))
     assert [m[:2] for m in got] == [(0x99, 60), (0x89, 60), (0x99, 60)]
     slow, quick = (sent_by(one, moved(np.linspace(0, 1, n)))[0][2] for n in (200, 20))
-    assert 0 < slow < quick <= 127
-    assert slow == pytest.approx(127 * (0.5 / 8) ** 0.5, abs=4)  # 0.5 of the range per second
+    assert 40 < slow < quick <= 127
+    assert slow == pytest.approx(40 + 87 * (0.5 / 4) ** 0.5, abs=4)  # 0.5 of the range per second
+    slowest = sent_by(one, moved(np.linspace(0.49, 0.51, 200)))[0][2]
+    assert slowest == pytest.approx(40 + 87 * (0.01 / 4) ** 0.5, abs=2)  # and can be heard
     assert sent_by(one, moved([0.9])) == [(0x99, 60, 64)]  # nothing is known of its speed
 
 
@@ -161,7 +140,8 @@ def test_a_device_is_pulled_out_and_comes_back(monkeypatch):
         output.send(frame(3))
     cable.there.append("USB Synth 1")
     output.send(frame(4))
-    assert cable.sent == [(0x90, 60, 64)] * 2
+    # What hangs on a cable may have kept its power, and sound still.
+    assert cable.sent == [(0x90, 60, 64), (0x80, 60, 0), (0x90, 60, 64)]
     output.close()
     assert cable.sent[-1] == (0x80, 60, 0)
     assert cable.opened == [
@@ -238,6 +218,12 @@ def test_learning_a_key():
     )
 
 
+def test_what_was_mapped_before_is_kept_as_it_was(tmp_path):
+    kept = MidiMapping("bend", note=60, high=0.7, threshold=0.1, hysteresis=0.05)
+    (tmp_path / "x.toml").write_text(as_toml([kept]))
+    assert read_live_file(tmp_path / "x.toml").outputs == (MidiSettings(mapping=(kept,)),)
+
+
 def test_learning_while_it_plays(tmp_path, monkeypatch):
     """What is learned plays at once, and stands in a file that live.toml can take; another touch of
     a knob takes its place."""
@@ -266,6 +252,50 @@ def test_learning_while_it_plays(tmp_path, monkeypatch):
     with pytest.raises(OutputError, match="no port in with 'Knobs' in its name"):
         output.send(frame(1042))
     output.close()
+
+
+def test_what_an_earlier_run_learned_stays(tmp_path):
+    """As a MIDI file does; what this run wrote itself is written anew."""
+    path = tmp_path / "learned.toml"
+    path.write_text("mine")
+    cable = Cable("Synth", "Knobs")
+    output = MidiOutput(MidiSettings(device="Synth", learn="Knobs", learned=str(path)), cable)
+    for begin, control, cc in ((0, "bend", 7), (1000, "twist", 8)):
+        for n in range(40):
+            output.send(frame(begin + n, controls={"bend": 0.0, "twist": 0.0, control: n / 40}))
+        cable.waiting = [bytes([0xB0, cc, 1])]
+        output.send(frame(begin + 40, controls={"bend": 0.0, "twist": 0.0, control: 1.0}))
+    output.close()
+    assert path.read_text() == "mine"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["learned-2.toml", "learned.toml"]
+    assert "into " + str(tmp_path / "learned-2.toml") in output.about
+    (live,) = read_live_file(tmp_path / "learned-2.toml").outputs
+    assert [one.control for one in live.mapping] == ["bend", "twist"]
+
+
+def test_the_instrument_of_a_channel_that_is_learned(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    cable = Cable("Synth", "Knobs")
+    output = MidiOutput(MidiSettings(device="Synth", learn="Knobs", program=19), cable)
+    output.send(frame(0, controls={"bend": 0.0}))
+    assert cable.sent == []
+    cable.waiting = [bytes([0xB4, 7, 1])]
+    output.send(frame(1, controls={"bend": 1.0}))
+    assert cable.sent == [(0xC4, 19), (0xB4, 7, 127)]
+
+
+def test_looking_for_a_port_leaves_nothing_behind(tmp_path):
+    """An input that is not plugged in is looked for again and again."""
+    cable = Cable("Synth")
+    for where in ({"file": str(tmp_path / "x.mid")}, {"virtual": "DefSense"}):
+        with pytest.raises(OutputError, match="no port in with 'Knobs'"):
+            MidiOutput(MidiSettings(learn="Knobs", **where), cable)
+    assert list(tmp_path.iterdir()) == []
+    assert cable.opened == [("DefSense", False, True), "closed"]
+    cable.there.append("Knobs")
+    with pytest.raises(StorageError):
+        MidiOutput(MidiSettings(learn="Knobs", file=str(tmp_path / "none" / "x.mid")), cable)
+    assert cable.opened[2:] == [("Knobs", True, False), "closed"]
 
 
 def test_learning_from_garbage():
