@@ -21,6 +21,7 @@ from .predict import predict
 
 _ENDS = 8.0  # mm, of a straight run at either end of a new path
 _POINTS = 4  # between them
+_SLOW = "kernel"
 _STEPS = 400  # samples of a line through the body
 
 
@@ -43,16 +44,19 @@ class LayoutJudge:
     def __init__(self, device: Device, folder: Path) -> None:
         """Raises a DefsenseError where the poses are not simulated."""
         self._task: DesignTask = load_task(device, folder)
-        self._decoders = DECODERS if device.decoder == "auto" else (device.decoder,)
-        self._tasks = [self._task.decoded_by(kind) for kind in self._decoders]
+        kinds = DECODERS if device.decoder == "auto" else (device.decoder,)
+        self._tasks = {kind: self._task.decoded_by(kind) for kind in kinds}
         self.surface = load_surface(folder)
 
-    def judge(self, sensors: Sequence[Sensor]) -> Judged | None:
-        """None without cords. Raises LayoutError for cords of which nothing can be said."""
+    def judge(self, sensors: Sequence[Sensor], *, quick: bool = False) -> Judged | None:
+        """None without cords; `quick`: within some 20 ms, without the decoder that takes ten times
+        as long, unless there is no other. Raises LayoutError for cords of which nothing can be
+        said."""
         if not sensors:
             return None
         cords = assumed_cords(self._task, sensors)
-        scored = [predict(task, cords) for task in self._tasks]
+        kinds = [k for k in self._tasks if k != _SLOW] if quick else list(self._tasks)
+        scored = [predict(self._tasks[kind], cords) for kind in kinds or self._tasks]
         best = min(scored, key=lambda s: s.prediction.unseen)
         p = best.prediction
         if not np.isfinite(p.unseen):

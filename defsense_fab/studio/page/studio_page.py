@@ -91,6 +91,7 @@ class StudioPage:
         self._message = gui.add_markdown("")
         with gui.add_folder("Expected error"):
             self._error = gui.add_markdown(_NOT_BUILT)
+            self._best = gui.add_markdown("")
         with gui.add_folder("Cords"):
             self._list = gui.add_dropdown("Chosen", ("none",), hint="Its points can be dragged")
             self._list.on_update(lambda _: self._listed())
@@ -219,14 +220,17 @@ class StudioPage:
         if self._judge is None:
             self._error.content = _NOT_BUILT
             return
-        self._shown = self._judge.judge(sensors)
+        self._shown = self._judge.judge(sensors, quick=True)
         self._error.content = error_table(self._shown, self._before)
 
     def _checked(self, sensors: tuple[Sensor, ...]) -> None:
         if self._judge is None or not sensors:
-            self._limits.content = ""
+            self._limits.content = self._best.content = ""
             return
         names = [s.name for s in sensors]
+        best = self._judge.judge(sensors)
+        if best is not None:
+            self._best.content = f"with the best decoder: **{best.error:.2f} mm** ({best.decoder})"
         check = self._judge.check(sensors)
         self._limits.content = limit_words(check, names)
         if self._scene is not None and check.problems:
