@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import re
 import sys
 import time
 from collections import Counter
@@ -24,6 +25,7 @@ from ..runtime.frames.live_frame import Quality
 
 _EVERY = 0.25  # s between two looks
 _TOLD = 1.0  # s between two lines of JSON
+_PASSING = re.compile(r"\d+ s\b")  # what alone makes no new line: for how long it is so
 _log = logging.getLogger(__name__)
 _COLORS = {Quality.TRUSTED: "green", Quality.UNTRAINED: "yellow", Quality.FALLBACK: "yellow",
            Quality.LOST: "red"}  # fmt: skip
@@ -98,8 +100,9 @@ class LiveLines:
         else:
             for each in self._all:
                 text = _line(each)
-                if text != each.told:
-                    each.told = text
+                apart = _PASSING.sub("", text)
+                if apart != each.told:
+                    each.told = apart
                     print(f"{each.label}: {text}", flush=True)  # noqa: T201
 
     def _tell_json(self, new: Sequence[_Followed]) -> None:

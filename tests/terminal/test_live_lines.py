@@ -17,26 +17,26 @@ NONE = (np.nan, np.nan)
 
 
 class Loop:
-    """Ends with the look of this number, by an error."""
+    """Ends with the look of this number, by an error; says nothing from that of another on."""
 
-    def __init__(self, ends=None, error=None):
+    def __init__(self, ends, error, silent=None):
         self.looks, self.ends, self.error, self.closed = 0, ends, error, False
+        self.silent = silent or ends + 1
 
     def wait(self, seconds):
         self.looks += 1
-        if self.ends is not None and self.looks >= self.ends:
+        if self.looks >= self.ends:
             raise self.error
         return True
 
     @property
     def status(self):
-        silent = self.ends is not None and self.looks > self.ends
-        notes = (f"no sample for {self.looks} s",) if silent else ()
+        notes = (f"no sample for {self.looks} s",) if self.looks >= self.silent else ()
         return LiveStatus(frame(), 100.0, 0.0, NONE, NONE, self.looks, 0, notes)
 
 
-def run(port="twin", device="bar", **loop):
-    made = SimpleNamespace(device=device, port=port, loop=Loop(**loop))
+def run(port="twin", device="bar", ends=1, error=None, silent=None):
+    made = SimpleNamespace(device=device, port=port, loop=Loop(ends, error, silent))
     made.end = lambda: setattr(made.loop, "closed", True)
     return made
 
@@ -59,6 +59,15 @@ def test_a_run_that_ended_is_told_once_while_others_go_on(capsys):
         "bar (COM3): ended: COM3: is gone",
         "bar (COM4): ended: COM4: the recording is at its end",
     ]
+
+
+def test_silence_is_told_once_and_not_by_the_second(capsys):
+    one = run("COM3", ends=9, error=RecordingEnd("at its end"), silent=4)
+    with LiveLines([one]) as lines:
+        lines.follow(None)
+    assert capsys.readouterr().out.splitlines() == [
+        "bar: trusted", "bar: trusted; no sample for 4 s", "bar: ended: at its end",
+    ]  # fmt: skip
 
 
 def test_json_tells_an_end_once(capsys, monkeypatch):

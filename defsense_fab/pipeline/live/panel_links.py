@@ -54,4 +54,4 @@ def latency(shown: tuple[float, float]) -> str:
     if not all(map(math.isfinite, shown)):
         return ""
     median, most = (1e3 * s for s in shown)
-    return f"{median:.0f} ms from the sample to this page (99 %: {most:.0f} ms)"
+    return f"{median:.0f} ms from the sample to the view (99 %: {most:.0f} ms)"

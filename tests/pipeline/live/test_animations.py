@@ -116,5 +116,5 @@ def test_the_button_records_into_the_run_s_folder_and_says_what_came_of_it(tmp_p
 
 
 def test_latency_in_words():
-    assert latency((0.0123, 0.0456)) == "12 ms from the sample to this page (99 %: 46 ms)"
+    assert latency((0.0123, 0.0456)) == "12 ms from the sample to the view (99 %: 46 ms)"
     assert latency((np.nan, np.nan)) == ""
