@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .options import references, within
 from .output import progress_bars, say
+from .run_end import ending, tell
 
 if TYPE_CHECKING:
     from ..core.progress import Progress
@@ -94,10 +94,12 @@ def _run(options: argparse.Namespace) -> int:
         within("--view", options.view, 1024, 65535 - count)
     if options.seconds is not None:
         within("--seconds", options.seconds, 0.1, 1e7)
-    with ExitStack() as stack:
+    runs: list[LiveRun] = []
+    with ending(runs, options):
         with progress_bars(options) as progress:
             several = SeveralDevices()
-            runs = [_prepare(options, k, stack, progress, several) for k in range(count)]
+            for k in range(count):  # one after another: those before are ended if one fails
+                runs += [_prepare(options, k, progress, several)]
         for run in runs:
             run.loop.start()
         with LiveLines(runs, as_json=options.json) as lines:
@@ -105,15 +107,12 @@ def _run(options: argparse.Namespace) -> int:
             if options.view is not None and not options.no_browser:
                 _open_pages(runs)
             lines.follow(options.seconds)
-    written = [told for run in runs if run.animations for told in run.animations.written]
-    say(f"Wrote:   {told}" for told in written if not options.json)
     return 0
 
 
 def _prepare(
-    options: argparse.Namespace, k: int, stack: ExitStack, progress: Progress,
-    several: SeveralDevices,
-) -> LiveRun:  # fmt: skip
+    options: argparse.Namespace, k: int, progress: Progress, several: SeveralDevices
+) -> LiveRun:
     from ..pipeline.live.live_device import live_device
     from ..pipeline.live.live_run import live_run
 
@@ -122,9 +121,7 @@ def _prepare(
     asked = _asked(options, k, len(live.wired), live.device.source if live.device else None)
     live = replace(live, model=replace(live.model, device=several.name(live.model.device)))
     asked = replace(asked, outputs=several.outputs(asked.outputs))
-    run = live_run(live, asked, progress)
-    stack.callback(run.close)
-    return run
+    return live_run(live, asked, progress)
 
 
 def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | None) -> RunOptions:
@@ -147,18 +144,26 @@ def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | No
         outputs=(*said.outputs, *(parse_output(text) for text in options.output)),
         controls=said.controls, surface=options.surface, fallback=not options.no_fallback,
         keep=not options.no_record,
-        record=_own(options.record, k), animation=_own(options.animation, k),
+        record=own_folder(options.record, k), animation=own_file(options.animation, k),
+        live_file=path,
     )  # fmt: skip
 
 
-def _own(path: Path | None, k: int) -> Path | None:
-    """Of several devices each but the first has a number in its file's name."""
-    return path.with_stem(f"{path.stem}-{k + 1}") if path is not None and k else path
+def own_file(path: Path | None, k: int) -> Path | None:
+    """Of several devices each but the first has its number in the file's name: x.glb, x-2.glb."""
+    return path if path is None or not k else path.parent / f"{path.stem}-{k + 1}{path.suffix}"
+
+
+def own_folder(path: Path | None, k: int) -> Path | None:
+    """The same of folders; beside one that is named by dots alone there is no place, but in it."""
+    if path is None or not k:
+        return path
+    inside = path.name in ("", "..")
+    return path / f"{k + 1}" if inside else path.with_name(f"{path.name}-{k + 1}")
 
 
 def _announce(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
-    if options.json:
-        return
+    """What a user needs to know beforehand: beside the lines of JSON, on standard error."""
     for run in runs:
         lines = [f"note: {note}" for note in run.notes]
         if run.view is not None:
@@ -169,9 +174,17 @@ def _announce(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
         if run.surface:
             lines.append(f"Surface: {run.surface}")
         if run.recording is not None:
-            lines.append(f"Record:  {run.recording.path}")
-        say(lines)
-    say(["Ctrl-C ends."])
+            begun = run.recording.wait_until_begun(2.0)
+            lines.append(f"Record:  {run.recording.path}{'' if begun else ' (once samples come)'}")
+        if run.animations is not None and run.animations.recording is not None:
+            lines.append(f"Record:  {run.animations.recording} (the animation, at the end)")
+        if options.json:
+            for line in lines:
+                tell(line)
+        else:
+            say(lines)
+    if not options.json:
+        say(["Ctrl-C ends."])
     sys.stdout.flush()
 
 

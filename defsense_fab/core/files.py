@@ -68,6 +68,15 @@ def replacing_folder(path: Path, *, over: bool = False) -> Iterator[Path]:
             shutil.rmtree(left, ignore_errors=True)
 
 
+def free_path(path: Path) -> Path:
+    """A name by which nothing is there: x.mid, x-2.mid, x-3.mid, ..."""
+    number, free = 1, path
+    while os.path.lexists(free):
+        number += 1
+        free = path.parent / f"{path.stem}-{number}{path.suffix}"
+    return free
+
+
 def write_json(path: Path, data: Any) -> None:
     """`data` as JSON, whole or not at all. Raises StorageError."""
     write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")

@@ -3,26 +3,43 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
+import re
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Self
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from ..core.errors import DefsenseError
+from ..capture.readout.source import RecordingEnd
+from ..core.errors import DefsenseError, LiveError
 from ..pipeline.live.live_loop import LiveStatus
 from ..pipeline.live.live_run import LiveRun
 from ..runtime.frames.live_frame import Quality
 
 _EVERY = 0.25  # s between two looks
 _TOLD = 1.0  # s between two lines of JSON
+_PASSING = re.compile(r"\d+ s\b")  # what alone makes no new line: for how long it is so
+_log = logging.getLogger(__name__)
 _COLORS = {Quality.TRUSTED: "green", Quality.UNTRAINED: "yellow", Quality.FALLBACK: "yellow",
            Quality.LOST: "red"}  # fmt: skip
 _BAR = 10
+
+
+@dataclass
+class _Followed:
+    """A run, what it is called, what was told of it last, and why it has `ended`, if it has."""
+
+    run: LiveRun
+    label: str
+    told: str = ""
+    ended: str | None = None
 
 
 class LiveLines:
@@ -30,10 +47,11 @@ class LiveLines:
     as what they say changes."""
 
     def __init__(self, runs: Sequence[LiveRun], *, as_json: bool = False) -> None:
-        self._runs, self._json = runs, as_json
+        self._all = [_Followed(run, label) for run, label in zip(runs, labels(runs), strict=True)]
+        self._json = as_json
         self._console = Console(stderr=False)
         self._live: Live | None = None
-        self._told, self._last = [""] * len(runs), -math.inf
+        self._last = -math.inf
 
     def __enter__(self) -> Self:
         if self._console.is_terminal and not self._json:
@@ -46,56 +64,100 @@ class LiveLines:
             self._live.__exit__(None, None, None)
 
     def follow(self, seconds: float | None) -> None:
-        """Until all runs have ended, so many s have passed, or Ctrl-C. Raises what ended the last
-        of them."""
-        begun, failure = time.monotonic(), dict[int, DefsenseError]()
+        """Until all runs have ended, so many s have passed, or Ctrl-C. A run that has ended is
+        told once, and closed while others go on. Raises the last error that ended one; a recording
+        that is at its end is none."""
+        begun, failure = time.monotonic(), list[DefsenseError]()
         try:
             while seconds is None or time.monotonic() - begun < seconds:
-                for k, run in enumerate(self._runs):
-                    if k not in failure:
-                        try:
-                            run.loop.wait(0)
-                        except DefsenseError as error:
-                            failure[k] = error
-                self._show(failure)
-                if len(failure) == len(self._runs):
-                    raise next(iter(failure.values()))
+                new = [each for each in self._all if each.ended is None]
+                failure += [error for each in new if (error := _look(each)) is not None]
+                new = [each for each in new if each.ended is not None]
+                self._show(new)
+                if all(each.ended is not None for each in self._all):
+                    break
+                for each in new:
+                    each.run.end()
                 time.sleep(_EVERY)
         except KeyboardInterrupt:
-            self._console.print("ended")
+            self._say_ended()
+        if failure:
+            raise failure[-1]
 
-    def _show(self, failure: dict[int, DefsenseError]) -> None:
-        states = [run.loop.status for run in self._runs]
+    def _say_ended(self) -> None:
+        if self._live is not None:
+            self._console.print("ended")
+        elif not self._json:
+            print("ended", flush=True)  # noqa: T201
+
+    def _show(self, new: Sequence[_Followed]) -> None:
+        """What goes on, and what has ended since the last look (`new`)."""
         if self._json:
-            self._tell_json(states)
+            self._tell_json(new)
         elif self._live is not None:
-            rows = [row for k, s in enumerate(states) for row in page(s, failure.get(k))]
+            rows = [row for e in self._all for row in page(e.run.loop.status, e.label, e.ended)]
             self._live.update(Group(*rows), refresh=True)
         else:
-            for k, s in enumerate(states):
-                text = "; ".join([s.frame.quality.value if s.frame else "waiting", *s.notes])
-                if text != self._told[k]:
-                    self._told[k] = text
-                    name = s.frame.device if s.frame else "device"
-                    print(f"{name}: {text}", flush=True)  # noqa: T201
+            for each in self._all:
+                text = _line(each)
+                apart = _PASSING.sub("", text)
+                if apart != each.told:
+                    each.told = apart
+                    print(f"{each.label}: {text}", flush=True)  # noqa: T201
 
-    def _tell_json(self, states: Sequence[LiveStatus]) -> None:
-        if time.monotonic() - self._last < _TOLD:
-            return
-        self._last = time.monotonic()
-        for s in states:
-            sys.stdout.write(json.dumps(as_mapping(s)) + "\n")
+    def _tell_json(self, new: Sequence[_Followed]) -> None:
+        """A line a second for each that goes on, and a last one for what has ended."""
+        now, rows = time.monotonic(), list(new)
+        if now - self._last >= _TOLD:
+            self._last = now
+            rows += [each for each in self._all if each.ended is None]
+        for each in rows:
+            about = {"device": each.run.device, "port": each.run.port, "ended": each.ended}
+            sys.stdout.write(json.dumps(about | as_mapping(each.run.loop.status)) + "\n")
         sys.stdout.flush()
 
 
-def page(status: LiveStatus, failure: DefsenseError | None = None) -> list[Text]:
-    """Lines for one device."""
-    frame = status.frame
+def labels(runs: Sequence[LiveRun]) -> list[str]:
+    """The runs' devices; with their ports where names repeat, and numbers where these do, too."""
+    names = Counter(run.device for run in runs)
+    out = [f"{r.device} ({r.port})" if names[r.device] > 1 else r.device for r in runs]
+    again = Counter(out)
+    return [f"{told} {k + 1}" if again[told] > 1 else told for k, told in enumerate(out)]
+
+
+def _look(followed: _Followed) -> DefsenseError | None:
+    """Note whether a run has ended; the error that ended it."""
+    failure: DefsenseError | None = None
+    try:
+        followed.run.loop.wait(0)
+    except RecordingEnd as end:
+        followed.ended = str(end)
+    except DefsenseError as error:
+        failure = error
+    except Exception as error:  # of what this run alone is made of: others go on
+        _log.debug("%s: where it happened", followed.label, exc_info=True)
+        told = f"{followed.label}: {type(error).__name__} in the live loop: {error}"
+        failure = LiveError(f"{told}; run it with -v and report where it happened")
     if failure is not None:
-        return [Text(f"ended: {failure}", "red")]
+        followed.ended = str(failure)
+    return failure
+
+
+def _line(followed: _Followed) -> str:
+    if followed.ended is not None:
+        return f"ended: {followed.ended}"
+    status = followed.run.loop.status
+    return "; ".join([status.frame.quality.value if status.frame else "waiting", *status.notes])
+
+
+def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]:
+    """Lines for one device of that name, or why it has `ended`."""
+    frame = status.frame
+    if ended is not None:
+        return [Text(f"{label} ended: {ended}", "red")]
     if frame is None:
-        return [Text("waiting for samples", "yellow"), *_notes(status)]
-    line = Text(f"{frame.device} ")
+        return [Text(f"{label}: waiting for samples", "yellow"), *_notes(status)]
+    line = Text(f"{label} ")
     said = frame.quality.value + (f" without {frame.lost}" if frame.lost else "")
     line.append(said, f"bold {_COLORS[frame.quality]}")
     line.append(f"  {status.rate:.0f} Hz", "dim")
@@ -140,7 +202,7 @@ def as_mapping(status: LiveStatus) -> dict[str, object]:
     }  # fmt: skip
     if frame is not None:
         out |= {
-            "device": frame.device, "time": frame.time, "quality": frame.quality.value,
+            "time": frame.time, "quality": frame.quality.value,
             "lost": frame.lost, "controls": dict(frame.controls),
             "confidence": dict(frame.confidence), "distance": known(frame.distance),
             "ohm": [known(float(r)) for r in frame.ohms],

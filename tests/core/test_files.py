@@ -3,7 +3,7 @@
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.core.files import replacing_folder
+from defsense_fab.core.files import free_path, replacing_folder
 
 
 def names(folder):
@@ -58,3 +58,11 @@ def test_a_refusal_of_the_system_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="check the path"), replacing_folder(tmp_path / "file/x"):
         pass
+
+
+def test_a_name_that_is_taken_gets_a_number(tmp_path):
+    path = tmp_path / "x.mid"
+    assert free_path(path) == path
+    path.write_text("")
+    (tmp_path / "x-2.mid").symlink_to("nowhere")
+    assert free_path(path) == tmp_path / "x-3.mid"

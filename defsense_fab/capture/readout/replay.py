@@ -11,7 +11,7 @@ from ...core.arrays import Int
 from ...core.errors import CaptureError
 from ...sensing.serial_frames import Info, Sample
 from .recording import Recording, read_recording
-from .source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
+from .source import Event, ReadoutStatistics, RecordingEnd, Sink, StaleError, StampedSample
 
 _PAUSE = 1_000_000_000  # ns between one run of a recording and the next
 
@@ -62,7 +62,7 @@ class Replay:
         if r is None:
             raise CaptureError(f"{self.name}: is not being played")
         if self._next >= len(r.counter):
-            raise CaptureError(f"{self.name}: the recording is at its end")
+            raise RecordingEnd(f"{self.name}: the recording is at its end")
         now = time.monotonic_ns()
         out: list[StampedSample | Event] = []
         while self._next < len(r.counter):

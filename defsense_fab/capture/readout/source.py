@@ -14,6 +14,10 @@ class StaleError(CaptureError):
     """There is no reading that is fresh enough."""
 
 
+class RecordingEnd(CaptureError):
+    """A recording that is played is at its end, which is how it should end."""
+
+
 @dataclass(frozen=True)
 class StampedSample:
     """A sample, the host's monotonic clock when it arrived, ns, and the device's own clock, us:
@@ -64,7 +68,7 @@ class Source(Protocol):
 
     def drain(self) -> list[StampedSample | Event]:
         """All since the last call, in order, or an event `dropped` and the latest of them; raises
-        what ended the source when there is no more."""
+        what ended the source when there is no more: RecordingEnd for the end of a recording."""
 
     def read_latest(self, max_age: float) -> StampedSample:
         """The newest sample; raises StaleError if it arrived more than `max_age` s ago, and what

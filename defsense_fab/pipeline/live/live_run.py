@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -15,8 +15,7 @@ from ...capture.readout.reader import Reader, Settings
 from ...capture.readout.replay import Replay
 from ...capture.readout.source import Source
 from ...core.arrays import Float
-from ...core.errors import DefsenseError, LiveError
-from ...core.files import storage_errors
+from ...core.errors import ControlError, LiveError
 from ...core.progress import Progress, silent
 from ...runtime.controls.control_bank import ControlBank
 from ...runtime.controls.control_spec import ControlSpec
@@ -27,14 +26,15 @@ from ...runtime.outputs.newest_wins import NewestWins
 from ...runtime.outputs.settings import Settings as OutputSettings
 from ...runtime.surface.live_surface import LiveSurface, Mode, make_surface
 from ...runtime.surface.surface_basis import SurfaceBasis
-from ...runtime.view.live_panel import PanelActions
 from ...runtime.view.live_view import LiveView
 from ...runtime.view.viewed_device import ViewedDevice
 from ..twin.walking_board import WalkingBoard, parse_faults, walking_board
 from .animations import Animations
 from .live_device import LiveDevice
 from .live_loop import BUDGET, LiveLoop, Sending, deviation
-from .raw_recording import RawRecording, run_folder, since_last_run
+from .panel_links import follow, panel_actions
+from .raw_recording import RawRecording, since_last_run
+from .run_folder import RunFolder, new_run_folder
 from .session_play import SessionPlay, is_session
 
 REFERENCE = 2200.0  # ohm, of dividers that nothing tells
@@ -50,7 +50,8 @@ class RunOptions:
     `reference` and `rest` (c,) ohm in the order of the wires, where they are known; `view` is a
     port, None without one;
     whether the readings are kept (`keep`), in the folder `record` or in a new one of the device's;
-    the file of an `animation`, None: none.
+    the file of an `animation`, None: none. `live_file` is where `controls` were read from, if from
+    a file.
     """
 
     port: str
@@ -65,12 +66,16 @@ class RunOptions:
     keep: bool = True
     record: Path | None = None
     animation: Path | None = None
+    live_file: Path | None = None
 
 
 @dataclass
 class LiveRun:
-    """A run that is ready to `loop.start()`; `notes` are what a user should know before."""
+    """A run of the `device` of that name, read from `port`, ready to `loop.start()`; `notes` are
+    what a user should know before."""
 
+    device: str
+    port: str
     loop: LiveLoop
     outputs: Sequence[NewestWins]
     view: LiveView | None
@@ -80,8 +85,20 @@ class LiveRun:
     surface: str = ""
     notes: list[str] = field(default_factory=list)
 
-    def close(self) -> None:
+    def end(self) -> None:
+        """Close all that is live: port, outputs, view, and the readings' file. What is slow is left
+        to `close`."""
         self.loop.close()
+
+    def close(self) -> None:
+        """End it, and write an animation that is being recorded. Raises StorageError and LiveError
+        where none can be written."""
+        self.end()
+        if self.animations is not None:
+            try:
+                self.animations.finish()
+            finally:
+                self.animations.discard()
 
 
 def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent) -> LiveRun:
@@ -94,43 +111,59 @@ def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent)
     decoder = LiveDecoder(
         model, rest, live.trained_rest, lying=_lying(live, options.port), fallback=options.fallback
     )
-    controls = None
-    if live.poses is not None:
-        controls = ControlBank(
-            live.poses, model.rest_points, options.controls, independent=len(model.channels)
-        )
-    elif options.controls:
-        raise LiveError("[controls] need the poses of a built device: give its folder (--device)")
+    controls = _controls(live, options)
+    folder = new_run_folder(live.device.source if live.device else Path())
+    if options.record is not None:
+        folder = RunFolder(options.record)
     views, view, surface, told = list[Sending](), None, None, ""
     animations: Animations | None = None
     with contextlib.ExitStack() as undo:
         if options.view is not None or options.animation is not None:
-            surface, animations = _surface(live, options, notes, progress)
+            surface, animations = _surface(live, options, folder, notes, progress)
             told = surface.choice if surface is not None else ""
         if animations is not None:
+            undo.callback(animations.discard)
             views.append(animations)
+        actions = panel_actions(decoder, animations, folder)
         if options.view is not None:
-            actions = PanelActions(
-                decoder.rest_now, None if animations is None else _button(animations, live)
-            )
             view = LiveView(_viewed(live), actions, options.view)
             views.append(NewestWins("view", partial(_same, view), _VIEW_RATE))
             undo.callback(view.close)
         outputs = open_outputs(options.outputs)
         for each in outputs:
             undo.callback(each.close)
-        recording = _recording(live, options)
+        recording = _recording(live, options, folder)
         undo.pop_all()
     loop = LiveLoop(
         source, decoder, live.wired, reference, controls=controls, surface=surface,
         outputs=outputs, views=views, recorder=recording,
         tracks=source.tracks if isinstance(source, SessionPlay) else None,
     )  # fmt: skip
-    return LiveRun(loop, outputs, view, recording, animations, twin, told, notes)
+    follow(actions, loop)
+    return LiveRun(
+        model.device, options.port, loop, outputs, view, recording, animations, twin, told, notes
+    )
+
+
+def _controls(live: LiveDevice, options: RunOptions) -> ControlBank | None:
+    where = f"{options.live_file}: " if options.live_file is not None else ""
+    if live.poses is None:
+        if options.controls:
+            raise LiveError(
+                f"{where}[controls] need the poses of a built device: give its folder (--device)"
+            )
+        return None
+    model = live.model
+    try:
+        return ControlBank(
+            live.poses, model.rest_points, options.controls, independent=len(model.channels)
+        )
+    except ControlError as error:
+        raise ControlError(f"{where}{error}") from None
 
 
 def _surface(
-    live: LiveDevice, options: RunOptions, notes: list[str], progress: Progress
+    live: LiveDevice, options: RunOptions, folder: RunFolder, notes: list[str], progress: Progress
 ) -> tuple[LiveSurface | None, Animations | None]:
     """Solved once, which compiles what it needs."""
     if live.rest is None or live.states is None:
@@ -148,28 +181,13 @@ def _surface(
     surface = make_surface(_basis(live), live.model.rest_points, _typical(live), options.surface)
     surface(live.model.rest_points, None, BUDGET)
     surface.reset()
-    animations = Animations(live.rest.vertices, np.asarray(live.rest.faces, np.int64))
+    device = live.device.source if live.device else Path()
+    animations = Animations(
+        live.rest.vertices, np.asarray(live.rest.faces, np.int64), (folder.make, lambda: device)
+    )
     if options.animation is not None:
         animations.start(options.animation)
     return surface, animations
-
-
-def _button(animations: Animations, live: LiveDevice) -> Callable[[bool], str]:
-    """Starts an animation in the device's folder, and stops it."""
-
-    def clicked(on: bool) -> str:
-        if not on:
-            return animations.stop()
-        folder = run_folder(live.device.source if live.device else Path())
-        try:
-            with storage_errors(folder):
-                folder.mkdir(parents=True, exist_ok=True)
-            animations.start(folder / "animation.glb")
-        except DefsenseError as error:
-            return str(error)
-        return f"recording into {folder}"
-
-    return clicked
 
 
 def _same(view: LiveView) -> LiveView:
@@ -270,8 +288,7 @@ def _viewed(live: LiveDevice) -> ViewedDevice:
     )  # fmt: skip
 
 
-def _recording(live: LiveDevice, options: RunOptions) -> RawRecording | None:
+def _recording(live: LiveDevice, options: RunOptions, folder: RunFolder) -> RawRecording | None:
     if not options.keep or options.port.endswith(".csv") or options.port.startswith(_REPLAY):
         return None
-    folder = options.record or run_folder(live.device.source if live.device else Path())
     return RawRecording(folder, len(live.wired))

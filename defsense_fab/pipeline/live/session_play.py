@@ -9,10 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ...capture.readout.source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
+from ...capture.readout.source import (
+    Event,
+    ReadoutStatistics,
+    RecordingEnd,
+    Sink,
+    StaleError,
+    StampedSample,
+)
 from ...core.arrays import Float, Int
 from ...core.device import Device
-from ...core.errors import CaptureError, LiveError
+from ...core.errors import LiveError
 from ...core.sampling import at_times
 from ...sensing.serial_frames import NOT_READ, Info, Sample
 from ...sensing.voltage_divider import Dividers
@@ -80,7 +87,7 @@ class SessionPlay:
 
     def drain(self) -> list[StampedSample | Event]:
         if self._next >= len(self._counts):
-            raise CaptureError(f"{self.name}: the recording is at its end")
+            raise RecordingEnd(f"{self.name}: the recording is at its end")
         due = self._begun + (1000 * self._device_us).astype(np.int64)
         last = int(np.searchsorted(due, time.monotonic_ns(), side="right"))
         out: list[StampedSample | Event] = []

@@ -64,5 +64,10 @@ def parse_faults(channels: Sequence[str], words: Sequence[str]) -> tuple[PlayedF
             span = float(begin), float(end) if end else float("inf")
         except ValueError:
             raise CaptureError(f"twin:{word}: write seconds, as in @20-30") from None
+        if not 0 <= span[0] < span[1]:
+            raise CaptureError(
+                f"twin:{word}: ends before it begins; write the second at which it begins, from 0"
+                " on, and a later one at which it ends, as in @20-30"
+            )
         out.append(PlayedFault(kind, tuple(channels.index(n) for n in which), *span))
     return tuple(out)

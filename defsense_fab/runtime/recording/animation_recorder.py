@@ -64,6 +64,11 @@ class AnimationRecorder:
         return f"animation: {self.seconds:.1f} s to {self._path}"
 
     @property
+    def frames(self) -> int:
+        """Recorded so far."""
+        return len(self._steps)
+
+    @property
     def seconds(self) -> float:
         """Recorded so far."""
         return self._steps[-1] / self._fps if self._steps else 0.0

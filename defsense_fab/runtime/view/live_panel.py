@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,9 @@ from .viewed_device import ViewedDevice
 
 _SECONDS = 15.0  # of signals that are drawn
 _EVERY = 0.2  # s between two drawings of them
+_TOLD = 0.5  # s between two looks at notes, which come while no frame does, too
 _COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf")
+_RECORD, _STOP = "Record the animation", "Stop, and write it"
 _SAID = {
     Quality.TRUSTED: "**trusted**",
     Quality.UNTRAINED: "**untrained**: the readings lie outside of the training",
@@ -24,18 +27,22 @@ _SAID = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass
 class PanelActions:
-    """What the panel's buttons do. `record` starts (True) and stops an animation, and says in a
-    sentence what came of it; without it there is no button. `status` is told below: notes."""
+    """What the panel's buttons do, and what it asks for. `record` starts (True) and stops an
+    animation, and says in a sentence what came of it, without it there is no button; `recording` is
+    whether one is being recorded. `notes` on the whole run, in place of the frame's, and `latency`
+    in a sentence may be set once there is something to tell them."""
 
     rest: Callable[[], None] | None = None
     record: Callable[[bool], str] | None = None
+    recording: Callable[[], bool] = lambda: False
+    notes: Callable[[], Sequence[str]] | None = None
     latency: Callable[[], str] | None = None
 
 
 class LivePanel:
-    """In a viser server's panel."""
+    """In a viser server's panel; `close` it before the server."""
 
     def __init__(self, server: Any, device: ViewedDevice, actions: PanelActions) -> None:
         import viser.uplot as uplot
@@ -60,7 +67,15 @@ class LivePanel:
                 empty, series, aspect=1.6, scales={"x": uplot.Scale(time=False, auto=True)}
             )
         self._notes = gui.add_markdown("")
+        self._record: Any = None
         self._add_buttons()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._go_on, name="panel", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
 
     def show(self, frame: LiveFrame) -> None:
         """One frame; it is drawn some times a second."""
@@ -81,7 +96,8 @@ class LivePanel:
         if self._actions.latency is not None:
             lines.append(self._actions.latency())
         self._said.content = "\n\n".join(lines)
-        self._notes.content = "\n".join(f"- {note}" for note in frame.notes)
+        if self._actions.notes is None:
+            self._tell(frame.notes)
         self._show_controls(frame)
         when = np.array([t for t, _ in self._rows])
         values = np.array([s for _, s in self._rows]).reshape(len(when), -1)
@@ -113,13 +129,33 @@ class LivePanel:
             self._record_button(record)
 
     def _record_button(self, record: Callable[[bool], str]) -> None:
-        button = self._gui.add_button("Record the animation", color="red")
+        button = self._record = self._gui.add_button(_RECORD, color="red")
         told = self._gui.add_markdown("")
-        state = {"on": False}
+        self._label()
 
         def clicked(_: Any) -> None:
-            state["on"] = not state["on"]
-            told.content = record(state["on"])
-            button.label = "Stop, and write it" if state["on"] else "Record the animation"
+            button.disabled = True  # while a file is written, a second click would begin anew
+            try:
+                told.content = record(not self._actions.recording())
+                self._label()
+            finally:
+                button.disabled = False
 
         button.on_click(clicked)
+
+    def _label(self) -> None:
+        """What the button would do now: recordings begin and end without it, too."""
+        said = _STOP if self._actions.recording() else _RECORD
+        if self._record is not None and self._record.label != said:
+            self._record.label = said
+
+    def _tell(self, notes: Sequence[str]) -> None:
+        content = "\n".join(f"- {note}" for note in notes)
+        if self._notes.content != content:
+            self._notes.content = content
+
+    def _go_on(self) -> None:
+        while not self._over.wait(_TOLD):
+            if self._actions.notes is not None:
+                self._tell(self._actions.notes())
+            self._label()

@@ -43,5 +43,6 @@ class LiveView:
             self.panel.show(frame)
 
     def close(self) -> None:
+        self.panel.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self.server.stop()

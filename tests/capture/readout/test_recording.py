@@ -14,7 +14,7 @@ import pytest
 
 from defsense_fab.capture.readout.recording import Recorder, has_frames, read_recording
 from defsense_fab.capture.readout.replay import Replay
-from defsense_fab.capture.readout.source import Event, StampedSample
+from defsense_fab.capture.readout.source import Event, RecordingEnd, StampedSample
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.sensing.serial_frames import NOT_READ, Sample
 from tests.places import ROOT
@@ -232,7 +232,7 @@ def test_replay(tmp_path):
     assert time.monotonic() - begun == pytest.approx(0.0495, abs=0.03)
     assert [i.sample for i in got] == [stamped(n).sample for n in range(100)]
     assert source.read_latest(5).sample.counter == 99
-    with pytest.raises(CaptureError, match="at its end"):
+    with pytest.raises(RecordingEnd, match="at its end"):
         source.drain()
 
 

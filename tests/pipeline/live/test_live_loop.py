@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.readout.reader import Reader, Settings
-from defsense_fab.core.errors import CaptureError, LiveError
+from defsense_fab.capture.readout.source import RecordingEnd
+from defsense_fab.core.errors import LiveError
 from defsense_fab.pipeline.live.live_device import live_device
 from defsense_fab.pipeline.live.live_loop import LiveLoop
 from defsense_fab.pipeline.live.live_run import RunOptions, live_run
@@ -136,9 +137,10 @@ def test_another_number_of_channels_is_refused_before_anything_runs(live_bar):
 
 def test_a_recording_plays_again_and_its_end_is_told(live_bar, tmp_path):
     from defsense_fab.pipeline.live.raw_recording import RawRecording
+    from defsense_fab.pipeline.live.run_folder import RunFolder
 
     _, board, _, _ = board_of(live_bar, seconds=10.0)
-    out, recording = Kept(), RawRecording(tmp_path / "live", 2)
+    out, recording = Kept(), RawRecording(RunFolder(tmp_path / "live"), 2)
     loop = loop_of(live_bar, board, [out], recorder=recording)
     loop.start()
     out.until(lambda f: f.time > 6)
@@ -146,7 +148,7 @@ def test_a_recording_plays_again_and_its_end_is_told(live_bar, tmp_path):
     device = live_device(live_bar.model)
     run = live_run(device, RunOptions(f"replay:{recording.path}"))
     run.loop.start()
-    with pytest.raises(CaptureError, match="the recording is at its end"):
+    with pytest.raises(RecordingEnd, match="the recording is at its end"):
         run.loop.wait(60.0)
     assert run.loop.status.samples > 100
     run.close()
@@ -178,7 +180,7 @@ def test_a_session_plays_beside_what_its_cameras_saw(live_bar, tmp_path, monkeyp
         play = live_run(device, RunOptions(f"replay:{folder}"))
         monkeypatch.setattr(play.loop, "_outputs", (out,))
         play.loop.start()
-        with pytest.raises(CaptureError, match="the recording is at its end"):
+        with pytest.raises(RecordingEnd, match="the recording is at its end"):
             play.loop.wait(60.0)
         play.close()
     known = [f for f in out.frames if f.quality is not Quality.LOST and f.time > 4]
@@ -207,18 +209,24 @@ def test_what_cannot_be_opened_is_told(live_bar, tmp_path):
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_run(live_bar, tmp_path, monkeypatch):
+    from defsense_fab.capture.readout.recording import Recorder
     from defsense_fab.core.errors import StorageError
     from defsense_fab.pipeline.live.raw_recording import RawRecording
+    from defsense_fab.pipeline.live.run_folder import RunFolder
 
-    recording = RawRecording(tmp_path / "live", 2)
+    recording = RawRecording(RunFolder(tmp_path / "live"), 2)
     _, board, _, _ = board_of(live_bar)
     out = Kept()
     loop = loop_of(live_bar, board, [out], recorder=recording)
 
-    def full(item):
-        raise StorageError(f"{recording.path}: No space left on device")
+    add = Recorder.add
 
-    monkeypatch.setattr(recording._recorder, "add", full)
+    def full(recorder, item):
+        if recording.wait_until_begun(0):
+            raise StorageError(f"{recording.path}: No space left on device")
+        add(recorder, item)
+
+    monkeypatch.setattr(Recorder, "add", full)
     loop.start()
     out.until(lambda f: f.number > 50)
     assert any("no longer recorded" in note for note in loop.status.notes)

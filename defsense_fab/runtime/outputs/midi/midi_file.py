@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from ....core.files import storage_errors
+from ....core.files import free_path, storage_errors
 
 _TICKS = 480  # of a quarter note, which takes half a second where no tempo is given
 _PER_SECOND = 2 * _TICKS
@@ -54,15 +54,6 @@ class MidiFile:
             self.flush()
         finally:
             self._file.close()
-
-
-def free_path(path: Path) -> Path:
-    """A name by which there is no file: x.mid, x-2.mid, x-3.mid, ..."""
-    number, free = 1, path
-    while free.exists():
-        number += 1
-        free = path.with_name(f"{path.stem}-{number}{path.suffix}")
-    return free
 
 
 def _length(value: int) -> bytes:

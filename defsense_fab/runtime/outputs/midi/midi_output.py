@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ....core.errors import OutputError, StorageError
-from ....core.files import write_text
+from ....core.files import free_path, write_text
 from ...frames.live_frame import LiveFrame
 from ..output import controls_known, unknown_controls
 from ..settings import MidiMapping, MidiSettings
 from .mapping import MidiMapper, default_mapping
-from .midi_file import MidiFile, free_path
+from .midi_file import MidiFile
 from .midi_learn import MidiLearn, as_toml, merged
 from .ports import MidiPort, MidiPorts, SystemPorts, find_port
 
