@@ -89,7 +89,7 @@ def _run(options: argparse.Namespace) -> int:
     for name, given in (("--port", options.port), ("--device", options.device)):
         if given is not None and len(given) != count:
             raise DeviceError(f"{name}: give one for each model, {count} of them")
-    within("--rate", options.rate, 1, 500)
+    within("--rate", options.rate, 10, 500)
     if options.view is not None:
         within("--view", options.view, 1024, 65535 - count)
     if options.seconds is not None:

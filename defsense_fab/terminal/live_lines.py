@@ -8,7 +8,6 @@ import math
 import re
 import sys
 import time
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -118,11 +117,8 @@ class LiveLines:
 
 
 def labels(runs: Sequence[LiveRun]) -> list[str]:
-    """The runs' devices; with their ports where names repeat, and numbers where these do, too."""
-    names = Counter(run.device for run in runs)
-    out = [f"{r.device} ({r.port})" if names[r.device] > 1 else r.device for r in runs]
-    again = Counter(out)
-    return [f"{told} {k + 1}" if again[told] > 1 else told for k, told in enumerate(out)]
+    """The runs' devices; of several with their ports, since units of one name differ by these."""
+    return [f"{r.device} ({r.port})" if len(runs) > 1 else r.device for r in runs]
 
 
 def _look(followed: _Followed) -> DefsenseError | None:

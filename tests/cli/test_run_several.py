@@ -1,6 +1,5 @@
 """`defsense run` with several devices: what each of them is asked for."""
 
-from contextlib import ExitStack
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -31,7 +30,7 @@ def prepared(monkeypatch):
 
     def prepare(live, asked, _):
         made.append((live.model.device, asked))
-        return SimpleNamespace(close=lambda: None)
+        return SimpleNamespace()
 
     monkeypatch.setattr(
         "defsense_fab.pipeline.live.live_device.live_device",
@@ -42,9 +41,8 @@ def prepared(monkeypatch):
     def command(*arguments):
         options = make_parser().parse_args(["run", *map(str, arguments)])
         several = SeveralDevices()
-        with ExitStack() as stack:
-            for k in range(len(options.models)):
-                run._prepare(options, k, stack, silent, several)
+        for k in range(len(options.models)):
+            run._prepare(options, k, silent, several)
         return made
 
     return command

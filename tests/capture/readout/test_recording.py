@@ -229,7 +229,7 @@ def test_replay(tmp_path):
     while len(got) < 100:
         got += source.drain()
         time.sleep(0.002)
-    assert time.monotonic() - begun == pytest.approx(0.0495, abs=0.03)
+    assert time.monotonic() - begun >= 0.0495 - 1e-3  # later on a machine that is busy
     assert [i.sample for i in got] == [stamped(n).sample for n in range(100)]
     assert source.read_latest(5).sample.counter == 99
     with pytest.raises(RecordingEnd, match="at its end"):

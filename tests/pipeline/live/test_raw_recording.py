@@ -80,7 +80,42 @@ def test_a_folder_without_permission_is_refused_beforehand(tmp_path):
         RawRecording(RunFolder(tmp_path / "no" / "x"), 2)
 
 
-def test_what_cannot_be_begun_is_told_and_ends_the_recording(tmp_path):
+def test_samples_of_other_channels_are_left_out_and_told(tmp_path):
+    recording = RawRecording(RunFolder(tmp_path / "live"), 2)
+    recording.add(sample(0))
+    recording.add(sample(1, channels=3))
+    assert recording.trouble.startswith("a sample of 3 channels is not recorded among those of 2")
+    recording.add(sample(2))
+    assert recording.trouble is None
+    recording.close()
+    assert read_recording(recording.path).counter.tolist() == [0, 2]
+
+
+def test_a_disk_that_was_full_for_a_while(tmp_path, monkeypatch):
+    """The recording goes on where it can, into the same file."""
+    recording, add, full = RawRecording(RunFolder(tmp_path / "live"), 2), Recorder.add, [False]
+
+    def perhaps(recorder, item):
+        if full[0]:
+            raise StorageError("board.csv: the disk is full")
+        add(recorder, item)
+
+    monkeypatch.setattr(Recorder, "add", perhaps)
+    recording.add(sample(0))
+    full[0] = True
+    recording.add(sample(1))
+    assert recording.trouble == "the readings are no longer recorded: board.csv: the disk is full"
+    full[0] = False
+    recording.add(sample(2))  # not yet tried again
+    assert recording.trouble is not None
+    monkeypatch.setattr(recording, "_again", 0.0)
+    recording.add(sample(3))
+    assert recording.trouble is None
+    recording.close()
+    assert read_recording(recording.path).counter.tolist() == [0, 3]
+
+
+def test_what_cannot_be_begun_is_told(tmp_path):
     recording = RawRecording(RunFolder(tmp_path / "live"), 2)
     (tmp_path / "live").write_text("")
     recording.add(sample(0))
