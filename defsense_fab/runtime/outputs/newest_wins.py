@@ -15,6 +15,7 @@ from ..frames.live_frame import LiveFrame
 from .output import Output
 
 _SOON, _LATER = 0.1, 5.0  # s before the first new attempt, and at most
+_NEWS = 10.0  # s, for which it is told that an output does something else
 _HELD_UP = 2.0  # s that sending one frame may take
 _HANGS = 3.0  # s after which a thread that does not come back is left to itself
 _log = logging.getLogger(__name__)
@@ -49,7 +50,7 @@ class NewestWins:
         self._signed = self._sending = False
         self._given = self._sent = self._failures = 0
         self._failure: str | None = None
-        self._began_as = ""
+        self._known_as, self._changed = "", -_NEWS
         self._begun = 0.0  # with the frame that is being sent
         self._stop, self._tried = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"output {name}", daemon=True)
@@ -71,8 +72,13 @@ class NewestWins:
 
     @property
     def news(self) -> str | None:
-        """What it does now, where that is something else than when it was opened."""
-        return self.about if self._output is not None and self.about != self._began_as else None
+        """What it does now, for some seconds after that has become something else than it was."""
+        if self._output is None:
+            return None
+        about, now = self.about, time.monotonic()
+        if about != self._known_as:
+            self._known_as, self._changed = about, now
+        return about if now - self._changed < _NEWS else None
 
     @property
     def statistics(self) -> OutputStatistics:
@@ -103,7 +109,7 @@ class NewestWins:
             try:
                 if self._output is None:
                     opened = self._opener()
-                    self._began_as, self._output = opened.about, opened
+                    self._known_as, self._output = opened.about, opened
                     self._failure = None
                     self._tried.set()
                 frame = self._next()

@@ -139,11 +139,13 @@ def test_what_fails_while_it_closes_is_logged(recorder, caplog):
     assert "could not be closed: too late" in caplog.text
 
 
-def test_what_an_output_does_now_is_news_where_it_did_something_else():
+def test_what_an_output_does_now_is_news_where_it_did_something_else(monkeypatch):
     changed = Recorder()
     output = NewestWins("recorder", lambda: changed)
     assert output.wait_until_tried(5.0)
     assert output.news is None
     changed.about = "recorder: keeps every second frame"
     assert output.news == "recorder: keeps every second frame"
+    monkeypatch.setattr(newest_wins, "_NEWS", 0.0)
+    assert output.news is None
     output.close()
