@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -37,23 +38,26 @@ class CordScene:
     def __init__(self, server: Any, radius: float, size: float, drawn: Drawn) -> None:
         """Cords of a `radius` mm in a body of a `size` mm; `drawn` hears of what hands do."""
         self._scene, self._radius, self._size, self._drawn = server.scene, radius, size, drawn
+        self._lock = threading.RLock()  # hands, edits and checks come from threads of their own
         self._tubes: dict[str, Any] = {}
         self._handles: list[Any] = []
         self._chosen: Sensor | None = None
 
     def show(self, sensors: Sequence[Sensor], chosen: str | None, broken: frozenset[str]) -> None:
         """All cords anew, with handles on the `chosen` one; those that break a limit in red."""
-        for tube in self._tubes.values():
-            tube.remove()
-        self._tubes = {s.name: self._tube(s, chosen, broken) for s in sensors}
-        self._chosen = next((s for s in sensors if s.name == chosen), None)
-        self._place_handles()
+        with self._lock:
+            for tube in self._tubes.values():
+                tube.remove()
+            self._tubes = {s.name: self._tube(s, chosen, broken) for s in sensors}
+            self._chosen = next((s for s in sensors if s.name == chosen), None)
+            self._place_handles()
 
     def move(self, sensor: Sensor) -> None:
         """One cord as it is drawn now; its handles are where the hand has them."""
-        tube = self._tubes.get(sensor.name)
-        if tube is not None:
-            tube.vertices = self._vertices(sensor)
+        with self._lock:
+            tube = self._tubes.get(sensor.name)
+            if tube is not None:
+                tube.vertices = self._vertices(sensor)
 
     def _tube(self, sensor: Sensor, chosen: str | None, broken: frozenset[str]) -> Any:
         color = _CHOSEN if sensor.name == chosen else _PLAIN

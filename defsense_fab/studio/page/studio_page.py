@@ -3,6 +3,7 @@ built from it."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -32,6 +33,7 @@ class StudioPage:
 
     def __init__(self, server: Any, project: Project) -> None:
         self._server, self._project = server, project
+        self._drawing = threading.RLock()  # buttons, hands and builds have threads of their own
         self._judge: LayoutJudge | None = None
         self._chosen: str | None = None
         self._before: Judged | None = None  # the drag that is under way
@@ -197,6 +199,10 @@ class StudioPage:
 
     def _draw(self) -> None:
         """The page as the device is now."""
+        with self._drawing:
+            self._draw_now()
+
+    def _draw_now(self) -> None:
         device = self._project.device
         names = [s.name for s in device.sensors]
         if self._chosen not in names:
