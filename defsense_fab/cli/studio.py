@@ -45,6 +45,7 @@ def _studio(options: argparse.Namespace) -> int:
     within("--port", options.port, 1024, 65535)
     if options.seconds is not None:
         within("--seconds", options.seconds, 0.1, 1e7)
+    from ..core.blas_threads import one_blas_thread
     from ..runtime.view.local_page import HOST, local_page
     from ..studio.page.studio_page import StudioPage
     from ..studio.project.project import Project
@@ -60,9 +61,10 @@ def _studio(options: argparse.Namespace) -> int:
         webbrowser.open(url)
     begun = time.monotonic()
     try:
-        while options.seconds is None or time.monotonic() - begun < options.seconds:
-            time.sleep(_LOOK)
-            page.look()
+        with one_blas_thread():  # as builds have it
+            while options.seconds is None or time.monotonic() - begun < options.seconds:
+                time.sleep(_LOOK)
+                page.look()
     except KeyboardInterrupt:
         say(["ended"])
     finally:

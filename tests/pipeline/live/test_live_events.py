@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.pipeline.live.live_device import live_device
@@ -93,3 +94,19 @@ def test_what_happened_is_told_for_a_while(fed):
     assert "fed: the read-out board started anew" in loop.status.notes
     source.happens("gap", why="unplugged")
     assert any("is gone (unplugged); waiting" in note for note in loop.status.notes)
+
+
+def test_linear_algebra_has_one_thread_while_a_device_is_live(live_bar):
+    """Others would spin between samples."""
+    device = live_device(live_bar.model)
+    loop = LiveLoop(Fed(), LiveDecoder(device.model, R0), device.wired, REFERENCE)
+
+    def threads():
+        return {p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas"}
+
+    with threadpool_limits(2, "blas"):
+        before = threads()
+        loop.start()
+        assert threads() == {1}
+        loop.close()
+        assert threads() == before
