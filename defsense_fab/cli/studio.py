@@ -46,7 +46,7 @@ def _studio(options: argparse.Namespace) -> int:
     if options.seconds is not None:
         within("--seconds", options.seconds, 0.1, 1e7)
     from ..core.blas_threads import one_blas_thread
-    from ..runtime.view.local_page import HOST, local_page
+    from ..runtime.view.local_page import HOST, end_page, local_page
     from ..studio.page.studio_page import StudioPage
     from ..studio.project.project import Project
 
@@ -69,5 +69,5 @@ def _studio(options: argparse.Namespace) -> int:
         say(["ended"])
     finally:
         page.close()
-        server.stop()
+        end_page(server)
     return 0

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 from typing import Any
 
 from ..frames.live_frame import LiveFrame
 from .live_panel import LivePanel, PanelActions
 from .live_scene import LiveScene
-from .local_page import local_page
+from .local_page import end_page, local_page
 from .viewed_device import ViewedDevice
 
 PORT = 8080
@@ -44,5 +42,4 @@ class LiveView:
 
     def close(self) -> None:
         self.panel.close()
-        with contextlib.redirect_stdout(io.StringIO()):
-            self.server.stop()
+        end_page(self.server)

@@ -59,6 +59,12 @@ def local_page(port: int, label: str) -> Any:
     return server
 
 
+def end_page(server: Any) -> None:
+    """Stop it, without what it prints."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
 def _need_free(port: int) -> None:
     """Viser takes the next free port without a word; a user would open another program's page."""
     with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as probe:
