@@ -3,20 +3,12 @@ the markers."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from ...capture.readout.source import (
-    Event,
-    ReadoutStatistics,
-    RecordingEnd,
-    Sink,
-    StaleError,
-    StampedSample,
-)
+from ...capture.readout.paced_samples import PacedSamples
 from ...core.arrays import Float, Int
 from ...core.device import Device
 from ...core.errors import LiveError
@@ -36,7 +28,7 @@ def is_session(path: Path) -> bool:
     return any(manifest_path(folder) is not None for folder in (path, path.parent))
 
 
-class SessionPlay:
+class SessionPlay(PacedSamples):
     """A `Source` that plays a run of a processed session at its own pace, with the dividers
     `reference` (c,) ohm in the order `wired`. Raises LiveError and TrainingError for what is not
     to be played."""
@@ -55,8 +47,7 @@ class SessionPlay:
         runs = {Path(r.name).name: r for r in dataset.recordings}
         if not whole and path.name not in runs:
             raise LiveError(f"{path}: was not processed; there are {', '.join(runs)}")
-        self.name = str(path)
-        self.sink: Sink | None = None
+        super().__init__(str(path))
         self._run: Recording = next(iter(runs.values())) if whole else runs[path.name]
         self._ids, self._known = np.asarray(ids), list(dataset.ids)
         counts = Dividers(reference, _FULL_SCALE).counts(
@@ -64,8 +55,6 @@ class SessionPlay:
         )
         self._counts = np.where(np.isfinite(counts), np.rint(counts), NOT_READ).astype(np.int64)
         self._device_us = np.rint(1e6 * (self._run.sample_time - self._run.sample_time[0]))
-        self._next, self._begun = 0, 0
-        self._latest: StampedSample | None = None
 
     def tracks(self, when: float) -> Float:
         """Where cameras saw the model's markers (m, 3) mm at a time, s, of the samples; NaN where
@@ -80,35 +69,13 @@ class SessionPlay:
         ])  # fmt: skip
 
     def start(self) -> Info:
-        self._begun, self._next = time.monotonic_ns(), 0
+        """The read-out board that the resistances would have been read by."""
         span = float(np.median(np.diff(self._run.sample_time)))
         c = self._counts.shape[1]
-        return Info(1, (0, 0), 0, c, 1, round(1 / span), 0, c, _FULL_SCALE)
 
-    def drain(self) -> list[StampedSample | Event]:
-        if self._next >= len(self._counts):
-            raise RecordingEnd(f"{self.name}: the recording is at its end")
-        due = self._begun + (1000 * self._device_us).astype(np.int64)
-        last = int(np.searchsorted(due, time.monotonic_ns(), side="right"))
-        out: list[StampedSample | Event] = []
-        for k in range(self._next, last):
+        def sample(k: int) -> tuple[int, Sample]:
             micros, sums = int(self._device_us[k]), tuple(int(s) for s in self._counts[k])
-            sample = Sample(k, micros % (1 << 32), False, False, 1, sums)
-            self._latest = StampedSample(int(due[k]), micros, sample)
-            if self.sink is not None:
-                self.sink(self._latest)
-            out.append(self._latest)
-        self._next = max(self._next, last)
-        return out
+            return micros, Sample(k, micros % (1 << 32), False, False, 1, sums)
 
-    def read_latest(self, max_age: float) -> StampedSample:
-        if self._latest is None or time.monotonic_ns() - self._latest.host_ns > max_age * 1e9:
-            raise StaleError(f"{self.name}: no sample of the last {max_age:g} s; drain() plays")
-        return self._latest
-
-    @property
-    def statistics(self) -> ReadoutStatistics:
-        return ReadoutStatistics(samples=self._next)
-
-    def close(self) -> None:
-        """Nothing is open."""
+        self._play((1000 * self._device_us).astype(np.int64), sample)
+        return Info(1, (0, 0), 0, c, 1, round(1 / span), 0, c, _FULL_SCALE)
