@@ -103,7 +103,7 @@ class StudioPage:
             self._lock.on_update(lambda event: self._locked(event))
             self._limits = gui.add_markdown("")
         with gui.add_folder("Steps"):
-            self._undo = self._button("Undo", "Ctrl-Z of all that is written", self._project.undo)
+            self._undo = self._button("Undo", "Take the last step back", self._project.undo)
             self._redo = self._button("Redo", "Do again what was undone", self._project.redo)
         with gui.add_folder("Make"):
             self._button("Simulate the poses", "Up to the fields", self._build_to("simulate"))
@@ -194,6 +194,8 @@ class StudioPage:
             if self._scene is None:
                 self._server.scene.set_up_direction("+z")
                 look_at_body(self._server, surface.vertices)
+            else:
+                self._scene.show((), None, frozenset())  # what is drawn is of the build before
             self._scene = CordScene(self._server, device.cord.diameter / 2, size, self.drawn)
         self._draw()
 
