@@ -1,0 +1,1 @@
+"""The mode in which the device is optimised and built."""

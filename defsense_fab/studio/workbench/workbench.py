@@ -1,0 +1,132 @@
+"""What the modes work on: the device and its build, and the page's server."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import DefsenseError
+from ...core.mesh import Surface
+from ...pipeline.artifacts.body import load_surface
+from ...pipeline.artifacts.build_folder import build_folder
+from ...pipeline.design.layout_judge import LayoutJudge
+from ...runtime.view.first_look import look_at_body
+from ..edits.edit import Edit
+from ..project.project import Project
+from .build_work import BuildWork
+
+_BODY = (150, 180, 205)
+
+
+class Workbench:
+    """Of one project, on a viser server; all browsers see the same."""
+
+    def __init__(self, server: Any, project: Project) -> None:
+        self.server, self.project = server, project
+        self.drawing = threading.RLock()  # buttons, hands and builds have threads of their own
+        self.mode = ""  # the label of the one that is entered
+        self.surface: Surface | None = None  # of the body at rest, once it has been built
+        self.judge: LayoutJudge | None = None  # once the poses are simulated
+        self.body: Any = None  # in the scene; its `visible` belongs to the mode that is entered
+        self.builds = BuildWork(self._progress, self._ended)
+        #: Told after a build, made or not, and what is known of the body is loaded.
+        self.loaded: list[Callable[[], None]] = []
+        self._message: Any = None
+        self._bar: Any = None
+        self._said: Any = None
+
+    @property
+    def size(self) -> float:
+        """The body's largest extent, mm; 100 while there is none."""
+        return 100.0 if self.surface is None else float(np.ptp(self.surface.vertices, axis=0).max())
+
+    def add_message(self) -> None:
+        """Where `say` and `fail` are read, at this place of the panel."""
+        self._message = self.server.gui.add_markdown("")
+
+    def add_progress(self) -> None:
+        """Where builds are followed, at this place of the panel."""
+        self._bar = self.server.gui.add_progress_bar(0.0, visible=False)
+        self._said = self.server.gui.add_markdown("")
+
+    def say(self, told: str) -> None:
+        """Markdown, until the next."""
+        self._message.content = told
+
+    def fail(self, error: Exception) -> None:
+        """What went wrong; the studio goes on."""
+        self._message.content = f"**{error}**"
+
+    def do(self, edit: Edit) -> bool:
+        """Change the device's file; False where that is refused, which is told."""
+        try:
+            self.project.do(edit)
+        except DefsenseError as error:
+            self.fail(error)
+            return False
+        return True
+
+    def button(self, label: str, hint: str, action: Callable[[], Any], **look: Any) -> Any:
+        """A button whose errors are told on the page."""
+        button = self.server.gui.add_button(label, hint=hint, **look)
+        button.on_click(lambda _: self.tried(action))
+        return button
+
+    def tried(self, action: Callable[[], Any]) -> None:
+        """Do it; what it raises of the project's errors is told on the page."""
+        try:
+            action()
+        except DefsenseError as error:
+            self.fail(error)
+
+    def build(self, stage: str) -> bool:
+        """Build up to a stage beside the page; whether it began."""
+        if not self.builds.start(self.project.folder, stage):
+            self.say("A build is running; cancel it, or wait for it.")
+            return False
+        self._bar.visible, self._bar.value = True, 0.0
+        return True
+
+    def load(self) -> None:
+        """What the last build says: the body, and the poses' fields."""
+        device = self.project.device
+        folder = build_folder(device)
+        try:
+            self.surface = load_surface(folder)
+        except (DefsenseError, OSError):
+            self.surface = None
+        try:
+            self.judge = LayoutJudge(device, folder)
+        except (DefsenseError, OSError):
+            self.judge = None
+        if self.surface is not None:
+            self._show_body(self.surface)
+        for told in self.loaded:
+            told()
+
+    def close(self) -> None:
+        """End a build that is running."""
+        self.builds.close()
+
+    def _show_body(self, surface: Surface) -> None:
+        first = self.body is None
+        shown = first or self.body.visible
+        self.body = self.server.scene.add_mesh_simple(
+            "/body", surface.vertices.astype(np.float32), surface.faces.astype(np.uint32),
+            color=_BODY, opacity=0.35, side="double", visible=shown,
+        )  # fmt: skip
+        if first:
+            self.server.scene.set_up_direction("+z")
+            look_at_body(self.server, surface.vertices)
+
+    def _progress(self, share: float, told: str) -> None:
+        self._bar.value = 100 * share
+        self._said.content = told
+
+    def _ended(self, problem: str | None) -> None:
+        self._bar.visible = False
+        self._said.content = "done" if problem is None else f"**{problem}**"
+        self.load()
