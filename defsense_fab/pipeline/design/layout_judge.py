@@ -13,6 +13,7 @@ from ...core.arrays import Float
 from ...core.curve import Hermite, Plane, catmull_rom
 from ...core.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
+from ...geometry.kernels.signed_distance import SignedDistance
 from ...optimize.limits.verification import LayoutCheck, verify
 from ..artifacts.body import load_surface
 from .as_built import assumed_cords
@@ -47,6 +48,7 @@ class LayoutJudge:
         kinds = DECODERS if device.decoder == "auto" else (device.decoder,)
         self._tasks = {kind: self._task.decoded_by(kind) for kind in kinds}
         self.surface = load_surface(folder)
+        self._depth = SignedDistance(self.surface)
 
     def judge(self, sensors: Sequence[Sensor], *, quick: bool = False) -> Judged | None:
         """None without cords; `quick`: within some 20 ms, without the decoder that takes ten times
@@ -67,7 +69,7 @@ class LayoutJudge:
 
     def check(self, sensors: Sequence[Sensor]) -> LayoutCheck:
         """Lengths, radii, walls and distances, and what they break."""
-        return verify(sensors, self.surface, self._task.design.limits)
+        return verify(sensors, self.surface, self._task.design.limits, self._depth)
 
     def new_cord(self, name: str) -> Sensor:
         """A straight cord along the body, through its middle, in the plane in which it is widest.
