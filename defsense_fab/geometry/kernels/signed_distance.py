@@ -39,8 +39,8 @@ class SignedDistance:
 
     def _unsigned(self, points: Float) -> Float:
         q = np.ascontiguousarray(points)
-        return np.sqrt(np.asarray(self._tree.squared_distance(self._v, self._f, q)[0]))
+        return np.asarray(np.sqrt(self._tree.squared_distance(self._v, self._f, q)[0]))
 
     def _inside(self, points: Float) -> Bool:
         q = np.ascontiguousarray(points)
-        return np.asarray(self._winding.winding_number(q)) > 0.5
+        return np.asarray(self._winding.winding_number(q) > 0.5)
