@@ -145,7 +145,11 @@ class CordScene:
             points = self._chosen.plane.to_world(self._chosen.curve.points)
             ends = np.stack([points, self._places(self._chosen)], axis=1)
             self._arms = self._scene.add_line_segments(
-                "/handle-arms", ends.astype(np.float32), colors=_CHOSEN, line_width=2.0
+                "/handle-arms",
+                ends.astype(np.float32),
+                colors=_CHOSEN,
+                thickness=2.0,
+                thickness_units="screen",
             )
 
     def _dragged(self, at: int, handle: Any) -> Callable[[Any], Any]:

@@ -38,7 +38,11 @@ class Sketch:
         section = plane.to_world(plane_section(surface, plane))
         if len(section):
             self._nodes["outline"] = self._scene.add_line_segments(
-                "/sketch/outline", section.astype(np.float32), colors=_OUTLINE, line_width=2.5
+                "/sketch/outline",
+                section.astype(np.float32),
+                colors=_OUTLINE,
+                thickness=2.5,
+                thickness_units="screen",
             )
 
     def look(self, client: Any) -> None:
@@ -79,7 +83,7 @@ class Sketch:
         line = self._plane.to_world(np.array(self._stroke))
         self._nodes["ink"] = self._scene.add_line_segments(
             "/sketch/ink", np.stack([line[:-1], line[1:]], axis=1).astype(np.float32),
-            colors=_INK, line_width=4.0,
+            colors=_INK, thickness=4.0, thickness_units="screen",
         )  # fmt: skip
 
 

@@ -110,7 +110,8 @@ class StudioPage:
             for button, label, step in (
                 (self._undo, "Undo", project.undoes), (self._redo, "Redo", project.redoes)
             ):  # fmt: skip
-                button.label = f"{label}: {step}" if step else label
+                # A label is no markdown.
+                button.label = f"{label}: {step.replace('`', '')}" if step else label
                 button.disabled = step is None
             for mode in self.modes.values():
                 mode.device_changed()
