@@ -71,6 +71,10 @@ class CordsMode(Mode):
             self._other = gui.add_dropdown("The chosen with", ("none",))
             self._other.on_update(lambda _: self._give_slow())
             self._compared = gui.add_markdown("Choose two cords.")
+        command = self.bench.command
+        command("Straight cord", "A straight cord along the body", self.add_straight, "N")
+        command("Propose a cord", "The cord that lowers the error most", self.propose, "P")
+        command("Next cord", "Handles on the next cord", self.choose_next, "C")
 
     def close(self) -> None:
         for work in (self._quick, self._limits_work, self._slow, self._proposals):
@@ -98,6 +102,13 @@ class CordsMode(Mode):
     def choose(self, name: str | None) -> None:
         """Put handles on a cord."""
         self._cord.choose(name)
+
+    def choose_next(self) -> None:
+        """Put handles on the cord behind the chosen one, the first behind the last."""
+        names = [s.name for s in self.bench.project.device.sensors]
+        if names:
+            at = names.index(self._cord.name) + 1 if self._cord.name in names else 0
+            self.choose(names[at % len(names)])
 
     def drawn(self, sensor: Sensor, part: Part, at: int, ended: bool) -> Sensor:
         """A hand has moved a control point, a tangent or the plane of a cord; it is written once

@@ -19,6 +19,7 @@ from ..project.project import Project
 from .build_work import BuildWork
 
 _BODY = (150, 180, 205)
+_HELD = {None: "", "cmd/ctrl": "Ctrl+", "cmd/ctrl+shift": "Ctrl+Shift+"}
 
 
 class Workbench:
@@ -32,6 +33,7 @@ class Workbench:
         self.judge: LayoutJudge | None = None  # once the poses are simulated
         self.body: Any = None  # in the scene; its `visible` belongs to the mode that is entered
         self.builds = BuildWork(self._progress, self._ended)
+        self.keys: list[tuple[str, str]] = []  # and what they do, for the sheet of keys
         #: Told after a build, made or not, and what is known of the body is loaded.
         self.loaded: list[Callable[[], None]] = []
         self._message: Any = None
@@ -74,6 +76,21 @@ class Workbench:
         button = self.server.gui.add_button(label, hint=hint, **look)
         button.on_click(lambda _: self.tried(action))
         return button
+
+    def command(
+        self,
+        label: str,
+        text: str,
+        action: Callable[[], Any],
+        key: str | None = None,
+        modifier: str | None = None,
+    ) -> None:
+        """What the palette (Ctrl+K) offers, and a key does: a letter or digit, alone or with
+        "cmd/ctrl" or "cmd/ctrl+shift"."""
+        made = self.server.gui.add_command(label, description=text, hotkey=key, modifier=modifier)
+        made.on_trigger(lambda _: self.tried(action))
+        if key is not None:
+            self.keys.append((_HELD[modifier] + key, text))
 
     def tried(self, action: Callable[[], Any]) -> None:
         """Do it; what it raises of the project's errors is told on the page."""
