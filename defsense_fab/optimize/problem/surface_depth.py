@@ -12,6 +12,7 @@ from ...core.mesh import Surface
 
 #: Nodes of the grid, and its finest spacing, mm.
 _NODES, _FINEST = 60_000, 1.0
+_PART = 250  # nodes at once
 
 
 class DepthField:
@@ -54,7 +55,10 @@ class DepthGrid:
         self._low = (low + high) / 2 - self._step * (count - 1) / 2
         ticks = [a + self._step * np.arange(n) for a, n in zip(self._low, count, strict=True)]
         nodes = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
-        self._depth = DepthField(surface)(nodes.reshape(-1, 3))[0].reshape(count)
+        depth, flat = DepthField(surface), nodes.reshape(-1, 3)
+        # In parts: libigl holds the interpreter, and other threads wait for it.
+        parts = [depth(flat[k : k + _PART])[0] for k in range(0, len(flat), _PART)]
+        self._depth = np.concatenate(parts).reshape(count)
 
     @property
     def error(self) -> float:

@@ -49,6 +49,13 @@ class CordsMode(Mode):
         self._lock.on_update(lambda event: self._locked(event))
         self._limits = gui.add_markdown("")
 
+    def enter(self) -> None:
+        self._draw()
+
+    def leave(self) -> None:
+        if self._scene is not None:
+            self._scene.show((), None, frozenset())
+
     def close(self) -> None:
         self._quick.close()
         self._slow.close()
@@ -124,8 +131,7 @@ class CordsMode(Mode):
         self._list.value = self._chosen or "none"
         chosen = next((s for s in sensors if s.name == self._chosen), None)
         self._lock.value = chosen is not None and not chosen.free
-        if self._scene is not None:
-            self._scene.show(sensors, self._chosen, frozenset())
+        self._show(sensors, frozenset())
         self._quick.give(sensors)
         self._slow.give(sensors)
 
@@ -147,5 +153,11 @@ class CordsMode(Mode):
             self._best.content = f"with the best decoder: **{best.error:.2f} mm** ({best.decoder})"
         check = judge.check(sensors)
         self._limits.content = limit_words(check, names)
-        if self._scene is not None and check.problems:
-            self._scene.show(sensors, self._chosen, broken_cords(check, names))
+        if check.problems:
+            with self.bench.drawing:
+                self._show(sensors, broken_cords(check, names))
+
+    def _show(self, sensors: tuple[Sensor, ...], broken: frozenset[str]) -> None:
+        """In the scene, while this mode is entered."""
+        if self._scene is not None and self.bench.mode == self.label:
+            self._scene.show(sensors, self._chosen, broken)

@@ -10,7 +10,7 @@ from ...core.arrays import Float
 
 #: Blue below, orange above (ColorBrewer's RdBu and PuOr); cividis; viridis.
 _DIVERGING = (
-    (5, 48, 97), (33, 102, 172), (67, 147, 195), (146, 197, 222), (209, 229, 240), (247, 247, 247),
+    (5, 48, 97), (33, 102, 172), (67, 147, 195), (146, 197, 222), (209, 229, 240), (220, 220, 220),
     (254, 224, 182), (253, 184, 99), (224, 130, 20), (179, 88, 6), (127, 59, 8),
 )  # fmt: skip
 _CIVIDIS = (
@@ -22,8 +22,10 @@ _VIRIDIS = (
     (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37),
 )  # fmt: skip
 _UNKNOWN = (150, 150, 150)
-#: Ends of ranges, times a power of ten.
-_ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+#: Differences by less than this share are none.
+_ALIKE = 0.03
+#: Ends of ranges, times a power of ten: their quarters are short numbers.
+_ROUND = (1.0, 1.2, 1.6, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,13 @@ class Scale:
         return cls(0.0, rounded_up(reach), _CIVIDIS)
 
     @classmethod
-    def gain(cls, reach: float) -> Scale:
-        """From 0 for what helps."""
-        return cls(0.0, rounded_up(reach), _VIRIDIS)
+    def gain(cls, values: Float) -> Scale:
+        """Of what helps: from the least to the most that is known, of those above 0; from 0 where
+        they are nearly alike, so that small differences do not look large."""
+        known = np.maximum(values[np.isfinite(values)], 0.0)
+        high = max(float(known.max(initial=0.0)), 1e-6)
+        low = float(known.min(initial=high))
+        return cls(low if high - low > _ALIKE * high else 0.0, high, _VIRIDIS)
 
     def colors(self, values: Float) -> Float:
         """(n, 3) from 0 to 1, as a screen shows them (sRGB)."""

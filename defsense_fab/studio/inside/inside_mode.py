@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.errors import LayoutError
@@ -22,8 +20,9 @@ from .heat_search import Asked, HeatSearch
 from .looks import NEXT_CORD, point_words
 from .next_cord_panel import NextCordPanel, drop_words
 from .plane_gizmo import PlaneGizmo
-from .section_panel import SectionPanel, axis_plane, offsets
+from .section_panel import SectionPanel
 from .section_picture import Pictures, Wanted
+from .section_planes import axis_plane, first_plane, first_state, offsets
 from .section_view import hit_point
 from .section_work import SectionWork
 
@@ -54,7 +53,7 @@ class InsideMode(Mode):
         bench.button("Look straight at it", "Along the plane's normal", self._look_straight)
         self.next = NextCordPanel(bench, self._search_again, self.search.cancel, self.draw_best)
         self.panel.on_change = lambda: self._ask(moving=False)
-        self.panel.on_axis = lambda axis: self.set_plane(axis_plane(self._middle(), axis))
+        self.panel.on_axis = lambda axis: self.set_plane(axis_plane(self._vertices, axis))
         self.panel.on_plane = self.set_plane
         self.panel.on_offset = self._slid
 
@@ -87,8 +86,8 @@ class InsideMode(Mode):
         if self.bench.judge is not None and self.bench.surface is not None:
             task = self.bench.judge.task
             body = BodySection(task.everything.locator, task.everything.fields, task.names)
-            self._pictures, self._plane = Pictures(body), axis_plane(self._middle(), 2)
-            self.panel.built(task.names)
+            self._pictures, self._plane = Pictures(body), first_plane(self._vertices)
+            self.panel.built(task.names, first_state(task.weights))
             self.next.begin(shortest(task))
         if shown:
             self.enter()
@@ -143,9 +142,11 @@ class InsideMode(Mode):
         self.panel.say_point(told)
         self.work.mark(now)
 
-    def _middle(self) -> Float:
+    @property
+    def _vertices(self) -> Float:
+        """Of the body at rest, (v, 3) mm."""
         assert self.bench.surface is not None
-        return np.asarray(self.bench.surface.bounds.mean(axis=0))
+        return self.bench.surface.vertices
 
     def _hide(self) -> None:
         self._forget()
@@ -158,9 +159,8 @@ class InsideMode(Mode):
         """The plane, so far (mm) from the body's middle along its normal."""
         if self._plane is None:
             return
-        normal, origin = self._plane.normal, self._plane.origin
-        by = offset - float((origin - self._middle()) @ normal)
-        self._plane = replace(self._plane, origin=origin + by * normal)
+        by = offset - offsets(self._plane, self._vertices)[0]
+        self._plane = replace(self._plane, origin=self._plane.origin + by * self._plane.normal)
         if self._gizmo is not None:
             self._gizmo.place(self._plane)
         self._ask(moving=True)
@@ -187,9 +187,7 @@ class InsideMode(Mode):
 
     def _drawn(self, wanted: Wanted, bar: str) -> None:
         """The fine section is there."""
-        assert self.bench.surface is not None
-        vertices = self.bench.surface.vertices
-        self.panel.drawn(offsets(wanted.plane, self._middle(), vertices), bar)
+        self.panel.drawn(offsets(wanted.plane, self._vertices), bar)
         pictures, judge = self._pictures, self.bench.judge
         if wanted.look is not NEXT_CORD or self._asked is not None:
             return

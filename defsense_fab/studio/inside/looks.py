@@ -44,10 +44,10 @@ class Look:
         return _PERCENT * (values - 1) if self.of_state else values
 
     def scale(self, reach: float) -> Scale:
-        """For values that reach so far, see `BodySection.spread`."""
-        if self.quantity is None:
-            return Scale.gain(reach)
-        return Scale.spread(reach) if self.quantity.variance else Scale.about_zero(_PERCENT * reach)
+        """For values that reach so far, see `BodySection.spread`; not for the next cord."""
+        if self.of_state:
+            return Scale.about_zero(_PERCENT * reach)
+        return Scale.spread(reach)
 
 
 NEXT_CORD = Look("where a cord would help", "Drop of the expected error by one more cord")

@@ -7,34 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.device import Sensor
 from ..workbench.workbench import Workbench
 from .looks import LOOKS, Look
 
 _AXES = ("X", "Y", "Z")
-#: Normals and x axes of the planes square to X, Y and Z, with z up wherever it is in the plane.
-_FRAMES = (
-    ([1.0, 0, 0], [0, 1.0, 0]),
-    ([0, -1.0, 0], [1.0, 0, 0]),
-    ([0, 0, 1.0], [1.0, 0, 0]),
-)
 _NO_PLANE, _ANGLE = "choose a cord", "the angle below"
 _HELP = "The cut follows the handle; click on it for numbers."
-
-
-def axis_plane(middle: Float, axis: int) -> Plane:
-    """Through the body's middle (3,) mm, square to X (0), Y (1) or Z (2)."""
-    normal, x = _FRAMES[axis]
-    return Plane.from_normal(middle, np.array(normal), np.array(x))
-
-
-def offsets(plane: Plane, middle: Float, vertices: Float) -> tuple[float, float, float]:
-    """How far the plane is from the body's middle along its normal, and the least and the greatest
-    that meet vertices (v, 3); mm."""
-    along = (vertices - middle) @ plane.normal
-    return float((plane.origin - middle) @ plane.normal), float(along.min()), float(along.max())
 
 
 class SectionPanel:
@@ -50,7 +30,12 @@ class SectionPanel:
         gui = self._gui
         self._said = gui.add_markdown(_HELP)
         self._look = self._chosen(
-            gui.add_dropdown("Colours", [look.label for look in LOOKS], hint="What they stand for")
+            gui.add_dropdown(
+                "Colours",
+                [look.label for look in LOOKS],
+                initial_value=LOOKS[1].label,
+                hint="What they stand for",
+            )
         )
         self._state = self._chosen(
             gui.add_dropdown("State", ("rest",), hint="The body at rest, or as it was simulated")
@@ -76,11 +61,11 @@ class SectionPanel:
         self._point = gui.add_markdown("")
         self._show_needed()
 
-    def built(self, states: Sequence[str]) -> None:
-        """The states that there are, rest first."""
-        before = self._state.value
+    def built(self, states: Sequence[str], first: int) -> None:
+        """The states that there are, rest first, and which is shown at the beginning."""
+        before, known = self._state.value, len(self._state.options) > 1
         self._state.options = tuple(states)
-        self._state.value = before if before in states else states[0]
+        self._state.value = before if known and before in states else states[first]
 
     def cords(self, sensors: Sequence[Sensor]) -> None:
         """The device's cords, as they are now."""

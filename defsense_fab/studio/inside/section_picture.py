@@ -128,7 +128,7 @@ class Pictures:
     def _scale(self, wanted: Wanted) -> Scale:
         """While a hand moves the plane the range stays as it was."""
         if wanted.look.quantity is None:
-            return wanted.look.scale(wanted.found.best_drop if wanted.found is not None else 1.0)
+            return Scale.gain(np.zeros(0) if wanted.found is None else wanted.found.drop)
         key = (wanted.look, self._own(wanted))
         if not (wanted.moving and key in self._scales):
             direction = wanted.direction(self.body.middles)

@@ -24,6 +24,8 @@ class SectionView:
     def __init__(self, server: Any, size: float, clicked: Clicked) -> None:
         """Of a body of a `size` mm."""
         self._scene, self._size, self._clicked = server.scene, size, clicked
+        # A mesh that is clickable itself gets an outline as the pointer passes over it.
+        self._listens = self._scene.on_click()(self._hit)
         self._parts: dict[str, Any] = {}
         self._meshes: list[Any] = []  # the newest last
         self._made = 0
@@ -49,7 +51,6 @@ class SectionView:
             f"/inside/cut/{self._made}", unlit_mesh(points, triangles, colors), cast_shadow=False,
             receive_shadow=False,
         )  # fmt: skip
-        mesh.on_click(self._hit)
         self._meshes.append(mesh)
 
     def settle(self) -> None:
@@ -87,7 +88,7 @@ class SectionView:
         if path is not None:
             self._parts["direction"] = self._scene.add_line_segments(
                 "/inside/direction", np.stack([path[:-1], path[1:]], axis=1).astype(np.float32),
-                _MARK, line_width=3.0,
+                _MARK, thickness=3.0, thickness_units="screen",
             )  # fmt: skip
 
     def mark(self, point: Float | None) -> None:
@@ -97,6 +98,11 @@ class SectionView:
             self._parts["mark"] = self._scene.add_icosphere(
                 "/inside/mark", 0.008 * self._size, color=_MARK, position=tuple(point.tolist())
             )
+
+    def close(self) -> None:
+        """Take everything away, and hear of clicks no more."""
+        self.clear()
+        self._scene.remove_click_callback(self._listens)
 
     def clear(self) -> None:
         """Take everything away."""

@@ -18,6 +18,7 @@ from .section_view import Clicked, SectionView
 _STILL = 0.2  # s without a move, after which the fine section is drawn
 _READ = 0.15  # s that browsers get to read a new cut before the old one goes
 _ARROW = 0.15  # half the line along which stretch is told, times the body's size
+_ABOVE = 0.03  # so far before the section that line lies, times its half
 _THIN = 0.6  # cords, times their radius
 
 
@@ -50,7 +51,7 @@ class SectionWork:
     def shut(self) -> None:
         """Take away what is drawn, and draw no more."""
         if self._view is not None:
-            self._view.clear()
+            self._view.close()
         self._view = self.picture = None
         self._changed.set()
 
@@ -136,4 +137,5 @@ def _line(wanted: Wanted, reach: float) -> Float | None:
     if not wanted.look.along or wanted.path is not None:
         return None
     along = reach * wanted.direction(wanted.plane.origin)
-    return np.linspace(wanted.plane.origin - along, wanted.plane.origin + along, 12)
+    middle = wanted.plane.origin + _ABOVE * reach * wanted.plane.normal
+    return np.linspace(middle - along, middle + along, 12)
