@@ -54,6 +54,16 @@ class LayoutJudge:
         self.surface = load_surface(folder)
         self._depth = SignedDistance(self.surface)
 
+    @property
+    def task(self) -> DesignTask:
+        """What the cords are judged by."""
+        return self._task
+
+    @property
+    def quick_tasks(self) -> dict[str, DesignTask]:
+        """The same for each of the decoders that are fast, by name."""
+        return {kind: task for kind, task in self._tasks.items() if kind != _SLOW}
+
     def judge(self, sensors: Sequence[Sensor], *, quick: bool = False) -> Judged | None:
         """None without cords; `quick`: within some 20 ms, without the decoder that takes ten times
         as long, unless there is no other. Raises LayoutError for cords of which nothing can be
@@ -61,8 +71,8 @@ class LayoutJudge:
         if not sensors:
             return None
         cords = assumed_cords(self._task, sensors)
-        kinds = [k for k in self._tasks if k != _SLOW] if quick else list(self._tasks)
-        scored = [predict(self._tasks[kind], cords) for kind in kinds or self._tasks]
+        tasks = (self.quick_tasks if quick else {}) or self._tasks
+        scored = [predict(task, cords) for task in tasks.values()]
         best = min(scored, key=lambda s: s.prediction.unseen)
         p = best.prediction
         if not np.isfinite(p.unseen):
