@@ -9,12 +9,13 @@ from ...core.errors import DefsenseError
 from ..cords.cords_mode import CordsMode
 from ..inside.inside_mode import InsideMode
 from ..make.make_mode import MakeMode
+from ..poses.poses_mode import PosesMode
 from ..project.project import Project
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .introduction import Introduction
 
-MODES: tuple[type[Mode], ...] = (InsideMode, CordsMode, MakeMode)
+MODES: tuple[type[Mode], ...] = (PosesMode, InsideMode, CordsMode, MakeMode)
 _BRAND = (31, 119, 180)
 
 
