@@ -19,14 +19,15 @@ def freshness(device: Device) -> dict[str, State]:
     """Of each stage's result in the device's build: is it there, and what would be made again?"""
     folder = device.source / "build"
     wanted = keys(device, folder)
-    return {
-        stage.name: "missing"
-        if not all((folder / name).exists() for name in stage.outputs)
-        else "current"
-        if finished(device, folder, stage, wanted)
-        else "old"
-        for stage in STAGES
-    }
+    out: dict[str, State] = {}
+    for stage in STAGES:
+        if not all((folder / name).exists() for name in stage.outputs):
+            out[stage.name] = "missing"
+        elif set(out.values()) <= {"current"} and finished(device, folder, stage, wanted):
+            out[stage.name] = "current"
+        else:  # also what was made of something old
+            out[stage.name] = "old"
+    return out
 
 
 def build_body(device: Device, folder: Path, progress: Progress = silent) -> None:

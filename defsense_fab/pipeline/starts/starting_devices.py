@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -13,6 +14,7 @@ from ...core.device_file import DEVICE
 from ...core.errors import StorageError
 from ...core.files import replacing, storage_errors, write_text
 
+_one = threading.Lock()  # two people may begin at once
 _FOLDER = files("defsense_fab") / "data" / "devices"
 
 
@@ -56,11 +58,12 @@ def begin_with(start: StartingDevice, folder: Path, name: str) -> None:
 
 def put_device(folder: Path, file: str, content: bytes, text: str) -> None:
     """Write the body's `file`, then the device's; each whole or not at all. Raises StorageError."""
-    with storage_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    for name in (DEVICE, file):
-        if (folder / name).exists():
-            raise StorageError(f"{folder / name}: is there already; choose another folder")
-    with replacing(folder / file) as temporary:
-        temporary.write_bytes(content)
-    write_text(folder / DEVICE, text)
+    with _one:
+        with storage_errors(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        for name in (DEVICE, file):
+            if (folder / name).exists():
+                raise StorageError(f"{folder / name}: is there already; choose another folder")
+        with replacing(folder / file) as temporary:
+            temporary.write_bytes(content)
+        write_text(folder / DEVICE, text)

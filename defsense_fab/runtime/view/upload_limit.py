@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -27,7 +26,7 @@ class UploadLimit:
         from viser import _messages
 
         self._server, self._refused, self._most = server, refused, most
-        self._gui, self._lock = server.gui, threading.Lock()
+        self._gui = server.gui
         sockets = server._websock_server
         for kind, before, after in (
             (_messages.FileTransferStartUpload, self._gui._handle_file_transfer_start, self._begin),
@@ -35,6 +34,8 @@ class UploadLimit:
         ):
             sockets.unregister_handler(kind, before)
             sockets.register_handler(kind, after)
+        # Viser does so itself for browsers alone, not for whatever else has connected.
+        sockets.on_client_disconnect(lambda c: self._gui._drop_uploads_from_client(c.client_id))
 
     @property
     def kept(self) -> int:

@@ -40,7 +40,7 @@ class BodyPreview:
         self._work = BuildWork(told, self._ended, make_body)
         self._made, self._failed = made, failed
         self._folder: Path | None = None
-        self._again = self._closed = False
+        self._again = self._left = self._closed = False
 
     @property
     def running(self) -> bool:
@@ -48,14 +48,15 @@ class BodyPreview:
 
     def start(self, folder: Path) -> None:
         """Of the device in a folder; what is under way is of the body before, and ends."""
-        self._folder = folder
+        self._folder, self._left = folder, False
         if not self._work.start(folder, "body"):
             self._again = True
             self._work.cancel()
 
     def cancel(self) -> None:
-        """Leave it."""
+        """Leave it; nothing is told."""
         self._again = False
+        self._left = self._work.running
         self._work.cancel()
 
     def close(self) -> None:
@@ -66,9 +67,12 @@ class BodyPreview:
     def _ended(self, problem: str | None) -> None:
         if self._closed or self._folder is None:
             return
+        left, self._left = self._left, False
         if self._again:
             self._again = False
             self.start(self._folder)
+        elif left:
+            return
         elif problem is not None:
             self._failed(problem)
         else:

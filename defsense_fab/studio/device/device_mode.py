@@ -11,6 +11,7 @@ from ...core.device import Device
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
 from ...pipeline.build.freshness import freshness
+from ...runtime.view.first_look import look_at_body
 from ..edits.body import set_parameter
 from ..workbench.latest import Latest
 from ..workbench.mode import Mode
@@ -23,6 +24,7 @@ from .parameter_controls import ParameterControls
 
 _COLOR = (230, 159, 0)  # another than the body's that is built
 _PARAMETER = "parameter:"
+_ABOUT = 1.3  # between sizes that are seen from one place
 
 
 class DeviceMode(Mode):
@@ -39,6 +41,8 @@ class DeviceMode(Mode):
         self._shown: Any = None  # the body that is not built yet, in the scene
         self._of: object = None  # what the last body was made from, or was to be
         self._script: object = None  # when its script was written
+        self._wanted = False  # whether the body has changed, and is not made anew yet
+        self._size: float | None = None  # mm, of the body at which the camera looks
         self._tried = False  # whether a body was to be made since the page began
 
     def add_panel(self) -> None:
@@ -50,6 +54,9 @@ class DeviceMode(Mode):
         )
         self._body = gui.add_markdown("")
         bench.button("Make the body", "Of its parameters as they are now", self.make_body)
+        self._stop = bench.button(
+            "Stop", "The script is ended; the body before stays", self.stop, visible=False
+        )
         self.catalogue = CatalogueControls(gui, self._do, self._settled.give)
         self._facts = gui.add_markdown("")
 
@@ -72,13 +79,14 @@ class DeviceMode(Mode):
 
     def built(self) -> None:
         self._body.content = body_words(self.bench.surface)
+        if self.bench.surface is not None and self._size is None:
+            self._size = self.bench.size
 
     def device_changed(self) -> None:
         device = self.bench.project.device
         self._show(device)
         before, self._of = self._of, body_of(device)
-        if before is not None and before != self._of:
-            self._body_changed(device)
+        self._wanted |= before is not None and before != self._of
         self._states.give(device)
 
     def look(self) -> None:
@@ -89,22 +97,31 @@ class DeviceMode(Mode):
             return
         with self.bench.drawing:
             self._show(device)
-        self._body_changed(device)
+        self._wanted = True
         self._states.give(device)
 
     def make_body(self) -> None:
         """Make the body as it is now, beside the page; a person is asked first whether its script
         may run."""
-        self._tried = True
+        self._tried, self._wanted = True, False
         if self.bench.may_run(self.make_body):
             self._body.content = "The body is being made ..."
+            self._stop.visible = True
             self.preview.start(self.bench.project.folder)
+
+    def stop(self) -> None:
+        """End the script, which may never end by itself."""
+        self.preview.cancel()
+        self._stop.visible = False
+        self._body.content = "Stopped: the body has not been made as it is now."
 
     def flush(self) -> None:
         """Take up what hands have changed, without waiting for them to rest."""
         self._settled.flush()
 
-    def _body_changed(self, device: Device) -> None:
+    def _follow(self, device: Device) -> None:
+        """The body has changed."""
+        self._wanted = False
         if self._must_ask(device):
             self._body.content = (
                 f"`{device.body.path.name}` is not agreed to: *Make the body* asks whether it may"
@@ -140,35 +157,52 @@ class DeviceMode(Mode):
     def _look_at_build(self, device: Device) -> None:
         states = freshness(device)
         self._build.content = build_words(states)
-        if states["body"] == "current" and not self.preview.running and self._shown is not None:
-            with self.bench.drawing:  # back to what is built
+        if states["body"] == "current":
+            self._wanted = False
+            self.preview.cancel()
+            self._stop.visible = False
+            self._take_away()
+        elif self._wanted:
+            self._follow(device)
+
+    def _take_away(self) -> None:
+        """Back to the body that is built."""
+        with self.bench.drawing:
+            if self._shown is not None:
                 self._shown.remove()
                 self._shown = None
-                self._body.content = body_words(self.bench.surface)
-                self._show_body()
+            self._body.content = body_words(self.bench.surface)
+            self._show_body()
 
     def _making(self, _share: float, told: str) -> None:
         self._body.content = f"The body is being made ({told}) ..."
 
     def _made(self, surface: Surface) -> None:
         """There is a body; where nothing was built, it is the one of all modes."""
+        self._stop.visible = False
         with self.bench.drawing:
-            if self._shown is not None:
-                self._shown.remove()
-                self._shown = None
             if self.bench.built:
                 self._shown = self.bench.server.scene.add_mesh_simple(
                     "/device/body", surface.vertices.astype(np.float32),
-                    surface.faces.astype(np.uint32), color=_COLOR, flat_shading=True,
-                    visible=False,
+                    surface.faces.astype(np.uint32), color=_COLOR, opacity=0.6,
+                    flat_shading=True, visible=False,
                 )  # fmt: skip
             else:
                 self.bench.take_surface(surface)
             self._body.content = body_words(surface)
             self._show_body()
+            self._look_at(surface)
         self._states.give(self.bench.project.device)
 
+    def _look_at(self, surface: Surface) -> None:
+        """From where it is all seen, unless it is about as large as the body that was looked at."""
+        size = float(np.ptp(surface.vertices, axis=0).max())
+        if self._size is None or not 1 / _ABOUT < size / self._size < _ABOUT:
+            look_at_body(self.bench.server, surface.vertices)
+            self._size = size
+
     def _failed(self, problem: str) -> None:
+        self._stop.visible = False
         self._body.content = f"**{problem}**"
 
     def _show_body(self) -> None:

@@ -18,6 +18,14 @@ _OLD = {
     "fabricate": "The parts are of the device before: build them again.",
     "report": "The report is of the device before: build everything again.",
 }
+_THERE = {
+    "body": "body",
+    "mesh": "mesh",
+    "simulate": "poses",
+    "optimize": "cords",
+    "fabricate": "parts",
+    "report": "report",
+}
 
 
 def build_words(states: Mapping[str, str]) -> str:
@@ -28,7 +36,7 @@ def build_words(states: Mapping[str, str]) -> str:
     for name, state in states.items():
         if state == "old":
             return f"**{_OLD[name]}**"
-    return f"The build is up to date as far as it goes ({there[-1]})."
+    return f"What was made is up to date: {', '.join(_THERE[name] for name in there)}."
 
 
 def body_words(surface: Surface | None) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from ...geometry.bodies.script_text import ScriptText
 
-_MOST = 400_000  # characters that are shown
+_MOST = 100_000  # characters that are shown
 _STYLE = (
     "max-height: 45vh; overflow: auto; white-space: pre-wrap; overflow-wrap: anywhere;"
     " font-size: 0.8em; line-height: 1.35; border: 1px solid #8888; padding: 0.6em; margin: 0.4em 0"
@@ -33,7 +33,7 @@ class ScriptQuestion:
         """Show the script; one of the two is called by the person's click."""
         self.close()
         gui = self._server.gui
-        window: Any = gui.add_modal(f"May {_seen(script.path.name)} run?")
+        window: Any = gui.add_modal("May this script run?")
         self._window = window
 
         def button(label: str, color: str, then: Callable[[], None]) -> None:
