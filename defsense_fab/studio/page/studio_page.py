@@ -7,23 +7,25 @@ from typing import Any
 
 from ...core.errors import DefsenseError
 from ..cords.cords_mode import CordsMode
+from ..device.device_mode import DeviceMode
 from ..inside.inside_mode import InsideMode
 from ..make.make_mode import MakeMode
 from ..poses.poses_mode import PosesMode
+from ..project.agreement import Agreement
 from ..project.project import Project
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .introduction import Introduction
 
-MODES: tuple[type[Mode], ...] = (PosesMode, InsideMode, CordsMode, MakeMode)
+MODES: tuple[type[Mode], ...] = (DeviceMode, PosesMode, InsideMode, CordsMode, MakeMode)
 _BRAND = (31, 119, 180)
 
 
 class StudioPage:
     """Of one project, on a viser server; all browsers see the same."""
 
-    def __init__(self, server: Any, project: Project) -> None:
-        self.bench = Workbench(server, project)
+    def __init__(self, server: Any, project: Project, agreement: Agreement | None = None) -> None:
+        self.bench = Workbench(server, project, agreement)
         self.modes = {kind.label: kind(self.bench) for kind in MODES}
         self._folders: dict[str, Any] = {}
         self._add_panel()
@@ -45,6 +47,8 @@ class StudioPage:
             self.bench.project.refresh()
         except DefsenseError as error:
             self.bench.fail(error)
+        for mode in self.modes.values():
+            mode.look()
 
     def enter(self, label: str) -> None:
         """Show a mode's part of the panel, and what it has in the scene."""
