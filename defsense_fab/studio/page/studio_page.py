@@ -8,11 +8,12 @@ from typing import Any
 from ...core.errors import DefsenseError
 from ..cords.cords_mode import CordsMode
 from ..make.make_mode import MakeMode
+from ..optimise.optimise_mode import OptimiseMode
 from ..project.project import Project
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 
-MODES: tuple[type[Mode], ...] = (CordsMode, MakeMode)
+MODES: tuple[type[Mode], ...] = (CordsMode, OptimiseMode, MakeMode)
 _BRAND = (31, 119, 180)
 
 
