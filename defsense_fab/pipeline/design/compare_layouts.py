@@ -24,7 +24,7 @@ from .design_task import SEED, DesignTask, load_task, tolerances_of
 from .predict import Scored, predict
 from .preference import preferred
 
-DRAWN, VISUAL, FULL, SIMPLE = "as drawn", "by eye", "most accurate", "simplest to make"
+DRAWN, VISUAL, FULL, SIMPLE = "as drawn", "by eye", "most accurate", "simplest"
 #: What making a layout on trial, laying one out by eye and a band take on a machine of 2024: s, and
 #: s for each triangle of the body.
 _MAKING, _EYE, _BAND, _TRIANGLE = 10.0, 2.0, 5.0, 3e-4
@@ -67,7 +67,7 @@ def weighed_layouts(folder: Path) -> list[ComparedLayout]:
     out = []
     for k, (one, cords) in enumerate(zip(layout.weighed, paths, strict=True), start=1):
         names = [n for n, w in ((FULL, best), (SIMPLE, simple)) if w is one]
-        out.append(_weighed(layout, one, _cords(cords), ", ".join(names) or f"other {k}"))
+        out.append(_weighed(layout, one, _cords(cords), " and ".join(names) or f"other {k}"))
     return out
 
 

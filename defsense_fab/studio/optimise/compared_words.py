@@ -16,7 +16,7 @@ def compared_table(layouts: Sequence[ComparedLayout]) -> str:
     """Markdown: a row a layout."""
     lines = ["| layout | mm | 90 % | parts | cords | planes |", "|---|---:|---|---:|---:|---:|"]
     for one in layouts:
-        band = f"{one.band[0]:.2f} to {one.band[1]:.2f}" if one.band else "?"
+        band = f"{one.band[0]:.2f}–{one.band[1]:.2f}" if one.band else "?"
         parts = "cannot be made" if one.problem else "?" if one.parts is None else str(one.parts)
         name = f"**{html.escape(one.name)}**" if one.taken else html.escape(one.name)
         lines.append(
@@ -35,7 +35,7 @@ def said_of(one: ComparedLayout) -> str:
 
 def scatter(layouts: Sequence[ComparedLayout], chosen: str | None) -> str:
     """HTML: error with its band against the number of parts, and against that of cords."""
-    shown = [one for one in layouts if math.isfinite(one.error)]
+    shown = [one for one in layouts if math.isfinite(one.error) and one.error > 0]
     if not shown:
         return ""
     return _picture(shown, chosen, "parts", lambda one: one.parts) + _picture(
@@ -49,19 +49,20 @@ def _picture(
     what: str,
     count: Callable[[ComparedLayout], int | None],
 ) -> str:
-    """Colours of the page itself, so that it is legible in light and dark."""
+    """On a logarithmic scale; in the colour of the page's text, legible in light and dark."""
     placed = [(n, one) for one in layouts if (n := count(one)) is not None]
     if not placed:
         return ""
     low, high = min(n for n, _ in placed) - 0.5, max(n for n, _ in placed) + 0.5
-    top = 1.1 * max(max(one.error, *(one.band or ())) for _, one in placed)
+    errors = [mm for _, one in placed for mm in (one.error, *(one.band or ()))]
+    bottom, top = 0.8 * min(errors), 1.25 * max(errors)
     room = _WIDTH - _LEFT - 8, _HEIGHT - _BOTTOM - _TOP
 
     def x(n: float) -> float:
         return float(_LEFT + room[0] * (n - low) / (high - low))
 
     def y(mm: float) -> float:
-        return float(_TOP + room[1] * (1 - mm / top))
+        return float(_TOP + room[1] * math.log(top / mm) / math.log(top / bottom))
 
     out = [
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="100%" font-size="11" fill="currentColor"'
@@ -71,7 +72,7 @@ def _picture(
         f'<line x1="{_LEFT}" x2="{_WIDTH - 8}" y1="{y(mm):.1f}" y2="{y(mm):.1f}"'
         ' stroke="currentColor" opacity="0.2"/>'
         f'<text x="{_LEFT - 5}" y="{y(mm) + 4:.1f}" text-anchor="end">{mm:g}</text>'
-        for mm in _ticks(top)
+        for mm in _ticks(bottom, top)
     ]
     out += [
         f'<text x="{x(n):.1f}" y="{_HEIGHT - 18}" text-anchor="middle">{n}</text>'
@@ -99,10 +100,11 @@ def _picture(
     return "".join([*out, "</svg>"])
 
 
-def _ticks(top: float) -> list[float]:
-    step = 10.0 ** math.floor(math.log10(top / 2))
-    step *= next(k for k in (1, 2, 5, 10) if top / (k * step) <= 5)
-    return [round(k * step, 6) for k in range(int(top / step) + 1)]
+def _ticks(bottom: float, top: float) -> list[float]:
+    """1, 2 and 5 times powers of ten between the two."""
+    powers = range(math.floor(math.log10(bottom)), math.ceil(math.log10(top)) + 1)
+    every = [float(f"{k}e{power}") for power in powers for k in (1, 2, 5)]
+    return [mm for mm in every if bottom <= mm <= top]
 
 
 def _mm(error: float) -> str:

@@ -14,7 +14,7 @@ from ...pipeline.artifacts.layout import LayoutRecord, load_layout
 from ...pipeline.report.surface_errors import SurfaceErrors, surface_errors
 from ..workbench.latest import Latest
 from ..workbench.workbench import Workbench
-from .color_scale import color_bar, colors
+from .color_scale import color_bar, colored
 
 _OFF = "off"
 _NOTHING = "Nothing is optimised yet: the map is of the optimised cords."
@@ -99,14 +99,9 @@ class ErrorMap:
                 self._bar.content, self._told.content = "", "Choose a state."
 
     def _draw(self, known: _Known, state: str) -> None:
-        import trimesh
-
         errors, at = known.errors, known.errors.names.index(state)
         vertices = errors.rest + errors.moved[at] if self._moved.value else errors.rest
-        mesh = trimesh.Trimesh(
-            vertices, errors.faces, vertex_colors=colors(errors.error[at], errors.highest),
-            process=False,
-        )  # fmt: skip
+        mesh = colored(vertices, errors.faces, errors.error[at], errors.highest)
         self._mesh = self._bench.server.scene.add_mesh_trimesh("/error_map", mesh)
         if self._bench.body is not None:
             self._bench.body.visible = False
