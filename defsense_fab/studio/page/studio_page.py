@@ -10,6 +10,7 @@ from ..cords.cords_mode import CordsMode
 from ..device.device_mode import DeviceMode
 from ..inside.inside_mode import InsideMode
 from ..make.make_mode import MakeMode
+from ..optimise.optimise_mode import OptimiseMode
 from ..poses.poses_mode import PosesMode
 from ..project.agreement import Agreement
 from ..project.project import Project
@@ -17,7 +18,14 @@ from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .introduction import Introduction
 
-MODES: tuple[type[Mode], ...] = (DeviceMode, PosesMode, InsideMode, CordsMode, MakeMode)
+MODES: tuple[type[Mode], ...] = (
+    DeviceMode,
+    PosesMode,
+    InsideMode,
+    CordsMode,
+    OptimiseMode,
+    MakeMode,
+)
 _BRAND = (31, 119, 180)
 
 
