@@ -116,7 +116,8 @@ class StudioPage:
         )
 
     def _changed(self, told: str) -> None:
-        self.bench.say(told)
+        # What was done is read beside Undo already.
+        self.bench.say("" if told == self.bench.project.undoes else told)
         self._draw()
 
     def _loaded(self) -> None:
