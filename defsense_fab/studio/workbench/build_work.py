@@ -11,7 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import DefsenseError
+from ...core.progress import Progress
 
+#: Done in the other process: a folder, until which stage, and where to tell of progress.
+Work = Callable[[Path, str, Progress], None]
+_EARLY = ("body", "mesh")  # stages that need neither poses nor cords
 _LEAVES = 5.0  # s that a cancelled build has to leave
 
 
@@ -20,9 +24,13 @@ class BuildWork:
     it: None, or what went wrong in a sentence; both on a thread of this."""
 
     def __init__(
-        self, told: Callable[[float, str], None], ended: Callable[[str | None], None]
+        self,
+        told: Callable[[float, str], None],
+        ended: Callable[[str | None], None],
+        work: Work | None = None,
     ) -> None:
-        self._told, self._ended = told, ended
+        """`work` is done in the other process, and is a build up to a stage where none is given."""
+        self._told, self._ended, self._work = told, ended, work or _build
         self._process: Any = None
         self._lock, self._cancelled = threading.Lock(), False
 
@@ -40,7 +48,9 @@ class BuildWork:
             spawn = multiprocessing.get_context("spawn")
             ours, theirs = spawn.Pipe(duplex=False)
             self._cancelled = False
-            self._process = spawn.Process(target=_build, args=(folder, until, theirs), daemon=True)
+            self._process = spawn.Process(
+                target=_run, args=(self._work, folder, until, theirs), daemon=True
+            )
             self._process.start()
             theirs.close()
         threading.Thread(target=self._follow, args=(ours,), daemon=True).start()
@@ -80,18 +90,23 @@ class BuildWork:
         self._ended(outcome)
 
 
-def _build(folder: Path, until: str, theirs: Connection) -> None:
+def _run(work: Work, folder: Path, until: str, theirs: Connection) -> None:
     """In the other process."""
-    from ...core.device_file import load_device
-    from ...pipeline.build.build import build
 
     def progress(stage: str, share: float, message: str) -> None:
         theirs.send((share, f"{stage}: {message}"))
 
     try:
-        build(load_device(folder), until, progress)
+        work(folder, until, progress)
         theirs.send((None, None))
     except DefsenseError as error:
         theirs.send((None, str(error)))
     except Exception as error:
         theirs.send((None, f"the build failed ({type(error).__name__}: {error})"))
+
+
+def _build(folder: Path, until: str, progress: Progress) -> None:
+    from ...core.device_file import load_device
+    from ...pipeline.build.build import build
+
+    build(load_device(folder, complete=until not in _EARLY), until, progress)
