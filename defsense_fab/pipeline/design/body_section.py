@@ -79,14 +79,15 @@ class BodySection:
     def half(self, plane: Plane) -> tuple[Float, Int]:
         """The surface behind the plane (against its normal), open at the cut: vertices (v, 3) mm at
         rest, triangles (f, 3)."""
-        nodes, faces = self._skin
+        nodes, faces = self.skin
         slice_faces: Any = trimesh.intersections.slice_faces_plane
         vertices, triangles = slice_faces(nodes, faces, -plane.normal, plane.origin)[:2]
         return np.asarray(vertices, float), np.asarray(triangles, np.int64)
 
     @cached_property
-    def _skin(self) -> tuple[Float, Int]:
-        """The mesh's surface with its nodes on edges, four triangles (f, 3) a face."""
+    def skin(self) -> tuple[Float, Int]:
+        """The mesh's surface with its nodes on edges: vertices (v, 3) mm at rest, and four
+        triangles (f, 3) a face."""
         faces = boundary_faces(self._locator.mesh)
         parts = faces[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
         used, own = np.unique(parts, return_inverse=True)
