@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...pipeline.design.layout_judge import Judged
-from .cord_words import extremes
+from ..workbench.pose_errors import extremes
 
 #: Blue and orange are told apart by all; text takes the page's colour, light or dark.
 _RISES, _FALLS = "#1f77b4", "#e67814"

@@ -10,6 +10,7 @@ from ..cords.cords_mode import CordsMode
 from ..device.device_mode import DeviceMode
 from ..inside.inside_mode import InsideMode
 from ..make.make_mode import MakeMode
+from ..optimise.optimise_mode import OptimiseMode
 from ..poses.poses_mode import PosesMode
 from ..project.agreement import Agreement
 from ..project.project import Project
@@ -17,7 +18,14 @@ from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .introduction import Introduction
 
-MODES: tuple[type[Mode], ...] = (DeviceMode, PosesMode, InsideMode, CordsMode, MakeMode)
+MODES: tuple[type[Mode], ...] = (
+    DeviceMode,
+    PosesMode,
+    InsideMode,
+    CordsMode,
+    OptimiseMode,
+    MakeMode,
+)
 _BRAND = (31, 119, 180)
 
 
@@ -65,9 +73,13 @@ class StudioPage:
 
     def _add_panel(self) -> None:
         gui, bench = self.bench.server.gui, self.bench
+        steps = {"Undo": bench.project.undo, "Redo": bench.project.redo}
         self._title = gui.add_markdown("")
         self._mode = gui.add_button_group("Mode", tuple(self.modes))
         self._mode.on_click(lambda _: self.enter(self._mode.value))
+        self._step = gui.add_button_group("Step", ("Undo", "Redo"), hint="Ctrl+Z and Ctrl+Shift+Z")
+        self._step.on_click(lambda _: bench.tried(steps[self._step.value]))
+        self._steps = gui.add_markdown("")
         bench.add_message()
         self._introduction = Introduction(gui, self.modes, self.enter)
         for at, mode in enumerate(self.modes.values(), start=1):
@@ -76,8 +88,6 @@ class StudioPage:
                 gui.add_markdown(mode.hint)
                 mode.add_panel()
             bench.command(mode.label, mode.hint, self._entering(mode.label), str(at))
-        self._undo = bench.button("Undo", "Take the last step back", bench.project.undo)
-        self._redo = bench.button("Redo", "Do again what was undone", bench.project.redo)
         bench.command("Undo", "Take the last step back", bench.project.undo, "Z", "cmd/ctrl")
         bench.command("Redo", "Do again", bench.project.redo, "Z", "cmd/ctrl+shift")
         bench.add_progress()
@@ -120,11 +130,7 @@ class StudioPage:
         project = self.bench.project
         with self.bench.drawing:
             self._title.content = f"## {project.device.name}"
-            for button, label, step in (
-                (self._undo, "Undo", project.undoes), (self._redo, "Redo", project.redoes)
-            ):  # fmt: skip
-                # A label is no markdown.
-                button.label = f"{label}: {step.replace('`', '')}" if step else label
-                button.disabled = step is None
+            named = (("Undo", project.undoes), ("Redo", project.redoes))
+            self._steps.content = "; ".join(f"{word}: {step}" for word, step in named if step)
             for mode in self.modes.values():
                 mode.device_changed()

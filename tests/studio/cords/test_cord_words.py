@@ -6,7 +6,8 @@ import numpy as np
 
 from defsense_fab.optimize.limits.verification import CordCheck, LayoutCheck
 from defsense_fab.pipeline.design.layout_judge import Judged
-from defsense_fab.studio.cords.cord_words import broken_cords, error_table, extremes, limit_words
+from defsense_fab.studio.cords.cord_words import broken_cords, error_table, limit_words
+from defsense_fab.studio.workbench.pose_errors import extremes
 
 PER_STATE = {"rest": 0.1, "bend@0.5": 0.8, "bend@1": 2.0, "twist@1": 1.0, "bend@1+twist@1": 9.0}
 
