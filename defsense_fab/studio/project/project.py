@@ -53,7 +53,7 @@ class Project:
             self.refresh()
             document = tomlkit.parse(self.text)
             try:
-                edit.change(document)
+                document = edit.change(document) or document
                 text = tomlkit.dumps(document)
             except TOMLKitError as error:
                 raise DeviceError(f"device.toml: {edit.name}: {error}") from None

@@ -17,10 +17,11 @@ from ...runtime.view.first_look import look_at_body
 from ..edits.edit import Edit
 from ..project.agreement import Agreement
 from ..project.project import Project
-from .build_work import BuildWork
+from .build_work import BuildWork, SeenLayout
 from .script_question import ScriptQuestion
 
 _BODY = (150, 180, 205)
+_HELD = {None: "", "cmd/ctrl": "Ctrl+", "cmd/ctrl+shift": "Ctrl+Shift+"}
 
 
 class Workbench:
@@ -36,7 +37,13 @@ class Workbench:
         self.built = False  # whether that is the body of a build
         self.judge: LayoutJudge | None = None  # once the poses are simulated
         self.body: Any = None  # in the scene; its `visible` belongs to the mode that is entered
-        self.builds = BuildWork(self._progress, self._ended)
+        self.keys: list[tuple[str, str]] = []  # and what they do, for the sheet of keys
+        self.builds = BuildWork(self._progress, self._ended, self._found, self._stood)
+        self.problem: str | None = None  # of the last build, where it failed
+        #: Told when a build begins, and of layouts that its search comes to: the latter on the
+        #: build's thread, so that listeners return at once.
+        self.begun: list[Callable[[], None]] = []
+        self.seen: list[Callable[[SeenLayout], None]] = []
         #: Told after a build, made or not, and what is known of the body is loaded.
         self.loaded: list[Callable[[], None]] = []
         self._message: Any = None
@@ -80,6 +87,21 @@ class Workbench:
         button.on_click(lambda _: self.tried(action))
         return button
 
+    def command(
+        self,
+        label: str,
+        text: str,
+        action: Callable[[], Any],
+        key: str | None = None,
+        modifier: str | None = None,
+    ) -> None:
+        """What the palette (Ctrl+K) offers, and a key does: a letter or digit, alone or with
+        "cmd/ctrl" or "cmd/ctrl+shift"."""
+        made = self.server.gui.add_command(label, description=text, hotkey=key, modifier=modifier)
+        made.on_trigger(lambda _: self.tried(action))
+        if key is not None:
+            self.keys.append((_HELD[modifier] + key, text))
+
     def tried(self, action: Callable[[], Any]) -> None:
         """Do it; what it raises of the project's errors is told on the page."""
         try:
@@ -118,6 +140,8 @@ class Workbench:
             self.say("A build is running; cancel it, or wait for it.")
             return False
         self._bar.visible, self._bar.value = True, 0.0
+        for told in self.begun:
+            told()
         return True
 
     def load(self) -> None:
@@ -167,5 +191,13 @@ class Workbench:
 
     def _ended(self, problem: str | None) -> None:
         self._bar.visible = False
+        self.problem = problem
         self._said.content = "done" if problem is None else f"**{problem}**"
         self.load()
+
+    def _found(self, seen: SeenLayout) -> None:
+        for told in self.seen:
+            told(seen)
+
+    def _stood(self, stands: bool) -> None:
+        self._said.content = "**paused**" if stands else "goes on"
