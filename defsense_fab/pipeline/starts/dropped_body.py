@@ -107,7 +107,7 @@ def device_text(
     lines = [
         "schema = 1", f"name = {_quoted(name)}", "",
         "[body]", f"{'step' if step else 'mesh'} = {_quoted(file)}",
-        *([f"scale = {scale:g}  # the file is in {unit}"] if scale != 1 else []), "",
+        *([f"scale = {scale:g}  # of the unit of the file: {unit}"] if scale != 1 else []), "",
         "[material]", f"name = {_quoted(material)}", "",
         "[mesh]", f"edge_length = {_short(edge_length):g}", "",
         *_regions(scale * dropped.surface.vertices, edge_length), "",
