@@ -56,7 +56,10 @@ class StudioPage:
         except DefsenseError as error:
             self.bench.fail(error)
         for mode in self.modes.values():
-            mode.look()
+            try:
+                mode.look()
+            except Exception as error:  # told on the page: the studio goes on
+                self.bench.fail(error)
 
     def enter(self, label: str) -> None:
         """Show a mode's part of the panel, and what it has in the scene."""

@@ -69,7 +69,7 @@ class SuggestionPart:
             self._bench.say(_NO_REGION)
         elif self._scene.body is None:
             self._bench.say("Mesh the body first.")
-        else:
+        elif self._bench.may_run(self.look):  # a body that is out of date is made anew
             self.words.content = "looking for the body's lowest modes; it takes some seconds"
             self._looking.give(region)
 
