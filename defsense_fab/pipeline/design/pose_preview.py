@@ -102,6 +102,11 @@ class PosePreview:
             self._low = QuadraticMesh.from_linear(conform(self._coarse, shapes))
         return True
 
+    @property
+    def has_coarse(self) -> bool:
+        """Whether there are coarse answers."""
+        return self._coarse is not None
+
     def take_coarse(self, coarse: TetMesh) -> None:
         """Give coarse answers, too, from now on."""
         self._coarse = coarse

@@ -70,6 +70,14 @@ class PreviewWork:
         self.times: deque[Times] = deque(maxlen=_TIMES)
         self._work: Latest[Wanted | Callable[[PosePreview], None]] = Latest(self._do, failed)
 
+    @property
+    def has_coarse(self) -> bool:
+        """Whether the next answer is a coarse one first."""
+        with self._lock:
+            preview = self._other[0] if self._other else self._preview
+            waits = any(owner is preview for owner, _ in self._coarse)
+            return preview is not None and (waits or preview.has_coarse)
+
     def begin(self, preview: PosePreview | None) -> None:
         """Go on with another build, or none; its coarse mesh is made meanwhile."""
         with self._lock:

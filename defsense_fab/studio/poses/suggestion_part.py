@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -31,6 +31,7 @@ class SuggestionPart:
         self._found: Found | None = None
         self._fixed = ""
         self._looking = Latest(self._look, self._failed)
+        self.taken: Callable[[str], None] = lambda _: None  # hears of a pose that was written
 
     def add_panel(self) -> None:
         """Its buttons and words, in the folder that is open."""
@@ -113,7 +114,11 @@ class SuggestionPart:
             added.pop("states", None)
             text = tomlkit.dumps(added)
         told = ", ".join(f"`{p.name}`" for p in named)
-        return named[0].name if self._bench.do(_taking(told, text)) else None
+        if not self._bench.do(_taking(told, text)):
+            return None
+        with self._bench.drawing:
+            self.taken(named[0].name)
+        return named[0].name
 
     def _look(self, region: str) -> None:
         found = find_poses(self._bench.project.device, region)
