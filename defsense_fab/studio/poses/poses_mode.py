@@ -101,6 +101,7 @@ class PosesMode(Mode):
     def _redraw(self) -> None:
         meshed, poses = self.scene.body is not None, self.part == POSES
         self._first.visible = not meshed
+        self._mesh.label = "Mesh the body again" if meshed else "Mesh the body"
         for name, folder in self._folders.items():
             folder.visible = meshed and name == self.part
         self._proposed.visible = meshed and poses

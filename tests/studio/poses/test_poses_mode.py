@@ -114,11 +114,11 @@ def test_a_region_follows_its_gizmo_and_is_written_when_it_is_let_go(regions, mo
     grip = regions._grip
     box = device_of(mode).regions["tip"]
     text = mode.bench.project.text
-    regions.moved("region", grip + [-30.0, 0, 0], np.zeros(3), False)
+    regions.moved("region", grip - np.array([30.0, 0, 0]), np.zeros(3), False)
     assert mode.bench.project.text == text
     held = mode.scene.body._held["tip"]
     assert mode.scene.points[held, 0].max() < 125
-    regions.moved("region", grip + [-30.0, 0, 0], np.zeros(3), True)
+    regions.moved("region", grip - np.array([30.0, 0, 0]), np.zeros(3), True)
     assert device_of(mode).regions["tip"].low == pytest.approx(box.low - [30, 0, 0])
     assert mode.bench.project.undoes == "move the region `tip`"
     regions.moved("region", regions._grip, np.zeros(3), True)  # taken hold of, and not moved
@@ -215,7 +215,7 @@ def test_a_pose_that_cannot_be_solved_is_told_and_the_last_good_shape_stays(mode
     shown(mode)
     center = np.array([145.0, 0, 0])
     rotation = device_of(mode).poses[0].handles[0].rotation
-    mode.poses.moved("tip", center + [-400.0, 0, 0], rotation, True)
+    mode.poses.moved("tip", center - np.array([400.0, 0, 0]), rotation, True)
     after = shown(mode)
     assert "`bend_up` cannot be solved beyond" in mode.poses.words.content
     assert "lower its movement" in mode.poses.words.content
