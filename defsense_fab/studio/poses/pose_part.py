@@ -216,12 +216,13 @@ class PosePart:
         self, pose: Pose, *, check: bool, share: float = 1.0, asked: float | None = None
     ) -> None:
         asked = time.perf_counter() if asked is None else asked
-        other = self._posed != pose.name
+        # A coarse shape would take a step back from the fine one that a hand has come to.
+        quick = self._posed != pose.name or not check
         self._posed = pose.name
         if share == 1.0:
             self._ramp.reset()
         device = self._bench.project.device
-        self._scene.work.give(Wanted(device, pose, share, check, other, asked))
+        self._scene.work.give(Wanted(device, pose, share, check, quick, asked))
         if self._stop.disabled:
             self._stop.disabled = False
 
