@@ -225,6 +225,8 @@ class PosePart:
         self._scene.work.give(Wanted(device, pose, share, check, quick, asked))
         if self._stop.disabled:
             self._stop.disabled = False
+        if check:
+            self.words.content = f"solving `{pose.name}`"
 
     def _place_grips(self) -> None:
         pose = self.pose
