@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,3 +15,9 @@ Bool = NDArray[np.bool_]
 def xyz(point: Float) -> str:
     """A point (n,) mm as it stands in messages."""
     return "(" + ", ".join(f"{x:.1f}" for x in np.round(point, 1) + 0.0) + ")"
+
+
+def places(text: str) -> list[Float]:
+    """The points (3,) mm in a message, each as `xyz` has written it."""
+    found = re.findall(r"\((-?\d+\.\d), (-?\d+\.\d), (-?\d+\.\d)\)", text)
+    return [np.array(numbers, float) for numbers in found]

@@ -7,11 +7,15 @@ import socket
 
 import pytest
 
+from defsense_fab.core.device_file import load_device
+from defsense_fab.pipeline.build.build import build
 from defsense_fab.runtime.view.local_page import end_page, local_page
 from defsense_fab.studio.page.studio_page import StudioPage
+from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
 from tests.pipeline.live.conftest import live_bar as live_bar_fixture
 from tests.pipeline.twin.conftest import small_bar as small_bar_fixture
+from tests.places import BAR
 
 small_bar, live_bar = small_bar_fixture, live_bar_fixture
 
@@ -22,6 +26,12 @@ def free_port():
         return probe.getsockname()[1]
 
 
+@pytest.fixture(autouse=True)
+def own_settings(tmp_path, monkeypatch):
+    """Tests neither see nor change to which scripts the user has agreed."""
+    monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path / "settings"))
+
+
 @pytest.fixture(scope="session")
 def studio_server():
     pytest.importorskip("viser")
@@ -30,13 +40,44 @@ def studio_server():
     end_page(made)
 
 
+@pytest.fixture(scope="session")
+def made_bar(tmp_path_factory):
+    """The folder of a coarse bar with two locked cords, built up to the report."""
+    folder = tmp_path_factory.mktemp("made") / "bar"
+    folder.mkdir()
+    shutil.copy(BAR / "bar.py", folder)
+    text = (BAR / "device.toml").read_text(encoding="utf-8")
+    for old, new in (
+        ("edge_length = 6.0", "edge_length = 15.0"), ("markers = 40", "markers = 8"),
+        ("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]"),
+        ('free = ["path", "plane"]\n', ""),
+        ("[fabrication]", '[design]\ndecoder = "affine"\n\n[fabrication]'),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new)
+    down, twist = text.index('[[poses]]\nname = "bend_down"'), text.index('[[poses]]\nname = "twi')
+    text = text[:down] + text[twist:]
+    (folder / "device.toml").write_text(text[: text.rindex("[[sensors]]")], encoding="utf-8")
+    build(load_device(folder))
+    return folder
+
+
+@pytest.fixture
+def made_page(studio_server, made_bar, tmp_path):
+    """The page of a copy of that bar."""
+    yield from page_of(studio_server, made_bar, tmp_path / "bar")
+
+
 @pytest.fixture
 def studio_page(studio_server, live_bar, tmp_path):
     """The page of a copy of a built bar, which a test may change."""
-    folder = tmp_path / "bar"
-    shutil.copytree(live_bar.folder, folder)
+    yield from page_of(studio_server, live_bar.folder, tmp_path / "bar")
+
+
+def page_of(studio_server, built, folder):
+    shutil.copytree(built, folder)
     studio_server.gui.reset()
     studio_server.scene.reset()
-    made = StudioPage(studio_server, Project(folder))
+    made = StudioPage(studio_server, Project(folder), Agreement(trusted=True))
     yield made
     made.close()

@@ -36,10 +36,12 @@ def descend(
     slivers: ThinParts,
     show: Callable[[float, float], None],
     forgiven: float = FORGIVEN,
+    follow: Callable[[Layout, float], None] | None = None,
 ) -> Layout:
     """The layout after so many iterations, or fewer where they gain less than `tolerance` each;
     `forgiven` mm of the limits' margin may be used up where the layout does so; `show` as in
-    `minimise`. Coplanar cords stay so; no slivers come where none are."""
+    `minimise`, and `follow` the layout after each step, with its expected RMSE (mm). Coplanar cords
+    stay so; no slivers come where none are."""
     cords, spread = together(sensors)
     if not spread.shape[1]:  # a plane that another, locked cord holds is no freedom
         return sensors
@@ -58,6 +60,10 @@ def descend(
         found = slivers.guard(cords, spread @ old, spread @ new)
         return None if found is None else (found[0], found[1] @ spread)
 
+    def followed(y: Float, value: float) -> None:
+        if follow is not None:
+            follow(_applied(cords, spread @ y, sensors), float(np.sqrt(value)))
+
     found = minimise(
         model,
         lambda y: objective.value(spread @ y),
@@ -68,6 +74,7 @@ def descend(
         loosest=forgiven,
         guard=guard if not slivers(sensors) else None,
         show=show,
+        follow=followed,
     )
     return _applied(cords, spread @ found.x, sensors)
 

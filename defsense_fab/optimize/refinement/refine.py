@@ -21,7 +21,7 @@ from ..search.starting_layouts import Layout, choices, no_room, seeds
 from .descent import FORGIVEN, descend, jitter
 
 Report = Callable[[float, str], None]
-#: Gets the best layout so far and its expected RMSE, mm.
+#: Gets a layout and its expected RMSE, mm: the best so far, or what a descent has come to.
 Watch = Callable[[Layout, float], None]
 
 _SHORT, _LONG, _ROUNDS = 15, 40, 3  # iterations of a descent; descents of a finish
@@ -73,6 +73,7 @@ def optimise(
     finalists: int = 2,
     candidates: int = 12000,
     watch: Watch | None = None,
+    follow: Watch | None = None,
 ) -> Optimised:
     """Improve the drawn cords that are free, and add `extra` ones, in at most `planes` planes if
     given (or as many as are drawn), and those free in path and plane in planes square to one of the
@@ -83,8 +84,9 @@ def optimise(
     place. All these and the drawing itself take a short descent, and the best `finalists` go on
     until they stand still. Only layouts that pass an independent check compete, and one
     whose planes leave slivers loses to any that leave none. A drawing, which must pass itself, is
-    the result where nothing better was found, unless there are `normals`. `report` and `watch`
-    may raise Cancelled.
+    the result where nothing better was found, unless there are `normals`. `watch` gets each layout
+    that is the best so far, and `follow` where each step of a descent has come to, whatever limits
+    that breaks. `report`, `watch` and `follow` may raise Cancelled.
 
     Raises LayoutError where the drawing breaks a limit, and where there is no room for more cords.
     """
@@ -110,7 +112,7 @@ def optimise(
         begun = _begin(problem, drawn, rng, show, extra, planes, normals, starts, candidates, best)
         initial = initial or (begun[0] if begun else ())
         show = partial(part, report, 0.25, 1.0)
-        reached.extend(_improve(problem, begun, finalists, best, show))
+        reached.extend(_improve(problem, begun, finalists, best, show, follow))
         report(1.0, f"best {best.rank[1]:.3g} mm")
     except Cancelled:
         if not best.layout:
@@ -146,7 +148,12 @@ def _begin(
 
 
 def _improve(
-    problem: Problem, begun: Sequence[Layout], finalists: int, best: _Best, report: Report
+    problem: Problem,
+    begun: Sequence[Layout],
+    finalists: int,
+    best: _Best,
+    report: Report,
+    follow: Watch | None,
 ) -> Iterator[float]:
     """Short descents of all and finishes of the best, and the error (mm) that each comes to."""
     short, reached = [], []
@@ -154,7 +161,7 @@ def _improve(
         low, high = (0.5 * (i + k) / len(begun) for k in (0, 1))
         what = f"descent {i + 1} of {len(begun)}"
         show = partial(_show, partial(part, report, low, high), what)
-        short.append(descend(problem, layout, _SHORT, _ROUGH, best.slivers, show))
+        short.append(descend(problem, layout, _SHORT, _ROUGH, best.slivers, show, follow=follow))
         reached.append(layout_error(problem, short[-1]))
         best.offer(short[-1])
         yield reached[-1]
@@ -163,7 +170,7 @@ def _improve(
         low, high = (0.5 + 0.5 * (n + k) / finalists for k in (0, 1))
         what = f"finishing {n + 1} of {finalists}"
         show = partial(_show, partial(part, report, low, high), what)
-        yield _finish(problem, short[i], best, show)
+        yield _finish(problem, short[i], best, show, follow)
 
 
 def _different(ranked: Sequence[int], errors: Sequence[float]) -> list[int]:
@@ -213,7 +220,11 @@ class _Best:
 
 
 def _finish(
-    problem: Problem, layout: Layout, best: _Best, show: Callable[[float, float], None]
+    problem: Problem,
+    layout: Layout,
+    best: _Best,
+    show: Callable[[float, float], None],
+    follow: Watch | None,
 ) -> float:
     """Error (mm) after descents in a row, until it stands still and the check passes.
 
@@ -221,7 +232,7 @@ def _finish(
     """
     error, forgiven = layout_error(problem, layout), FORGIVEN
     for _ in range(_ROUNDS):
-        layout = descend(problem, layout, _LONG, _FINE, best.slivers, show, forgiven)
+        layout = descend(problem, layout, _LONG, _FINE, best.slivers, show, forgiven, follow)
         before, error = error, layout_error(problem, layout)
         refused = best.offer(layout)
         if abs(before - error) < _STILL * error and not refused:

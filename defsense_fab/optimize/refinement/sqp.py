@@ -52,6 +52,7 @@ def minimise(
     loosest: float = 0.0,
     guard: Callable[[Float, Float], Rows | None] | None = None,
     show: Callable[[float, float], None] | None = None,
+    follow: Callable[[Float, float], None] | None = None,
 ) -> Minimum:
     """The best x (size,) mm near the given one.
 
@@ -59,7 +60,8 @@ def minimise(
     inequalities, or nearly: what breaks them at first by up to `loosest` may go on doing so, and
     in the end they are not broken by more. `guard(x, trial)` may refuse a trial that the
     constraints allow, with inequalities at the trial that rule it out. `show` gets the share of
-    iterations done and the value after each step.
+    iterations done and the value after each step, `follow` the x (size,) that it has come to and
+    the value.
     """
     at, (room, rows) = model(x), constraints(x)
     given = float(np.clip(-room.min(), 0.0, loosest))
@@ -122,6 +124,8 @@ def minimise(
                 radius = min(2 * radius, _LARGEST)
             if show is not None:
                 show(done / iterations, at.value)
+            if follow is not None:
+                follow(x, at.value)
         elif gained > 0.3 * drop:
             radius *= 0.7  # only inequalities were misjudged: the cuts know better now
         else:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,9 +22,9 @@ from ...core.files import storage_errors, write_json
 from ...core.lock import locked
 from ...core.progress import Progress, silent
 from . import body_sources
-from .stages import STAGES, Stage, keys, read_json
+from .stages import STAGES, Stage, Watch, keys, read_json
 
-STATE = "state.json"
+STATE, LOCK = "state.json", ".build-lock"
 
 
 @dataclass(frozen=True)
@@ -34,14 +36,20 @@ class BuildResult:
     reused: tuple[str, ...]
 
 
-def build(device: Device, until: str = "report", progress: Progress = silent) -> BuildResult:
-    """Run all stages up to `until`, reusing those that are up to date.
+def build(
+    device: Device,
+    until: str = "report",
+    progress: Progress = silent,
+    watch: Watch | None = None,
+) -> BuildResult:
+    """Run all stages up to `until`, reusing those that are up to date. `watch` sees what the search
+    for cords comes to, which is the same whether it is seen or not.
 
     Raises a DefsenseError where a stage fails; `build/` is then untouched.
     """
     busy = f"{device.source}: another build of this device is running; wait for it"
     final, working, old = (device.source / n for n in ("build", ".build-next", ".build-old"))
-    with storage_errors(device.source), locked(device.source / ".build-lock", busy):
+    with storage_errors(device.source), locked(device.source / LOCK, busy):
         for path in (final, working, old):
             if path.is_symlink():
                 raise StorageError(
@@ -55,24 +63,25 @@ def build(device: Device, until: str = "report", progress: Progress = silent) ->
                 old.replace(final)
         stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
         wanted = keys(device, final)
-        if all(_has(device, final, s, wanted) for s in stages):
+        if all(finished(device, final, s, wanted) for s in stages):
             return BuildResult(final, (), tuple(s.name for s in stages))
         working.mkdir(exist_ok=True)
         made, reused = [], []
         for stage in STAGES:
-            if _has(device, working, stage, keys(device, working)):
+            if finished(device, working, stage, keys(device, working)):
                 reused.append(stage.name)
                 continue
             _clear(working, stage)
             if stage is not STAGES[0]:  # from now on for the body in the working folder
                 wanted = keys(device, working)
-            if _has(device, final, stage, wanted):
+            if finished(device, final, stage, wanted):
                 for name in stage.outputs:
-                    _copy(final / name, working / name)
+                    if (final / name).exists():  # versions before wrote fewer
+                        _copy(final / name, working / name)
                 reused.append(stage.name)
             elif stage in stages:
                 progress(stage.name, 0.0, stage.title)
-                _run(stage, device, working, progress)
+                run_stage(stage, device, working, progress, watch)
                 progress(stage.name, 1.0, "done")
                 made.append(stage.name)
             else:
@@ -86,6 +95,26 @@ def build(device: Device, until: str = "report", progress: Progress = silent) ->
     return BuildResult(final, tuple(made), tuple(reused))
 
 
+def outdated(device: Device, until: str = "report") -> str | None:
+    """The first stage up to `until` whose files in `build/` are not made from the device as it is
+    now, or not there; None where all are."""
+    final = device.source / "build"
+    wanted = keys(device, final)
+    for stage in STAGES[: [s.name for s in STAGES].index(until) + 1]:
+        if not finished(device, final, stage, wanted):
+            return stage.name
+    return None
+
+
+@contextmanager
+def undisturbed(device: Device) -> Iterator[Path]:
+    """The folder `build/`, which no build replaces meanwhile. Raises StorageError while one runs,
+    and where the device's folder is not to be written to."""
+    busy = f"{device.source}: a build of this device is running; wait for it"
+    with locked(device.source / LOCK, busy):
+        yield device.source / "build"
+
+
 def _state(folder: Path) -> dict[str, Any]:
     try:
         state = read_json(folder / STATE)
@@ -94,7 +123,7 @@ def _state(folder: Path) -> dict[str, Any]:
     return state if isinstance(state, dict) else {}
 
 
-def _has(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> bool:
+def finished(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> bool:
     """Whether the stage's files are those that it left, none gone, none cut short, and made from
     what there is now."""
     left = {"key": wanted[stage.name], "files": _sizes(folder, stage)}
@@ -103,9 +132,12 @@ def _has(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> 
     return stage is not STAGES[0] or body_sources.unchanged(device, folder)
 
 
-def _run(stage: Stage, device: Device, folder: Path, progress: Progress) -> None:
+def run_stage(
+    stage: Stage, device: Device, folder: Path, progress: Progress, watch: Watch | None = None
+) -> None:
+    """Make a stage's files. Raises a DefsenseError where it fails."""
     try:
-        stage.run(device, folder, partial(progress, stage.name))
+        stage.run(device, folder, partial(progress, stage.name), watch)
     except MemoryError:
         raise CapacityError(
             f"{device.source}: the memory does not suffice to {stage.title}; {stage.lighter}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import partial
@@ -19,9 +19,9 @@ from ...decoding.features import KINDS
 from ...optimize.limits.verification import LayoutCheck, verify
 from ...optimize.refinement.refine import Optimised, optimise, part, unimproved
 from ...optimize.search.plane_directions import face_directions
-from ...optimize.search.starting_layouts import FREE
+from ...optimize.search.starting_layouts import FREE, Layout
 from ...optimize.studies.risks import risks
-from ...optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band
+from ...optimize.studies.tolerance_monte_carlo import tolerance_band
 from ...sensing.built_cord import BuiltCord
 from ...sensing.signal import mean_strain, strain_range
 from ..artifacts.body import load_body_record, load_surface
@@ -36,17 +36,19 @@ from ..artifacts.layout import (
     save_layout,
 )
 from ..artifacts.mesh import load_mesh_record
+from ..artifacts.weighed_layouts import WeighedCords, save_weighed
 from ..design.as_built import assumed_cords
 from ..design.choose_layout import choose_layout
-from ..design.design_task import SEED, DesignTask, load_task
+from ..design.design_task import SEED, DesignTask, load_task, tolerances_of
 from ..design.predict import Scored, left_out_error, predict
-from .stages import Report
+from .stages import Report, Seen, Watch
 
 _SEARCHES, _FEWEST = 15, 5
 
 
-def run(device: Device, folder: Path, report: Report) -> None:
+def run(device: Device, folder: Path, report: Report, watch: Watch | None = None) -> None:
     """Find the layout, and save it with its prediction."""
+    seen = _Watching(folder, watch)
     task = load_task(device, folder)
     surface, bay = load_surface(folder), load_body_record(folder).bay
     kinds = DECODERS if device.decoder == "auto" else (device.decoder,)
@@ -55,12 +57,12 @@ def run(device: Device, folder: Path, report: Report) -> None:
         task = task.decoded_by(kind)
         like = next((k for k in tried if KINDS[k] is KINDS[kind]), None)  # designed alike
         show = partial(part, report, 0.4 * n / len(kinds), 0.4 * (n + 1) / len(kinds))
-        found = tried[like][1] if like else _search(device, task, 0, device.planes, show)
+        found = tried[like][1] if like else _search(device, task, 0, device.planes, show, seen)
         scored = predict(task, assumed_cords(task, found.sensors))
         tried[kind] = (scored.prediction.unseen, found)
     decoder = min(tried, key=lambda k: tried[k][0])
     task = task.decoded_by(decoder)
-    every = _again(device, task, tried[decoder][1], partial(part, report, 0.4, 0.8))
+    every = _again(device, task, tried[decoder][1], partial(part, report, 0.4, 0.8), seen)
     chosen, trials = choose_layout(
         device, task, [_as_kept(f) for f in every], surface, bay, partial(part, report, 0.8, 1.0)
     )
@@ -68,11 +70,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     final = chosen.scored
     # Of those not designed for: what they would make of the cords chosen.
     decoded = {kind: task.decoded_by(kind) for kind in DECODERS}
-    problem, tolerances = task.design, Tolerances()
-    if device.cord.compression == "measured":
-        tolerances = replace(tolerances, compression=0.0)
-    if device.cord.measured is not None:
-        tolerances = replace(tolerances, gauge=device.cord.measured.spread)
+    problem, tolerances = task.design, tolerances_of(device)
     initial = predict(task, assumed_cords(task, found.initial))
     check = verify(found.sensors, surface, problem.limits)
     if check.problems:
@@ -129,6 +127,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
         task.points, task.names, final.signals, final.errors, final.decoder.to_json()
     )
     save_layout(folder, layout, prediction)
+    paths = tuple(tuple(CordPath.of(s) for s in t.found.sensors) for t in trials)
+    save_weighed(folder, WeighedCords(paths))
 
 
 def _as_kept(found: Optimised) -> Optimised:
@@ -136,6 +136,18 @@ def _as_kept(found: Optimised) -> Optimised:
     along faces that touch may turn, and what was made on trial is made again from the file."""
     cords = [replace(s, plane=CordPath.of(s).sensor().plane) for s in found.sensors]
     return replace(found, sensors=tuple(cords))
+
+
+class _Watching:
+    """Searches as one may watch them: None for a search that nobody does."""
+
+    def __init__(self, folder: Path, watch: Watch | None) -> None:
+        self.kept = None if watch is None else self._teller(folder, watch, kept=True)
+        self.passed = None if watch is None else self._teller(folder, watch, kept=False)
+
+    @staticmethod
+    def _teller(folder: Path, watch: Watch, *, kept: bool) -> Callable[[Layout, float], None]:
+        return lambda layout, rmse: watch(Seen(folder, tuple(layout), rmse, kept))
 
 
 def searches(cords: int) -> int:
@@ -150,6 +162,7 @@ def _search(
     seed: int,
     planes: int | None,
     report: Report,
+    seen: _Watching,
     normals: Float | None = None,
 ) -> Optimised:
     rng = np.random.default_rng((SEED, seed))
@@ -161,10 +174,14 @@ def _search(
         extra=device.propose,
         planes=planes,
         normals=normals,
+        watch=seen.kept,
+        follow=seen.passed,
     )
 
 
-def _again(device: Device, task: DesignTask, first: Optimised, report: Report) -> list[Optimised]:
+def _again(
+    device: Device, task: DesignTask, first: Optimised, report: Report, seen: _Watching
+) -> list[Optimised]:
     """The layout, what it set out from if that keeps the limits, and layouts of other seeds, of
     fewer planes and of planes along the body's faces, where there is anything to search."""
     out = [first]
@@ -182,7 +199,7 @@ def _again(device: Device, task: DesignTask, first: Optimised, report: Report) -
     for k, (seed, planes, normals) in enumerate(todo):
         show = partial(part, report, k / len(todo), (k + 1) / len(todo))
         with suppress(LayoutError):  # no room in so few planes
-            out.append(_search(device, task, seed, planes, show, normals))
+            out.append(_search(device, task, seed, planes, show, seen, normals))
     return out
 
 

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
-from ...core.arrays import Bool, Float
+from ...core.arrays import Float
 from ...core.device import Device
 from ...core.mesh import Surface
-from ...decoding.decoders import fit_decoder
-from ...decoding.unseen import MEANING, unseen_states
+from ...decoding.unseen import MEANING
 from ..artifacts.body import load_surface
-from ..artifacts.fields import field_path, load_fields, load_index, load_strain
-from ..artifacts.layout import LayoutRecord, load_layout, load_prediction
+from ..artifacts.fields import field_path, load_index, load_strain
+from ..artifacts.layout import LayoutRecord, load_layout
 from ..artifacts.manifest import load_manifest
-from ..artifacts.mesh import load_mesh, load_mesh_record
+from ..artifacts.mesh import load_mesh_record
+from ..artifacts.part_files import load_parts
 from ..report import pictures
 from ..report.guide import assembly_guide
 from ..report.guide_pdf import write_pdf
 from ..report.html import write_page
+from ..report.surface_errors import surface_errors
 from .stages import Report
 
 
@@ -44,7 +43,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         )
     }
     report(0.2, "parts")
-    parts = {p.name: _stl(folder / "parts" / p.stl) for p in manifest.parts}
+    parts = load_parts(folder, manifest)
     guide = assembly_guide(device, layout, manifest, parts, view)
     write_page(folder / "guide.html", "guide", guide=guide)
     write_pdf(guide, folder / "guide.pdf")
@@ -66,11 +65,6 @@ def run(device: Device, folder: Path, report: Report) -> None:
     )
 
 
-def _stl(path: Path) -> Surface:
-    mesh = trimesh.load_mesh(path)
-    return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
-
-
 def _view(surface: Surface) -> Float:
     """Camera direction that shows a long body from the side and above."""
     long = int(np.ptp(surface.bounds, axis=0).argmax())
@@ -83,53 +77,30 @@ def _section(rest: Float, u: Float) -> Float:
     return np.asarray(np.eye(3)[axes[(u[:, axes] ** 2).sum(0).argmin()]])
 
 
-def _fullest(weights: Sequence[Mapping[str, float]], held_out: Bool) -> list[int]:
-    """Of each path of loading among states that are not held out, the one furthest along."""
-    seen = np.flatnonzero(~held_out)
-    paths = unseen_states(
-        ({}, *(w for w, held in zip(weights, held_out, strict=True) if not held)),
-        np.zeros(len(seen) + 1, bool),
-    ).paths
-    return sorted(int(seen[int(k[at.argmax()]) - 1]) for k, at in paths)
-
-
 def _poses(folder: Path, layout: LayoutRecord, view: Float, report: Report) -> list[dict[str, Any]]:
     """Strain section and error map of each pose and mixture that was designed for, at its fullest,
     and of the held-out state that is sensed worst."""
-    found = load_fields(folder)
-    names, fields = found.names, found.displacements
-    boundary = load_mesh(folder).boundary()
-    used = np.unique(boundary.faces)
-    index = np.zeros(len(boundary.vertices), int)
-    index[used] = np.arange(len(used))
-    rest, faces = boundary.vertices[used], index[boundary.faces]
-    signals, told = load_prediction(folder).signals, layout.prediction
-    moved = np.concatenate([np.zeros((1, *rest.shape)), fields[:, used]])
-    seen = ~np.append(False, found.held_out)
-    flat = moved.reshape(len(moved), -1)
-    decoder = fit_decoder(told.decoder, signals[seen], flat[seen], np.array(told.noise))
-    error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
-    shown = _fullest(found.weights, found.held_out)
-    held_out = np.flatnonzero(found.held_out)
-    if len(held_out):
-        shown.append(int(held_out[(error[held_out] ** 2).mean(axis=1).argmax()]))
-    highest = float(np.percentile(error[shown], 99.5))
-    out = []
+    found = surface_errors(folder, layout)
+    rest, out = found.rest, []
     center = np.asarray(rest.min(0) + rest.max(0)) / 2
-    for k, i in enumerate(shown):
-        name = names[i]
-        report(0.3 + 0.7 * k / len(shown), name)
+    for k, i in enumerate(found.shown):
+        name = found.names[i]
+        report(0.3 + 0.7 * k / len(found.shown), name)
         strain = 100 * float(np.percentile(load_strain(folder, name), 99.5))
         out.append(
             {
                 "name": name,
                 "strain": pictures.strain_section(
-                    field_path(folder, name), name, center, _section(rest, fields[i][used]), strain
+                    field_path(folder, name), name, center, _section(rest, found.moved[i]), strain
                 ),
                 "error": pictures.error_map(
-                    Surface(rest + fields[i][used], faces), error[i], name, view, highest
+                    Surface(rest + found.moved[i], found.faces),
+                    found.error[i],
+                    name,
+                    view,
+                    found.highest,
                 ),
-                "mean_error": float(np.sqrt((error[i] ** 2).mean())),
+                "mean_error": found.mean(i),
             }
         )
     return out

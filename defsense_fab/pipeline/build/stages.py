@@ -12,28 +12,44 @@ from pathlib import Path
 from typing import Any
 
 from ...core.blas_threads import one_blas_thread
-from ...core.device import Device
+from ...core.device import Device, Sensor
 from ...core.files import digest
 from ..artifacts import mesh_lock
 from . import body_sources
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
 CODE_VERSION = 29
+_WATCHED = "optimize"
 
 Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
+class Seen:
+    """What the search for cords has come to: a layout and its expected RMSE (mm) on the states that
+    it is designed for; whether it is `kept`, being the best of its search that keeps every limit,
+    or only passed on the way; the folder that the build works in, with the poses' fields."""
+
+    folder: Path
+    sensors: tuple[Sensor, ...]
+    rmse: float
+    kept: bool
+
+
+Watch = Callable[[Seen], None]
+
+
+@dataclass(frozen=True)
 class Stage:
-    """`run(device, folder, report)` writes `outputs` (names in the folder); `inputs` are hashed,
-    and so are the versions of `libraries` (distributions) that shape the result; `lighter` is what
-    to do where the memory does not suffice."""
+    """`run(device, folder, report, watch)` writes `outputs` (names in the folder); `inputs` are
+    hashed, and so are the versions of `libraries` (distributions) that shape the result; `lighter`
+    is what to do where the memory does not suffice."""
 
     name: str
     title: str
     outputs: tuple[str, ...]
     inputs: Callable[[Device], Any]
-    run: Callable[[Device, Path, Report], None]
+    run: Callable[[Device, Path, Report, Watch | None], None]
     libraries: tuple[str, ...]
     lighter: str
 
@@ -74,14 +90,16 @@ def plain(value: Any) -> Any:
     return plain(vars(value)) if hasattr(value, "__dataclass_fields__") else value
 
 
-def _runner(name: str) -> Callable[[Device, Path, Report], None]:
-    """`run` of the module `stage_<name>`, imported when it is called: CAD and VTK are heavy."""
+def _runner(name: str) -> Callable[[Device, Path, Report, Watch | None], None]:
+    """`run` of the module `stage_<name>`, imported when it is called: CAD and VTK are heavy. Only
+    the search for cords can be watched."""
 
-    def run(device: Device, folder: Path, report: Report) -> None:
+    def run(device: Device, folder: Path, report: Report, watch: Watch | None) -> None:
         module = import_module(f"{__package__}.stage_{name}")
         # The solver of the poses gives the same with any number of threads, and gains from them.
         with nullcontext() if name == "simulate" else one_blas_thread():
-            module.run(device, folder, report)
+            more = {"watch": watch} if name == _WATCHED and watch is not None else {}
+            module.run(device, folder, report, **more)
 
     return run
 
@@ -119,7 +137,7 @@ STAGES = (
     Stage(
         "optimize",
         "optimise the cords",
-        ("layout.json", "prediction.json"),
+        ("layout.json", "prediction.json", "layouts.json"),
         lambda d: plain(
             (
                 d.cord,

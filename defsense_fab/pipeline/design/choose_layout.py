@@ -21,9 +21,8 @@ from ...optimize.search.plane_directions import face_directions, slanted
 from .as_built import as_made, assumed_cords, fabricate, with_relief
 from .design_task import DesignTask
 from .predict import Scored, predict
+from .preference import preferred
 
-#: Layouts within this of the best are as good: the band of built devices is wider.
-ALIKE = 1.05
 #: Made on trial: those that are this much worse by design at most, so many of them at most.
 _HOPEFUL, _MOST = 1.15, 6
 #: Relative difference of errors at which two layouts are one.
@@ -58,13 +57,6 @@ class Trial:
     def planes(self) -> int:
         """How many planes the body is cut along."""
         return len(distinct([s.plane for s in self.found.sensors]))
-
-    @property
-    def effort(self) -> tuple[bool, int, int, int]:
-        """Less is simpler: whether anything is to be said, parts and ends without pockets,
-        directions of planes that are no face's, how much is to be said."""
-        pieces = (self.parts or 0) + self.free_ends
-        return bool(self.warnings), pieces, self.slanted, len(self.warnings)
 
 
 def different(found: Sequence[Optimised]) -> list[Optimised]:
@@ -110,31 +102,22 @@ def choose_layout(
     trials = []
     for k, (one, error) in enumerate(hopeful):
         report(k / len(hopeful), f"making layout {k + 1} of {len(hopeful)} on trial")
-        trials.append(_make(device, task, one, error, surface, bay, directions))
+        trials.append(make_on_trial(device, task, one, error, surface, bay, directions))
     for one, error in ranked[len(hopeful) :]:
         if (
             all(t.problem for t in trials)
             or _planes(one) < min(t.planes for t in trials)
             or _slanted(one, directions) < min(t.slanted for t in trials)
         ):
-            trials.append(_make(device, task, one, error, surface, bay, directions))
-    made = [t for t in trials if t.problem is None]
-    if not made:
-        return trials[0], tuple(trials)
-    best = min(t.built for t in made)
-    if device.prefer == "accuracy":
-        chosen = min(made, key=lambda t: t.built)
-    else:
-        alike = [t for t in made if t.built <= ALIKE * best]
-        chosen = min(alike, key=lambda t: (*t.effort, t.built))
-    return chosen, tuple(trials)
+            trials.append(make_on_trial(device, task, one, error, surface, bay, directions))
+    return preferred(trials, device.prefer) or trials[0], tuple(trials)
 
 
 def _designed(task: DesignTask, found: Optimised) -> Scored:
     return predict(task, assumed_cords(task, found.sensors))
 
 
-def _make(
+def make_on_trial(
     device: Device,
     task: DesignTask,
     found: Optimised,
@@ -143,6 +126,8 @@ def _make(
     bay: Prism | None,
     directions: Float,
 ) -> Trial:
+    """The layout made, of which `designed` mm were expected, on a body whose flat faces have the
+    `directions` (k, 3)."""
     slants = _slanted(found, directions)
     try:
         device, _ = with_relief(device, task, surface, found.sensors, bay)

@@ -20,6 +20,7 @@ from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...optimize.problem.cord_signals import SignalModel
 from ...optimize.problem.problem import Limits, Problem
+from ...optimize.studies.tolerance_monte_carlo import Tolerances
 from ...sensing.built_cord import CordReading, held, held_taut
 from ..artifacts.body import load_surface
 from ..artifacts.fields import load_fields
@@ -114,6 +115,16 @@ def sensing(device: Device) -> tuple[SignalModel, float]:
         contact=float(joints) / scale,
     )
     return model, reading.relative
+
+
+def tolerances_of(device: Device) -> Tolerances:
+    """What the device's maker cannot hold, less what was measured of the cord."""
+    found, cord = Tolerances(), device.cord
+    if cord.compression == "measured":
+        found = replace(found, compression=0.0)
+    if cord.measured is not None:
+        found = replace(found, gauge=cord.measured.spread)
+    return found
 
 
 def markers(device: Device, surface: Surface, locator: PointLocator) -> tuple[Float, Float]:

@@ -15,7 +15,8 @@ from reportlab.lib.units import mm
 from reportlab.platypus import Image, KeepTogether, Paragraph, SimpleDocTemplate, Spacer, Table
 
 from ...core.files import replacing
-from .guide import AssemblyStep, Guide, GuideTable
+from .guide import AssemblyStep, Guide
+from .guide_tables import GuideTable
 
 _MARGIN = 18 * mm
 _WIDTH = A4[0] - 2 * _MARGIN

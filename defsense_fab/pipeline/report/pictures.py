@@ -21,8 +21,8 @@ from ...core.arrays import Float
 from ...core.files import replacing
 from ...core.mesh import Surface
 from ..artifacts.layout import WeighedRecord
+from .colors import COLORS as COLORS
 
-COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057", "#e07a5f", "#3d405b")
 _SIZE = (1100, 620)
 _FEWEST = 2  # layouts, for a picture of their errors
 

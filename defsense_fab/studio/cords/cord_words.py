@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from ...optimize.limits.verification import LayoutCheck
 from ...pipeline.design.layout_judge import Judged
+from ..workbench.pose_errors import extremes
 
 _BARS = 9
 _STRAIGHT = 1000.0  # mm, of a radius
@@ -29,19 +30,6 @@ def error_table(judged: Judged | None, before: Judged | None) -> str:
         for pose, mm in rows.items()
     ]
     return "\n".join(lines)
-
-
-def extremes(per_state: Mapping[str, float]) -> dict[str, float]:
-    """By pose: the error in its farthest single state (pose@1, ...); mixtures are left out."""
-    best: dict[str, tuple[float, float]] = {}
-    for state, mm in per_state.items():
-        pose, at, level = state.partition("@")
-        if not at or "+" in state:
-            continue
-        share = float(level)
-        if share > best.get(pose, (-1.0, 0.0))[0]:
-            best[pose] = (share, mm)
-    return {pose: mm for pose, (_, mm) in best.items()}
 
 
 def limit_words(check: LayoutCheck, names: Sequence[str]) -> str:

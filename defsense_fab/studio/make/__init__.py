@@ -1,1 +1,1 @@
-"""The mode in which the device is optimised and built."""
+"""The mode in which the device is built: its parts, their assembly, what to cut and to buy."""

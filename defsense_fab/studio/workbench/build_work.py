@@ -3,95 +3,85 @@ what goes wrong in it takes nothing else along."""
 
 from __future__ import annotations
 
-import multiprocessing
-import threading
-from collections.abc import Callable
-from multiprocessing.connection import Connection
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from ...core.errors import DefsenseError
+from ...core.device import Sensor
+from .beside import BesideWork, Teller
 
-_LEAVES = 5.0  # s that a cancelled build has to leave
+_EARLY = ("body", "mesh")  # stages that need neither poses nor cords
+_SHOWN = 0.1  # s between layouts that the search passes on its way
 
 
-class BuildWork:
-    """One build at a time. `told` hears of progress (share done, sentence) and `ended` what came of
-    it: None, or what went wrong in a sentence; both on a thread of this."""
+@dataclass(frozen=True)
+class SeenLayout:
+    """What a search has come to (see `pipeline.build.stages.Seen`), and for how many s it has
+    worked, without pauses."""
+
+    folder: Path
+    sensors: tuple[Sensor, ...]
+    rmse: float
+    kept: bool
+    seconds: float
+
+
+class BuildWork(BesideWork):
+    """One build at a time; what it finds are layouts, as SeenLayout. The last finished build stays
+    where it is cancelled or fails, and what is done already is taken up by the next."""
 
     def __init__(
-        self, told: Callable[[float, str], None], ended: Callable[[str | None], None]
+        self,
+        told: Callable[[float, str], None],
+        ended: Callable[[str | None], None],
+        found: Callable[[SeenLayout], None] = lambda _: None,
+        paused: Callable[[bool], None] = lambda _: None,
     ) -> None:
-        self._told, self._ended = told, ended
-        self._process: Any = None
-        self._lock, self._cancelled = threading.Lock(), False
-
-    @property
-    def running(self) -> bool:
-        """Whether there is one."""
-        return self._process is not None
+        super().__init__("build", told, ended, found, paused)
 
     def start(self, folder: Path, until: str = "report") -> bool:
         """Build the device in a folder up to a stage; whether it began, which it does not while
         another one runs."""
-        with self._lock:
-            if self._process is not None:
-                return False
-            spawn = multiprocessing.get_context("spawn")
-            ours, theirs = spawn.Pipe(duplex=False)
-            self._cancelled = False
-            self._process = spawn.Process(target=_build, args=(folder, until, theirs), daemon=True)
-            self._process.start()
-            theirs.close()
-        threading.Thread(target=self._follow, args=(ours,), daemon=True).start()
-        return True
-
-    def cancel(self) -> None:
-        """The last finished build stays, and what is done already is taken up by the next."""
-        with self._lock:
-            if self._process is not None:
-                self._cancelled = True
-                self._process.terminate()
-
-    def close(self) -> None:
-        """Cancel, and wait for it."""
-        self.cancel()
-        process = self._process
-        if process is not None:
-            process.join(_LEAVES)
-
-    def _follow(self, ours: Connection) -> None:
-        outcome: str | None
-        while True:
-            try:
-                share, said = ours.recv()
-            except EOFError:  # the process is gone
-                outcome = "the build ended without a word: is the memory full?"
-                break
-            if share is None:
-                outcome = said
-                break
-            self._told(share, said)
-        self._process.join()
-        if self._cancelled:
-            outcome = "cancelled"
-        with self._lock:
-            self._process = None
-        self._ended(outcome)
+        return self.begin(_build, folder, until)
 
 
-def _build(folder: Path, until: str, theirs: Connection) -> None:
+def _build(teller: Teller, folder: Path, until: str) -> None:
     """In the other process."""
     from ...core.device_file import load_device
     from ...pipeline.build.build import build
+    from ...pipeline.build.stages import Seen
+
+    worked, last = _Clock(), -_SHOWN
 
     def progress(stage: str, share: float, message: str) -> None:
-        theirs.send((share, f"{stage}: {message}"))
+        with worked.stopped():
+            teller.progress(share, f"{stage}: {message}")
 
-    try:
-        build(load_device(folder), until, progress)
-        theirs.send((None, None))
-    except DefsenseError as error:
-        theirs.send((None, str(error)))
-    except Exception as error:
-        theirs.send((None, f"the build failed ({type(error).__name__}: {error})"))
+    def watch(seen: Seen) -> None:
+        nonlocal last
+        now = worked.seconds
+        if seen.kept or now - last >= _SHOWN:
+            last = now
+            with worked.stopped():
+                teller.found(SeenLayout(seen.folder, seen.sensors, seen.rmse, seen.kept, now))
+
+    build(load_device(folder, complete=until not in _EARLY), until, progress, watch)
+
+
+class _Clock:
+    """The seconds since it was made, without those in which it was `stopped`."""
+
+    def __init__(self) -> None:
+        self._begun = time.monotonic()
+
+    @property
+    def seconds(self) -> float:
+        return time.monotonic() - self._begun
+
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        at = time.monotonic()
+        yield
+        self._begun += time.monotonic() - at

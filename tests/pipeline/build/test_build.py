@@ -27,9 +27,9 @@ from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.optimize.refinement.refine import Optimised
 from defsense_fab.pipeline.artifacts.layout import load_layout
 from defsense_fab.pipeline.artifacts.manifest import load_manifest
+from defsense_fab.pipeline.artifacts.part_files import load_part
 from defsense_fab.pipeline.build import stage_fabricate, stage_report
 from defsense_fab.pipeline.build.stage_optimize import _as_kept, _uncalibrated
-from defsense_fab.pipeline.build.stage_report import _stl
 from defsense_fab.pipeline.design.design_task import load_task
 from defsense_fab.sensing.voltage_divider import reference
 from tests.places import BAR
@@ -108,7 +108,7 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
     assert tried["smallest"] == pytest.approx(min(p["volume"] for p in manifest["parts"]), rel=1e-3)
     total = 0.0
     for p in manifest["parts"]:
-        surface = _stl(device / "build" / "parts" / p["stl"])
+        surface = load_part(device / "build" / "parts" / p["stl"])
         total += triangle_kernel.to_manifold(surface, p["name"]).volume()
         assert (device / "build" / "parts" / p["step"]).exists()
     assert total + manifest["removed_volume"] == pytest.approx(manifest["body_volume"], rel=1e-3)

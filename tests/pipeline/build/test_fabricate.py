@@ -24,9 +24,9 @@ from defsense_fab.pipeline.artifacts.layout import (
     LimitsRecord,
 )
 from defsense_fab.pipeline.artifacts.manifest import load_manifest
+from defsense_fab.pipeline.artifacts.part_files import load_part
 from defsense_fab.pipeline.build.cut_list import cut_list
 from defsense_fab.pipeline.build.stage_fabricate import write
-from defsense_fab.pipeline.build.stage_report import _stl
 from defsense_fab.pipeline.design import as_built
 from defsense_fab.pipeline.design.as_built import fabricate, rules
 from defsense_fab.pipeline.report.guide import assembly_guide
@@ -114,10 +114,12 @@ def test_the_manifest_says_where_everything_is(folder, manifest):
     total = sum(p["volume"] for p in manifest["parts"]) + manifest["removed_volume"]
     assert total == pytest.approx(manifest["body_volume"], rel=1e-5)  # faces are set back by GAP
     for p in manifest["parts"]:
-        surface = _stl(folder / "parts" / p["stl"])
+        surface = load_part(folder / "parts" / p["stl"])
         assert surface.volume == pytest.approx(p["volume"], rel=1e-4)
         assert surface.bounds == pytest.approx(np.array(p["bbox"]), abs=1e-4)
-        assert _stl(folder / "parts" / p["print"]).volume == pytest.approx(p["volume"], rel=1e-4)
+        assert load_part(folder / "parts" / p["print"]).volume == pytest.approx(
+            p["volume"], rel=1e-4
+        )
         assert p["step_volume"] == pytest.approx(p["volume"], rel=2e-3)
         assert len(p["sockets"]) >= 2
     counted = {p["name"]: p["count"] for p in manifest["pins"]}
@@ -212,7 +214,7 @@ def test_the_reference_gives_the_largest_swing():
 @pytest.mark.slow
 def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, layout, manifest):
     device, _ = cube
-    parts = {p["name"]: _stl(folder / "parts" / p["stl"]) for p in manifest["parts"]}
+    parts = {p["name"]: load_part(folder / "parts" / p["stl"]) for p in manifest["parts"]}
     guide = assembly_guide(
         device, layout, load_manifest(folder), parts, np.array([0.35, -1.0, 0.55])
     )

@@ -1,0 +1,121 @@
+"""The parts of a built device in three dimensions, apart or together, as a step of the guide."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...pipeline.report.colors import COLORS
+from ...pipeline.report.guide_steps import GuideStep, Joint
+from ...runtime.view.tube import tube_faces, tube_vertices
+from .built_device import BuiltDevice
+
+_CORD, _WIRE, _PIN = (230, 140, 30), (31, 119, 180), (240, 228, 180)
+_FAINT = 0.25  # opacity of parts that a step is not about
+_STEPS = 60  # points of a cord's tube
+
+
+class PartsScene:
+    """Call it with the workbench's `drawing` lock taken."""
+
+    def __init__(self, server: Any, built: BuiltDevice, cord: float, wire: float) -> None:
+        """Cords and wires of these radii, mm; nothing is shown until `show`."""
+        self._scene, self._built = server.scene, built
+        self._cord, self._wire = cord, wire
+        self._parts, self._labels = dict[str, Any](), dict[str, Any]()
+        self._extras: list[Any] = []
+        self._ways: dict[str, Float] = {}
+        for k, (name, surface) in enumerate(built.parts.items()):
+            self._parts[name] = self._scene.add_mesh_simple(
+                f"/parts/{name}", surface.vertices.astype(np.float32),
+                surface.faces.astype(np.uint32), color=_rgb(COLORS[k % len(COLORS)]),
+                flat_shading=True, side="double", visible=False,
+            )  # fmt: skip
+            self._labels[name] = self._scene.add_label(
+                f"/part_names/{name}", name, anchor="center-center", visible=False
+            )
+
+    def show(self, step: GuideStep | None, number: int, apart: float) -> None:
+        """All parts, or a step and its `number` in the guide; `apart` from 0 to 1."""
+        self.hide()
+        joint = None if step is None else step.joint
+        cords = (
+            () if step is None or number == 0 else tuple(s.name for s in self._built.layout.sensors)
+        )
+        if joint is None:
+            self._ways = (
+                dict(self._built.apart) if not cords else {n: np.zeros(3) for n in self._parts}
+            )
+        else:
+            lifted = {n: joint.lift * joint.opens for n in joint.upper}
+            self._ways = {n: lifted.get(n, np.zeros(3)) for n in (*joint.lower, *joint.upper)}
+            cords = joint.cords
+        faint = bool(cords) and joint is None
+        for name in self._ways:
+            self._parts[name].visible = self._labels[name].visible = True
+            self._parts[name].opacity = _FAINT if faint else None
+        self._add_cords(cords)
+        if joint is not None:
+            self._add_joint(joint)
+        self.move(apart)
+
+    def move(self, apart: float) -> None:
+        """How far the parts are apart, from 0 to 1."""
+        for name, way in self._ways.items():
+            self._parts[name].position = tuple((apart * way).tolist())
+            middle = self._built.parts[name].bounds.mean(axis=0)
+            self._labels[name].position = tuple((middle + apart * way).tolist())
+
+    def hide(self) -> None:
+        """Show nothing."""
+        for handle in (*self._parts.values(), *self._labels.values()):
+            handle.visible = False
+        for handle in self._extras:
+            handle.remove()
+        self._extras, self._ways = [], {}
+
+    def remove(self) -> None:
+        """For good."""
+        self.hide()
+        for handle in (*self._parts.values(), *self._labels.values()):
+            handle.remove()
+        self._parts, self._labels = {}, {}
+
+    def _add_cords(self, names: tuple[str, ...]) -> None:
+        paths = {s.name: s.points for s in self._built.layout.sensors}
+        for name in names:
+            self._add_tube(f"/step/cord/{name}", paths[name], self._cord, _CORD)
+
+    def _add_joint(self, joint: Joint) -> None:
+        import trimesh
+
+        for k, wire in enumerate(joint.wires):
+            self._add_tube(f"/step/wire/{k}", wire, self._wire, _WIRE)
+        for k, pin in enumerate(joint.pins):
+            half = pin.depth * joint.opens / np.linalg.norm(joint.opens)
+            mesh = trimesh.creation.cylinder(
+                pin.socket / 2, segment=[pin.center - half, pin.center + half]
+            )
+            self._extras.append(
+                self._scene.add_mesh_simple(
+                    f"/step/pin/{k}", np.asarray(mesh.vertices, np.float32),
+                    np.asarray(mesh.faces, np.uint32), color=_PIN, flat_shading=True,
+                )
+            )  # fmt: skip
+
+    def _add_tube(self, name: str, path: Float, radius: float, color: tuple[int, int, int]) -> None:
+        some = np.linspace(0, len(path) - 1, min(_STEPS, len(path))).round().astype(int)
+        vertices = tube_vertices(path[some], radius).astype(np.float32)
+        self._extras.append(
+            self._scene.add_mesh_simple(
+                name, vertices, tube_faces(len(some)).astype(np.uint32), color=color, side="double"
+            )
+        )
+
+
+def _rgb(color: str) -> tuple[int, int, int]:
+    """Of "#rrggbb"."""
+    red, green, blue = (int(color[k : k + 2], 16) for k in (1, 3, 5))
+    return red, green, blue

@@ -1,0 +1,1 @@
+"""The mode in which cords are optimised before one's eyes, and layouts are compared."""
