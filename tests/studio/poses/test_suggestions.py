@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 
 from defsense_fab.core.device_file import load_device
-from defsense_fab.core.errors import DeviceError
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.solver.modes import modes, propose
 from defsense_fab.pipeline.artifacts.mesh import load_mesh
 from defsense_fab.pipeline.study.propose_poses import Found, Proposal, append, as_toml
 from defsense_fab.studio.poses import suggestion_part
+from defsense_fab.studio.project.agreement import Agreement
 
 LONG = 120.0
 
 
 @pytest.fixture
-def mode(studio_page, monkeypatch):
-    """The mode, with modes of the build's mesh, which is not made anew."""
-
-    def find(device, fixed):
-        if fixed not in device.regions:
-            raise DeviceError("device.toml: regions: gone")
-        mesh = QuadraticMesh.from_linear(load_mesh(device.source / "build"))
-        held = np.flatnonzero(device.regions[fixed].contains(mesh.nodes))
-        material = Material.from_spec(device.material)
-        found = modes(mesh, material, held, device.material.density, 5)
-        return Found(mesh, tuple(found), tuple(propose(mesh, held, found)), "far_end")
-
-    monkeypatch.setattr(suggestion_part, "find_poses", find)
+def mode(studio_page):
     made = studio_page.modes["Poses"]
     studio_page.enter("Poses")
     assert made.work.wait(LONG)
@@ -38,8 +28,14 @@ def mode(studio_page, monkeypatch):
 
 
 def looked(mode):
-    mode.suggestions.look()
-    assert mode.suggestions.wait(LONG)
+    """With modes of the build's mesh, which is not made anew."""
+    device = mode.bench.project.device
+    mesh = QuadraticMesh.from_linear(load_mesh(device.source / "build"))
+    held = np.flatnonzero(device.regions["base"].contains(mesh.nodes))
+    material = Material.from_spec(device.material)
+    found = modes(mesh, material, held, device.material.density, 5)
+    poses = tuple(propose(mesh, held, found))
+    mode.suggestions._came(("base", Found(mesh, tuple(found), poses, "far_end")))
     return mode.suggestions
 
 
@@ -96,10 +92,32 @@ def test_names_that_are_taken_are_numbered(mode):
     assert part.take() == "twist_2"
 
 
-def test_what_cannot_be_found_is_told(mode):
-    part = mode.suggestions
-    assert part.take() is None
+def test_poses_are_sought_in_another_process(made_page):
+    made_page.enter("Poses")
+    part = made_page.modes["Poses"].suggestions
+    over = threading.Event()
+    ended = part._looking._ended
+    part._looking._ended = lambda problem: (ended(problem), over.set())
+    part.look()
+    assert part._looking.running
+    assert part._stop.visible
+    assert over.wait(LONG)
+    assert part._list.options[0] == "bend"
+    assert "| bend |" in part.words.content
+    assert not part._stop.visible
+    before = part._found
+    over.clear()
+    part._looking.begin(suggestion_part._look, made_page.bench.project.folder, "gone")
+    assert over.wait(LONG)
+    assert "there is no region 'gone' to hold the body by" in part.words.content
+    assert part._found is before
+
+
+def test_a_script_is_asked_about_before_it_is_run(mode, monkeypatch):
+    monkeypatch.setattr(mode.bench, "agreement", Agreement())
+    mode.suggestions.look()
+    assert mode.bench.question.open
+    assert not mode.suggestions._looking.running
+    mode.bench.question.close()
+    assert mode.suggestions.take() is None
     assert "Look for poses" in mode.bench._message.content
-    part._looking.give("gone")
-    assert part.wait(LONG)
-    assert part.words.content == "**device.toml: regions: gone**"
