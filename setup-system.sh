@@ -1,7 +1,7 @@
 #!/bin/sh
 # The CAD kernels and the picture renderer load libGL.so.1, which bare Debian and Ubuntu lack.
-# "setup-system.sh test" also installs the AVR compiler and simulator for the tests of the firmware,
-# which are skipped where they cannot be installed.
+# "setup-system.sh test" also installs the AVR compiler and simulator for the tests of the firmware and a
+# browser for those of the studio, which are skipped where they cannot be installed.
 set -eu
 [ "$(uname -s)" = Linux ] || exit 0
 PATH="$PATH:/sbin:/usr/sbin"
@@ -12,7 +12,8 @@ done
 if [ "${1:-}" = test ]; then
     for pair in /usr/bin/gcc:gcc /usr/include/stdio.h:libc6-dev /usr/bin/avr-gcc:gcc-avr \
         /usr/lib/avr/include/avr/io.h:avr-libc /usr/share/arduino/hardware/arduino/avr:arduino-core-avr \
-        /usr/include/simavr/sim_avr.h:libsimavr-dev /usr/include/libelf.h:libelf-dev; do
+        /usr/include/simavr/sim_avr.h:libsimavr-dev /usr/include/libelf.h:libelf-dev \
+        /usr/bin/chromium:chromium; do
         [ -e "${pair%%:*}" ] || wanted="$wanted ${pair##*:}"
     done
 fi
@@ -25,10 +26,10 @@ elif [ -n "$needed" ]; then
     echo "System libraries are missing. Type:  sudo apt-get install$needed" >&2
     exit 1
 else
-    echo "Tests of the firmware will be skipped. For them type:  sudo apt-get install$wanted" >&2
+    echo "Tests of the firmware and in a browser will be skipped. For them type:  sudo apt-get install$wanted" >&2
     exit 0
 fi
 $apt_get update -q
 [ -z "$needed" ] || $apt_get install -y -q --no-install-recommends $needed
 [ -z "$wanted" ] || $apt_get install -y -q --no-install-recommends $wanted ||
-    echo "Tests of the firmware will be skipped: not installed:$wanted" >&2
+    echo "Tests of the firmware and in a browser will be skipped: not installed:$wanted" >&2

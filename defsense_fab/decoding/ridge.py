@@ -64,10 +64,11 @@ def fit(features: Features, signals: Float, outputs: Float, noise: Float | float
 
 
 def regular(normal: Float) -> Float:
-    """The normal matrix (f, f) with just enough added for features that repeat each other or are
+    """Normal matrices (..., f, f) with just enough added for features that repeat each other or are
     all zero, as many features of few states are."""
-    size = np.diag(normal)
-    return np.asarray(normal + np.diag(1e-14 * size + 1e-20 * max(float(size.max()), 1e-300)))
+    size = np.diagonal(normal, axis1=-2, axis2=-1)
+    added = 1e-14 * size + 1e-20 * size.max(axis=-1, keepdims=True, initial=1e-300)
+    return np.asarray(normal + added[..., None] * np.eye(size.shape[-1]))
 
 
 @dataclass(frozen=True)

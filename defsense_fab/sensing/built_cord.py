@@ -61,26 +61,30 @@ class CordReading:
 
     def resistance(self, cord: BuiltCord) -> float:
         """Between the joints at rest, ohm."""
-        p = cord.prestretch or 0.0
-        stretched = cord.length / (1 + p) * (1 + float(self.response(np.array(p))))
-        return self.ohm_per_mm * (stretched + cord.series)
+        return self.ohm_per_mm * (self.conducting(cord.length, cord.prestretch) + cord.series)
+
+    def conducting(self, length: float, prestretch: float | None) -> float:
+        """Loose cord, mm, that has the resistance of one that is stretched over a `length`."""
+        p = prestretch or 0.0
+        return length / (1 + p) * (1 + float(self.response(np.array(p))))
 
     def signals(self, cord: BuiltCord, deformed: Float) -> Float:
         """(R - R0)/R0 (s,) with the path at `deformed` (s, p, 3) mm."""
         if cord.prestretch is None:
             found = signals(cord.path, deformed, self.response)
-            rest = cord.length
         else:
             answer = held(self.response, cord.prestretch)
             found = answer(mean_strain(cord.path, deformed))
-            p = cord.prestretch
-            rest = cord.length / (1 + p) * (1 + float(self.response(np.array(p))))
+        rest = self.conducting(cord.length, cord.prestretch)
         return np.asarray(found * rest / (rest + cord.series))
 
     def noise(self, cord: BuiltCord) -> float:
         """Standard deviation of (R - R0)/R0: what a joint adds to it, a short cord feels most."""
-        contact = np.sqrt(2) * self.contact / self.resistance(cord)
-        return float(np.hypot(self.relative, contact))
+        return float(self.noise_of(np.array(self.resistance(cord))))
+
+    def noise_of(self, resistance: Float) -> Float:
+        """The same (...) for cords of these resistances (...) at rest, ohm."""
+        return np.asarray(np.hypot(self.relative, np.sqrt(2) * self.contact / resistance))
 
     def gauge_spread(self, factor: float, compression: float = 1.0) -> CordReading:
         """The same for a cord whose response is `factor` times as large, and in compression

@@ -11,6 +11,7 @@ from defsense_fab.core.device_file import load_device
 from defsense_fab.pipeline.build.build import build
 from defsense_fab.runtime.view.local_page import end_page, local_page
 from defsense_fab.studio.page.studio_page import StudioPage
+from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
 from tests.pipeline.live.conftest import live_bar as live_bar_fixture
 from tests.pipeline.twin.conftest import small_bar as small_bar_fixture
@@ -23,6 +24,12 @@ def free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
+
+
+@pytest.fixture(autouse=True)
+def own_settings(tmp_path, monkeypatch):
+    """Tests neither see nor change to which scripts the user has agreed."""
+    monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path / "settings"))
 
 
 @pytest.fixture(scope="session")
@@ -71,6 +78,6 @@ def page_of(studio_server, built, folder):
     shutil.copytree(built, folder)
     studio_server.gui.reset()
     studio_server.scene.reset()
-    made = StudioPage(studio_server, Project(folder))
+    made = StudioPage(studio_server, Project(folder), Agreement(trusted=True))
     yield made
     made.close()

@@ -1,4 +1,4 @@
-"""Triangle meshes: read STL, OBJ, 3MF; mend what can be mended; refuse the rest."""
+"""Triangle meshes: read STL, OBJ, PLY, 3MF; mend what can be mended; refuse the rest."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from ...core.mesh import Surface
 
 #: Holes wider than this part of the bounding box's diagonal are not guessed at.
 LARGEST_HOLE = 0.1
+#: Of the files that are read.
+SUFFIXES = (".stl", ".obj", ".ply", ".3mf")
 _STEP_OFF = 1e-5  # of the bounding box's diagonal
 _3MF_UNITS = {
     "MicroMeter": 1e-3,
@@ -45,15 +47,16 @@ def read_mesh(
 
 
 def _read(path: Path) -> tuple[Float, Int]:
-    if path.suffix.lower() not in (".stl", ".obj", ".3mf"):
-        raise BodyError(f"{path}: unknown kind of mesh; give .stl, .obj or .3mf")
+    if path.suffix.lower() not in SUFFIXES:
+        raise BodyError(f"{path}: unknown kind of mesh; give .stl, .obj, .ply or .3mf")
     try:
         if path.suffix.lower() == ".3mf":
             vertices, faces = _read_3mf(path)
         else:
             import trimesh
 
-            mesh = trimesh.load_mesh(path, process=False)
+            # Materials are files that the mesh names: they are not read.
+            mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
             vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
     except Exception as error:  # readers raise whatever their parsers do
         text = " ".join(str(error).split())

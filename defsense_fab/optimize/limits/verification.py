@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -21,6 +20,7 @@ from ...core.mesh import Surface
 from ...core.path_sampling import arc_lengths, per_span_for_spacing, sample_path
 from ...geometry.channels.channel_ends import INLET_SLOPE
 from ...geometry.kernels import ray_casting
+from ...geometry.kernels.signed_distance import SignedDistance
 from ..problem.problem import Limits
 from .constraints import LONGEST_INLET
 
@@ -30,30 +30,42 @@ _SPACING = 0.25  # mm, between samples
 
 @dataclass(frozen=True)
 class CordCheck:
-    """Measured numbers of one cord and, in words, what it breaks."""
+    """Measured numbers of one cord and, in words, what it breaks; the samples (b, 3) mm where it
+    does."""
 
     length: float
     min_radius: float
     min_wall: float
     inlets: tuple[float, float]
     problems: tuple[str, ...]
+    broken: Float
 
 
 @dataclass(frozen=True)
 class LayoutCheck:
-    """All cords' numbers, least centre distance between different cords, and what is broken."""
+    """All cords' numbers, least centre distance between different cords, and what is broken; the
+    samples (b, 3) mm where it is."""
 
     cords: tuple[CordCheck, ...]
     min_clearance: float | None
     problems: tuple[str, ...]
+    broken: Float
 
 
-def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> LayoutCheck:
-    """Check every cord and every pair on samples about 0.25 mm apart."""
+def verify(
+    sensors: Sequence[Sensor],
+    surface: Surface,
+    limits: Limits,
+    depth: SignedDistance | None = None,
+) -> LayoutCheck:
+    """Check every cord and every pair on samples about 0.25 mm apart; `depth` below the surface,
+    where it is known already."""
+    depth = depth or SignedDistance(surface)
     paths = [sample_path(s, per_span_for_spacing(s.curve, _SPACING)) for s in sensors]
-    cords = tuple(_cord(s, p, surface, limits) for s, p in zip(sensors, paths, strict=True))
+    cords = tuple(_cord(s, p, surface, limits, depth) for s, p in zip(sensors, paths, strict=True))
     dense = [_with_runs(p, c.inlets) for p, c in zip(paths, cords, strict=True)]
     problems = [p for c in cords for p in c.problems]
+    broken = [c.broken for c in cords]
     closest = None
     for i in range(len(sensors)):
         for j in range(i + 1, len(sensors)):
@@ -66,15 +78,20 @@ def verify(sensors: Sequence[Sensor], surface: Surface, limits: Limits) -> Layou
                     f" {gap[k]:.2f} mm near {xyz(dense[i][k])}; {limits.clearance:.2f} mm is"
                     " needed"
                 )
-    return LayoutCheck(cords, closest, tuple(problems))
+                broken.append(dense[i][gap < limits.clearance - _TOLERANCE])
+    every = np.concatenate(broken) if broken else np.zeros((0, 3))
+    return LayoutCheck(cords, closest, tuple(problems), every)
 
 
-def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> CordCheck:
+def _cord(
+    sensor: Sensor, points: Float, surface: Surface, limits: Limits, depth_of: SignedDistance
+) -> CordCheck:
     problems: list[str] = []
+    broken = [points[:0]]
     name = f"cord {sensor.name!r}"
     start, end = _inlet(points[0], points[1], surface), _inlet(points[-1], points[-2], surface)
     inlets = (start, end)
-    path_depth = _depth(points, surface)
+    path_depth = depth_of.along(points)
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     length = float(step.sum())
     if path_depth.min() < -_TOLERANCE:
@@ -82,6 +99,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
         problems.append(
             f"{name} leaves the body near {xyz(points[k])}, {-path_depth[k]:.2f} mm outside"
         )
+        broken.append(points[path_depth < -_TOLERANCE])
     for inlet, which in zip(inlets, ("start", "end"), strict=True):
         if inlet > LONGEST_INLET and not problems:
             problems.append(
@@ -89,7 +107,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
                 f" end within {LONGEST_INLET:g} mm of the surface"
             )
     whole = points if problems else _with_runs(points, inlets)
-    depth = _depth(whole, surface)
+    depth = depth_of.along(whole)
     along = arc_lengths(whole)
     if not problems:
         to_exit = np.minimum(along, along[-1] - along)
@@ -101,6 +119,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
                 f"{name} leaves a wall of {wall:.2f} mm near {xyz(whole[k])};"
                 f" {limits.wall:.2f} mm is needed"
             )
+            broken.append(whole[slack < -_TOLERANCE])
     inside = np.minimum(along, along[-1] - along) >= limits.depth / INLET_SLOPE
     wall_depth = depth[inside].min() if inside.any() else depth.max()
     whole_length = length + sum(inlets)
@@ -118,6 +137,7 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
             f"{name} bends to a radius of {radius[k]:.2f} mm near {xyz(points[k + 1])};"
             f" {limits.min_radius:.2f} mm is needed"
         )
+        broken.append(points[1:-1][radius < limits.min_radius - _TOLERANCE])
     far = np.pi * max(limits.min_radius, limits.clearance / 2)
     few = slice(None, None, 4)
     a, s = whole[few], along[few]
@@ -129,12 +149,14 @@ def _cord(sensor: Sensor, points: Float, surface: Surface, limits: Limits) -> Co
             f"{name} comes within {gap.min():.2f} mm of itself near {xyz(a[k])};"
             f" {limits.clearance:.2f} mm is needed"
         )
+        broken.append(a[(gap < limits.clearance - _TOLERANCE).any(axis=1)])
     return CordCheck(
         length,
         float(radius.min()),
         float(wall_depth - limits.channel_diameter / 2),
         inlets,
         tuple(problems),
+        np.concatenate(broken),
     )
 
 
@@ -155,11 +177,3 @@ def _with_runs(path: Float, inlets: tuple[float, float]) -> Float:
 
     start, end = run(path[0], path[1], inlets[0]), run(path[-1], path[-2], inlets[1])
     return np.concatenate([start[::-1], path, end])
-
-
-def _depth(points: Float, surface: Surface) -> Float:
-    """Distance to the facets, negative outside by the winding number."""
-    v, f = np.ascontiguousarray(surface.vertices), np.ascontiguousarray(surface.faces)
-    distance = np.sqrt(np.asarray(igl.point_mesh_squared_distance(points, v, f)[0]))
-    inside = np.asarray(igl.fast_winding_number(v, f, np.ascontiguousarray(points))) > 0.5
-    return np.asarray(np.where(inside, distance, -distance))

@@ -3,15 +3,20 @@ points of candidates."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import igl
 import numpy as np
+from scipy import ndimage
 
-from ...core.arrays import Float
+from ...core.arrays import Bool, Float
 from ...core.compiled import compiled
 from ...core.mesh import Surface
 
 #: Nodes of the grid, and its finest spacing, mm.
 _NODES, _FINEST = 60_000, 1.0
+_PART = 250  # nodes at once
 
 
 class DepthField:
@@ -32,8 +37,7 @@ class DepthField:
         """Depth (p,) mm and gradient (p, 3) at points (p, 3)."""
         points = np.ascontiguousarray(points)
         square, face, closest = self._tree.squared_distance(self._v, self._f, points)
-        inside = np.asarray(self._winding.winding_number(points)) > 0.5
-        depth = np.sqrt(np.asarray(square)) * np.where(inside, 1.0, -1.0)
+        depth = np.sqrt(np.asarray(square)) * np.where(self.inside(points), 1.0, -1.0)
         away = points - np.asarray(closest)
         size = np.linalg.norm(away, axis=1, keepdims=True)
         direction = np.where(
@@ -42,6 +46,15 @@ class DepthField:
             self._inward[np.asarray(face)],
         )
         return depth, direction
+
+    def distance(self, points: Float) -> Float:
+        """From the surface (p,) mm at points (p, 3), inside or not."""
+        square = self._tree.squared_distance(self._v, self._f, np.ascontiguousarray(points))[0]
+        return np.asarray(np.sqrt(square))
+
+    def inside(self, points: Float) -> Bool:
+        """Which points (p, 3) are inside: that takes some ten times as long as the distance."""
+        return np.asarray(self._winding.winding_number(np.ascontiguousarray(points))) > 0.5
 
 
 class DepthGrid:
@@ -54,7 +67,19 @@ class DepthGrid:
         self._low = (low + high) / 2 - self._step * (count - 1) / 2
         ticks = [a + self._step * np.arange(n) for a, n in zip(self._low, count, strict=True)]
         nodes = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
-        self._depth = DepthField(surface)(nodes.reshape(-1, 3))[0].reshape(count)
+        field = DepthField(surface)
+        distance = _in_parts(field.distance, nodes.reshape(-1, 3)).reshape(count)
+        # Between neighbours that are both more than half a step away there is no surface: one
+        # of all that hang together tells for the others.
+        same, kinds = ndimage.label(distance > 0.51 * self._step)
+        first = np.unique(same, return_index=True)[1] if kinds else np.zeros(0, int)
+        asked = np.union1d(np.flatnonzero(same == 0), first)
+        inside = np.zeros(same.size, bool)
+        inside[asked] = _in_parts(field.inside, nodes.reshape(-1, 3)[asked])
+        of_kind = np.zeros(kinds + 1, bool)
+        of_kind[same.ravel()[first]] = inside[first]
+        inside = np.where(same.ravel() > 0, of_kind[same.ravel()], inside).reshape(count)
+        self._depth = np.where(inside, distance, -distance)
 
     @property
     def error(self) -> float:
@@ -73,6 +98,12 @@ class DepthGrid:
         return np.asarray(
             _exits(self._depth, self._low, self._step, points, directions, float(longest))
         )
+
+
+def _in_parts(told: Callable[[Float], Any], points: Float) -> Any:
+    """What is told of points (p, 3), some at a time: libigl holds the interpreter, and other
+    threads would wait for all of it."""
+    return np.concatenate([told(points[k : k + _PART]) for k in range(0, len(points), _PART)])
 
 
 @compiled()

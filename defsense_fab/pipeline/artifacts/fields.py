@@ -111,6 +111,20 @@ def load_fields(folder: Path) -> Fields:
     )
 
 
+def load_levels(folder: Path, pose: str) -> dict[float, Float]:
+    """Displacements (n, 3) mm of a pose alone at each level that a build has; none without fields.
+    Raises StorageError."""
+    if not (folder / INDEX).exists():
+        return {}
+    return {
+        float(s.weights[pose]): np.asarray(
+            meshio.read(field_path(folder, s.state)).point_data["displacement"], float
+        )
+        for s in load_index(folder).states
+        if set(s.weights) == {pose}
+    }
+
+
 def load_strain(folder: Path, state: str) -> Float:
     """Largest principal strain (n,) of a state."""
     return np.asarray(meshio.read(field_path(folder, state)).point_data["strain"], float)

@@ -16,6 +16,7 @@ from . import typed_json
 from .build_folder import BUILD_AGAIN
 
 FILE, RECORD = "mesh.vtu", "mesh.json"
+_REGION = "region:"
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def save_mesh(folder: Path, mesh: TetMesh, regions: dict[str, Bool], record: Mes
         meshio.Mesh(
             mesh.nodes,
             [("tetra", mesh.tets)],
-            point_data={f"region:{n}": t.astype(np.int8) for n, t in regions.items()},
+            point_data={f"{_REGION}{n}": t.astype(np.int8) for n, t in regions.items()},
         ),
     )
     typed_json.save(folder / RECORD, record)
@@ -74,6 +75,16 @@ def load_mesh(folder: Path) -> TetMesh:
     """The tets of a build, nodes in mm in the rest frame."""
     data = meshio.read(folder / FILE)
     return TetMesh(np.asarray(data.points, float), data.cells_dict["tetra"].astype(np.int64))
+
+
+def load_region_nodes(folder: Path) -> dict[str, Bool]:
+    """Which nodes (n,) the regions had for which the mesh was made, by name."""
+    data = meshio.read(folder / FILE).point_data
+    return {
+        name.removeprefix(_REGION): np.asarray(tags, bool)
+        for name, tags in data.items()
+        if name.startswith(_REGION)
+    }
 
 
 def load_mesh_record(folder: Path) -> MeshRecord:

@@ -63,25 +63,25 @@ def build(
                 old.replace(final)
         stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
         wanted = keys(device, final)
-        if all(_has(device, final, s, wanted) for s in stages):
+        if all(finished(device, final, s, wanted) for s in stages):
             return BuildResult(final, (), tuple(s.name for s in stages))
         working.mkdir(exist_ok=True)
         made, reused = [], []
         for stage in STAGES:
-            if _has(device, working, stage, keys(device, working)):
+            if finished(device, working, stage, keys(device, working)):
                 reused.append(stage.name)
                 continue
             _clear(working, stage)
             if stage is not STAGES[0]:  # from now on for the body in the working folder
                 wanted = keys(device, working)
-            if _has(device, final, stage, wanted):
+            if finished(device, final, stage, wanted):
                 for name in stage.outputs:
                     if (final / name).exists():  # versions before wrote fewer
                         _copy(final / name, working / name)
                 reused.append(stage.name)
             elif stage in stages:
                 progress(stage.name, 0.0, stage.title)
-                _run(stage, device, working, progress, watch)
+                run_stage(stage, device, working, progress, watch)
                 progress(stage.name, 1.0, "done")
                 made.append(stage.name)
             else:
@@ -93,17 +93,6 @@ def build(
         working.replace(final)
         shutil.rmtree(old, ignore_errors=True)
     return BuildResult(final, tuple(made), tuple(reused))
-
-
-def outdated(device: Device, until: str = "report") -> str | None:
-    """The first stage up to `until` whose files in `build/` are not made from the device as it is
-    now, or not there; None where all are."""
-    final = device.source / "build"
-    wanted = keys(device, final)
-    for stage in STAGES[: [s.name for s in STAGES].index(until) + 1]:
-        if not _has(device, final, stage, wanted):
-            return stage.name
-    return None
 
 
 @contextmanager
@@ -123,7 +112,7 @@ def _state(folder: Path) -> dict[str, Any]:
     return state if isinstance(state, dict) else {}
 
 
-def _has(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> bool:
+def finished(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> bool:
     """Whether the stage's files are those that it left, none gone, none cut short, and made from
     what there is now."""
     left = {"key": wanted[stage.name], "files": _sizes(folder, stage)}
@@ -132,9 +121,14 @@ def _has(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> 
     return stage is not STAGES[0] or body_sources.unchanged(device, folder)
 
 
-def _run(
-    stage: Stage, device: Device, folder: Path, progress: Progress, watch: Watch | None
+def run_stage(
+    stage: Stage,
+    device: Device,
+    folder: Path,
+    progress: Progress,
+    watch: Watch | None = None,
 ) -> None:
+    """Make a stage's files. Raises a DefsenseError where it fails."""
     try:
         stage.run(device, folder, partial(progress, stage.name), watch)
     except MemoryError:

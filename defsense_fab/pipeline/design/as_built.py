@@ -125,15 +125,20 @@ def built_cords(task: DesignTask, channels: Sequence[Channel]) -> list[BuiltCord
 
 def assumed_cords(task: DesignTask, sensors: Sequence[Sensor]) -> list[BuiltCord]:
     """The cords as the search assumes them to be built in, where their channels are not known."""
-    model = task.design.sense
     out = []
     for sensor in sensors:
         path = sample_path(sensor)
         length = float(arc_lengths(path)[-1])
-        hidden = min(model.hidden, 0.45 * length)
-        stretch = resample(path, hidden, length - hidden, len(path))
-        out.append(_built(task, stretch, 0.0 if model.hidden else 2 * task.fabrication.lead))
+        hidden, series = assumed_ends(task, length)
+        out.append(_built(task, resample(path, hidden, length - hidden, len(path)), series))
     return out
+
+
+def assumed_ends(task: DesignTask, length: float) -> tuple[float, float]:
+    """How much of a path of a `length` mm is assumed to lie in pockets at either end, and how much
+    cord to hang out of it in all, mm."""
+    hidden = task.design.sense.hidden
+    return min(hidden, 0.45 * length), 0.0 if hidden else 2 * task.fabrication.lead
 
 
 def _built(task: DesignTask, path: Float, series: float) -> BuiltCord:
@@ -142,9 +147,13 @@ def _built(task: DesignTask, path: Float, series: float) -> BuiltCord:
         return BuiltCord(path, max(series, 0.0), None)
     prestretch = f.prestretch
     if prestretch is None:
-        strain = mean_strain(path, task.everything.deform(path))
-        prestretch = needed_prestretch(float(np.min(strain, initial=0.0)))
+        prestretch = prestretch_for(mean_strain(path, task.everything.deform(path)))
     return BuiltCord(path, max(series, 0.0), prestretch)
+
+
+def prestretch_for(strain: Float) -> float:
+    """How far a held cord is stretched as it is laid, by the body's mean strains (s,) along it."""
+    return needed_prestretch(float(np.min(strain, initial=0.0)))
 
 
 def as_made(task: DesignTask, channels: Sequence[Channel]) -> Scored:

@@ -3,8 +3,9 @@ draws them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +14,20 @@ from ...core.arrays import Float
 from ...core.curve import Hermite, Plane, catmull_rom
 from ...core.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
+from ...geometry.kernels.signed_distance import SignedDistance
 from ...optimize.limits.verification import LayoutCheck, verify
+from ...optimize.refinement.refine import optimise, part
 from ..artifacts.body import load_surface
 from .as_built import assumed_cords
-from .design_task import DesignTask, load_task
+from .design_task import SEED, DesignTask, load_task
 from .predict import predict
 
 _ENDS = 8.0  # mm, of a straight run at either end of a new path
 _POINTS = 4  # between them
 _SLOW = "kernel"
 _STEPS = 400  # samples of a line through the body
+#: Told the share that is done, and what is done now.
+Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,17 @@ class LayoutJudge:
         kinds = DECODERS if device.decoder == "auto" else (device.decoder,)
         self._tasks = {kind: self._task.decoded_by(kind) for kind in kinds}
         self.surface = load_surface(folder)
+        self._depth = SignedDistance(self.surface)
+
+    @property
+    def task(self) -> DesignTask:
+        """What the cords are judged by."""
+        return self._task
+
+    @property
+    def quick_tasks(self) -> dict[str, DesignTask]:
+        """The same for each of the decoders that are fast, by name."""
+        return {kind: task for kind, task in self._tasks.items() if kind != _SLOW}
 
     def judge(self, sensors: Sequence[Sensor], *, quick: bool = False) -> Judged | None:
         """None without cords; `quick`: within some 20 ms, without the decoder that takes ten times
@@ -55,8 +71,8 @@ class LayoutJudge:
         if not sensors:
             return None
         cords = assumed_cords(self._task, sensors)
-        kinds = [k for k in self._tasks if k != _SLOW] if quick else list(self._tasks)
-        scored = [predict(self._tasks[kind], cords) for kind in kinds or self._tasks]
+        tasks = (self.quick_tasks if quick else {}) or self._tasks
+        scored = [predict(task, cords) for task in tasks.values()]
         best = min(scored, key=lambda s: s.prediction.unseen)
         p = best.prediction
         if not np.isfinite(p.unseen):
@@ -67,7 +83,23 @@ class LayoutJudge:
 
     def check(self, sensors: Sequence[Sensor]) -> LayoutCheck:
         """Lengths, radii, walls and distances, and what they break."""
-        return verify(sensors, self.surface, self._task.design.limits)
+        return verify(sensors, self.surface, self._task.design.limits, self._depth)
+
+    def propose(self, name: str, sensors: Sequence[Sensor], report: Report) -> Sensor:
+        """The cord that lowers the error most beside those that there are, which stay; found by the
+        search of the optimise stage within a second or two. Raises LayoutError where none has room,
+        and what `report` raises, which ends it."""
+        kept = [replace(s, free=frozenset()) for s in sensors]
+        kinds = [k for k in self._tasks if k != _SLOW] or list(self._tasks)
+        found = []
+        for n, kind in enumerate(kinds):
+            task = self._tasks[kind]
+            show = partial(part, report, n / len(kinds), (n + 1) / len(kinds))
+            rng = np.random.default_rng(SEED)
+            layout = optimise(task.design, kept, rng, show, extra=1).sensors
+            error = predict(task, assumed_cords(task, layout)).prediction.unseen
+            found.append((error, n, layout[-1]))
+        return replace(min(found)[2], name=name, free=frozenset({"path", "plane"}))
 
     def new_cord(self, name: str) -> Sensor:
         """A straight cord along the body, through its middle, in the plane in which it is widest.

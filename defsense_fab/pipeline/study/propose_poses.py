@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,12 +12,13 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Array, InlineTable, Table
 
-from ...core.arrays import Float
+from ...core.arrays import Float, Int
 from ...core.default_states import default_states
 from ...core.device import Device, Handle, Pose
 from ...core.errors import DeviceError
 from ...core.files import storage_errors, write_text
 from ...core.progress import Progress, silent
+from ...core.regions import HalfSpace, Shape
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
@@ -27,6 +29,7 @@ from ..build.build import build
 
 #: Name of the region that the proposed poses move.
 END = "far_end"
+_SHOWN = 0.12  # of the body's size: how far a mode moves in pictures
 
 
 @dataclass(frozen=True)
@@ -39,9 +42,28 @@ class Proposal:
     picture: Path
 
 
-def propose_poses(
-    device: Device, fixed: str, count: int = 8, progress: Progress = silent
-) -> Proposal:
+@dataclass(frozen=True)
+class Found:
+    """The `mesh` that was looked at, its modes, the poses made of them, and the name of the region
+    that they move, which the device may have already."""
+
+    mesh: QuadraticMesh
+    modes: tuple[Mode, ...]
+    poses: tuple[ProposedPose, ...]
+    region: str
+
+    @property
+    def surface_nodes(self) -> Int:
+        """Which nodes (v,) are corners of the surface."""
+        return np.unique(boundary_faces(self.mesh)[:, :3])
+
+    def shape(self, pose: ProposedPose) -> Float:
+        """A pose's mode (n, 3) mm at the nodes, as far as pictures of it show it."""
+        size = float(np.linalg.norm(np.ptp(self.mesh.nodes, axis=0)))
+        return np.asarray(_SHOWN * size * pose.mode.shape)
+
+
+def find_poses(device: Device, fixed: str, count: int = 8, progress: Progress = silent) -> Found:
     """Modes of the body with the region `fixed` held; `device` may lack poses and sensors.
 
     Raises DeviceError for a region that there is not or that does not hold the body.
@@ -61,15 +83,37 @@ def propose_poses(
     progress("modes", 0.1, "solving for the lowest modes")
     found = modes(mesh, Material.from_spec(device.material), held, device.material.density, count)
     poses = propose(mesh, held, found)
+    return Found(mesh, tuple(found), tuple(poses), _end_region(device, poses))
+
+
+def propose_poses(
+    device: Device, fixed: str, count: int = 8, progress: Progress = silent
+) -> Proposal:
+    """What `find_poses` finds, as text, and drawn beside `device.toml`. Raises as it does."""
+    found = find_poses(device, fixed, count, progress)
     progress("modes", 0.8, "drawing them")
     picture = device.source / "modes.png"
     with storage_errors(picture):
-        _draw(mesh, poses, picture)
+        _draw(found, picture)
     progress("modes", 1.0, "done")
+    text = as_toml(list(found.poses), fixed, found.region)
+    return Proposal(found.modes, found.poses, text, picture)
+
+
+def _end_region(device: Device, poses: Sequence[ProposedPose]) -> str:
+    """A name for the region that poses move; that of the device's where it is there already."""
     region = END
-    while region in device.regions:
+    while region in device.regions and not (poses and _is_end(device.regions[region], poses[0])):
         region += "_new"
-    return Proposal(tuple(found), tuple(poses), as_toml(poses, fixed, region), picture)
+    return region
+
+
+def _is_end(shape: Shape, pose: ProposedPose) -> bool:
+    return (
+        isinstance(shape, HalfSpace)
+        and np.allclose(shape.origin, pose.origin, atol=1e-3)
+        and np.allclose(shape.normal, pose.axis, atol=1e-3)
+    )
 
 
 def append(device_file: Path, proposal: Proposal, known: tuple[str, ...]) -> None:
@@ -82,7 +126,7 @@ def append(device_file: Path, proposal: Proposal, known: tuple[str, ...]) -> Non
     with storage_errors(device_file):
         before = device_file.read_text(encoding="utf-8")
         try:
-            text = _continued(before, proposal.text)
+            text = continued(before, proposal.text)
         except (TOMLKitError, tomllib.TOMLDecodeError) as error:
             raise DeviceError(
                 f"device.toml: the poses cannot be added to it ({error}); paste what"
@@ -91,9 +135,14 @@ def append(device_file: Path, proposal: Proposal, known: tuple[str, ...]) -> Non
         write_text(device_file, text)
 
 
-def _continued(before: str, text: str) -> str:
-    """A device's text with that of poses. Raises TOMLKitError, TOMLDecodeError."""
+def continued(before: str, text: str) -> str:
+    """A device's text with that of poses; regions that it has already stay as they are. Raises
+    TOMLKitError, TOMLDecodeError."""
     device, added = tomlkit.parse(before), tomlkit.parse(text)
+    for name in [n for n in added.get("regions", {}) if n in device.get("regions", {})]:
+        del added["regions"][name]
+    if not added.get("regions", {"": None}):
+        del added["regions"]
     # Tables in a line of their own are closed: what is added to them must stand inside.
     if isinstance(regions := device.get("regions"), InlineTable):
         for name, region in added.pop("regions", {}).items():
@@ -172,15 +221,15 @@ def _plain(value: float) -> float:
     return int(value) if value.is_integer() else value
 
 
-def _draw(mesh: QuadraticMesh, poses: list[ProposedPose], path: Path) -> None:
+def _draw(found: Found, path: Path) -> None:
     from ..report import pictures
 
+    mesh = found.mesh
     faces = boundary_faces(mesh)[:, :3]
-    size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
     pictures.modes(
         [
-            (f"{p.name}, {p.mode.frequency:.3g} Hz", mesh.nodes + 0.12 * size * p.mode.shape)
-            for p in poses
+            (f"{p.name}, {p.mode.frequency:.3g} Hz", mesh.nodes + found.shape(p))
+            for p in found.poses
         ],
         faces,
         mesh.nodes,

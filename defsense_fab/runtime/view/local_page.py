@@ -1,13 +1,15 @@
-"""A viser server whose page is for this machine alone.
+"""A viser server whose page is for this machine alone, or for whoever has the link with its token.
 
 Viser answers whoever reaches its port, and a browser lends itself to any page that is open in it:
 one of another origin could steer a device, or edit a design. So each request tells by its headers
-where it comes from, before viser sees it.
+where it comes from, before viser sees it. What a page says is never taken for HTML: names and
+messages come from files of others.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import http
 import io
 import logging
@@ -16,47 +18,75 @@ import threading
 from typing import Any
 
 from ...core.errors import OutputError
-from ...core.local_access import Access
+from ...core.local_access import LOCAL, Access
+from . import page_cookie
+from .plain_markdown import plain_markdown
 
 HOST = "127.0.0.1"
+#: No answer of the network is needed for it: an address that is reserved for documentation.
+_ELSEWHERE = ("192.0.2.1", 9)
+#: A client that sends what viser cannot read is closed; a traceback of that helps nobody.
+_sockets = logging.getLogger(f"{__name__}.sockets")
 _making = threading.Lock()  # one at a time, while viser's way to listen is another
 
 
-def local_page(port: int, label: str) -> Any:
-    """The viser server at http://127.0.0.1:`port`. Raises OutputError for a port that is taken, and
-    where viser is not installed."""
+def local_page(port: int, label: str, access: Access | None = None, host: str = HOST) -> Any:
+    """The viser server at http://`host`:`port`, where `access` says who may see it (this machine).
+    Raises OutputError for a port that is taken, an address that this machine has not, and where
+    viser is not installed."""
     try:
         import viser
         import websockets.asyncio.server as sockets
+        from viser import _gui_handles, _messages
     except ImportError:
         raise OutputError(
             "the page needs viser: install it with pip install 'defsense-fab[live]'"
         ) from None
-    _need_free(port)
+    _need_free(host, port)
     for noisy in ("websockets", "viser"):
         logging.getLogger(noisy).setLevel(logging.ERROR)
-    access, listen = Access(HOST), sockets.serve
+    _sockets.setLevel(logging.CRITICAL)
+    entry, listen = access or Access(host), sockets.serve
 
     def guarded(*arguments: Any, process_request: Any = None, **options: Any) -> Any:
         def answer(connection: Any, request: Any) -> Any:
-            host = request.headers.get("Host", "")
-            refused = access.refusal(host, request.headers.get_all("Origin"))
+            headers = request.headers
+            refused = entry.refusal(
+                ", ".join(headers.get_all("Host")), headers.get_all("Origin")
+            ) or page_cookie.refusal(entry, port, request.path, headers.get_all("Cookie"))
             if refused is not None:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, refused + "\n")
-            return None if process_request is None else process_request(connection, request)
+            response = None if process_request is None else process_request(connection, request)
+            if response is not None:
+                page_cookie.give(entry, port, response.headers)
+            return response
 
-        return listen(*arguments, process_request=answer, **options)
+        return listen(*arguments, process_request=answer, logger=_sockets, **options)
 
     # It prints its address in a box.
     with _making, contextlib.redirect_stdout(io.StringIO()):
         sockets.serve = guarded  # type: ignore[assignment,misc]
         try:
-            server = viser.ViserServer(host=HOST, port=port, label=label, verbose=False)
+            server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
         finally:
             sockets.serve = listen  # type: ignore[misc]
+    _gui_handles._parse_markdown = plain_markdown
+    # Any page could ask for a tunnel to a server elsewhere, which shows it to the world.
+    for asked in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(asked)
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
     return server
+
+
+def page_link(host: str, port: int, access: Access) -> str:
+    """What to open in a browser: for other machines by this one's address, and with the token."""
+    name = host
+    if host in ("0.0.0.0", "::"):  # noqa: S104 - what was asked for, not what is chosen
+        name = _address()
+    shown = f"[{name}]" if ":" in name else name
+    token = f"?token={access.token}" if access.token else ""
+    return f"http://{shown}:{port}/{token}" if token else f"http://{shown}:{port}"
 
 
 def end_page(server: Any) -> None:
@@ -65,13 +95,34 @@ def end_page(server: Any) -> None:
         server.stop()
 
 
-def _need_free(port: int) -> None:
+def _address() -> str:
+    """This machine's address in its network; its name where it is in none."""
+    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+        try:
+            probe.connect(_ELSEWHERE)  # nothing is sent
+            return str(probe.getsockname()[0])
+        except OSError:
+            return socket.gethostname()
+
+
+def _need_free(host: str, port: int) -> None:
     """Viser takes the next free port without a word; a user would open another program's page."""
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) as probe:
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+    except OSError:
+        raise OutputError(
+            f"--host {host}: this machine has no such address; give one of its own, or 0.0.0.0"
+        ) from None
+    with contextlib.closing(socket.socket(family, socket.SOCK_STREAM)) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind((HOST, port))
-        except OSError:
+            probe.bind((host, port))
+        except OSError as error:
+            if host not in LOCAL and error.errno == errno.EADDRNOTAVAIL:
+                raise OutputError(
+                    f"--host {host}: this machine has no such address; give one of its own, or"
+                    " 0.0.0.0"
+                ) from None
             raise OutputError(
                 f"port {port} is taken by another program; give another, as in {port + 10}"
             ) from None

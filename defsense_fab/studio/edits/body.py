@@ -7,7 +7,7 @@ from typing import Any
 from tomlkit import TOMLDocument
 
 from .edit import Edit
-from .tables import inline, number
+from .tables import inline, number, rename_key, rows
 
 
 def set_parameter(name: str, value: float | str | bool) -> Edit:
@@ -37,6 +37,58 @@ def reset_value(table: str, key: str) -> Edit:
         document.get(table, {}).pop(key, None)
 
     return Edit(f"reset {table}.{key}", change)
+
+
+#: What a row of the catalogue says, where a device does not say it itself.
+_OF_MATERIAL = (
+    "young_modulus", "shore", "poisson_ratio", "density",
+    "model", "c10", "c01", "c20", "c30",
+)  # fmt: skip
+_OF_CORD = ("response", "compression", "contact", "min_stretch")
+
+
+def choose_material(name: str) -> Edit:
+    """One of the catalogue, with nothing left of what was said of the one before."""
+    return _chosen("material", name, _OF_MATERIAL)
+
+
+def choose_cord(name: str) -> Edit:
+    """One of the catalogue; noise and lengths of pieces stay, as they are not the cord's alone."""
+    return _chosen("cord", name, _OF_CORD)
+
+
+def set_edge_length(value: float) -> Edit:
+    """Of the mesh, mm, in place of an accuracy where that was given."""
+
+    def change(document: TOMLDocument) -> None:
+        mesh: Any = document.setdefault("mesh", {})
+        if "accuracy" in mesh:
+            rename_key(mesh, "accuracy", "edge_length")
+        mesh["edge_length"] = number(value)
+
+    return Edit(f"set the edge length to {number(value)} mm", change)
+
+
+def set_cord_count(count: int) -> Edit:
+    """How many cords there are to be; those that are drawn alone where there are as many."""
+
+    def change(document: TOMLDocument) -> None:
+        if count > len(rows(document, "sensors")):
+            document.setdefault("design", {})["sensors"] = count
+        else:
+            document.get("design", {}).pop("sensors", None)
+
+    return Edit(f"have {count} cord{'s' if count != 1 else ''}", change)
+
+
+def _chosen(table: str, name: str, before: tuple[str, ...]) -> Edit:
+    def change(document: TOMLDocument) -> None:
+        found: Any = document.setdefault(table, {})
+        for key in before:
+            found.pop(key, None)
+        found["name"] = name
+
+    return Edit(f"take the {table} {name}", change)
 
 
 def rename_device(name: str) -> Edit:

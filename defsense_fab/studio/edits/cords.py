@@ -125,6 +125,28 @@ def set_path(name: str, curve: Hermite) -> Edit:
     return Edit(f"redraw `{name}`", change)
 
 
+def bend_at(name: str, at: int, curve: Hermite) -> Edit:
+    """Another tangent at a control point; all are written, as those that the points give are not
+    any more."""
+
+    def change(document: TOMLDocument) -> None:
+        points = _points(document, name, at)
+        if len(points) != len(curve.tangents):
+            raise DeviceError(f"device.toml: `{name}` has {len(points)} control points now")
+        named(document, _KEY, name)["tangents"] = numbers(curve.tangents)
+
+    return Edit(f"bend `{name}` at control point {at + 1}", change)
+
+
+def smooth(name: str) -> Edit:
+    """Tangents follow from the points again."""
+
+    def change(document: TOMLDocument) -> None:
+        named(document, _KEY, name).pop("tangents", None)
+
+    return Edit(f"smooth `{name}`", change)
+
+
 def set_plane(name: str, plane: Plane) -> Edit:
     """Another plane; the path stays as it is in it."""
 

@@ -11,7 +11,8 @@ from tomlkit import TOMLDocument
 @dataclass(frozen=True)
 class Edit:
     """`change` is done to the document as it is when its turn comes, so that two people may edit
-    one device: it looks for what it changes by name, and raises DeviceError where that is gone."""
+    one device: it looks for what it changes by name, and raises DeviceError where that is gone. It
+    may give another document in place of that one."""
 
     name: str
-    change: Callable[[TOMLDocument], None]
+    change: Callable[[TOMLDocument], TOMLDocument | None]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...core.errors import DefsenseError, StorageError
 from ...pipeline.artifacts.build_folder import build_folder
+from ...pipeline.build.freshness import outdated
 from ...pipeline.design.compare_layouts import (
     ComparedLayout,
     compare_layouts,
@@ -89,12 +90,10 @@ class ComparedPanel:
         if bench.builds.running:
             bench.say("A build is running; cancel it, or wait for it, and weigh then.")
             return
-        from ...pipeline.build.build import outdated
-
         stage = outdated(bench.project.device, "simulate")
         if stage is not None:
             raise StorageError(
-                f"the {_STALE[stage]} have changed since they were simulated: press 'Optimise the"
+                f"the {_STALE[stage.name]} have changed since they were simulated: press 'Optimise the"
                 " cords' first, then weigh"
             )
         if not self.work.begin(_compare, bench.project.folder, folder):

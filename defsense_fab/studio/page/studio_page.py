@@ -7,21 +7,28 @@ from typing import Any
 
 from ...core.errors import DefsenseError
 from ..cords.cords_mode import CordsMode
+from ..device.device_mode import DeviceMode
+from ..inside.inside_mode import InsideMode
 from ..make.make_mode import MakeMode
 from ..optimise.optimise_mode import OptimiseMode
+from ..poses.poses_mode import PosesMode
+from ..project.agreement import Agreement
 from ..project.project import Project
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
+from .introduction import Introduction
 
-MODES: tuple[type[Mode], ...] = (CordsMode, OptimiseMode, MakeMode)
+MODES: tuple[type[Mode], ...] = (
+    DeviceMode, PosesMode, InsideMode, CordsMode, OptimiseMode, MakeMode,
+)  # fmt: skip
 _BRAND = (31, 119, 180)
 
 
 class StudioPage:
     """Of one project, on a viser server; all browsers see the same."""
 
-    def __init__(self, server: Any, project: Project) -> None:
-        self.bench = Workbench(server, project)
+    def __init__(self, server: Any, project: Project, agreement: Agreement | None = None) -> None:
+        self.bench = Workbench(server, project, agreement)
         self.modes = {kind.label: kind(self.bench) for kind in MODES}
         self._folders: dict[str, Any] = {}
         self._add_panel()
@@ -43,6 +50,8 @@ class StudioPage:
             self.bench.project.refresh()
         except DefsenseError as error:
             self.bench.fail(error)
+        for mode in self.modes.values():
+            mode.look()
 
     def enter(self, label: str) -> None:
         """Show a mode's part of the panel, and what it has in the scene."""
@@ -63,30 +72,36 @@ class StudioPage:
         self._mode = gui.add_button_group("Mode", tuple(self.modes))
         self._mode.on_click(lambda _: self.enter(self._mode.value))
         bench.add_message()
+        self._introduction = Introduction(gui, self.modes, self.enter)
         for at, mode in enumerate(self.modes.values(), start=1):
             self._folders[mode.label] = gui.add_folder(mode.label, visible=False)
             with self._folders[mode.label]:
                 gui.add_markdown(mode.hint)
                 mode.add_panel()
-            self._command(mode.label, mode.hint, str(at), None, self._entering(mode.label))
+            bench.command(mode.label, mode.hint, self._entering(mode.label), str(at))
         self._undo = bench.button("Undo", "Take the last step back", bench.project.undo)
         self._redo = bench.button("Redo", "Do again what was undone", bench.project.redo)
-        self._command("Undo", "Take the last step back", "Z", "cmd/ctrl", bench.project.undo)
-        self._command("Redo", "Do again", "Z", "cmd/ctrl+shift", bench.project.redo)
+        bench.command("Undo", "Take the last step back", bench.project.undo, "Z", "cmd/ctrl")
+        bench.command("Redo", "Do again", bench.project.redo, "Z", "cmd/ctrl+shift")
         bench.add_progress()
-        self._dark = gui.add_checkbox("Dark", False, hint="A dark page, for all who see it")
-        self._dark.on_update(lambda _: self._theme())
-
-    def _command(
-        self, label: str, text: str, key: Any, modifier: Any, action: Callable[[], Any]
-    ) -> None:
-        command = self.bench.server.gui.add_command(
-            label, description=text, hotkey=key, modifier=modifier
-        )
-        command.on_trigger(lambda _: self.bench.tried(action))
+        with gui.add_folder("Help", expand_by_default=False):
+            bench.button("Introduction", "A step for each mode", self._introduction.begin)
+            bench.button("Keys", "What each key does", self._show_keys)
+            self._dark = gui.add_checkbox("Dark", False, hint="A dark page, for all who see it")
+            self._dark.on_update(lambda _: self._theme())
+        bench.command("Keys", "This sheet of keys", self._show_keys, "K")
+        bench.command("Introduction", "A walk through the studio", self._introduction.begin, "I")
 
     def _entering(self, label: str) -> Callable[[], None]:
         return lambda: self.enter(label)
+
+    def _show_keys(self) -> None:
+        rows = [f"| {key} | {text} |" for key, text in self.bench.keys]
+        modal = self.bench.server.gui.add_modal("Keys")
+        with modal:
+            self.bench.server.gui.add_markdown("\n".join(["| key | |", "|---|---|", *rows]))
+            self.bench.server.gui.add_markdown("Ctrl+K finds every command by its name.")
+            self.bench.server.gui.add_button("Close").on_click(lambda _: modal.close())
 
     def _theme(self) -> None:
         self.bench.server.gui.configure_theme(
@@ -111,7 +126,8 @@ class StudioPage:
             for button, label, step in (
                 (self._undo, "Undo", project.undoes), (self._redo, "Redo", project.redoes)
             ):  # fmt: skip
-                button.label = f"{label}: {step}" if step else label
+                # A label is no markdown.
+                button.label = f"{label}: {step.replace('`', '')}" if step else label
                 button.disabled = step is None
             for mode in self.modes.values():
                 mode.device_changed()

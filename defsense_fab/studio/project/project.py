@@ -53,7 +53,7 @@ class Project:
             self.refresh()
             document = tomlkit.parse(self.text)
             try:
-                edit.change(document)
+                document = edit.change(document) or document
                 text = tomlkit.dumps(document)
             except TOMLKitError as error:
                 raise DeviceError(f"device.toml: {edit.name}: {error}") from None
@@ -61,8 +61,7 @@ class Project:
                 return
             device = self._parsed(text)
             write_text(self._path, text)
-            self._history.add(edit.name, text)
-            self._now(device, edit.name)
+            self._added(device, edit.name, text)
 
     def undo(self) -> str | None:
         """What was undone; None where there was nothing. Raises StorageError."""
@@ -90,10 +89,7 @@ class Project:
             text = self._read()
             if text == self.text:
                 return False
-            device = self._parsed(text)
-            name = "edit outside of the studio"
-            self._history.add(name, text)
-            self._now(device, name)
+            self._added(self._parsed(text), "edit outside of the studio", text)
             return True
 
     def restore(self) -> None:
@@ -105,8 +101,17 @@ class Project:
         step = self._history.steps[self._history.at + by]
         device = self._parsed(step.text)
         write_text(self._path, step.text)
-        self._history.move(by)
-        self._now(device, told)
+        try:
+            self._history.move(by)
+        finally:
+            self._now(device, told)
+
+    def _added(self, device: Device, name: str, text: str) -> None:
+        """The file has it already: it counts, also where its history cannot be written."""
+        try:
+            self._history.add(name, text)
+        finally:
+            self._now(device, name)
 
     def _now(self, device: Device, told: str) -> None:
         self.device = device

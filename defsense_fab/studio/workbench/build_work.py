@@ -10,8 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.device import Sensor
+from ...core.progress import Progress
 from .beside import BesideWork, Teller
 
+#: Done in the other process: a folder, until which stage, and where to tell of progress.
+Work = Callable[[Path, str, Progress], None]
+_EARLY = ("body", "mesh")  # stages that need neither poses nor cords
 _SHOWN = 0.1  # s between layouts that the search passes on its way
 
 
@@ -35,15 +39,26 @@ class BuildWork(BesideWork):
         self,
         told: Callable[[float, str], None],
         ended: Callable[[str | None], None],
+        work: Work | None = None,
+        *,
         found: Callable[[SeenLayout], None] = lambda _: None,
         paused: Callable[[bool], None] = lambda _: None,
     ) -> None:
+        """`work` is done in the other process, and is a build up to a stage where none is given."""
         super().__init__("build", told, ended, found, paused)
+        self._work = work
 
     def start(self, folder: Path, until: str = "report") -> bool:
         """Build the device in a folder up to a stage; whether it began, which it does not while
         another one runs."""
-        return self.begin(_build, folder, until)
+        if self._work is None:
+            return self.begin(_build, folder, until)
+        return self.begin(_other, self._work, folder, until)
+
+
+def _other(teller: Teller, work: Work, folder: Path, until: str) -> None:
+    """In the other process."""
+    work(folder, until, lambda stage, share, told: teller.progress(share, f"{stage}: {told}"))
 
 
 def _build(teller: Teller, folder: Path, until: str) -> None:
@@ -66,7 +81,7 @@ def _build(teller: Teller, folder: Path, until: str) -> None:
             with worked.stopped():
                 teller.found(SeenLayout(seen.folder, seen.sensors, seen.rmse, seen.kept, now))
 
-    build(load_device(folder), until, progress, watch)
+    build(load_device(folder, complete=until not in _EARLY), until, progress, watch)
 
 
 class _Clock:

@@ -34,5 +34,8 @@ class Mode(ABC):
     def built(self) -> None:  # noqa: B027
         """There is another build, or the first; called in every mode before `device_changed`."""
 
+    def look(self) -> None:  # noqa: B027
+        """About once a second: take up what others have written beside the device's file."""
+
     def close(self) -> None:  # noqa: B027
         """End threads and processes; the page is gone."""

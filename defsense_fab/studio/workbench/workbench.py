@@ -15,24 +15,31 @@ from ...pipeline.artifacts.build_folder import build_folder
 from ...pipeline.design.layout_judge import LayoutJudge
 from ...runtime.view.first_look import look_at_body
 from ..edits.edit import Edit
+from ..project.agreement import Agreement
 from ..project.project import Project
 from .build_work import BuildWork, SeenLayout
+from .script_question import ScriptQuestion
 
 _BODY = (150, 180, 205)
+_HELD = {None: "", "cmd/ctrl": "Ctrl+", "cmd/ctrl+shift": "Ctrl+Shift+"}
 
 
 class Workbench:
     """Of one project, on a viser server; all browsers see the same."""
 
-    def __init__(self, server: Any, project: Project) -> None:
+    def __init__(self, server: Any, project: Project, agreement: Agreement | None = None) -> None:
         self.server, self.project = server, project
+        self.agreement = agreement or Agreement()
+        self.question = ScriptQuestion(server)
         self.drawing = threading.RLock()  # buttons, hands and builds have threads of their own
         self.mode = ""  # the label of the one that is entered
-        self.surface: Surface | None = None  # of the body at rest, once it has been built
+        self.surface: Surface | None = None  # of the body at rest, once it has been made
+        self.built = False  # whether that is the body of a build
         self.judge: LayoutJudge | None = None  # once the poses are simulated
         self.body: Any = None  # in the scene; its `visible` belongs to the mode that is entered
-        self.builds = BuildWork(self._progress, self._ended, self._found, self._stood)
+        self.builds = BuildWork(self._progress, self._ended, found=self._found, paused=self._stood)
         self.problem: str | None = None  # of the last build, where it failed
+        self.keys: list[tuple[str, str]] = []  # and what they do, for the sheet of keys
         #: Told when a build begins, and of layouts that its search comes to: the latter on the
         #: build's thread, so that listeners return at once.
         self.begun: list[Callable[[], None]] = []
@@ -80,6 +87,21 @@ class Workbench:
         button.on_click(lambda _: self.tried(action))
         return button
 
+    def command(
+        self,
+        label: str,
+        text: str,
+        action: Callable[[], Any],
+        key: str | None = None,
+        modifier: str | None = None,
+    ) -> None:
+        """What the palette (Ctrl+K) offers, and a key does: a letter or digit, alone or with
+        "cmd/ctrl" or "cmd/ctrl+shift"."""
+        made = self.server.gui.add_command(label, description=text, hotkey=key, modifier=modifier)
+        made.on_trigger(lambda _: self.tried(action))
+        if key is not None:
+            self.keys.append((_HELD[modifier] + key, text))
+
     def tried(self, action: Callable[[], Any]) -> None:
         """Do it; what it raises of the project's errors is told on the page."""
         try:
@@ -87,8 +109,33 @@ class Workbench:
         except DefsenseError as error:
             self.fail(error)
 
+    def may_run(self, then: Callable[[], Any]) -> bool:
+        """Whether the body's script may run. Where a person must agree first, the page asks, and
+        `then` is done once that has happened. All that makes the body comes by here. Raises
+        BodyError where the script cannot be read."""
+        script = self.agreement.asked(self.project.device.body)
+        if script is None:
+            return True
+
+        def agreed() -> None:
+            self.tried(lambda: self.agreement.give(script))
+            self.tried(then)
+
+        def refused() -> None:
+            self.say(
+                f"`{script.path.name}` was not run: nothing is made of it until you agree. Make the"
+                " body again to be asked."
+            )
+
+        with self.drawing:
+            self.question.ask(script, agreed, refused)
+        return False
+
     def build(self, stage: str) -> bool:
-        """Build up to a stage beside the page; whether it began."""
+        """Build up to a stage beside the page; whether it began, which it does not before a person
+        has agreed to the script."""
+        if not self.may_run(lambda: self.build(stage)):
+            return False
         if not self.builds.start(self.project.folder, stage):
             self.say("A build is running; cancel it, or wait for it.")
             return False
@@ -103,8 +150,9 @@ class Workbench:
         folder = build_folder(device)
         try:
             self.surface = load_surface(folder)
+            self.built = True
         except (DefsenseError, OSError):
-            self.surface = None
+            self.built = False  # a body may have been made by itself
         try:
             self.judge = LayoutJudge(device, folder)
         except (DefsenseError, OSError):
@@ -114,8 +162,16 @@ class Workbench:
         for told in self.loaded:
             told()
 
+    def take_surface(self, surface: Surface) -> None:
+        """A body of which nothing is built yet."""
+        self.surface = surface
+        self._show_body(surface)
+        for told in self.loaded:
+            told()
+
     def close(self) -> None:
         """End a build that is running."""
+        self.question.close()
         self.builds.close()
 
     def _show_body(self, surface: Surface) -> None:

@@ -32,11 +32,11 @@ def test_an_error_follows_a_point_that_is_dragged_and_is_written_when_it_is_let_
     place = sensor.curve.points[2] + [0.0, 2.5]
     for share in np.linspace(0.2, 1.0, 5):
         moved = with_point(sensor, 2, sensor.curve.points[2] + share * np.array([0.0, 2.5]))
-        cords.drawn(moved, 2, False)
+        cords.drawn(moved, "points", 2, False)
     during = error_told(cords)
     assert during != before
     assert cords.bench.project.text == text
-    cords.drawn(moved, 2, True)
+    cords.drawn(moved, "points", 2, True)
     device = load_device(cords.bench.project.folder)
     np.testing.assert_allclose(device.sensors[0].curve.points[2], place, atol=1e-3)
     assert cords.bench.project.undoes == f"move control point 3 of `{sensor.name}`"
@@ -48,19 +48,19 @@ def test_an_error_follows_a_point_that_is_dragged_and_is_written_when_it_is_let_
 
 def test_cords_are_added_and_deleted(cords):
     names = [s.name for s in cords.bench.project.device.sensors]
-    cords._add()
+    cords.add_straight()
     (new,) = {s.name for s in cords.bench.project.device.sensors} - set(names)
-    assert cords._list.value == new
-    cords._slow.wait(LONG)
+    assert cords._cord.name == new
+    cords._limits_work.wait(LONG)
     assert f"| {new} |" in cords._limits.content
-    cords._delete()
+    cords._cord._delete()
     assert [s.name for s in cords.bench.project.device.sensors] == names
-    cords._delete()
+    cords._cord._delete()
     assert cords.bench._message.content == "Choose a cord first."
 
 
 def test_what_breaks_a_limit_is_told(cords):
     sensor = cords.bench.project.device.sensors[0]
-    cords.drawn(with_point(sensor, 2, sensor.curve.points[2] + [0.0, 60.0]), 2, True)
-    assert cords._slow.wait(LONG)
+    cords.drawn(with_point(sensor, 2, sensor.curve.points[2] + [0.0, 60.0]), "points", 2, True)
+    assert cords._limits_work.wait(LONG)
     assert f"cord '{sensor.name}' leaves the body" in cords._limits.content

@@ -186,3 +186,37 @@ def test_lists_in_one_line_stay_in_one_line(folder):
     text = done(cords.move_point("low", 1, np.array([11.0, 1.0])), text)
     assert "[[sensors]]" not in text
     assert [s.name for s in parse_device(text, folder).sensors] == ["top", "low"]
+
+
+def test_another_material_or_cord_leaves_nothing_of_the_one_before():
+    text = TEXT.replace(
+        'name = "tango-black-plus"',
+        'name = "own"  # measured\nshore = "30A"\ndensity = 1.0\npoisson_ratio = 0.4',
+    )
+    assert changed(body.choose_material("tango-plus"), text) == [
+        '-name = "own"  # measured', '-shore = "30A"', "-density = 1.0", "-poisson_ratio = 0.4",
+        '+name = "tango-plus"  # measured',
+    ]  # fmt: skip
+    text = TEXT.replace(
+        'name = "rubber-2mm"', 'name = "rubber-2mm"\nnoise = 0.001\nresponse = "r.json"'
+    )
+    assert changed(body.choose_cord("rubber-1.7mm"), text) == [
+        '-name = "rubber-2mm"', '+name = "rubber-1.7mm"', '-response = "r.json"',
+    ]  # fmt: skip
+
+
+def test_an_edge_length_takes_the_place_of_an_accuracy():
+    text = TEXT.replace("edge_length = 6.0", "accuracy = 0.01  # of signals")
+    assert changed(body.set_edge_length(7.25), text) == [
+        "-accuracy = 0.01  # of signals", "+edge_length = 7.25  # of signals"
+    ]  # fmt: skip
+    assert changed(body.set_edge_length(7), TEXT) == ["-edge_length = 6.0", "+edge_length = 7"]
+
+
+def test_cords_are_counted_with_those_that_are_drawn(folder):
+    text = done(body.set_cord_count(4))
+    assert parse_device(text, folder).propose == 2
+    assert "sensors = 4" in text
+    assert body.set_cord_count(1).name == "have 1 cord"
+    back = parse_device(done(body.set_cord_count(1), text), folder)
+    assert (len(back.sensors), back.propose) == (2, 0)

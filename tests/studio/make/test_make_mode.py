@@ -11,8 +11,9 @@ import pytest
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.pipeline.build import export as export_module
-from defsense_fab.pipeline.build.build import build, outdated
+from defsense_fab.pipeline.build.build import build
 from defsense_fab.pipeline.build.export import export
+from defsense_fab.pipeline.build.freshness import outdated
 from defsense_fab.pipeline.report.guide_steps import guide_steps
 from defsense_fab.studio.make.built_device import Note
 

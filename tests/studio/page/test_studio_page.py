@@ -9,6 +9,7 @@ import pytest
 
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.view.local_page import local_page
+from defsense_fab.studio.page.introduction import STEPS
 from defsense_fab.studio.page.studio_page import MODES
 
 LONG = 60.0
@@ -21,6 +22,24 @@ def test_one_mode_is_shown_at_a_time(studio_page):
         studio_page.enter(label)
         shown = [name for name, folder in studio_page._folders.items() if folder.visible]
         assert shown == [label] == [studio_page.bench.mode]
+
+
+def test_the_introduction_goes_through_the_modes_that_there_are(studio_page):
+    introduction = studio_page._introduction
+    introduction.begin()
+    seen = []
+    while introduction._folder.visible:
+        assert introduction._text.content.startswith(f"{len(seen) + 1} of {len(studio_page.modes)}")
+        seen.append(studio_page.bench.mode)
+        introduction.go(introduction._at + 1)
+    assert seen == [step for step, _ in STEPS if step in studio_page.modes]
+    assert set(seen) == set(studio_page.modes)
+
+
+def test_each_key_does_one_thing(studio_page):
+    keys = [key for key, _ in studio_page.bench.keys]
+    assert len(set(keys)) == len(keys)
+    assert {"1", "2", "Ctrl+Z", "K"} <= set(keys)
 
 
 def test_what_another_program_writes_is_taken_up(studio_page):

@@ -1,0 +1,204 @@
+"""The studio on its server: how soon the error follows a hand, and what an hour of use costs.
+
+    python -m benchmarks.studio my-device other-device
+    python -m benchmarks.studio my-device --hour --minutes 60
+
+Devices are built ones; they are copied, and the copies changed. Told are, of each, how often a
+second cords were judged while a control point is dragged with 60 messages a second, for 10 s, and
+the time from a message to its error on the page (median, 95th of 100). With `--hour` a script uses
+the studio at a person's pace, with so many pages looking as web sockets: it drags, draws, deletes,
+undoes and goes through the modes; told each minute are memory, and the share of a core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import shutil
+import socket
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from defsense_fab.core.blas_threads import one_blas_thread
+from defsense_fab.pipeline.artifacts.build_folder import build_folder
+from defsense_fab.pipeline.artifacts.layout import load_layout
+from defsense_fab.runtime.view.local_page import HOST, end_page, local_page
+from defsense_fab.studio.cords.cord_scene import with_point
+from defsense_fab.studio.edits.cords import take_cords
+from defsense_fab.studio.page.studio_page import StudioPage
+from defsense_fab.studio.project.project import Project
+
+_RATE = 60.0  # messages a second, more than browsers send
+_SECONDS = 10.0
+_LOOKING = 2
+
+
+def opened(device: Path, folder: Path) -> tuple[StudioPage, Callable[[], None]]:
+    """The studio of a copy, and what ends it."""
+    copy = folder / device.name
+    shutil.copytree(device, copy)
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        port = probe.getsockname()[1]
+    server = local_page(port, "benchmark")
+    page = StudioPage(server, Project(copy))
+    page.enter("Cords")
+    if not page.bench.project.device.sensors:  # all of its cords were proposed
+        layout = load_layout(build_folder(page.bench.project.device))
+        page.bench.do(take_cords([record.sensor() for record in layout.by_channel()]))
+
+    def end() -> None:
+        page.close()
+        end_page(server)
+
+    return page, end
+
+
+def drag(page: StudioPage) -> tuple[float, np.ndarray]:
+    """Errors a second, and s from each message that was answered to its answer."""
+    mode = page.modes["Cords"]
+    sensor = page.bench.project.device.sensors[0]
+    mode.choose(sensor.name)
+    wait_for_all(mode)
+    given: dict[int, float] = {}
+    late: list[float] = []
+    work, judged = mode._quick._work, mode.judged
+
+    def watched(cords):  # type: ignore[no-untyped-def]
+        work(cords)
+        late.append(time.perf_counter() - given[id(cords)])
+
+    mode._quick._work = watched
+    give = mode._quick.give
+
+    def stamped(cords):  # type: ignore[no-untyped-def]
+        given[id(cords)] = time.perf_counter()
+        kept.append(cords)
+        give(cords)
+
+    kept: list[object] = []
+    mode._quick.give = stamped
+    begun = time.perf_counter()
+    for k in range(int(_RATE * _SECONDS)):
+        turn = 2 * np.pi * k / (2 * _RATE)
+        place = sensor.curve.points[2] + 3.0 * np.array([np.cos(turn), np.sin(turn)])
+        mode.drawn(with_point(sensor, 2, place), "points", 2, False)
+        time.sleep(max(begun + (k + 1) / _RATE - time.perf_counter(), 0.0))
+    seconds = time.perf_counter() - begun
+    wait_for_all(mode)
+    mode._quick._work, mode._quick.give = work, give
+    return (mode.judged - judged) / seconds, np.array(late)
+
+
+def wait_for_all(mode) -> None:  # type: ignore[no-untyped-def]
+    for work in (mode._quick, mode._limits_work, mode._slow):
+        work.wait(60.0)
+
+
+def use(page: StudioPage, minutes: float, seed: int) -> None:
+    """As a person would, and told each minute."""
+    rng = random.Random(seed)
+    cords = page.modes["Cords"]
+    begun = told = time.monotonic()
+    processor = time.process_time()
+    steps = 0
+    while time.monotonic() - begun < 60 * minutes:
+        _step(page, cords, rng)
+        steps += 1
+        time.sleep(rng.uniform(0.5, 3.0))
+        if time.monotonic() - told >= 60:
+            share = (time.process_time() - processor) / (time.monotonic() - told)
+            minute = round((time.monotonic() - begun) / 60)
+            print(f"{minute:3d} min: {memory():5.0f} MB, {share:.2f} of a core, {steps} steps",
+                  flush=True)  # fmt: skip
+            told, processor = time.monotonic(), time.process_time()
+
+
+def _step(page: StudioPage, cords, rng: random.Random) -> None:  # type: ignore[no-untyped-def]
+    sensors = page.bench.project.device.sensors
+    what = rng.choice(["drag"] * 6 + ["add", "delete", "undo", "redo", "mode", "mirror"])
+    page.enter("Cords")
+    if what == "add" and len(sensors) < 6:
+        page.bench.tried(cords.add_straight)
+    elif what == "delete" and len(sensors) > 2:
+        cords.choose(rng.choice(sensors).name)
+        cords._cord._delete()
+    elif what == "undo":
+        page.bench.tried(page.bench.project.undo)
+    elif what == "redo":
+        page.bench.tried(page.bench.project.redo)
+    elif what == "mode":
+        page.enter(rng.choice(list(page.modes)))
+    elif sensors:
+        sensor = rng.choice(sensors)
+        cords.choose(sensor.name)
+        at = rng.randrange(len(sensor.curve.points))
+        way = np.array([rng.uniform(-3, 3), rng.uniform(-3, 3)])
+        for k in range(1, 21):
+            place = sensor.curve.points[at] + way * k / 20
+            cords.drawn(with_point(sensor, at, place), "points", at, k == 20)
+            time.sleep(0.05)
+
+
+def memory() -> float:
+    """Of this process, MB."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def look(port: int, over: threading.Event) -> None:
+    """A page that looks, as a web socket that takes all that is sent and answers nothing."""
+    import viser
+    from websockets.sync.client import connect
+
+    protocol = f"viser-v{viser.__version__}"
+    with connect(f"ws://{HOST}:{port}", subprotocols=[protocol], max_size=None) as page:  # type: ignore[list-item]
+        while not over.is_set():
+            try:
+                page.recv(timeout=1.0)
+            except TimeoutError:
+                continue
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("device", type=Path, nargs="+")
+    parser.add_argument("--hour", action="store_true")
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    for device in options.device:
+        with tempfile.TemporaryDirectory() as made, one_blas_thread():
+            page, end = opened(device, Path(made))
+            over = threading.Event()
+            port = page.bench.server.get_port()
+            pages = [threading.Thread(target=look, args=(port, over)) for _ in range(_LOOKING)]
+            for one in pages:
+                one.start()
+            try:
+                if options.hour:
+                    use(page, options.minutes, options.seed)
+                else:
+                    rate, late = drag(page)
+                    print(
+                        f"{device.name}: {rate:.0f} errors a second;"
+                        f" {1e3 * np.median(late):.0f} ms after the hand"
+                        f" (95th: {1e3 * np.percentile(late, 95):.0f} ms)"
+                    )
+            finally:
+                over.set()
+                for one in pages:
+                    one.join()
+                end()
+
+
+if __name__ == "__main__":
+    main()

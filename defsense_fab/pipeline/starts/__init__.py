@@ -1,0 +1,1 @@
+"""Devices begun: from one that comes with the package, or from a file of a body."""

@@ -1,0 +1,91 @@
+"""The body as the device says it now, made beside the page, while the build stays as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ...core.device import Device
+from ...core.device_file import load_device
+from ...core.errors import DefsenseError
+from ...core.mesh import Surface
+from ...core.progress import Progress
+from ...pipeline.artifacts.body import load_surface
+from ..project.history import FOLDER
+from ..workbench.build_work import BuildWork
+
+
+def preview_folder(folder: Path) -> Path:
+    """Where a device's last preview is."""
+    return folder / FOLDER / "preview"
+
+
+def body_of(device: Device) -> tuple[object, ...]:
+    """What the body is made from: another one is another body."""
+    spec = device.body
+    bay = None if spec.bay is None else (tuple(spec.bay.at), spec.bay.size)
+    return (spec.kind, spec.path, tuple(sorted(spec.parameters.items())), spec.scale, bay)
+
+
+class BodyPreview:
+    """One at a time, always of the newest device. `told` hears of progress, `made` of the surface
+    and `failed` of what went wrong, all on a thread of this."""
+
+    def __init__(
+        self,
+        told: Callable[[float, str], None],
+        made: Callable[[Surface], None],
+        failed: Callable[[str], None],
+    ) -> None:
+        self._work = BuildWork(told, self._ended, make_body)
+        self._made, self._failed = made, failed
+        self._folder: Path | None = None
+        self._again = self._left = self._closed = False
+
+    @property
+    def running(self) -> bool:
+        return self._work.running
+
+    def start(self, folder: Path) -> None:
+        """Of the device in a folder; what is under way is of the body before, and ends."""
+        self._folder, self._left = folder, False
+        if not self._work.start(folder, "body"):
+            self._again = True
+            self._work.cancel()
+
+    def cancel(self) -> None:
+        """Leave it; nothing is told."""
+        self._again = False
+        self._left = self._work.running
+        self._work.cancel()
+
+    def close(self) -> None:
+        self._closed = True
+        self._again = False
+        self._work.close()
+
+    def _ended(self, problem: str | None) -> None:
+        if self._closed or self._folder is None:
+            return
+        left, self._left = self._left, False
+        if self._again:
+            self._again = False
+            self.start(self._folder)
+        elif left:
+            return
+        elif problem is not None:
+            self._failed(problem)
+        else:
+            try:
+                surface = load_surface(preview_folder(self._folder))
+            except (DefsenseError, OSError, ValueError, KeyError) as error:
+                self._failed(f"the body cannot be read: {error}")
+                return
+            self._made(surface)
+
+
+def make_body(folder: Path, until: str, progress: Progress) -> None:  # noqa: ARG001 - of BuildWork
+    """In the other process."""
+    from ...pipeline.build.freshness import build_body
+
+    build_body(load_device(folder, complete=False), preview_folder(folder), progress)

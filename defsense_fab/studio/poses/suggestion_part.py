@@ -1,0 +1,159 @@
+"""Poses that the body's lowest modes propose: shown on the body, and written when taken."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import tomlkit
+from tomlkit import TOMLDocument
+from tomlkit.exceptions import TOMLKitError
+
+from ...core.errors import DeviceError
+from ...mechanics.solver.modes import ProposedPose
+from ...pipeline.study.propose_poses import Found, as_toml, continued, find_poses
+from ..edits.edit import Edit
+from ..edits.tables import free_name
+from ..workbench.latest import Latest
+from .poses_scene import PosesScene
+
+NONE = "none"
+_NO_REGION = "Make a region first, by which the body is held."
+
+
+class SuggestionPart:
+    """In a folder of the panel."""
+
+    def __init__(self, scene: PosesScene) -> None:
+        self._scene, self._bench = scene, scene.bench
+        self._found: Found | None = None
+        self._fixed = ""
+        self._looking = Latest(self._look, self._failed)
+
+    def add_panel(self) -> None:
+        """Its buttons and words, in the folder that is open."""
+        gui, button = self._bench.server.gui, self._bench.button
+        self._held = gui.add_dropdown("Held", (NONE,), hint="The region by which the body is held")
+        button("Propose poses", "What a hand will do to the body: its lowest modes", self.look)
+        self.words = gui.add_markdown("")
+        self._list = gui.add_dropdown("Proposed", (NONE,), visible=False, hint="Shown on the body")
+        self._list.on_update(lambda event: self._listed(event))
+        self._take = button("Take it", "Write the pose", self.take, visible=False)
+        self._all = button("Take all", "As `defsense modes --write`", self.take_all, visible=False)
+
+    def redraw(self) -> None:
+        """As the device is now."""
+        regions = list(self._bench.project.device.regions)
+        before = self._held.value
+        self._held.options = tuple(regions) or (NONE,)
+        self._held.value = before if before in regions else (regions or [NONE])[0]
+
+    def built(self) -> None:
+        """There is another mesh: what was proposed is of the one before."""
+        self._know(None)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._looking.close()
+
+    def wait(self, seconds: float) -> bool:
+        """Whether what was asked for is done within so many s."""
+        return self._looking.wait(seconds)
+
+    def look(self) -> None:
+        """For poses with the chosen region held; it takes some seconds."""
+        region = self._held.value
+        if region == NONE:
+            self._bench.say(_NO_REGION)
+        elif self._scene.body is None:
+            self._bench.say("Mesh the body first.")
+        else:
+            self.words.content = "looking for the body's lowest modes; it takes some seconds"
+            self._looking.give(region)
+
+    def choose(self, name: str) -> None:
+        """Show a proposed pose on the body."""
+        pose = self._pose(name)
+        if self._found is None or pose is None or self._scene.body is None:
+            return
+        self._list.value = name
+        moved = self._found.shape(pose)[self._found.surface_nodes]
+        if len(moved) == len(self._scene.points):
+            self._scene.grips(())
+            self._scene.body.move(self._scene.points + moved)
+            self._bench.say(f"The mode of `{name}`, enlarged; take it to see the pose.")
+
+    def take(self) -> str | None:
+        """Write the chosen pose; its name, None where that is refused. States follow from all poses
+        as long as the device does not name them, so that none are written."""
+        pose = self._pose(self._list.value)
+        if pose is None or self._found is None:
+            self._bench.say("Look for poses, and choose one.")
+            return None
+        return self._write([pose], states=False)
+
+    def take_all(self) -> str | None:
+        """Write all, with the states by which cords are designed and judged; the first's name."""
+        if self._found is None or not self._found.poses:
+            self._bench.say("Look for poses first.")
+            return None
+        return self._write(self._found.poses, states=True)
+
+    def _write(self, poses: Sequence[ProposedPose], *, states: bool) -> str | None:
+        assert self._found is not None
+        taken, named = [p.name for p in self._bench.project.device.poses], list[ProposedPose]()
+        for pose in poses:
+            named.append(replace(pose, name=free_name(pose.name, taken)))
+            taken.append(named[-1].name)
+        text = as_toml(named, self._fixed, self._found.region)
+        if not states:
+            added = tomlkit.parse(text)
+            added.pop("states", None)
+            text = tomlkit.dumps(added)
+        told = ", ".join(f"`{p.name}`" for p in named)
+        return named[0].name if self._bench.do(_taking(told, text)) else None
+
+    def _look(self, region: str) -> None:
+        found = find_poses(self._bench.project.device, region)
+        with self._bench.drawing:
+            self._fixed = region
+            self._know(found)
+
+    def _know(self, found: Found | None) -> None:
+        self._found = found
+        poses = () if found is None else found.poses
+        self._list.options = tuple(p.name for p in poses) or (NONE,)
+        for part in (self._list, self._take, self._all):
+            part.visible = bool(poses)
+        if found is None:
+            self.words.content = ""
+            return
+        rows = [f"| {p.name} | {p.mode.frequency:.3g} Hz |" for p in poses]
+        table = ["| pose | its mode |", "|---|---:|", *rows]
+        self.words.content = "\n".join(table) if rows else "No mode is one that a hand can lead."
+        if poses:
+            self.choose(poses[0].name)
+
+    def _pose(self, name: str) -> ProposedPose | None:
+        poses = () if self._found is None else self._found.poses
+        return next((p for p in poses if p.name == name), None)
+
+    def _listed(self, event: Any) -> None:
+        if event.client is not None:
+            with self._bench.drawing:
+                self.choose(self._list.value)
+
+    def _failed(self, error: Exception) -> None:
+        self.words.content = f"**{error}**"
+
+
+def _taking(told: str, text: str) -> Edit:
+    def change(document: TOMLDocument) -> TOMLDocument:
+        try:
+            return tomlkit.parse(continued(tomlkit.dumps(document), text))
+        except (TOMLKitError, tomllib.TOMLDecodeError) as error:
+            raise DeviceError(f"device.toml: the poses cannot be added to it ({error})") from None
+
+    return Edit(f"take {told}", change)

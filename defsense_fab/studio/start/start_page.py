@@ -1,0 +1,111 @@
+"""The page on which a device is begun: from one that comes along, or from a file of a body."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ...core.device_file import load_device
+from ...core.errors import DefsenseError
+from ...pipeline.starts.dropped_body import look_at_file, safe_name
+from ...pipeline.starts.starting_devices import STARTS, StartingDevice, begin_with
+from ...runtime.view.upload_limit import MOST
+from ..project.agreement import Agreement
+from ..workbench.latest import Latest
+from .body_form import BodyForm
+
+_PICTURE = (
+    '<img alt="{title}" src="data:image/png;base64,{data}" style="display: block; width: 70%;'
+    ' margin: 0.6em auto 0.3em; border-radius: 4px">'
+)
+_UPLOAD = f"Your own body (STEP, STL, OBJ, PLY, 3MF; up to {MOST // 2**20} MB)"
+
+
+class StartPage:
+    """Of a `folder`; `begun` is called once it has a device."""
+
+    def __init__(
+        self, server: Any, folder: Path, agreement: Agreement, begun: Callable[[], None]
+    ) -> None:
+        self.server, self.folder = server, folder
+        self._agreement, self._begun = agreement, begun
+        self._read = Latest(self._look_at, self.fail)
+        gui = server.gui
+        gui.add_markdown(
+            f"## A new device\nin the folder `{folder.absolute()}`. Choose one to begin with, and"
+            " change it as you like; or bring a body of your own."
+        )
+        self.message = gui.add_markdown("")
+        self._add_upload()
+        self.form = BodyForm(server, folder, self._finish, self.fail)
+        self.buttons = {start.name: self._add_start(start) for start in STARTS}
+
+    def close(self) -> None:
+        """End its thread."""
+        self._read.close()
+
+    def look(self) -> None:
+        """Nothing of it changes by itself."""
+
+    def fail(self, error: Exception) -> None:
+        """What went wrong, at the top of the page."""
+        self.message.content = f"**{error}**"
+
+    def begin(self, start: StartingDevice) -> None:
+        """The device, with a name after the folder's."""
+        try:
+            begin_with(start, self.folder, safe_name(self.folder.absolute().name + "."))
+            self._agree()
+        except DefsenseError as error:
+            self.fail(error)
+            return
+        self._finish()
+
+    def dropped(self, name: str, content: bytes) -> None:
+        """A file has come whole; it is looked at on a thread."""
+        self.message.content = f"`{safe_name(name)}` is being read ..."
+        self._read.give((name, content))
+
+    def refuse(self, name: str, why: str) -> None:
+        """An upload that is not taken; viser's button waits for it, so there is a new one."""
+        self.message.content = f"**`{safe_name(name)}` is not taken: {why}.**"
+        self._upload.remove()
+        self._add_upload()
+
+    def wait(self, seconds: float) -> bool:
+        """Whether all that was dropped is looked at within so many s."""
+        return self._read.wait(seconds)
+
+    def _look_at(self, file: tuple[str, bytes]) -> None:
+        found = look_at_file(*file)
+        self.message.content = ""
+        self.form.show(found)
+
+    def _finish(self) -> None:
+        self._begun()
+
+    def _agree(self) -> None:
+        """Whoever takes a device of the package need not be asked for its script."""
+        script = self._agreement.asked(load_device(self.folder, complete=False).body)
+        if script is not None:
+            self._agreement.give(script)
+
+    def _add_upload(self) -> None:
+        self._upload = self.server.gui.add_upload_button(
+            "Upload a body", hint=_UPLOAD, color="gray", order=2.5
+        )
+        self._upload.on_upload(
+            lambda event: self.dropped(event.target.value.name, event.target.value.content)
+        )
+
+    def _add_start(self, start: StartingDevice) -> Any:
+        gui = self.server.gui
+        data = base64.b64encode(start.picture).decode()
+        gui.add_html(_PICTURE.format(title=html.escape(start.title), data=data))
+        gui.add_markdown(start.about)
+        button = gui.add_button(f"Begin with the {start.title.lower()}", hint=start.about)
+        button.on_click(lambda _: self.begin(start))
+        return button

@@ -1,0 +1,79 @@
+"""Files of bodies that came from anywhere: known by their content, read apart."""
+
+from __future__ import annotations
+
+import pytest
+
+from defsense_fab.core.errors import BodyError
+from defsense_fab.geometry.bodies.file_kind import kind_of_file
+from defsense_fab.geometry.bodies.foreign_body import read_foreign
+from defsense_fab.geometry.bodies.mesh_repair import read_mesh
+from defsense_fab.geometry.kernels.export import write_stl
+from tests.conftest import box_surface
+
+BOX = box_surface([0, 0, 0], [40, 20, 10])
+
+
+def obj(surface, head=""):
+    rows = [f"v {x} {y} {z}" for x, y, z in surface.vertices]
+    rows += ["f " + " ".join(str(i + 1) for i in face) for face in surface.faces]
+    return (head + "\n".join(rows) + "\n").encode()
+
+
+def ply(surface):
+    head = (
+        f"ply\nformat ascii 1.0\nelement vertex {len(surface.vertices)}\nproperty float x\n"
+        f"property float y\nproperty float z\nelement face {len(surface.faces)}\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    rows = [f"{x} {y} {z}" for x, y, z in surface.vertices]
+    rows += ["3 " + " ".join(map(str, face)) for face in surface.faces]
+    return (head + "\n".join(rows) + "\n").encode()
+
+
+def test_kinds_are_known_by_content(tmp_path):
+    write_stl(BOX, tmp_path / "box.stl")
+    assert kind_of_file((tmp_path / "box.stl").read_bytes()) == ".stl"
+    assert kind_of_file(b"solid x\nfacet normal 0 0 1\n") == ".stl"
+    assert kind_of_file(obj(BOX)) == ".obj"
+    assert kind_of_file(ply(BOX)) == ".ply"
+    assert kind_of_file(b"/* by a program */\nISO-10303-21;\nHEADER;") == ".step"
+    assert kind_of_file(b"PK\x03\x04....3D/3dmodel.model") == ".3mf"
+    for other in (b"", b"solid ground", b"\x89PNG\r\n", b"import os\n", b"PK\x03\x04word/",
+                  b"\0" * 84,
+                  b"<html>v 1 2 3 f 1 2 3"):  # fmt: skip
+        assert kind_of_file(other) is None, other
+
+
+def test_meshes_are_read_whatever_materials_they_name(tmp_path):
+    """A material is a file that the mesh names: /dev/zero never ends."""
+    path = tmp_path / "box.obj"
+    path.write_bytes(obj(BOX, "mtllib /dev/zero\nusemtl all\n"))
+    surface, _ = read_mesh(path, 1.0, (1, 1e4))
+    assert surface.volume == pytest.approx(8000)
+    (tmp_path / "box.ply").write_bytes(ply(BOX))
+    assert read_mesh(tmp_path / "box.ply", 1.0, (1, 1e4))[0].volume == pytest.approx(8000)
+
+
+@pytest.mark.slow
+def test_a_foreign_mesh_is_read_in_its_own_unit_and_a_broken_one_refused(tmp_path):
+    path = tmp_path / "box.obj"
+    path.write_bytes(obj(BOX))
+    found = read_foreign(path)
+    assert found.surface.volume == pytest.approx(8000)
+    assert not found.in_mm
+    path.write_bytes(obj(BOX).replace(b"f 1", b"f 999", 1))
+    with pytest.raises(BodyError, match=r"^box\.obj: "):
+        read_foreign(path)
+    step = tmp_path / "box.step"
+    step.write_bytes(b"ISO-10303-21;\nHEADER;\nnonsense")
+    with pytest.raises(BodyError, match=r"^box\.step: "):
+        read_foreign(step)
+
+
+@pytest.mark.slow
+def test_reading_that_takes_too_long_ends(tmp_path):
+    path = tmp_path / "box.obj"
+    path.write_bytes(obj(BOX))
+    with pytest.raises(BodyError, match=r"reading it did not end within 0\.01 s"):
+        read_foreign(path, limit=0.01)

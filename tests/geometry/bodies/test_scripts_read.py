@@ -1,0 +1,110 @@
+"""A body's script as text: its parameters, and what would run with it; nothing of it runs here."""
+
+from __future__ import annotations
+
+import pytest
+
+from defsense_fab.core.errors import BodyError
+from defsense_fab.geometry.bodies.script_signature import read_parameters
+from defsense_fab.geometry.bodies.script_text import read_script
+
+SCRIPT = """
+from typing import Annotated, Literal
+import typing
+open("ran", "w")
+raise SystemExit("never run")
+
+def body(
+    length: Annotated[float, (10, 300)],
+    width=30.0,
+    count=4,
+    wall: "typing.Annotated[int, (1, 9), 'layers']" = 2,
+    hollow=False,
+    shape: Literal["round", "square"] = "round",
+    end: Annotated[str, ("flat", "domed")] = "flat",
+    title="x",
+    points=((0, 0), (1, 1)),
+    lean: Annotated[float, "deg"] = -5.0,
+    *,
+    free,
+):
+    return None
+"""
+
+
+@pytest.fixture
+def script(tmp_path):
+    path = tmp_path / "shape.py"
+    path.write_text(SCRIPT)
+    return path
+
+
+def test_parameters_have_kinds_bounds_and_units_without_a_run(script, tmp_path):
+    found = {p.name: p for p in read_parameters(script, {"free": 7, "length": 40})}
+    kinds = {name: p.kind for name, p in found.items()}
+    assert kinds == {
+        "length": "number", "width": "number", "count": "whole", "wall": "whole",
+        "hollow": "switch", "shape": "choice", "end": "choice", "title": "text", "points": "other",
+        "lean": "number", "free": "number",
+    }  # fmt: skip
+    assert not (tmp_path / "ran").exists()
+    assert found["length"].bounds(40) == (10, 300)
+    assert found["length"].bounds(500) == (10, 500)  # what the device says can be shown
+    assert found["width"].bounds(30) == pytest.approx((6, 90))
+    assert found["count"].bounds(4) == (0, 12)
+    assert found["lean"].bounds(-5) == pytest.approx((-15, -1))
+    assert found["free"].bounds(7) == pytest.approx((1.4, 21))
+    assert found["end"].choices == ("flat", "domed")
+    assert [found[n].unit for n in ("length", "count", "wall", "lean")] == [
+        "mm",
+        "",
+        "layers",
+        "deg",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("def body(:\n", r"shape.py:1: is no Python"),
+        ("def other(): pass\n", "defines no function body"),
+        ("x = 1\0", "cannot be read|is no Python"),
+    ],
+)
+def test_scripts_that_say_nothing_are_refused_with_their_line(tmp_path, text, said):
+    path = tmp_path / "shape.py"
+    path.write_text(text)
+    with pytest.raises(BodyError, match=said):
+        read_parameters(path, {})
+
+
+def test_what_may_run_with_a_script_belongs_to_its_text(tmp_path):
+    path = tmp_path / "shape.py"
+    path.write_text("import parts.lid\nfrom sub import tool\nimport numpy\n")
+    for name, text in {
+        "parts/__init__.py": "", "parts/lid.py": "from . import rim\n", "parts/rim.py": "x = 1\n",
+        "sub/tool.py": "", "sub/unused.py": "", "json.py": "", "note.txt": "", "build/x.py": "",
+    }.items():  # fmt: skip
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    found = read_script(path)
+    names = [name for name, _ in found.files]
+    # json.py is imported by libraries, before their own.
+    assert names == [
+        "shape.py", "json.py", "parts/__init__.py", "parts/lid.py", "parts/rim.py", "sub/tool.py",
+    ]  # fmt: skip
+    for name in names:
+        before = read_script(path).digest
+        (tmp_path / name).write_text((tmp_path / name).read_text() + "# changed\n")
+        assert read_script(path).digest != before
+    before = read_script(path).digest
+    (tmp_path / "note.txt").write_text("other")
+    (tmp_path / "build/x.py").write_text("other")
+    assert read_script(path).digest == before
+    (tmp_path / "math2.so").write_bytes(b"\x7fELF")
+    assert read_script(path).digest != before
+
+
+def test_a_script_that_is_gone_is_told(tmp_path):
+    with pytest.raises(BodyError, match="cannot be read"):
+        read_script(tmp_path / "none.py")

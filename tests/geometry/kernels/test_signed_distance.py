@@ -1,0 +1,27 @@
+"""Depth below the skin of a box, whose distances are known."""
+
+import numpy as np
+
+from defsense_fab.geometry.kernels.signed_distance import SignedDistance
+from tests.conftest import box_surface
+
+
+def test_depth_is_positive_inside_and_negative_outside():
+    depth = SignedDistance(box_surface((-20, -10, -5), (20, 10, 5)))
+    points = np.array([[0.0, 0, 0], [18, 0, 0], [0, -9.5, 0], [23, 0, 0], [23, 14, 0]])
+    np.testing.assert_allclose(depth(points), [5, 2, 0.5, -3, -5], atol=1e-12)
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-30, 30, (500, 3))
+    over = np.abs(q) - [20, 10, 5]
+    outside = np.linalg.norm(np.maximum(over, 0), axis=1)
+    np.testing.assert_allclose(depth(q), np.where((over < 0).all(1), -over.max(1), -outside))
+
+
+def test_along_a_path_it_is_the_same():
+    depth = SignedDistance(box_surface((-20, -10, -5), (20, 10, 5)))
+    t = np.linspace(0, 1, 300)[:, None]
+    for seed in range(5):
+        a, b, c = np.random.default_rng(seed).uniform(-30, 30, (3, 3))
+        path = (1 - t) ** 2 * a + 2 * t * (1 - t) * b + t**2 * c
+        np.testing.assert_array_equal(depth.along(path), depth(path))
+        np.testing.assert_array_equal(depth.along(path[::60]), depth(path[::60]))

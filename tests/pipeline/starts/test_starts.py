@@ -1,0 +1,143 @@
+"""Devices begun, from those of the package and from files of bodies."""
+
+from __future__ import annotations
+
+import tomllib
+from fnmatch import fnmatch
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device_file import load_device
+from defsense_fab.core.errors import BodyError, DeviceError, StorageError
+from defsense_fab.pipeline.starts import dropped_body, starting_devices
+from defsense_fab.pipeline.starts.dropped_body import (
+    DroppedBody,
+    begin_from,
+    likely_unit,
+    look_at_file,
+    safe_name,
+)
+from defsense_fab.pipeline.starts.starting_devices import STARTS, begin_with
+from tests.conftest import box_surface
+from tests.places import DEVICES, ROOT
+
+
+def dropped(unit="mm", suffix=".stl"):
+    scale = dropped_body.UNITS[unit]
+    surface = box_surface(np.array([0, -15, -15]) / scale, np.array([150, 15, 15]) / scale)
+    return DroppedBody(b"content", "my-bar", suffix, surface, unit, unit != "mm", ())
+
+
+@pytest.mark.parametrize("start", STARTS, ids=[s.name for s in STARTS])
+def test_a_start_is_the_fixture_under_another_name(start, tmp_path):
+    begin_with(start, tmp_path / "new" / "grip", "grip")
+    device = load_device(tmp_path / "new" / "grip")
+    assert device.name == "grip"
+    first = load_device(DEVICES / start.name)
+    assert device.body.path.read_bytes() == first.body.path.read_bytes()
+    text = (DEVICES / start.name / "device.toml").read_text()
+    assert (device.source / "device.toml").read_text() == text.replace(
+        f'name = "{start.name}"', 'name = "grip"', 1
+    )
+    assert len(list(device.source.iterdir())) == 2
+    assert start.picture.startswith(b"\x89PNG")
+
+
+def test_the_package_carries_what_the_starts_need():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    patterns = settings["tool"]["setuptools"]["package-data"]["defsense_fab"]
+    for start in STARTS:
+        device = load_device(DEVICES / start.name)
+        for name in (f"{start.name}.png", f"{start.name}/device.toml",
+                     f"{start.name}/{device.body.path.name}"):  # fmt: skip
+            assert (ROOT / "defsense_fab" / "data" / "devices" / name).is_file()
+            assert any(fnmatch(f"data/devices/{name}", p) for p in patterns), name
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "bar.py").write_text("mine")
+    with pytest.raises(StorageError, match="is there already"):
+        begin_with(STARTS[0], tmp_path, "grip")
+    assert (tmp_path / "bar.py").read_text() == "mine"
+    assert not (tmp_path / "device.toml").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_told(tmp_path, monkeypatch):
+    def full(path, text):
+        raise StorageError(f"{path}: the disk is full; free some space and run again")
+
+    monkeypatch.setattr(starting_devices, "write_text", full)
+    with pytest.raises(StorageError, match="the disk is full"):
+        begin_with(STARTS[0], tmp_path / "x", "grip")
+    (tmp_path / "file").touch()
+    with pytest.raises(StorageError, match="Not a directory"):
+        begin_with(STARTS[0], tmp_path / "file" / "x", "grip")
+
+
+@pytest.mark.parametrize("unit", ["mm", "inch", "m"])
+def test_a_dropped_mesh_becomes_a_device_in_mm_held_at_one_end(unit, tmp_path):
+    body = dropped(unit)
+    assert body.edge_length(unit) == pytest.approx(6.0)
+    begin_from(body, tmp_path, 'a "grip"', unit, "tango-plus", 6.0)
+    device = load_device(tmp_path, complete=False)
+    assert device.name == 'a "grip"'
+    assert device.body.path.read_bytes() == b"content"
+    assert device.body.scale == pytest.approx(dropped_body.UNITS[unit])
+    assert device.material.name == "tango-plus"
+    assert set(device.regions) == {"base", "tip"}
+    points = np.array([[0, 0, 0], [9, 0, 0], [75, 0, 0], [141, 0, 0], [150, 0, 0]], float)
+    assert device.regions["base"].contains(points).tolist() == [True, True, False, False, False]
+    assert device.regions["tip"].contains(points).tolist() == [False, False, False, True, True]
+
+
+def test_a_dropped_step_has_its_own_unit(tmp_path):
+    begin_from(dropped(suffix=".step"), tmp_path, "grip", "mm", "tango-plus", 6.0)
+    spec = load_device(tmp_path, complete=False).body
+    assert (spec.kind, spec.path.name) == ("step", "my-bar.step")
+
+
+def test_what_is_no_device_is_not_written(tmp_path):
+    for values, error in (
+        (("", "mm", "tango-plus", 6.0), DeviceError),
+        (("x", "mm", "tango-plus", 0.0), DeviceError),
+        (("x", "mm", "none-such", 6.0), DeviceError),
+        (("x", "m", "tango-plus", 6.0), BodyError),  # 150 m
+    ):
+        with pytest.raises(error):
+            begin_from(dropped(), tmp_path / "new", *values)
+    assert not (tmp_path / "new").exists()
+
+
+def test_units_are_asked_for_where_they_are_doubtful():
+    assert likely_unit(150.0) == ("mm", False)
+    assert likely_unit(6.0) == ("cm", True)
+    assert likely_unit(1.0) == ("inch", True)
+    assert likely_unit(0.15) == ("m", True)
+    assert likely_unit(1e7) == ("mm", True)
+
+
+@pytest.mark.parametrize(
+    ("name", "safe"),
+    [
+        ("body.stl", "body"),
+        ("../../etc/passwd", "passwd"),
+        ("..\\..\\x.stl", "x"),
+        ("/etc/cron.d/job", "job"),
+        ("CON.stl", "body-CON"),
+        ("lpt1", "body-lpt1"),
+        (".bashrc", "bashrc"),
+        ("..", "body"),
+        ("", "body"),
+        ("a\0b\n<img>.stl", "a-b-img"),
+        ("grüße 2.obj", "gr-e-2"),
+        ("x" * 300 + ".stl", "x" * 60),
+    ],
+)
+def test_names_from_elsewhere_are_made_safe(name, safe):
+    assert safe_name(name) == safe
+
+
+def test_an_upload_that_is_no_body_is_told_by_its_content():
+    with pytest.raises(BodyError, match=r"^x: is neither STEP nor a mesh"):
+        look_at_file("x.stl", b"import os")

@@ -1,0 +1,55 @@
+"""A browser that looks at the studio: the distribution's Chromium, without a graphics card."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+
+import pytest
+
+SIZE = {"width": 800, "height": 600}  # small: it is drawn by the processor
+WAIT = 60_000.0  # ms that a loaded machine may take
+_DRAWN_BY_CPU = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
+@pytest.fixture(scope="session")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api")
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        pytest.skip("no Chromium is installed")
+    sandbox = ("--no-sandbox",) if os.geteuid() == 0 else ()
+    with playwright.sync_playwright() as running:
+        made = running.chromium.launch(executable_path=chromium, args=[*_DRAWN_BY_CPU, *sandbox])
+        yield made
+        made.close()
+
+
+@pytest.fixture
+def opened(browser, studio_server, studio_page):
+    """Opens the studio in a browser of its own, of a size, and waits until the body is drawn."""
+    contexts = []
+
+    def open_studio(size=SIZE):
+        context = browser.new_context(viewport=size)
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(WAIT)
+        page.goto(f"http://127.0.0.1:{studio_server.get_port()}")
+        page.get_by_text("expected on unseen states").wait_for()
+        return page
+
+    yield open_studio
+    for context in contexts:
+        context.close()
+
+
+def until(holds, seconds=60.0):
+    """Wait until something holds, and tell whether it does."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if holds():
+            return True
+        time.sleep(0.05)
+    return False

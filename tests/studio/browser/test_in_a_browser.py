@@ -1,0 +1,61 @@
+"""The studio by mouse and keyboard, in Chromium."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.studio.browser.conftest import until
+
+pytestmark = pytest.mark.slow
+PHONE = {"width": 390, "height": 844}
+
+
+def cords_of(studio_page):
+    return {s.name: s for s in studio_page.bench.project.device.sensors}
+
+
+def draw(page, points):
+    """With the left button, through points on the screen."""
+    page.mouse.move(*points[0])
+    page.mouse.down()
+    for x, y in points[1:]:
+        page.mouse.move(x, y)
+        page.wait_for_timeout(60)
+    page.mouse.up()
+
+
+def test_a_cord_is_drawn_by_hand_and_undone_by_keys(opened, studio_page):
+    page, before = opened(), set(cords_of(studio_page))
+    page.get_by_role("button", name="Draw by hand").click()
+    page.get_by_role("button", name="End drawing").wait_for()
+    page.wait_for_timeout(4000)  # the camera comes round
+    draw(page, [(40 + 33 * k, 300 - 10 * np.sin(k / 2)) for k in range(13)])
+    assert until(lambda: set(cords_of(studio_page)) - before)
+    (new,) = set(cords_of(studio_page)) - before
+    page.get_by_text(f"draw {new}").first.wait_for()
+    x = cords_of(studio_page)[new].curve.points[:, 0]
+    assert np.ptp(x) > 0.5 * studio_page.bench.size
+    page.keyboard.press("Control+z")
+    assert until(lambda: set(cords_of(studio_page)) == before)
+    page.keyboard.press("Control+Shift+z")
+    assert until(lambda: new in cords_of(studio_page))
+
+
+def test_two_browsers_see_the_same_and_a_closed_one_loses_nothing(opened, studio_page):
+    one, two = opened(), opened()
+    one.get_by_role("button", name="Straight cord").click()
+    assert until(lambda: len(cords_of(studio_page)) == 3)
+    two.get_by_text("Undo: draw cord").wait_for()
+    one.context.close()
+    two.get_by_role("button", name="Undo: draw cord").click()
+    assert until(lambda: len(cords_of(studio_page)) == 2)
+
+
+def test_a_phone_shows_the_panel_and_the_modes(opened, studio_page):
+    page = opened(PHONE)
+    for text in ("expected on unseen states", "Straight cord"):
+        box = page.get_by_text(text).bounding_box()
+        assert 0 <= box["x"] < box["x"] + box["width"] <= PHONE["width"] + 1
+    page.get_by_role("button", name="Make").click()
+    assert until(lambda: studio_page.bench.mode == "Make")
