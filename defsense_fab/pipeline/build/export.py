@@ -40,8 +40,8 @@ def export(device: Device, path: Path) -> tuple[str, ...]:
         stage = outdated(device)
         if stage is not None:
             raise StorageError(
-                f"{folder}: has no parts of the device as it is now: '{stage.title}' has still to be"
-                " done; build everything first"
+                f"{folder}: has no parts of the device as it is now: '{stage.title}' has still to"
+                " be done; build everything first"
             )
         files = _files(device, folder)
         written = _tables(load_manifest(folder))

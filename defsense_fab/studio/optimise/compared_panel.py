@@ -93,8 +93,8 @@ class ComparedPanel:
         stage = outdated(bench.project.device, "simulate")
         if stage is not None:
             raise StorageError(
-                f"the {_STALE[stage.name]} have changed since they were simulated: press 'Optimise the"
-                " cords' first, then weigh"
+                f"the {_STALE[stage.name]} have changed since they were simulated: press 'Optimise"
+                " the cords' first, then weigh"
             )
         if not self.work.begin(_compare, bench.project.folder, folder):
             bench.say("They are being weighed already.")
