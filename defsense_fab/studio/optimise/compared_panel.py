@@ -7,7 +7,9 @@ import threading
 from pathlib import Path
 
 from ...core.errors import DefsenseError, StorageError
+from ...core.files import digest
 from ...pipeline.artifacts.build_folder import build_folder
+from ...pipeline.artifacts.layout import LAYOUT
 from ...pipeline.build.freshness import outdated
 from ...pipeline.design.compare_layouts import (
     ComparedLayout,
@@ -15,6 +17,7 @@ from ...pipeline.design.compare_layouts import (
     seconds_of,
     weighed_layouts,
 )
+from ...pipeline.study.cord_count import studied_layouts
 from ..edits.cords import take_cords
 from ..workbench.beside import BesideWork, Teller
 from ..workbench.cord_tubes import CordTubes
@@ -37,6 +40,7 @@ class ComparedPanel:
         self._lock = threading.Lock()
         self.layouts: list[ComparedLayout] = []
         self._chosen = _NONE
+        self._key: str | None = None  # of the layout that these are about
         self._shown = False
         self._tubes = CordTubes(bench.server, "/compared")
         self.work = BesideWork("comparison", self._progress, self._ended, self._found)
@@ -117,11 +121,16 @@ class ComparedPanel:
         device = self._bench.project.device
         folder = build_folder(device)
         try:
-            found, seconds = weighed_layouts(folder), seconds_of(device, folder)
+            key = digest(folder / LAYOUT)
+            weighed, seconds = weighed_layouts(folder), seconds_of(device, folder)
+            found = [*weighed, *studied_layouts(device, folder)]
         except (DefsenseError, OSError):
-            found, seconds = [], 0.0
+            key, found, seconds = None, [], 0.0
+        if key == self._key and found:
+            return  # another stage was built: what was weighed still holds
+        self.work.cancel()
         with self._bench.drawing:
-            self.layouts = found
+            self._key, self.layouts = key, found
             self._weigh.label = f"Weigh all (about {_rounded(seconds)} s)" if found else "Weigh all"
             self._state.content = ""
             self._draw()
