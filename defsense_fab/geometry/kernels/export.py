@@ -59,7 +59,7 @@ def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bo
 
 
 def _uuid(*names: str) -> str:
-    """Of what is called so: lib3mf draws them at random, and the same device gives the same bytes."""
+    """Of what is called so: lib3mf draws at random, and the same parts give the same bytes."""
     return str(uuid.uuid5(uuid.NAMESPACE_OID, "\0".join(("defsense-fab", *names))))
 
 
