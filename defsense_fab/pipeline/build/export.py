@@ -17,8 +17,8 @@ from ..artifacts.layout import LAYOUT
 from ..artifacts.manifest import FOLDER, Manifest, load_manifest
 from ..report.guide_tables import guide_tables
 from . import body_sources
-from .build import outdated, undisturbed
-from .stages import STAGES
+from .build import undisturbed
+from .freshness import outdated
 
 _WRITTEN = ("guide.html", "guide.pdf", "report.html", LAYOUT)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of all files, so that the same build gives the same bytes
@@ -40,10 +40,9 @@ def export(device: Device, path: Path) -> tuple[str, ...]:
     with undisturbed(device) as folder:
         stage = outdated(device)
         if stage is not None:
-            title = next(s.title for s in STAGES if s.name == stage)
             raise StorageError(
-                f"{folder}: has no parts of the device as it is now: '{title}' has still to be"
-                " done; build everything first"
+                f"{folder}: has no parts of the device as it is now: '{stage.title}' has still to"
+                " be done; build everything first"
             )
         files = _files(device, folder)
         written = _tables(load_manifest(folder))

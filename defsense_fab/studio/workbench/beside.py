@@ -17,7 +17,8 @@ _GO_ON, _WAIT = "go on", "wait"
 
 class Teller:
     """What the work in the other process says to this one. It waits here while it is paused, and
-    ends with EOFError or OSError when the program that began it is gone."""
+    ends with EOFError when the program that began it is gone: an OSError would be taken for one of
+    files."""
 
     def __init__(self, ours: Connection) -> None:
         self._ours = ours
@@ -31,13 +32,16 @@ class Teller:
         self._send("found", thing)
 
     def _send(self, kind: str, thing: Any) -> None:
-        while self._ours.poll():
-            if self._ours.recv() == _WAIT:
-                self._ours.send(("paused", None))
-                while self._ours.recv() != _GO_ON:
-                    pass
-                self._ours.send(("went on", None))
-        self._ours.send((kind, thing))
+        try:
+            while self._ours.poll():
+                if self._ours.recv() == _WAIT:
+                    self._ours.send(("paused", None))
+                    while self._ours.recv() != _GO_ON:
+                        pass
+                    self._ours.send(("went on", None))
+            self._ours.send((kind, thing))
+        except OSError:
+            raise EOFError from None
 
 
 Work = Callable[..., None]  # (teller, *arguments), a function of a module
@@ -147,7 +151,7 @@ def _work(work: Work, what: str, theirs: Connection, arguments: tuple[Any, ...])
         theirs.send(("over", None))
     except DefsenseError as error:
         theirs.send(("over", str(error)))
-    except (EOFError, BrokenPipeError):  # nobody is there any more to hear of it
+    except EOFError:  # nobody is there any more to hear of it
         return
     except Exception as error:
         theirs.send(("over", f"the {what} failed ({type(error).__name__}: {error})"))
