@@ -8,11 +8,12 @@ from typing import Any
 from ...core.errors import DefsenseError
 from ..cords.cords_mode import CordsMode
 from ..make.make_mode import MakeMode
+from ..measure.measure_mode import MeasureMode
 from ..project.project import Project
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 
-MODES: tuple[type[Mode], ...] = (CordsMode, MakeMode)
+MODES: tuple[type[Mode], ...] = (CordsMode, MakeMode, MeasureMode)
 _BRAND = (31, 119, 180)
 
 

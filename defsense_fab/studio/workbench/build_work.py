@@ -1,18 +1,13 @@
-"""A build while the page is used: in a process of its own, so that it can be cancelled, and that
-what goes wrong in it takes nothing else along."""
+"""A build while the page is used."""
 
 from __future__ import annotations
 
-import multiprocessing
-import threading
 from collections.abc import Callable
-from multiprocessing.connection import Connection
+from functools import partial
 from pathlib import Path
-from typing import Any
 
-from ...core.errors import DefsenseError
-
-_LEAVES = 5.0  # s that a cancelled build has to leave
+from ...core.progress import Progress
+from .process_work import ProcessWork
 
 
 class BuildWork:
@@ -22,76 +17,30 @@ class BuildWork:
     def __init__(
         self, told: Callable[[float, str], None], ended: Callable[[str | None], None]
     ) -> None:
-        self._told, self._ended = told, ended
-        self._process: Any = None
-        self._lock, self._cancelled = threading.Lock(), False
+        self._work = ProcessWork("the build", told, lambda problem, _: ended(problem))
 
     @property
     def running(self) -> bool:
         """Whether there is one."""
-        return self._process is not None
+        return self._work.running
 
     def start(self, folder: Path, until: str = "report") -> bool:
         """Build the device in a folder up to a stage; whether it began, which it does not while
         another one runs."""
-        with self._lock:
-            if self._process is not None:
-                return False
-            spawn = multiprocessing.get_context("spawn")
-            ours, theirs = spawn.Pipe(duplex=False)
-            self._cancelled = False
-            self._process = spawn.Process(target=_build, args=(folder, until, theirs), daemon=True)
-            self._process.start()
-            theirs.close()
-        threading.Thread(target=self._follow, args=(ours,), daemon=True).start()
-        return True
+        return self._work.start(partial(_build, folder, until))
 
     def cancel(self) -> None:
         """The last finished build stays, and what is done already is taken up by the next."""
-        with self._lock:
-            if self._process is not None:
-                self._cancelled = True
-                self._process.terminate()
+        self._work.cancel()
 
     def close(self) -> None:
         """Cancel, and wait for it."""
-        self.cancel()
-        process = self._process
-        if process is not None:
-            process.join(_LEAVES)
-
-    def _follow(self, ours: Connection) -> None:
-        outcome: str | None
-        while True:
-            try:
-                share, said = ours.recv()
-            except EOFError:  # the process is gone
-                outcome = "the build ended without a word: is the memory full?"
-                break
-            if share is None:
-                outcome = said
-                break
-            self._told(share, said)
-        self._process.join()
-        if self._cancelled:
-            outcome = "cancelled"
-        with self._lock:
-            self._process = None
-        self._ended(outcome)
+        self._work.close()
 
 
-def _build(folder: Path, until: str, theirs: Connection) -> None:
+def _build(folder: Path, until: str, progress: Progress) -> None:
     """In the other process."""
     from ...core.device_file import load_device
     from ...pipeline.build.build import build
 
-    def progress(stage: str, share: float, message: str) -> None:
-        theirs.send((share, f"{stage}: {message}"))
-
-    try:
-        build(load_device(folder), until, progress)
-        theirs.send((None, None))
-    except DefsenseError as error:
-        theirs.send((None, str(error)))
-    except Exception as error:
-        theirs.send((None, f"the build failed ({type(error).__name__}: {error})"))
+    build(load_device(folder), until, progress)

@@ -1,0 +1,81 @@
+"""What takes long, as it is done in a process of its own; each does what a command does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ...core.progress import Progress
+
+
+def record_twin(
+    folder: Path, minutes: float, unit: int, seed: int, progress: Progress
+) -> list[str]:
+    """`defsense twin`: the sessions' folders."""
+    from ...core.device_file import load_device
+    from ...pipeline.twin.twin_recordings import simulate_runs
+    from ...pipeline.twin.twin_session import check_free, session_folder, write_sessions
+
+    device = load_device(folder)
+    out = session_folder(device, unit, seed)
+    check_free(out, 1)
+    made = simulate_runs(device, seconds=60 * minutes, seed=seed, unit=unit, progress=progress)
+    return [str(path) for path in write_sessions(out, device, made, progress)]
+
+
+def train(folder: Path, sessions: Sequence[Path], progress: Progress) -> dict[str, Any]:
+    """`defsense train`: the model's file, what its training tells, and notes."""
+    from ...core.device_file import load_device
+    from ...pipeline.train.data.data_files import DataFiles
+    from ...pipeline.train.models.train_files import train_files
+    from ...training.fitting.train_model import TrainingOptions
+
+    files = DataFiles(tuple(sessions))
+    made = train_files(files, load_device(folder), TrainingOptions(), progress=progress)
+    return {
+        "path": str(made.path.resolve()),
+        "told": made.training.model.told,
+        "notes": list(made.notes),
+    }
+
+
+def simulate(folder: Path, progress: Progress) -> dict[str, Any]:
+    """`defsense train` without a session: the same of a model of the simulation alone."""
+    from ...core.device_file import load_device
+    from ...pipeline.train.models.model_file import write_model
+    from ...pipeline.train.models.train_device import model_path, simulate_only
+
+    device = load_device(folder)
+    progress("train", 0.0, "the simulated states")
+    path, model = model_path(None, device, []), simulate_only(device)
+    write_model(path, model)
+    return {"path": str(path.resolve()), "told": model.told, "notes": []}
+
+
+def evaluate(
+    folder: Path, model: Path, sessions: Sequence[Path], progress: Progress
+) -> dict[str, Any]:
+    """`defsense evaluate`: the page, the errors in a few numbers, mm, and notes."""
+    from ...core.device_file import load_device
+    from ...pipeline.train.data.data_files import DataFiles
+    from ...pipeline.train.evaluation.evaluate_models import evaluate_files
+    from ...pipeline.train.evaluation.evaluation_report import (
+        PAGE,
+        check_folder,
+        write_evaluation,
+    )
+
+    out = model.parent / "evaluation"
+    check_folder(out)
+    found = evaluate_files(
+        [model], DataFiles(tuple(sessions)), load_device(folder), progress=progress
+    )
+    progress("report", 0.0, "figures and tables")
+    write_evaluation(out, found)
+    total = found.models[0].evaluation.total
+    numbers = {
+        "RMSE": total.rmse, "SD": total.deviation, "peak": total.peak,
+        "average peak": total.average_peak, "frames": total.frames,
+    }  # fmt: skip
+    return {"page": str((out / PAGE).resolve()), "numbers": numbers, "notes": list(found.notes)}
