@@ -17,7 +17,8 @@ from .result_files import ALIGNED, QUALITY
 @dataclass(frozen=True)
 class KnownSession:
     """A session's folder; when it was begun (ISO 8601) and of which `unit`; how many pictures and
-    seconds were processed; why it cannot be trained on (`problem`), None where it can."""
+    seconds were processed; why it cannot be trained on (`problem`), None where it can; whether it
+    was recorded, and is yet to be processed (`raw`)."""
 
     folder: Path
     begun: str
@@ -25,6 +26,7 @@ class KnownSession:
     frames: int
     seconds: float
     problem: str | None = None
+    raw: bool = False
 
     @property
     def about(self) -> str:
@@ -59,16 +61,17 @@ def _known(folder: Path, device: Device, layout: str) -> KnownSession:
         said = load_capture(folder)
     except DefsenseError as error:
         return KnownSession(folder, "", "", 0, 0.0, str(error))
-    problem, frames, seconds = None, 0, 0.0
+    problem, frames, seconds, raw = None, 0, 0.0, False
     try:
         quality = json.loads((folder / QUALITY).read_text(encoding="utf-8"))
         frames, seconds = int(quality["frames"]), float(quality["seconds"])
     except (OSError, ValueError, KeyError, TypeError):
         problem = f"is not processed; run 'defsense capture process {folder}'"
+        raw = any(folder.glob("run-*/*.csv"))
     if problem is None and not (folder / ALIGNED).exists():
         problem = f"has no {ALIGNED}; run 'defsense capture process {folder}'"
     if said.device != device.name:
         problem = f"is of another device, {said.device}"
     elif layout and said.layout and said.layout != layout:
         problem = "was recorded with other cords than are built now; build those, or record anew"
-    return KnownSession(folder, said.begun, said.unit, frames, seconds, problem)
+    return KnownSession(folder, said.begun, said.unit, frames, seconds, problem, raw)

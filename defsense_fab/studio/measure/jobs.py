@@ -24,6 +24,22 @@ def record_twin(
     return [str(path) for path in write_sessions(out, device, made, progress)]
 
 
+def process(sessions: Sequence[Path], progress: Progress) -> list[str]:
+    """`defsense capture process`: lines on each session."""
+    from ...pipeline.sessions.processing import process_session
+    from ...pipeline.sessions.result_files import REPORT
+
+    out = []
+    for folder in sessions:
+        q = process_session(folder, progress=progress).quality
+        out.append(
+            f"`{folder.name}`: {q['frames']} frames, {q['aligned_frames']:.0%} aligned to rest by"
+            f" {q['aligned_by']}; look at `{(folder / REPORT).resolve()}`"
+        )
+        out += [f"`{folder.name}`: {warning}" for warning in q["warnings"]]
+    return out
+
+
 def train(folder: Path, sessions: Sequence[Path], progress: Progress) -> dict[str, Any]:
     """`defsense train`: the model's file, what its training tells, and notes."""
     from ...core.device_file import load_device

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
 from .live_part import LivePart
+from .recording_part import RecordingPart
 from .training_part import TrainingPart
 
 
@@ -18,9 +19,11 @@ class MeasureMode(Mode):
         super().__init__(bench)
         self.live = LivePart(bench, self.label)
         self.training = TrainingPart(bench, self.live.refresh)
+        self.recording = RecordingPart(bench, self.training.refresh)
 
     def add_panel(self) -> None:
         self.live.add_panel()
+        self.recording.add_panel()
         self.training.add_panel()
 
     def enter(self) -> None:
@@ -37,4 +40,5 @@ class MeasureMode(Mode):
 
     def close(self) -> None:
         self.live.close()
+        self.recording.close()
         self.training.close()

@@ -53,6 +53,9 @@ class TrainingPart:
                     "Seed", 1, min=0, max=1_000_000_000, step=1, hint="Of the hand's way"
                 )
                 bench.button("Record the twin", "As defsense twin does", self.record_twin)
+            self._process = bench.button(
+                "Process the recordings", "Those that are not yet", self.process, visible=False
+            )
             bench.button("Train", "On the chosen sessions; writes model.json", self.train)
             bench.button("Evaluate", "model.json, on pictures it was not trained on", self.evaluate)
             bench.button(
@@ -94,6 +97,12 @@ class TrainingPart:
             return
         job = partial(jobs.record_twin, device.source, float(self._minutes.value), unit, seed)
         self._do(job, self._recorded)
+
+    def process(self) -> None:
+        """The sessions that were recorded, and are not processed yet."""
+        raw = [s.folder for s in self._sessions if s.raw]
+        if raw:
+            self._do(partial(jobs.process, raw), notes_list)
 
     def train(self) -> None:
         """On the chosen sessions, with the simulation as far as the folds find it worth."""
@@ -182,6 +191,7 @@ class TrainingPart:
             if sessions == self._sessions and self._rows:
                 return
             self._offer_seed(device)
+            self._process.visible = any(s.raw for s in sessions)
             was = {folder: box.value for folder, box in self._boxes.items()}
             for row in self._rows:
                 row.remove()
