@@ -39,24 +39,26 @@ class RecordingPart:
         gui, bench = self._bench.server.gui, self._bench
         self._folder = gui.add_folder("Record the device", expand_by_default=False)
         with self._folder:
-            self._port = gui.add_text(
-                "Board", TWIN, hint="The read-out board's port: /dev/ttyUSB0, COM3; twin; none"
-            )
-            self._cameras = gui.add_text(
-                "Cameras", TWIN,
-                hint="One for each of the calibration, as in 0 2; twin; none, where another system"
-                " records the markers",
-            )  # fmt: skip
-            self._calibration = gui.add_text(
-                "Calibration", "cameras.toml", hint="Of the cameras, in the device's folder"
-            )
-            self._name = gui.add_text(
-                "Session", "session", hint="Its folder; one that was stopped is gone on with"
-            )
-            self._rounds = gui.add_number("Rounds", 2, min=1, max=100, step=1,
-                                          hint="Through all poses")  # fmt: skip
-            self._seconds = gui.add_number("Seconds", 8.0, min=1.0, max=600.0, step=0.5,
-                                           hint="For each pose")  # fmt: skip
+            self._asked = gui.add_folder(None)
+            with self._asked:
+                self._port = gui.add_text(
+                    "Board", TWIN, hint="The read-out board's port: /dev/ttyUSB0, COM3; twin; none"
+                )
+                self._cameras = gui.add_text(
+                    "Cameras", TWIN,
+                    hint="One for each of the calibration, as in 0 2; twin; none, where another"
+                    " system records the markers",
+                )  # fmt: skip
+                self._calibration = gui.add_text(
+                    "Calibration", "cameras.toml", hint="Of the cameras, in the device's folder"
+                )
+                self._name = gui.add_text(
+                    "Session", "session", hint="Its folder; one that was stopped is gone on with"
+                )
+                self._rounds = gui.add_number("Rounds", 2, min=1, max=100, step=1,
+                                              hint="Through all poses")  # fmt: skip
+                self._seconds = gui.add_number("Seconds", 8.0, min=1.0, max=600.0, step=0.5,
+                                               hint="For each pose")  # fmt: skip
             self._start = bench.button("Record", "Guided, step by step", self.start, color="green")
             self._told = gui.add_markdown("")
 
@@ -65,11 +67,12 @@ class RecordingPart:
         if self.busy:
             self._told.content = "A recording is under way; stop it first."
             return
-        options, folder = self._options(), self._bench.project.folder / self._name.value.strip()
-        if folder.parent != self._bench.project.folder:
-            self._told.content = "**Session: give a name for a folder in the device's.**"
+        name = self._name.value.strip()
+        if name in ("", "..") or Path(name).name != name:
+            self._told.content = "**Session: give the name of a folder in the device's.**"
             return
-        self._start.disabled = True
+        options, folder = self._options(), self._bench.project.folder / name
+        self._start.disabled, self._asked.visible = True, False
         self._told.content = "Preparing ..."
         self._thread = threading.Thread(target=self._go, args=(folder, options), daemon=True)
         self._thread.start()
@@ -107,7 +110,8 @@ class RecordingPart:
         screen, self.screen = self.screen, None
         if screen is not None:
             screen.close()
-        self._told.content, self._start.disabled = told, False
+        self._told.content = told
+        self._start.disabled, self._asked.visible = False, True
         self._recorded()
 
     def _record(self, folder: Path, options: CaptureOptions) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import time
 from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -36,14 +37,9 @@ class RecordingScreen:
             self._folder = gui.add_folder("Recording")
         with self._folder:
             self._said = gui.add_markdown("Preparing ...")
-            for label, hint, key in (
-                ("Begin the step", "Or end it early", "enter"),
-                ("Again", "Show this step once more", "r"),
-                ("Back", "To the step before", "b"),
-                ("Skip", "To the next step", "s"),
-                ("Stop", "It can be gone on with later", "q"),
-            ):
-                self._button(label, hint, key)
+            self._group("Step", {"Begin": "enter", "Again": "r", "Back": "b", "Skip": "s"})
+            self._group("Recording", {"Stop": "q"})
+            self._pictures = gui.add_folder(None)
             self._bars = gui.add_html("")
             series = (uplot.Series(label="s"), *(
                 uplot.Series(label=name, stroke=LINES[k % len(LINES)], width=2)
@@ -92,14 +88,16 @@ class RecordingScreen:
         with self._bench.drawing:
             self._folder.remove()
 
-    def _button(self, label: str, hint: str, key: str) -> None:
-        self._bench.button(label, hint, lambda: self.press(key))
+    def _group(self, name: str, keys: Mapping[str, str]) -> None:
+        """Buttons in a row."""
+        group = self._bench.server.gui.add_button_group(name, tuple(keys))
+        group.on_click(lambda _: self.press(keys[group.value]))
 
     def _show_cameras(self, view: CaptureView) -> None:
         for camera in view.cameras:
             image, told = small_picture(camera), camera_words(camera)
             if camera.name not in self._cameras:
-                with self._folder:
+                with self._pictures:
                     words = self._bench.server.gui.add_markdown(told)
                     shown = self._bench.server.gui.add_image(image, format="jpeg")
                 self._cameras[camera.name] = (words, shown)

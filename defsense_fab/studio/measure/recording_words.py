@@ -11,7 +11,7 @@ from ...pipeline.sessions.guided_recording import CaptureView
 
 _SEEN, _NOT = "#1f77b4", "rgba(128,128,128,.25)"
 _THEN = {
-    "ready": "*Begin the step* when you are ready.",
+    "ready": "*Begin* when you are ready.",
     "showing": "Now.",
     "done": "",
 }
