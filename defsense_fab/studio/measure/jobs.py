@@ -8,6 +8,9 @@ from typing import Any
 
 from ...core.progress import Progress
 
+#: Lengths of specimens that are simulated, mm, and how their sessions' folders begin.
+SPECIMENS, SIMULATED = (150.0, 200.0), "specimen-twin"
+
 
 def record_twin(
     folder: Path, minutes: float, unit: int, seed: int, progress: Progress
@@ -95,3 +98,28 @@ def evaluate(
         "average peak": total.average_peak, "frames": total.frames,
     }  # fmt: skip
     return {"page": str((out / PAGE).resolve()), "numbers": numbers, "notes": list(found.notes)}
+
+
+def simulate_specimens(folder: Path, progress: Progress) -> list[str]:
+    """`defsense calibrate twin`: sessions of two specimens of the device's own cord."""
+    from ...core.device_file import load_device
+    from ...pipeline.calibrate.synthetic_session import record_twin
+    from ...sensing.response import response_of
+    from ...twin.electronics.cord_twin import CordTraits
+
+    traits = CordTraits(response_of(load_device(folder).cord.response), spread=0.02)
+    out = []
+    for n, length in enumerate(SPECIMENS):
+        progress("specimen", n / len(SPECIMENS), f"{length:g} mm long")
+        session = folder / f"{SIMULATED}-{length:g}"
+        record_twin(session, traits, seed=1000 + n, length=length)
+        out.append(session.name)
+    return out
+
+
+def fit(sessions: Sequence[Path], out: Path, progress: Progress) -> dict[str, Any]:
+    """`defsense calibrate fit`: what `response.json` holds, and where it is."""
+    from ...pipeline.calibrate.fit_response import fit_response
+
+    found = fit_response(sessions, out=out, progress=progress)
+    return {"path": str(out), "page": str(out.with_suffix(".html").resolve()), "data": found.data}

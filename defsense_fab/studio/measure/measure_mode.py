@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
+from .calibration_part import CalibrationPart
 from .live_part import LivePart
 from .recording_part import RecordingPart
 from .training_part import TrainingPart
@@ -20,11 +21,13 @@ class MeasureMode(Mode):
         self.live = LivePart(bench, self.label)
         self.training = TrainingPart(bench, self.live.refresh)
         self.recording = RecordingPart(bench, self.training.refresh)
+        self.calibration = CalibrationPart(bench)
 
     def add_panel(self) -> None:
         self.live.add_panel()
         self.recording.add_panel()
         self.training.add_panel()
+        self.calibration.add_panel()
 
     def enter(self) -> None:
         self.live.enter()
@@ -42,3 +45,4 @@ class MeasureMode(Mode):
         self.live.close()
         self.recording.close()
         self.training.close()
+        self.calibration.close()
