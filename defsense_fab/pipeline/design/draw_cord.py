@@ -22,8 +22,8 @@ _AIM = 8.0  # mm of a stroke's end, which tell where it goes
 
 def drawn_curve(surface: Surface, plane: Plane, stroke: Float) -> Hermite:
     """A path along a `stroke` (q, 2) mm in a plane: its longest part within the body, whose ends go
-    on to just below the skin where that is near. Raises LayoutError where the plane misses the body, and for a
-    stroke that does not come into it."""
+    on to just below the skin where that is near. Raises LayoutError where the plane misses the
+    body, and for a stroke that does not come into it."""
     section = plane_section(surface, plane)
     if not len(section):
         raise LayoutError("the plane misses the body; move it until it cuts it")

@@ -10,6 +10,7 @@ from ..cords.cords_mode import CordsMode
 from ..device.device_mode import DeviceMode
 from ..inside.inside_mode import InsideMode
 from ..make.make_mode import MakeMode
+from ..measure.measure_mode import MeasureMode
 from ..optimise.optimise_mode import OptimiseMode
 from ..poses.poses_mode import PosesMode
 from ..project.agreement import Agreement
@@ -25,6 +26,7 @@ MODES: tuple[type[Mode], ...] = (
     CordsMode,
     OptimiseMode,
     MakeMode,
+    MeasureMode,
 )
 _BRAND = (31, 119, 180)
 

@@ -41,7 +41,9 @@ def hashes(folder):
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.glob("*.st*")}
 
 
-def test_a_device_is_designed_and_exported(browser, studio_server, studio, tmp_path):
+def test_a_device_is_designed_and_exported(
+    browser, studio_server, studio, tmp_path, record_property
+):
     page = browser.new_context(viewport=SIZE, accept_downloads=True).new_page()
     page.set_default_timeout(120_000)
     page.goto(f"http://127.0.0.1:{studio_server.get_port()}")
@@ -102,4 +104,4 @@ def test_a_device_is_designed_and_exported(browser, studio_server, studio, tmp_p
         whole.extractall(tmp_path / "out")
     (exported,) = {p.parent for p in (tmp_path / "out").rglob("*.stl")}
     assert hashes(exported) == hashes(copy / "build" / "parts")
-    print(f"{person.clicks} clicks, {person.keys} keys, {person.minutes:.1f} minutes")
+    record_property("use", f"{person.clicks} clicks, {person.keys} keys, {person.minutes:.1f} min")
