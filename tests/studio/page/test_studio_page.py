@@ -49,7 +49,7 @@ def test_what_another_program_writes_is_taken_up(studio_page):
     path = bench.project.folder / "device.toml"
     path.write_text(bench.project.text + "\n# by hand\n", encoding="utf-8")
     studio_page.look()
-    assert bench._message.content == "edit outside of the studio"
+    assert studio_page._steps.content == "Undo: edit outside of the studio"
     path.write_text("name =", encoding="utf-8")
     studio_page.look()
     assert "not valid TOML" in bench._message.content
