@@ -6,7 +6,9 @@ import os
 import shutil
 import time
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 SIZE = {"width": 800, "height": 600}  # small: it is drawn by the processor
 WAIT = 60_000.0  # ms that a loaded machine may take
@@ -53,3 +55,24 @@ def until(holds, seconds=60.0):
             return True
         time.sleep(0.05)
     return False
+
+
+def on_screen(client, points):
+    """Where a browser shows points (n, 3) mm, in px of its canvas."""
+    camera = client.camera
+    w, x, y, z = camera.wxyz
+    local = (points - camera.position) @ Rotation.from_quat([x, y, z, w]).as_matrix()
+    focal = camera.image_height / 2 / np.tan(camera.fov / 2)
+    middle = np.array([camera.image_width, camera.image_height]) / 2
+    return middle + focal * local[:, :2] / local[:, 2:]
+
+
+def around_arc(client, gizmo, axis):
+    """Places on the screen along a gizmo's arc that turns about its axis (0 to 2)."""
+    w, x, y, z = gizmo.wxyz
+    axes = Rotation.from_quat([x, y, z, w]).as_matrix()
+    one, two = axes[:, (axis + 1) % 3], axes[:, (axis + 2) % 3]
+    angle = np.radians(np.linspace(40, 65, 8))[:, None]
+    radius = 0.65 * gizmo.scale  # as the page draws it
+    arc = np.asarray(gizmo.position) + radius * (np.cos(angle) * one + np.sin(angle) * two)
+    return on_screen(client, arc)

@@ -14,7 +14,7 @@ from defsense_fab.core.device_file import load_device
 from defsense_fab.pipeline.build.build import build
 from defsense_fab.studio.page.studio import Studio
 from defsense_fab.studio.project.agreement import Agreement
-from tests.studio.browser.conftest import until
+from tests.studio.browser.conftest import around_arc, until
 from tests.studio.browser.person import Person
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
@@ -59,12 +59,14 @@ def test_a_device_is_designed_and_exported(browser, studio_server, studio, tmp_p
     for left in (2, 1, 0):
         person.press("Delete")
         assert until(lambda left=left: len(device().poses) == left)
-    for count, arc in ((1, ((576, 350), (545, 322))), (2, ((545, 352), (520, 350)))):
+    for count, axis in ((1, 1), (2, 2)):
         person.press("New")
         assert until(lambda count=count: len(device().poses) == count)
-        page.wait_for_timeout(2000)
+        page.wait_for_timeout(3000)  # its gizmo comes
+        (client,) = studio_server.get_clients().values()
+        gizmo = studio_server.scene.get_handle_by_name("/grips/tip")
         before = device().poses[-1].handles[0].rotation.copy()
-        person.drag(np.linspace(*arc, 8))
+        person.drag(around_arc(client, gizmo, axis))
         assert until(lambda b=before: not np.allclose(device().poses[-1].handles[0].rotation, b))
 
     person.press("Optimise")
