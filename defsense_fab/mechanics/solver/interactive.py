@@ -13,7 +13,7 @@ from .load_stepping import Equilibrium, Status, follow
 from .newton import TOLERANCE, System
 
 #: Tolerance that is enough for the eye: hundredths of a micrometre on bodies of a hand's size, for
-#: half the factorisations.
+#: about half the work.
 QUICK = 1e-4
 Stop = Callable[[], bool]
 

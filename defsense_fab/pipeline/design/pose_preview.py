@@ -130,7 +130,8 @@ class PosePreview:
 
         `stop` ends it, `newer` ends the fine answer alone; `check` finds it as exactly as builds
         do, and looks for what is in equilibrium and yet none that a body takes; `from_rest` leads
-        there as a build does, and not from the last pose. Raises DeviceError for a pose that the body cannot have.
+        there as a build does, and not from the last pose. Raises DeviceError for a pose that the
+        body cannot have.
         """
 
         def conditions(mesh: QuadraticMesh) -> BoundaryConditions:
