@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shutil
 import socket
+import subprocess
+import sys
 
 import pytest
 
-from defsense_fab.core.device_file import load_device
-from defsense_fab.pipeline.build.build import build
 from defsense_fab.runtime.view.local_page import end_page, local_page
 from defsense_fab.studio.page.studio_page import StudioPage
 from defsense_fab.studio.project.agreement import Agreement
@@ -40,6 +40,14 @@ def studio_server():
     end_page(made)
 
 
+def defsense(command, folder):
+    """The command line's `command` on a device's folder."""
+    subprocess.run(
+        [sys.executable, "-m", "defsense_fab.cli.main", command, str(folder)],
+        check=True, capture_output=True,
+    )  # fmt: skip
+
+
 @pytest.fixture(scope="session")
 def made_bar(tmp_path_factory):
     """The folder of a coarse bar with two locked cords, built up to the report."""
@@ -58,7 +66,8 @@ def made_bar(tmp_path_factory):
     down, twist = text.index('[[poses]]\nname = "bend_down"'), text.index('[[poses]]\nname = "twi')
     text = text[:down] + text[twist:]
     (folder / "device.toml").write_text(text[: text.rindex("[[sensors]]")], encoding="utf-8")
-    build(load_device(folder))
+    # By the command, in a process of its own: that is what the page is compared with.
+    defsense("build", folder)
     return folder
 
 

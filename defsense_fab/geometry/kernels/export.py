@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,22 +34,33 @@ def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bo
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
+    model.SetBuildUUID(_uuid(title, "build"))
     if together:
         assembly = model.AddComponentsObject()
         assembly.SetName(title)
+        assembly.SetUUID(_uuid(title, "assembly"))
     for name, surface in parts.items():
         mesh = model.AddMeshObject()
         mesh.SetName(name)
+        mesh.SetUUID(_uuid(title, "object", name))
         vertices = [_filled(lib3mf.Position(), "Coordinates", v) for v in surface.vertices.tolist()]
         triangles = [_filled(lib3mf.Triangle(), "Indices", f) for f in surface.faces.tolist()]
         mesh.SetGeometry(vertices, triangles)
         if together:
-            assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
+            component = assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
+            component.SetUUID(_uuid(title, "component", name))
         else:
-            model.AddBuildItem(mesh, wrapper.GetIdentityTransform())
+            item = model.AddBuildItem(mesh, wrapper.GetIdentityTransform())
+            item.SetUUID(_uuid(title, "item", name))
     if together:
-        model.AddBuildItem(assembly, wrapper.GetIdentityTransform())
+        item = model.AddBuildItem(assembly, wrapper.GetIdentityTransform())
+        item.SetUUID(_uuid(title, "item"))
     model.QueryWriter("3mf").WriteToFile(str(path))
+
+
+def _uuid(*names: str) -> str:
+    """Of what is called so: lib3mf draws at random, and the same parts give the same bytes."""
+    return str(uuid.uuid5(uuid.NAMESPACE_OID, "\0".join(("defsense-fab", *names))))
 
 
 def _filled(record: Any, field: str, values: Sequence[float]) -> Any:

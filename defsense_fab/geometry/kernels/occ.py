@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +30,8 @@ ANGLE = 0.06
 PATH_TOLERANCE = 0.01
 _LOST = 2e-3  # of the parts' volume
 _NOTHING = 1e-3  # mm^3
+_STAMP = "1980-01-01T00:00:00"  # of STEP files
+_USE = re.compile(rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+")
 
 
 def solids_of(result: Any) -> list[Any]:
@@ -69,7 +73,7 @@ def write_step(solid: Any, path: Path, label: str) -> None:
     """A STEP file of one solid by name, in mm."""
     shape = bd.Solid(solid)
     shape.label = label
-    bd.export_step(shape, str(path))
+    _export(shape, path)
 
 
 def write_assembly(solids: Mapping[str, Any], path: Path, label: str) -> None:
@@ -79,7 +83,16 @@ def write_assembly(solids: Mapping[str, Any], path: Path, label: str) -> None:
         child = bd.Solid(solid)
         child.label = name
         children.append(child)
-    bd.export_step(bd.Compound(label=label, children=children), str(path))
+    _export(bd.Compound(label=label, children=children), path)
+
+
+def _export(shape: Any, path: Path) -> None:
+    """The same shape gives the same bytes at any time: OpenCascade stamps the time, and numbers the
+    uses of parts on and on while the program runs."""
+    bd.export_step(shape, str(path), timestamp=_STAMP)
+    count = itertools.count(1)
+    numbered = _USE.sub(lambda m: m[1] + str(next(count)).encode(), path.read_bytes())
+    path.write_bytes(numbered)
 
 
 def volume(solid: Any) -> float:

@@ -95,17 +95,6 @@ def build(
     return BuildResult(final, tuple(made), tuple(reused))
 
 
-def outdated(device: Device, until: str = "report") -> str | None:
-    """The first stage up to `until` whose files in `build/` are not made from the device as it is
-    now, or not there; None where all are."""
-    final = device.source / "build"
-    wanted = keys(device, final)
-    for stage in STAGES[: [s.name for s in STAGES].index(until) + 1]:
-        if not finished(device, final, stage, wanted):
-            return stage.name
-    return None
-
-
 @contextmanager
 def undisturbed(device: Device) -> Iterator[Path]:
     """The folder `build/`, which no build replaces meanwhile. Raises StorageError while one runs,

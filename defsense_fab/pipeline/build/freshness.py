@@ -10,7 +10,7 @@ from ...core.device import Device
 from ...core.files import storage_errors
 from ...core.progress import Progress, silent
 from .build import finished, run_stage
-from .stages import STAGES, keys
+from .stages import STAGES, Stage, keys
 
 State = Literal["current", "old", "missing"]
 
@@ -21,13 +21,24 @@ def freshness(device: Device) -> dict[str, State]:
     wanted = keys(device, folder)
     out: dict[str, State] = {}
     for stage in STAGES:
-        if not all((folder / name).exists() for name in stage.outputs):
+        if not (folder / stage.outputs[0]).exists():  # versions before left fewer beside it
             out[stage.name] = "missing"
         elif set(out.values()) <= {"current"} and finished(device, folder, stage, wanted):
             out[stage.name] = "current"
         else:  # also what was made of something old
             out[stage.name] = "old"
     return out
+
+
+def outdated(device: Device, until: str = "report") -> Stage | None:
+    """The first stage up to `until` whose result is missing or old; None where there is none."""
+    states = freshness(device)
+    for stage in STAGES:
+        if states[stage.name] != "current":
+            return stage
+        if stage.name == until:
+            break
+    return None
 
 
 def build_body(device: Device, folder: Path, progress: Progress = silent) -> None:

@@ -17,6 +17,7 @@ from ...optimize.studies.cord_count import by_count, knee
 from ..build.build import build
 from ..build.stages import keys, plain
 from ..design.as_built import assumed_cords
+from ..design.compare_layouts import ComparedLayout
 from ..design.design_task import SEED, load_task
 from ..design.predict import predict
 from .study_file import Row, chain, read_rows, write_rows
@@ -40,6 +41,29 @@ class Study:
     picture: Path
 
 
+def study_folder(device: Device) -> Path:
+    """Where a device's study is, whether it is there or not."""
+    return device.source / "study"
+
+
+def study_key(device: Device, folder: Path) -> str:
+    """What a study's rows depend on, for the build of a `folder`."""
+    d = device
+    chosen = plain((d.cord, d.converter, d.fabrication, d.outputs, d.decoder, d.planes))
+    return digest(keys(device, folder)["simulate"], chosen)
+
+
+def studied_layouts(device: Device, folder: Path) -> list[ComparedLayout]:
+    """The best layouts by number of cords that a study of the device, as it is built in `folder`,
+    has left; none where there was none. Their errors are as designed."""
+    rows = read_rows(study_folder(device) / FILE, study_key(device, folder))
+    best = {r.sensors: r for r in sorted(rows, key=lambda r: -r.unseen)}
+    return [
+        ComparedLayout(f"study, {n} cords" if n > 1 else "study, 1 cord", r.layout, r.unseen)
+        for n, r in sorted(best.items())
+    ]
+
+
 def study(device: Device, least: int, most: int, progress: Progress = silent) -> Study:
     """Find the best layouts of `least` to `most` cords for the device's poses; with `auto` each
     number has the decoder that does best on states left out of its training.
@@ -52,20 +76,8 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     auto = device.decoder == "auto"
     if auto:
         task = task.decoded_by(_RICH)
-    folder = device.source / "study"
-    key = digest(
-        keys(device, result.folder)["simulate"],
-        plain(
-            (
-                device.cord,
-                device.converter,
-                device.fabrication,
-                device.outputs,
-                device.decoder,
-                device.planes,
-            )
-        ),
-    )
+    folder = study_folder(device)
+    key = study_key(device, result.folder)
     with storage_errors(folder):
         folder.mkdir(exist_ok=True)
         rows = read_rows(folder / FILE, key)

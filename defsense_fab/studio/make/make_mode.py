@@ -6,9 +6,8 @@ from typing import Any
 
 from ...core.errors import DefsenseError
 from ...pipeline.artifacts.build_folder import build_folder
-from ...pipeline.build.build import outdated
 from ...pipeline.build.export import export, export_name
-from ...pipeline.build.stages import STAGES
+from ...pipeline.build.freshness import outdated
 from ..workbench.latest import Latest
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
@@ -82,7 +81,7 @@ class MakeMode(Mode):
             self.bench.body.visible = True
 
     def built(self) -> None:
-        self._cancel.visible = False
+        self._cancel.visible = self.bench.builds.running
         self.loading.give(None)
 
     def device_changed(self) -> None:
@@ -147,7 +146,7 @@ class MakeMode(Mode):
 
     def _check(self, _: None) -> None:
         stage = outdated(self.bench.project.device)
-        title = next((s.title for s in STAGES if s.name == stage), None)
+        title = None if stage is None else stage.title
         self._state.content = state_words(self.device is not None, title, self.bench.problem)
 
     def _list(self) -> None:

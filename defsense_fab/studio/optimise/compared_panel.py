@@ -7,13 +7,17 @@ import threading
 from pathlib import Path
 
 from ...core.errors import DefsenseError, StorageError
+from ...core.files import digest
 from ...pipeline.artifacts.build_folder import build_folder
+from ...pipeline.artifacts.layout import LAYOUT
+from ...pipeline.build.freshness import outdated
 from ...pipeline.design.compare_layouts import (
     ComparedLayout,
     compare_layouts,
     seconds_of,
     weighed_layouts,
 )
+from ...pipeline.study.cord_count import studied_layouts
 from ..edits.cords import take_cords
 from ..workbench.beside import BesideWork, Teller
 from ..workbench.cord_tubes import CordTubes
@@ -36,6 +40,7 @@ class ComparedPanel:
         self._lock = threading.Lock()
         self.layouts: list[ComparedLayout] = []
         self._chosen = _NONE
+        self._key: str | None = None  # of the layout that these are about
         self._shown = False
         self._tubes = CordTubes(bench.server, "/compared")
         self.work = BesideWork("comparison", self._progress, self._ended, self._found)
@@ -89,13 +94,11 @@ class ComparedPanel:
         if bench.builds.running:
             bench.say("A build is running; cancel it, or wait for it, and weigh then.")
             return
-        from ...pipeline.build.build import outdated
-
         stage = outdated(bench.project.device, "simulate")
         if stage is not None:
             raise StorageError(
-                f"the {_STALE[stage]} have changed since they were simulated: press 'Optimise the"
-                " cords' first, then weigh"
+                f"the {_STALE[stage.name]} have changed since they were simulated: press 'Optimise"
+                " the cords' first, then weigh"
             )
         if not self.work.begin(_compare, bench.project.folder, folder):
             bench.say("They are being weighed already.")
@@ -118,11 +121,16 @@ class ComparedPanel:
         device = self._bench.project.device
         folder = build_folder(device)
         try:
-            found, seconds = weighed_layouts(folder), seconds_of(device, folder)
+            key = digest(folder / LAYOUT)
+            weighed, seconds = weighed_layouts(folder), seconds_of(device, folder)
+            found = [*weighed, *studied_layouts(device, folder)]
         except (DefsenseError, OSError):
-            found, seconds = [], 0.0
+            key, found, seconds = None, [], 0.0
+        if key == self._key and found:
+            return  # another stage was built: what was weighed still holds
+        self.work.cancel()
         with self._bench.drawing:
-            self.layouts = found
+            self._key, self.layouts = key, found
             self._weigh.label = f"Weigh all (about {_rounded(seconds)} s)" if found else "Weigh all"
             self._state.content = ""
             self._draw()

@@ -23,7 +23,10 @@ def compared_table(layouts: Sequence[ComparedLayout]) -> str:
             f"| {name} | {_mm(one.error)} | {'' if one.problem else band} | {parts} |"
             f" {len(one.sensors)} | {one.planes} |"
         )
-    lines += ["", "error on unseen states; 90 %: of built devices; bold: taken by the build"]
+    lines += ["", "error on unseen states; 90 %: of built devices; bold: taken by the build; parts"
+              " ?: not made on trial, as designed"]  # fmt: skip
+    if not any(one.name.startswith("study") for one in layouts):
+        lines[-1] += "; `defsense study` adds other numbers of cords"
     return "\n".join(lines)
 
 

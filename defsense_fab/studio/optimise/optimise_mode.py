@@ -64,9 +64,12 @@ class OptimiseMode(Mode):
         self.errors.leave()
 
     def built(self) -> None:
-        self._running(False)
-        self._best.visible = self.bench.problem is not None and self.search.record.best is not None
-        self.search.done()
+        runs = self.bench.builds.running
+        self._running(runs)
+        if not runs:
+            left = self.bench.problem is not None and self.search.record.best is not None
+            self._best.visible = left
+            self.search.done()
         self.compared.load()
         self.errors.load()
 

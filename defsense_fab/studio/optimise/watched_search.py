@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ...core.device import Device
+from ...core.device import Device, Sensor
 from ...core.errors import DefsenseError
+from ...pipeline.artifacts.build_folder import build_folder
 from ...pipeline.design.layout_judge import Judged, LayoutJudge
 from ..workbench.build_work import SeenLayout
 from ..workbench.cord_tubes import CordTubes
@@ -22,6 +25,32 @@ _THIN = 0.5  # of a cord's radius, as drawn
 _WAITING = "Nothing has been searched yet."
 
 
+@dataclass
+class _Run:
+    """One build's search: of which device, what it has come to, and what the drawn cords expect."""
+
+    device: Device
+    record: SearchRecord = field(default_factory=SearchRecord)
+    judge: LayoutJudge | None = None
+    drawn: Judged | None = None
+
+    def load(self, seen: SeenLayout) -> LayoutJudge:
+        """The judge of the poses that this build has: they may be newer than those of the page."""
+        if self.judge is None:
+            folder = seen.folder if seen.folder.exists() else build_folder(self.device)
+            self.judge = LayoutJudge(self.device, folder)
+            self.drawn = _judged(self.judge, self.device.sensors)
+        return self.judge
+
+
+def _judged(judge: LayoutJudge, sensors: Sequence[Sensor]) -> Judged | None:
+    """None where nothing can be said of them: on its way a descent may leave the body."""
+    try:
+        return judge.judge(sensors, quick=True)
+    except DefsenseError:
+        return None
+
+
 class WatchedSearch:
     """Judges what a build's search comes to, on a thread of its own, and shows the newest."""
 
@@ -30,15 +59,17 @@ class WatchedSearch:
         self._lock = threading.Lock()
         self._kept: list[SeenLayout] = []
         self._passing: SeenLayout | None = None
-        self._device: Device = bench.project.device
-        self._judge: LayoutJudge | None = None
-        self._drawn: Judged | None = None
-        self.record = SearchRecord()
+        self._run = _Run(bench.project.device)
         self.worker = Latest(self._look, bench.fail)
         self._present = CordTubes(bench.server, "/optimise/present")
         self._best = CordTubes(bench.server, "/optimise/best")
         self._sketch = CordTubes(bench.server, "/optimise/drawn")
         self._shown = False
+
+    @property
+    def record(self) -> SearchRecord:
+        """Of the last search, or the one that is under way."""
+        return self._run.record
 
     def add_panel(self) -> None:
         """The numbers and the curve."""
@@ -62,8 +93,8 @@ class WatchedSearch:
     def begin(self) -> None:
         """Another build has begun."""
         with self._lock:
-            self._kept, self._passing, self._judge, self._drawn = [], None, None, None
-            self._device, self.record = self._bench.project.device, SearchRecord()
+            self._kept, self._passing = [], None
+            self._run = _Run(self._bench.project.device)
 
     def see(self, seen: SeenLayout) -> None:
         """From the build's thread; returns at once."""
@@ -92,54 +123,38 @@ class WatchedSearch:
 
     def _look(self, _: None) -> None:
         with self._lock:
-            kept, passing, record = self._kept, self._passing, self.record
+            kept, passing, run = self._kept, self._passing, self._run
             self._kept, self._passing = [], None
         if passing is None:
             return
-        self._load(passing)
+        judge = run.load(passing)
         for seen in [*(k for k in kept if k is not passing), passing]:
-            record.add(seen, self._judged(seen))
+            run.record.add(seen, _judged(judge, seen.sensors))
         with self._bench.drawing:
-            if record is self.record:
+            if run is self._run:
                 self._draw(passing)
 
-    def _load(self, seen: SeenLayout) -> None:
-        """The judge of the poses that this build has: they may be newer than those of the page."""
-        if self._judge is None:
-            self._judge = LayoutJudge(self._device, seen.folder)
-            if self._device.sensors:
-                try:
-                    self._drawn = self._judge.judge(self._device.sensors, quick=True)
-                except DefsenseError:  # cords of which nothing can be said are told where drawn
-                    self._drawn = None
-
-    def _judged(self, seen: SeenLayout) -> Judged | None:
-        try:
-            return None if self._judge is None else self._judge.judge(seen.sensors, quick=True)
-        except DefsenseError:
-            return None  # on its way a descent may leave the body
-
     def _draw(self, passing: SeenLayout | None) -> None:
-        record, best = self.record, self.record.best
-        if record.judged is not None:
-            self._told.content = _told(record, self._drawn)
-            before = None if self._drawn is None else self._drawn.per_state
-            self._poses.content = pose_table(before, record.judged.per_state)
-            self._curve.data, self._curve.visible = _data(record), True
+        run = self._run
+        judged, best = run.record.judged, run.record.best
+        if judged is not None:
+            self._told.content = _told(judged, run.drawn)
+            before = None if run.drawn is None else run.drawn.per_state
+            self._poses.content = pose_table(before, judged.per_state)
+            self._curve.data, self._curve.visible = _data(run.record), True
         if not self._shown:
             return
-        radius = self._device.cord.diameter / 2
-        self._sketch.show(self._device.sensors, DRAWN, _THIN * radius)
+        radius = run.device.cord.diameter / 2
+        self._sketch.show(run.device.sensors, DRAWN, _THIN * radius)
         self._best.show(best.sensors if best else (), BEST, radius)
-        if passing is not None and best is not passing:
-            self._present.show(passing.sensors, PASSING, 0.8 * radius)
+        present = () if passing is None or passing is best else passing.sensors
+        self._present.show(present, PASSING, 0.8 * radius)
 
 
-def _told(record: SearchRecord, drawn: Judged | None) -> str:
-    assert record.judged is not None
+def _told(judged: Judged, drawn: Judged | None) -> str:
     was = "" if drawn is None else f", as drawn {drawn.error:.2f} mm"
     return (
-        f"### {record.judged.error:.2f} mm\nexpected on unseen states of the best so far (blue)"
+        f"### {judged.error:.2f} mm\nexpected on unseen states of the best so far (blue)"
         f"{was}; orange is on its way, grey as drawn"
     )
 

@@ -11,7 +11,8 @@ STEPS = (
      " chosen from the catalogue. All that you change is written to `device.toml`, and *Undo*"
      " takes it back."),
     ("Poses", "**What it must sense.** Each pose holds some regions and moves others. Choose one,"
-     " and turn its gizmo: the body follows. Then press *Simulate the poses*, here or in *Make*."),
+     " and turn its gizmo: the body follows. Then press *Simulate the poses*, here or in"
+     " *Optimise*."),
     ("Inside", "**Where it stretches.** A section through the body, coloured by its stretch in a"
      " pose. The heat map tells where the next cord would help most."),
     ("Cords", "**The sensors.** Press *Draw by hand* and draw a line along the body, or *Propose a"

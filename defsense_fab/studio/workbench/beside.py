@@ -4,6 +4,9 @@ takes nothing else along."""
 from __future__ import annotations
 
 import multiprocessing
+import os
+import signal
+import sys
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -11,13 +14,15 @@ from typing import Any
 
 from ...core.errors import DefsenseError
 
+CANCELLED = "cancelled"
 _LEAVES = 5.0  # s that cancelled work has to leave
 _GO_ON, _WAIT = "go on", "wait"
 
 
 class Teller:
     """What the work in the other process says to this one. It waits here while it is paused, and
-    ends with EOFError or OSError when the program that began it is gone."""
+    ends with EOFError when the program that began it is gone: an OSError would be taken for one of
+    files."""
 
     def __init__(self, ours: Connection) -> None:
         self._ours = ours
@@ -31,13 +36,16 @@ class Teller:
         self._send("found", thing)
 
     def _send(self, kind: str, thing: Any) -> None:
-        while self._ours.poll():
-            if self._ours.recv() == _WAIT:
-                self._ours.send(("paused", None))
-                while self._ours.recv() != _GO_ON:
-                    pass
-                self._ours.send(("went on", None))
-        self._ours.send((kind, thing))
+        try:
+            while self._ours.poll():
+                if self._ours.recv() == _WAIT:
+                    self._ours.send(("paused", None))
+                    while self._ours.recv() != _GO_ON:
+                        pass
+                    self._ours.send(("went on", None))
+            self._ours.send((kind, thing))
+        except OSError:
+            raise EOFError from None
 
 
 Work = Callable[..., None]  # (teller, *arguments), a function of a module
@@ -133,7 +141,7 @@ class BesideWork:
                 self._paused(kind == "paused")
         self._process.join()
         if self._cancelled:
-            outcome = "cancelled"
+            outcome = CANCELLED
         with self._lock:
             self._process = self._pipe = None
         ours.close()
@@ -141,13 +149,16 @@ class BesideWork:
 
 
 def _work(work: Work, what: str, theirs: Connection, arguments: tuple[Any, ...]) -> None:
-    """In the other process."""
+    """In the other process, which the studio ends: Ctrl-C is for the studio alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.stdout.flush()
+    os.dup2(2, 1)  # native libraries print there
     try:
         work(Teller(theirs), *arguments)
         theirs.send(("over", None))
     except DefsenseError as error:
         theirs.send(("over", str(error)))
-    except (EOFError, BrokenPipeError):  # nobody is there any more to hear of it
+    except EOFError:  # nobody is there any more to hear of it
         return
     except Exception as error:
         theirs.send(("over", f"the {what} failed ({type(error).__name__}: {error})"))

@@ -1,5 +1,4 @@
-"""A build while the page is used: in a process of its own, so that it can be cancelled, and that
-what goes wrong in it takes nothing else along."""
+"""A build while the page is used."""
 
 from __future__ import annotations
 

@@ -393,3 +393,29 @@ def test_what_descents_come_to_keeps_the_limits(problem, straight, seed):
     found = optimise(problem, drawn, rng, lambda f, m: None, starts=2, candidates=200)
     assert found.rmse <= 1.001 * min(found.starts)
     assert found.rmse < 0.25 * layout_error(problem, drawn)
+
+
+def test_a_search_that_is_followed_comes_to_the_same(problem, straight):
+    """Whoever follows it sees layouts that become better, and those that a descent passes."""
+    drawn = [straight("a", y=6, free=["path"]), straight("b", z=-6, free=["path"])]
+    kept, passed = [], []
+
+    def search(**watched):
+        rng = np.random.default_rng(3)
+        return optimise(problem, drawn, rng, lambda f, m: None, starts=2, candidates=200, **watched)
+
+    alone = search()
+    seen = search(
+        watch=lambda layout, rmse: kept.append((layout, rmse)),
+        follow=lambda layout, rmse: passed.append((layout, rmse)),
+    )
+    assert seen.rmse == alone.rmse
+    for a, b in zip(seen.sensors, alone.sensors, strict=True):
+        assert (a.curve.points == b.curve.points).all()
+    errors = [rmse for _, rmse in kept]
+    assert errors == sorted(errors, reverse=True)
+    assert kept[-1] == (seen.sensors, seen.rmse)
+    assert len(passed) > len(kept)
+    assert min(rmse for _, rmse in passed) <= 1.001 * seen.rmse
+    for layout, rmse in passed[:3]:
+        assert layout_error(problem, layout) == pytest.approx(rmse, rel=1e-6)

@@ -11,6 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from defsense_fab.cli.main import main
 from defsense_fab.core.curve import Plane
+from defsense_fab.core.device_file import load_device
+from defsense_fab.pipeline.study.cord_count import (
+    FILE,
+    studied_layouts,
+    study_folder,
+    study_key,
+)
 from defsense_fab.pipeline.study.study_file import Row, chain, read_rows, write_rows
 from tests.places import BAR
 
@@ -62,6 +69,22 @@ def test_damaged_files_are_no_rows(tmp_path):
         assert read_rows(path, "key") == []
     path.write_text("{")
     assert read_rows(path, "key") == []
+
+
+def test_what_a_study_has_left_is_for_the_device_that_it_was_made_of(tmp_path, straight):
+    for name in ("bar.py", "device.toml"):
+        shutil.copy(BAR / name, tmp_path)
+    device, drawn = load_device(tmp_path), (straight(free=()),)
+    assert studied_layouts(device, tmp_path / "build") == []
+    key = study_key(device, tmp_path / "build")
+    study_folder(device).mkdir()
+    rows = [replace(row(1, 1), layout=drawn), replace(row(2, 2), unseen=0.9, layout=drawn * 2),
+            replace(row(1, 2), layout=drawn)]  # fmt: skip
+    write_rows(study_folder(device) / FILE, key, rows)
+    found = studied_layouts(device, tmp_path / "build")
+    told = [(one.name, one.error, len(one.sensors), one.parts) for one in found]
+    assert told == [("study, 1 cord", 1.2, 1, None), ("study, 2 cords", 0.9, 2, None)]
+    assert studied_layouts(replace(device, planes=2), tmp_path / "build") == []
 
 
 @pytest.mark.slow

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import errno
+import html
 import io
 import zipfile
 
 import pytest
 
-from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.pipeline.build import export as export_module
-from defsense_fab.pipeline.build.build import build, outdated
 from defsense_fab.pipeline.build.export import export
+from defsense_fab.pipeline.build.freshness import outdated
 from defsense_fab.pipeline.report.guide_steps import guide_steps
 from defsense_fab.studio.make.built_device import Note
+from tests.studio.conftest import defsense
 
 LONG = 280.0
 
@@ -62,13 +63,13 @@ def test_parts_are_apart_and_go_together_as_the_guide_says(made_page):
     mode._slid()
     assert all(h.position.tolist() == [0, 0, 0] for h in scene._parts.values())
     steps = guide_steps(bench.project.device, manifest, mode.device.parts)
-    guide = (bench.project.folder / "build" / "guide.html").read_text(encoding="utf-8")
+    guide = html.unescape((bench.project.folder / "build/guide.html").read_text(encoding="utf-8"))
     for k, step in enumerate(steps, start=1):
         mode.go(1)
         assert mode._steps.value == f"{k}. {step.title}"
         for line in step.lines:
             assert f"<li>{line}</li>" in guide
-            assert f"- {line}" in mode._words.content
+            assert f"- {line}" in html.unescape(mode._words.content)
     mode.go(1)  # there is none beyond the last
     assert mode._step == len(steps)
     (joined,) = (k for k, s in enumerate(steps, start=1) if s.joint is not None)
@@ -128,7 +129,8 @@ def test_what_is_exported_is_what_the_command_builds_of_it(made_page, tmp_path):
         file.extractall(there)
     assert names == sorted(names)
     assert {"device.toml", "bar.py", "layout.json", "guide.pdf", "cut-list.csv"} <= set(names)
-    built = build(load_device(there), "fabricate").folder / "parts"
+    defsense("fabricate", there)
+    built = there / "build" / "parts"
     theirs = {p.relative_to(built): p.read_bytes() for p in built.rglob("*") if p.is_file()}
     ours = {p.relative_to(there / "parts"): p.read_bytes()
             for p in (there / "parts").rglob("*") if p.is_file()}  # fmt: skip

@@ -76,6 +76,9 @@ def test_layouts_are_told_side_by_side():
         "| **simplest** | 0.52 | ? | 3 | 2 | 1 |",
         "| by eye | 6.00 |  | cannot be made | 1 | 1 |",
     ]
+    assert "`defsense study` adds" in lines[-1]
+    studied = ComparedLayout("study, 1 cord", (cord(1),), 3.0)
+    assert "`defsense study`" not in compared_table((*LAYOUTS, studied))
     assert said_of(LAYOUTS[0]) == "- glue &lt;here&gt;"
     assert said_of(LAYOUTS[2]) == "- too short"
 

@@ -1,0 +1,35 @@
+"""The same parts give the same files, at any time and however many were written before."""
+
+from __future__ import annotations
+
+import build123d as bd
+import numpy as np
+
+from defsense_fab.geometry.kernels import occ
+from defsense_fab.geometry.kernels.export import write_3mf
+from tests.conftest import box_surface
+
+
+def test_step_files_know_neither_the_time_nor_what_was_written_before(tmp_path):
+    solid = occ.solids_of(bd.Box(1, 2, 3))[0]
+    one, again, whole = (tmp_path / name for name in ("one.step", "again.step", "whole.step"))
+    occ.write_step(solid, one, "x")
+    occ.write_assembly({"a": solid, "b": solid}, whole, "x")
+    first = whole.read_bytes()
+    occ.write_step(solid, again, "x")
+    occ.write_assembly({"a": solid, "b": solid}, whole, "x")
+    assert one.read_bytes() == again.read_bytes()
+    assert first == whole.read_bytes()
+    assert b"'1980-01-01T00:00:00'" in first
+    assert first.count(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE('1'") == 1
+    assert first.count(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE('2'") == 1
+    assert len(occ.read_step(whole)) == 2
+
+
+def test_3mf_files_have_no_random_numbers(tmp_path):
+    boxes = {n: box_surface(np.zeros(3), np.full(3, size)) for n, size in (("a", 5.0), ("b", 7.0))}
+    for together in (True, False):
+        files = [tmp_path / f"{k}.3mf" for k in range(2)]
+        for path in files:
+            write_3mf(boxes, path, "box", together)
+        assert files[0].read_bytes() == files[1].read_bytes()
