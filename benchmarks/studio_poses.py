@@ -4,7 +4,8 @@
 
 Each DEVICE is the folder of a built device; it is copied first. The page is there with its server,
 and no browser: the gizmo's messages are given by hand, each once the one before has its fine
-answer. Times are from the message to the vertices being sent, medians, with the largest.
+answer. Times are from the message to the vertices being sent, medians, with the largest; CPU time
+is what tells on a machine that is busy with something else.
 """
 
 from __future__ import annotations
@@ -71,15 +72,18 @@ def measure(page: StudioPage, edits: int, step: float) -> None:
         place = np.zeros(3)  # its place is free, or is that of the pose
         turned(mode, handle.region, place, (angle - step) * axis)  # the coarse mesh's first
         mode.work.times.clear()
+        begun = time.process_time()
         for k in range(edits):
             turned(mode, handle.region, place, (angle - step * (k % 2)) * axis)
         coarse = [t.coarse for t in mode.work.times if t.coarse is not None]
         fine = [t.fine for t in mode.work.times if t.fine is not None]
+        spent = (time.process_time() - begun) / edits
         load = os.getloadavg()[0]
         print(
             f"{page.bench.project.device.name} {pose.name}, {np.rad2deg(step):g} degrees:"
             f" coarse {np.median(coarse):.3f} s (largest {max(coarse):.3f}),"
-            f" fine {np.median(fine):.3f} s (largest {max(fine):.3f}); load {load:.1f}",
+            f" fine {np.median(fine):.3f} s (largest {max(fine):.3f}),"
+            f" {spent:.3f} s of CPU an edit; load {load:.1f}",
             flush=True,
         )
 

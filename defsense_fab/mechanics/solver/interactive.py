@@ -10,8 +10,11 @@ from ..elements.point_location import PointLocator
 from ..elements.tet10 import QuadraticMesh
 from ..loading.boundary_conditions import BoundaryConditions, State, rest
 from .load_stepping import Equilibrium, Status, follow
-from .newton import System
+from .newton import TOLERANCE, System
 
+#: Tolerance that is enough for the eye: hundredths of a micrometre on bodies of a hand's size, for
+#: about half the work.
+QUICK = 1e-4
 Stop = Callable[[], bool]
 
 
@@ -47,24 +50,25 @@ class Interactive:
         check: bool = True,
         newer: Stop | None = None,
         from_rest: bool = False,
+        tolerance: float = TOLERANCE,
     ) -> Equilibrium:
         """The equilibrium of the fine mesh; `on_coarse` gets u (n, 3) mm on its nodes before.
 
         Where it is not reached from the last one, it is sought from rest, as it is at once with
         `from_rest`: the `amplitude` is then how far the pose came. The last state is kept where the
         new one is not reached or `stop` says so; `newer` stops the fine answer alone, so that a
-        hand is followed.
+        hand is followed; `tolerance` as `follow` has it, for the fine mesh.
         """
         goals = [conditions(mesh) for mesh in self._meshes]
         self._prepare(goals)
         kept = self._states, self._near
         if not from_rest:
-            found = self._follow(goals, on_coarse, stop, check, newer)
+            found = self._follow(goals, on_coarse, stop, check, newer, tolerance)
             moved = any(state.u.any() for state in self._states)
             if found.status is not Status.NOT_REACHED or not moved:
                 return found
         self._restart()
-        found = self._follow(goals, on_coarse, stop, check, newer)
+        found = self._follow(goals, on_coarse, stop, check, newer, tolerance)
         if found.state is None:
             self._states, self._near = kept
         return found
@@ -88,10 +92,13 @@ class Interactive:
         stop: Stop | None,
         check: bool,
         newer: Stop | None,
+        tolerance: float,
     ) -> Equilibrium:
         ahead, guess = None, None
         if self._near is not None:
-            coarse = follow(self._systems[0], self._near, goals[0], stop=stop, check=False)[-1]
+            coarse = follow(
+                self._systems[0], self._near, goals[0], stop=stop, check=False, tolerance=QUICK
+            )[-1]
             if coarse.status is Status.CANCELLED:
                 return coarse
             ahead = self._near = coarse.state  # None: it cannot follow, and is left out
@@ -105,8 +112,9 @@ class Interactive:
             return bool((stop and stop()) or (newer and newer()))
 
         fine = follow(
-            self._systems[-1], self._states[-1], goals[-1], stop=ended, check=check, guess=guess
-        )[-1]
+            self._systems[-1], self._states[-1], goals[-1], stop=ended, check=check, guess=guess,
+            tolerance=tolerance,
+        )[-1]  # fmt: skip
         if fine.state is not None:
             coarse_state = self._states[:-1] if ahead is None else [ahead]
             self._states = [*coarse_state, fine.state]

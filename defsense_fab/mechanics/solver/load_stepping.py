@@ -102,6 +102,7 @@ def follow(
     check: bool = True,
     guess: Float | None = None,
     largest_turn: float = LARGEST_TURN,
+    tolerance: float = TOLERANCE,
 ) -> list[Equilibrium]:
     """Equilibria at the `fractions` of the way from `start` (an equilibrium) to `goal`.
 
@@ -109,7 +110,8 @@ def follow(
     that was not reached or a `stop` the list ends with a record without a state. `check` looks for
     inverted tets and for a surface that passes through itself, and whether the state is a minimum
     of the energy. `guess` (n, 3) mm is how far the body is expected to move to the goal, as a
-    coarser mesh tells. No step turns a handle by more than `largest_turn`, rad.
+    coarser mesh tells. No step turns a handle by more than `largest_turn`, rad. `tolerance` is that
+    of the residual at the fractions, relative to the largest nodal force.
     """
     if goal.structure != system.structure:
         raise ValueError("the goal's boundary conditions differ in structure from the system's")
@@ -140,7 +142,7 @@ def follow(
                     between(home, goal, there),
                     stop,
                     guess,
-                    TOLERANCE if there == target else LOOSE,
+                    tolerance if there == target else LOOSE,
                 )
                 guess = None  # holds for one step to the goal
             except Cancelled:

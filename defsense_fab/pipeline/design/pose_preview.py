@@ -19,8 +19,9 @@ from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.constraint_check import check_constraints
 from ...mechanics.loading.pose import mix
-from ...mechanics.solver.interactive import Interactive, Stop
+from ...mechanics.solver.interactive import QUICK, Interactive, Stop
 from ...mechanics.solver.load_stepping import Equilibrium, Status
+from ...mechanics.solver.newton import TOLERANCE
 from ..artifacts import mesh_store
 from ..artifacts.body import load_surface
 from ..artifacts.build_folder import finished_build
@@ -127,9 +128,10 @@ class PosePreview:
         """The pose at a share `amplitude` of its ramp; `on_coarse` gets displacements (v, 3) mm of
         the surface before.
 
-        `stop` ends it, `newer` ends the fine answer alone; `check` looks for what is in equilibrium
-        and yet none that a body takes; `from_rest` leads there as a build does, and not from the
-        last pose. Raises DeviceError for a pose that the body cannot have.
+        `stop` ends it, `newer` ends the fine answer alone; `check` finds it as exactly as builds
+        do, and looks for what is in equilibrium and yet none that a body takes; `from_rest` leads
+        there as a build does, and not from the last pose. Raises DeviceError for a pose that the
+        body cannot have.
         """
 
         def conditions(mesh: QuadraticMesh) -> BoundaryConditions:
@@ -143,7 +145,8 @@ class PosePreview:
             self._checked = goal.structure
         assert self._session is not None
         told = on_coarse and (lambda u: on_coarse(self.on_surface(u)))
-        found = self._session.edit(conditions, told, stop, check, newer, from_rest)
+        tolerance = TOLERANCE if check else QUICK
+        found = self._session.edit(conditions, told, stop, check, newer, from_rest, tolerance)
         return self._previewed(found, amplitude)
 
     def close(self) -> None:

@@ -51,7 +51,8 @@ class PosesScene:
         """What there is of the build: the body and the solver, or neither."""
         self.clear()
         try:
-            preview = load_preview(self.bench.project.device, cores())
+            # One core is left to the page: with as many threads as cores the solver waits for it.
+            preview = load_preview(self.bench.project.device, max(cores() - 1, 1))
         except (DefsenseError, OSError):
             self.work.begin(None)
             return

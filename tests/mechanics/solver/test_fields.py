@@ -15,9 +15,10 @@ from defsense_fab.mechanics.solver.fields import (
     principal_stretches,
     stretch_along,
 )
-from defsense_fab.mechanics.solver.interactive import Interactive
+from defsense_fab.mechanics.solver.interactive import QUICK, Interactive
 from defsense_fab.mechanics.solver.load_stepping import Status, solve_ramp
 from defsense_fab.mechanics.solver.modes import _mirrored, _mirrors, modes, propose
+from defsense_fab.mechanics.solver.newton import TOLERANCE
 from tests.conftest import structured_bar
 
 MATERIAL = neo_hookean(0.2, 5.0)
@@ -81,6 +82,26 @@ def test_an_edit_gives_the_coarse_answer_first_then_that_of_rest(clamp):
     assert len(seen) == 1  # a hand is followed
     assert session._states[1].u is before
     session.close()
+
+
+def test_what_is_quick_is_near_enough_for_the_eye(clamp):
+    coarse, fine = (
+        QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], n))
+        for n in ((8, 2, 2), (15, 3, 3))
+    )
+
+    def bent(degrees):
+        return lambda mesh: clamp(mesh, [0, -np.deg2rad(degrees), 0])
+
+    made = {}
+    for tolerance in (TOLERANCE, QUICK):
+        session = Interactive(coarse, fine, MATERIAL)
+        session.edit(bent(30))
+        made[tolerance] = session.edit(bent(33), check=False, tolerance=tolerance)
+        session.close()
+    exact, quick = made[TOLERANCE], made[QUICK]
+    assert quick.statistics.iterations < exact.statistics.iterations
+    assert np.abs(quick.u - exact.u).max() < 1e-3
 
 
 def test_an_edit_that_is_not_reached_says_how_much_of_the_pose_was(clamp):
