@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import CalibrationError, CaptureError, DefsenseError, DeviceError
+from ..core.errors import CaptureError, DefsenseError, DeviceError
 from .options import REFERENCE, numbers, references, within
 
 if TYPE_CHECKING:
@@ -261,19 +261,9 @@ def _record(options: argparse.Namespace) -> int:
     beside = options.specimen if options.specimen.is_dir() else options.specimen.parent
     folder = options.out or beside / "session"
     wanted = _wanted(options, about)
-    from ..pipeline.artifacts.session_manifest import manifest_path
-
-    begun = manifest_path(folder) is not None
-    if begun:
-        session = sessions.load(folder)
-        if not sessions.unfinished(session):
-            raise CalibrationError(
-                f"{folder}: this session is finished; fit it (defsense calibrate fit {folder}), or"
-                " begin another with --out"
-            )
-        sessions.agree(session, {k: v for k, v in wanted.items() if k in _given(options)})
-    else:
-        session = sessions.create(folder, **wanted)
+    session, begun = sessions.begin_or_go_on(
+        folder, wanted, [k for k in wanted if k in _given(options)]
+    )
     settings = Settings(channels=3, average=session.average, rate=session.rate)
     try:
         opened = open_source(options.port, settings, session.geometry, session.length)

@@ -5,22 +5,17 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import CaptureError, DefsenseError, DeviceError
 from .options import REFERENCE, references, twin_values, within
 
 if TYPE_CHECKING:
-    from ..capture.cameras.webcam import Images, Webcam
-    from ..core.device import Device
-    from ..core.markers import Markers
     from ..pipeline.sessions.guided_recording import CaptureScreen
     from ..pipeline.sessions.session import CaptureSession
-    from ..pipeline.twin.live_twin import LiveTwin
+    from ..pipeline.twin.capture_setup import CaptureOptions
     from .options import Commands
 
 _CAMERAS = (
@@ -82,6 +77,8 @@ def add(steps: Commands) -> None:
 def _record(options: argparse.Namespace) -> int:
     from ..core.device_file import load_device
     from ..core.markers import read_markers
+    from ..pipeline.twin.capture_setup import set_up_capture
+    from ..terminal.guided_recording import CaptureLines, CaptureTerminal
 
     for name, low, high in (("rounds", 1, 100), ("seconds", 1, 600), ("free", 0, 600),
                             ("rest", 1, 60), ("rate", 1, 500)):  # fmt: skip
@@ -89,188 +86,34 @@ def _record(options: argparse.Namespace) -> int:
     device = load_device(options.device)
     markers = read_markers(options.markers or device.source / "markers")
     folder = options.out or device.source / "session"
-    if options.cameras == ["none"] and options.port == "none":
-        raise DeviceError("--cameras none --port none: there would be nothing to record")
-    simulated = options.cameras[0].partition(":")[0] == "twin" or options.port == "twin"
     with ExitStack() as stack:
-        twin = _twin(options, device, markers, stack) if simulated else None
-        done, session = _run(options, device, markers, folder, twin)
-    return _told(options, session, done)
-
-
-def _twin(
-    options: argparse.Namespace, device: Device, markers: Markers, stack: ExitStack
-) -> LiveTwin:
-    """The twin. Raises DeviceError where only one of cameras and read-out board is one."""
-    from ..pipeline.twin.live_twin import start_live_twin
-
-    word = options.cameras[0]
-    others = len(options.cameras) > 1
-    if word.partition(":")[0] != "twin" or others or options.port not in ("twin", "none"):
-        raise DeviceError(
-            "a twin has its own cameras and read-out board: give --cameras twin --port twin"
-        )
-    seed, count, kind = twin_values("--cameras", word)
-    twin = start_live_twin(device, markers, seed, count, kind=kind)
-    stack.callback(twin.close)
-    return twin
-
-
-def _run(
-    options: argparse.Namespace,
-    device: Device,
-    markers: Markers,
-    folder: Path,
-    twin: LiveTwin | None,
-) -> tuple[bool, CaptureSession]:
-    """Record; whether the session is finished, and the session."""
-    import numpy as np
-
-    from ..capture.cameras.webcam import Webcam
-    from ..capture.clocks.led_schedule import LED_PERIOD
-    from ..capture.readout.reader import Settings
-    from ..capture.tags.tag_dictionary import dictionary
-    from ..pipeline.artifacts.session_manifest import manifest_path
-    from ..pipeline.sessions import session as sessions
-    from ..pipeline.sessions.guided_recording import GuidedRecording
-    from ..pipeline.tracking.detector_compilation import compile_detector
-    from ..pipeline.twin.live_twin import levels_of
-    from ..pipeline.twin.sample_sources import open_source
-    from ..terminal.guided_recording import CaptureLines, CaptureTerminal
-
-    begun = manifest_path(folder) is not None
-    if begun:
-        session = sessions.load(folder)
-        if session.device != device.name:
-            raise CaptureError(
-                f"{folder}: is a session of {session.device}, not of {device.name}; choose another"
-                " folder with --out"
-            )
-        if options.unit is not None and options.unit != session.unit:
-            raise CaptureError(
-                f"{folder}: is a session of the unit {session.unit!r}, not of {options.unit!r};"
-                " choose another folder with --out"
-            )
-        if not np.array_equal(session.markers.ids, markers.ids) or not np.allclose(
-            session.markers.centers, markers.centers
-        ):
-            raise CaptureError(
-                f"{folder}: was begun with other tags than the device has now; begin another"
-                " session with --out"
-            )
-        if len(sessions.finished(session)) == len(session.steps):
-            raise CaptureError(
-                f"{folder}: this session is finished; process it (defsense capture process"
-                f" {folder}), or begin another with --out"
-            )
-    else:
-        session = _begin(options, device, markers, folder, twin)
-    try:
-        openers = _openers(options.cameras, session, twin, Webcam)
-        board = None
-        if options.port != "none":
-            settings = Settings(channels=len(session.channels), rate=options.rate, led=LED_PERIOD)
-            port = twin.port() if twin is not None else options.port
-            board = open_source(port, settings).source
-        if session.rig.cameras:  # before a screen is there, and the first pictures come
-            tags = dictionary(session.markers.dictionary)
-            compile_detector(session.rig.cameras[0], tags, _note)
-        levels = levels_of(device, session.markers)
-        hands = twin.perform if twin is not None else None
+        setup = set_up_capture(device, markers, folder, _asked(options), stack, _note)
         if options.auto:
             screen: CaptureScreen = CaptureLines()
-            done = GuidedRecording(session, openers, board, screen, levels, auto=True,
-                             video=options.video, hands=hands).run()  # fmt: skip
+            done = setup.record(screen, auto=True)
         else:
             with CaptureTerminal() as screen:
-                done = GuidedRecording(session, openers, board, screen, levels, video=options.video,
-                                 hands=hands).run()  # fmt: skip
-    except DefsenseError:
-        if not begun:
-            sessions.discard_empty(session)
-        raise
-    return done, session
+                done = setup.record(screen)
+    return _told(options, setup.session, done)
 
 
-def _begin(
-    options: argparse.Namespace, device: Device, markers: Markers, folder: Path,
-    twin: LiveTwin | None,
-) -> CaptureSession:  # fmt: skip
-    """A new session."""
-    from ..core.errors import CaptureError
-    from ..pipeline.artifacts.build_folder import build_folder
-    from ..pipeline.artifacts.layout import LAYOUT, layout_hash, load_layout
-    from ..pipeline.sessions import session as sessions
-    from ..pipeline.twin.live_twin import known_cameras
+def _asked(options: argparse.Namespace) -> CaptureOptions:
+    from ..pipeline.twin.capture_setup import CaptureOptions
 
-    built = build_folder(device)
-    if (built / LAYOUT).exists():
-        layout = load_layout(built, CaptureError)
-        channels: Sequence[str] = [cord.name for cord in layout.by_channel()]
-        known_layout = layout_hash(layout)
-    else:
-        channels, known_layout = [s.name for s in device.sensors], ""
-    if options.port == "none":
-        channels = []
-    reference = references(options.reference or f"{REFERENCE:g}", max(len(channels), 1))
-    if twin is not None and options.reference is None:
-        reference = [twin.extra["reference"]] * max(len(channels), 1)
-    calibration = options.calibration or Path("cameras.toml")
-    if options.cameras == ["none"]:
-        calibration = None
-    if twin is not None and options.calibration is None:
-        calibration = device.source / "twin-cameras.toml"
-        known_cameras(twin, calibration)
-    return sessions.create(
-        folder, device=device.name,
-        steps=sessions.plan([p.name for p in device.poses], options.rounds, options.seconds,
-                            options.free, options.rest),
-        channels=channels, reference=reference[: len(channels)], calibration=calibration,
-        markers=markers, unit=_unit(options), layout=known_layout,
+    word = options.cameras[0]
+    simulated = word.partition(":")[0] == "twin"
+    given = options.reference
+    return CaptureOptions(
+        tuple(options.cameras), options.port, options.calibration,
+        twin_values("--cameras", word) if simulated else None,
+        options.rounds, options.seconds, options.free, options.rest, options.rate,
+        partial(references, given) if given is not None else None, options.unit, options.video,
     )  # fmt: skip
-
-
-def _unit(options: argparse.Namespace) -> str:
-    """The name of the built device; a twin's seed makes another one."""
-    if options.unit is None and options.port == "twin":
-        return f"twin-{twin_values('--cameras', options.cameras[0])[0]}"
-    return options.unit or ""
-
-
-def _openers(
-    words: Sequence[str], session: CaptureSession, twin: LiveTwin | None, webcam: type[Webcam]
-) -> list[Callable[[], Images]]:
-    cameras = session.rig.cameras
-    if words == ["none"] and not cameras:
-        return []
-    if twin is not None:
-        if len(twin.sources) != len(cameras):
-            raise CaptureError(
-                f"{session.folder}: was begun with {len(cameras)} cameras; give --cameras"
-                f" twin:cameras={len(cameras)}"
-            )
-        return [partial(_given, s) for s in twin.sources]
-    if len(words) != len(cameras):
-        names = ", ".join(c.name for c in cameras)
-        raise CaptureError(
-            f"the calibration has {len(cameras)} cameras ({names}), --cameras names {len(words)};"
-            " give one for each, in this order"
-        )
-    if not session.rig.placed:
-        raise CaptureError(
-            "the calibration does not say where the cameras stand; run 'defsense capture camera"
-            " arrange'"
-        )
-    return [partial(webcam, w, c.size) for w, c in zip(words, cameras, strict=True)]
 
 
 def _note(text: str) -> None:
     sys.stderr.write(f"note: {text}\n")
     sys.stderr.flush()
-
-
-def _given(source: Images) -> Images:
-    return source
 
 
 def _told(options: argparse.Namespace, session: CaptureSession, done: bool) -> int:

@@ -72,26 +72,19 @@ def _train(options: argparse.Namespace) -> int:
                 " simulation's own model"
             )
         return _simulated(options, device)
-    from ..pipeline.train.models.model_file import write_model
-    from ..pipeline.train.models.prepare import prepare
-    from ..pipeline.train.models.train_device import model_path, train_dataset
+    from ..pipeline.train.models.train_files import train_files
     from ..training.fitting.train_model import TrainingOptions
 
-    path = model_path(options.out, device, [p for p in options.sources if p.is_dir()])
     how = TrainingOptions(
         options.decoder, not options.no_memory, not options.unweighted, options.test_share,
         options.folds, options.level,
     )  # fmt: skip
     with progress_bars(options) as progress:
-        dataset, prior, notes = prepare(
-            files,
-            device,
-            wanted=options.prior,
-            without=_numbers(options.without_markers),
-            progress=progress,
-        )
-        result = train_dataset(dataset, how, prior, progress)
-    write_model(path, result.model)
+        trained = train_files(
+            files, device, how, out=options.out, wanted=options.prior,
+            without=_numbers(options.without_markers), progress=progress,
+        )  # fmt: skip
+    path, result, notes = trained.path, trained.training, list(trained.notes)
     with results():
         if options.json:
             told = {"model": str(path), "notes": notes, **result.model.told}

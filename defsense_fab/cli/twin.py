@@ -99,9 +99,14 @@ def _twin(options: argparse.Namespace) -> int:
         return _list(traits.without(off), options)
     from ..pipeline.sessions.result_files import QUALITY
     from ..pipeline.twin.twin_recordings import simulate_runs
-    from ..pipeline.twin.twin_session import ASSUMPTIONS, check_free, write_sessions
+    from ..pipeline.twin.twin_session import (
+        ASSUMPTIONS,
+        check_free,
+        session_folder,
+        write_sessions,
+    )
 
-    out = options.out or device.source / f"twin-{options.unit}-{options.seed}"
+    out = options.out or session_folder(device, options.unit, options.seed)
     check_free(out, options.sessions)
     tags = options.markers or (device.source / "markers" if options.cameras else None)
     markers = read_markers(tags) if tags else None

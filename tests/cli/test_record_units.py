@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 import pytest
 
-from defsense_fab.cli.capture_record import _unit
 from defsense_fab.cli.main import main
 from defsense_fab.core.markers import Markers
 from defsense_fab.pipeline.sessions import session as sessions
+from defsense_fab.pipeline.twin.capture_setup import CaptureOptions, unit_of
 from tests.places import BAR
 
 
@@ -19,8 +17,8 @@ from tests.places import BAR
     [(None, "/dev/ttyUSB0", ""), (None, "twin", "twin-7"), ("third", "twin", "third")],
 )
 def test_a_twin_of_another_seed_is_another_unit(given, port, name):
-    options = argparse.Namespace(unit=given, port=port, cameras=["twin:webcam,seed=7"])
-    assert _unit(options) == name
+    options = CaptureOptions(("twin",), port, twin=(7, 2, "webcam"), unit=given)
+    assert unit_of(options) == name
 
 
 def test_a_session_does_not_go_on_with_another_unit(tmp_path, capsys):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import threading
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -63,12 +65,12 @@ def _load(spec: BodySpec) -> Body:
 
         surface, repairs = read_mesh(spec.path, spec.scale, SIZES)
         return Body(surface, surface.volume, None, repairs, sources=sources)
+    if spec.kind == "script":
+        solids, sources = _run_script(spec)
     from ..kernels import occ
 
     if spec.kind == "step":
         solids = occ.read_step(spec.path)
-    else:
-        solids, sources = _run_script(spec)
     if len(solids) != 1:
         raise BodyError(
             f"{spec.path}: gives {len(solids)} solids, one is needed; fuse them or remove the rest"
@@ -101,6 +103,9 @@ def _run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
         (folder / TASK).write_text(json.dumps(task, default=_plain), encoding="utf-8")
 
     module = f"{__package__}.script_process"
+    # Both processes need the CAD kernel, which takes seconds to load: this one meanwhile.
+    loading = threading.Thread(target=import_module, args=("..kernels.occ", __package__))
+    loading.start()
     with finished(module, give, RESULT, spec.time_limit, failure, relay=True) as folder:
         made = json.loads((folder / RESULT).read_text(encoding="utf-8"))
         if "refused" in made:

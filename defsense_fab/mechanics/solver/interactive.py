@@ -46,40 +46,40 @@ class Interactive:
         stop: Stop | None = None,
         check: bool = True,
         newer: Stop | None = None,
+        from_rest: bool = False,
     ) -> Equilibrium:
         """The equilibrium of the fine mesh; `on_coarse` gets u (n, 3) mm on its nodes before.
 
-        Where it is not reached from the last one, it is sought from rest: the `amplitude` is then
-        how far the pose came. The last state is kept where the new one is not reached or `stop`
-        says so; `newer` stops the fine answer alone, so that a hand is followed.
+        Where it is not reached from the last one, it is sought from rest, as it is at once with
+        `from_rest`: the `amplitude` is then how far the pose came. The last state is kept where the
+        new one is not reached or `stop` says so; `newer` stops the fine answer alone, so that a
+        hand is followed.
         """
         goals = [conditions(mesh) for mesh in self._meshes]
         self._prepare(goals)
-        found = self._follow(goals, on_coarse, stop, check, newer)
-        moved = any(state.u.any() for state in self._states)
-        if found.status is not Status.NOT_REACHED or not moved:
-            return found
         kept = self._states, self._near
-        self.restart()
+        if not from_rest:
+            found = self._follow(goals, on_coarse, stop, check, newer)
+            moved = any(state.u.any() for state in self._states)
+            if found.status is not Status.NOT_REACHED or not moved:
+                return found
+        self._restart()
         found = self._follow(goals, on_coarse, stop, check, newer)
         if found.state is None:
             self._states, self._near = kept
         return found
-
-    def restart(self) -> None:
-        """The next pose is led to from rest, as a build does it."""
-        if not self._states:
-            return
-        goals = [state.conditions for state in self._states]
-        sizes = [len(mesh.nodes) for mesh in self._meshes]
-        self._states = [rest(g, n) for g, n in zip(goals, sizes, strict=True)]
-        self._near = self._states[0] if len(self._states) > 1 else None
 
     def close(self) -> None:
         """Release the factorisations."""
         for system in self._systems:
             system.close()
         self._systems = []
+
+    def _restart(self) -> None:
+        goals = [state.conditions for state in self._states]
+        sizes = [len(mesh.nodes) for mesh in self._meshes]
+        self._states = [rest(g, n) for g, n in zip(goals, sizes, strict=True)]
+        self._near = self._states[0] if len(self._states) > 1 else None
 
     def _follow(
         self,

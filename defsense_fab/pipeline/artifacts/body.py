@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
+from zipfile import BadZipFile
 
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.errors import StorageError
 from ...core.mesh import Surface
 from ...geometry.kernels.cutting_tools import Prism
 from . import typed_json
@@ -43,9 +45,15 @@ def load_body_record(folder: Path) -> BodyRecord:
 
 
 def load_surface(folder: Path) -> Surface:
-    """The body's surface, in mm in the rest frame."""
-    with np.load(folder / FOLDER / "surface.npz") as data:
-        return Surface(data["vertices"], data["faces"])
+    """The body's surface, in mm in the rest frame. Raises OSError where there is none, StorageError
+    where it is damaged."""
+    path = folder / FOLDER / "surface.npz"
+    with path.open("rb") as file:
+        try:
+            with np.load(file) as data:
+                return Surface(data["vertices"], data["faces"])
+        except (AttributeError, EOFError, KeyError, ValueError, BadZipFile) as error:
+            raise StorageError(f"{path}: is damaged ({error}); {BUILD_AGAIN}") from None
 
 
 def load_solid(folder: Path) -> Any:

@@ -15,6 +15,7 @@ from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver import fields
 from . import typed_json
 from .build_folder import BUILD_AGAIN
+from .vtu_file import read_vtu
 
 FOLDER, INDEX = "fields", "fields/index.json"
 #: Fields are stored to this many decimals of a mm: what threads change in the last digits of a
@@ -102,7 +103,7 @@ def save_field(path: Path, mesh: QuadraticMesh, u: Float, stats: Mapping[str, fl
 def load_fields(folder: Path) -> Fields:
     """All states of a build."""
     states = load_index(folder).states
-    found = [meshio.read(field_path(folder, s.state)).point_data["displacement"] for s in states]
+    found = [read_vtu(field_path(folder, s.state)).point_data["displacement"] for s in states]
     return Fields(
         tuple(s.state for s in states),
         tuple(s.weights for s in states),
@@ -118,7 +119,7 @@ def load_levels(folder: Path, pose: str) -> dict[float, Float]:
         return {}
     return {
         float(s.weights[pose]): np.asarray(
-            meshio.read(field_path(folder, s.state)).point_data["displacement"], float
+            read_vtu(field_path(folder, s.state)).point_data["displacement"], float
         )
         for s in load_index(folder).states
         if set(s.weights) == {pose}
@@ -127,4 +128,4 @@ def load_levels(folder: Path, pose: str) -> dict[float, Float]:
 
 def load_strain(folder: Path, state: str) -> Float:
     """Largest principal strain (n,) of a state."""
-    return np.asarray(meshio.read(field_path(folder, state)).point_data["strain"], float)
+    return np.asarray(read_vtu(field_path(folder, state)).point_data["strain"], float)

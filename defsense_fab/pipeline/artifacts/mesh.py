@@ -10,10 +10,12 @@ import meshio
 import numpy as np
 
 from ...core.arrays import Bool
+from ...core.errors import StorageError
 from ...core.mesh import TetMesh
 from ...geometry.bodies.tetrahedra import FTETWILD
 from . import typed_json
 from .build_folder import BUILD_AGAIN
+from .vtu_file import read_vtu
 
 FILE, RECORD = "mesh.vtu", "mesh.json"
 _REGION = "region:"
@@ -72,14 +74,16 @@ def save_mesh(folder: Path, mesh: TetMesh, regions: dict[str, Bool], record: Mes
 
 
 def load_mesh(folder: Path) -> TetMesh:
-    """The tets of a build, nodes in mm in the rest frame."""
-    data = meshio.read(folder / FILE)
+    """The tets of a build, nodes in mm in the rest frame. Raises StorageError."""
+    data = read_vtu(folder / FILE)
+    if "tetra" not in data.cells_dict:
+        raise StorageError(f"{folder / FILE}: has no tetrahedra; {BUILD_AGAIN}")
     return TetMesh(np.asarray(data.points, float), data.cells_dict["tetra"].astype(np.int64))
 
 
 def load_region_nodes(folder: Path) -> dict[str, Bool]:
     """Which nodes (n,) the regions had for which the mesh was made, by name."""
-    data = meshio.read(folder / FILE).point_data
+    data = read_vtu(folder / FILE).point_data
     return {
         name.removeprefix(_REGION): np.asarray(tags, bool)
         for name, tags in data.items()

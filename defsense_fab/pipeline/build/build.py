@@ -122,11 +122,7 @@ def finished(device: Device, folder: Path, stage: Stage, wanted: dict[str, str])
 
 
 def run_stage(
-    stage: Stage,
-    device: Device,
-    folder: Path,
-    progress: Progress,
-    watch: Watch | None = None,
+    stage: Stage, device: Device, folder: Path, progress: Progress, watch: Watch | None = None
 ) -> None:
     """Make a stage's files. Raises a DefsenseError where it fails."""
     try:

@@ -31,7 +31,8 @@ def export_name(device: Device) -> str:
 
 def export(device: Device, path: Path) -> tuple[str, ...]:
     """Write parts, guide, report, `layout.json`, cut list and bill as CSV, `device.toml` and the
-    files that the body is made from to a zip, whole or not at all; the names in it.
+    files that the body is made from to a zip, whole or not at all; the names in it. Of files
+    outside of the device's folder it takes scripts and CAD files alone.
 
     The same build gives the same bytes. Raises StorageError where the build is not that of the
     device as it is now, while another one runs, and where nothing can be written.
@@ -66,12 +67,16 @@ def _files(device: Device, folder: Path) -> dict[str, Path]:
     out |= {
         p.name: p for p in (device.source / DEVICE, device.source / mesh_lock.FILE) if p.exists()
     }
-    sources = [device.body.path, *map(Path, body_sources.recorded(folder) or {})]
     inside = device.source.resolve()
+    for path in out.values():
+        if not path.resolve().is_relative_to(inside):
+            raise StorageError(f"{path}: leads out of the device's folder; build it again")
+    sources = [device.body.path, *map(Path, body_sources.recorded(folder) or {})]
     for path in (device.source / s for s in sources):
         whole = path.resolve()
-        if whole.is_file():
-            near = whole.is_relative_to(inside)
+        near = whole.is_relative_to(inside)
+        # A folder that came from elsewhere may name any file of this machine.
+        if whole.is_file() and (near or whole.suffix.lower() in body_sources.SUFFIXES):
             out[whole.relative_to(inside).as_posix() if near else f"outside/{whole.name}"] = whole
     return out
 

@@ -7,7 +7,7 @@ hold began and ended. Readings are taken from the frames anew each time.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,16 @@ from ...core.arrays import Float
 from ...core.errors import CalibrationError
 from ...core.files import load_json, storage_errors
 from ..artifacts import typed_json
-from ..artifacts.session_manifest import FILE, CalibrationManifest, SpecimenRecord, load_calibration
+from ..artifacts.session_manifest import (
+    FILE,
+    CalibrationManifest,
+    SpecimenRecord,
+    load_calibration,
+    manifest_path,
+)
 
 FRAMES = "frames.csv"
+REFERENCE = 2200.0  # ohm, of dividers that nothing tells
 #: Cords of a specimen in the order of the read-out board's channels, and their side of the neutral
 #: plane with face a on the jig.
 CHANNELS = {"bottom": -1, "neutral": 0, "top": 1}
@@ -110,6 +117,41 @@ def agree(session: CalibrationSession, wanted: Mapping[str, Any]) -> None:
                 f"{session.folder}: this session was begun with {name} {is_}, and goes on so; leave"
                 " the option out, or begin another session with --out"
             )
+
+
+def begin_or_go_on(
+    folder: Path, wanted: Mapping[str, Any], named: Collection[str] = ()
+) -> tuple[CalibrationSession, bool]:
+    """The session in a folder, and whether it was there before: what was `named` of what is
+    `wanted` of a new one must then be so. Raises CalibrationError for one that is finished or
+    differs."""
+    if manifest_path(folder) is None:
+        return create(folder, **wanted), False
+    session = load(folder)
+    if not unfinished(session):
+        raise CalibrationError(
+            f"{folder}: this session is finished; fit it (defsense calibrate fit {folder}), or"
+            " begin another with --out"
+        )
+    agree(session, {name: wanted[name] for name in named})
+    return session, True
+
+
+def usual(about: Mapping[str, Any]) -> dict[str, Any]:
+    """What is wanted of a session on a specimen (`specimen_of`) where nothing else is said."""
+    return {
+        "name": f"{about['length']:g}",
+        "geometry": about["geometry"],
+        "length": about["length"],
+        "radii": about["radii"],
+        "rounds": 3,
+        "faces": ["a", "b"],
+        "seed": 1,
+        "reference": [REFERENCE] * len(CHANNELS),
+        "criterion": Criterion(),
+        "rate": 20,
+        "average": None,
+    }
 
 
 def discard_empty(session: CalibrationSession) -> None:

@@ -25,6 +25,7 @@ Kind = Literal["along", "largest", "smallest"]
 _SHARE = 99.0
 _INSIDE = -1e-9  # of a point's smallest weight
 _CHUNK = 200_000  # gradients at once, 72 bytes each
+_PLACES = 4000  # tets that tell how far a quantity reaches
 
 
 @dataclass(frozen=True)
@@ -79,14 +80,15 @@ class BodySection:
     def half(self, plane: Plane) -> tuple[Float, Int]:
         """The surface behind the plane (against its normal), open at the cut: vertices (v, 3) mm at
         rest, triangles (f, 3)."""
-        nodes, faces = self._skin
+        nodes, faces = self.skin
         slice_faces: Any = trimesh.intersections.slice_faces_plane
         vertices, triangles = slice_faces(nodes, faces, -plane.normal, plane.origin)[:2]
         return np.asarray(vertices, float), np.asarray(triangles, np.int64)
 
     @cached_property
-    def _skin(self) -> tuple[Float, Int]:
-        """The mesh's surface with its nodes on edges, four triangles (f, 3) a face."""
+    def skin(self) -> tuple[Float, Int]:
+        """The mesh's surface with its nodes on edges: vertices (v, 3) mm at rest, and four
+        triangles (f, 3) a face."""
         faces = boundary_faces(self._locator.mesh)
         parts = faces[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
         used, own = np.unique(parts, return_inverse=True)
@@ -114,7 +116,7 @@ class BodySection:
     def spread(self, quantity: Quantity, state: int | None, direction: Float) -> float:
         """How far the quantity reaches within the whole body: the variance from 0, a stretch from 1
         either way; 99 % of all places and states (or of one `state`) are within. The `direction`
-        is (3,), or one (m, 3) for each tet, of `middles`."""
+        is (3,), or one (k, 3) for each of the `middles`."""
         F = self._middle_gradients
         if not quantity.variance and state is not None:
             F = F[state : state + 1]
@@ -124,15 +126,19 @@ class BodySection:
 
     @cached_property
     def middles(self) -> Float:
-        """The middles (m, 3) mm of the tets at rest."""
+        """The middles (k, 3) mm of tets at rest, all or evenly some of them."""
         mesh = self._locator.mesh
-        return np.asarray(mesh.nodes[mesh.cells[:, :4]].mean(axis=1))
+        return np.asarray(mesh.nodes[mesh.cells[self._some, :4]].mean(axis=1))
 
     @cached_property
     def _middle_gradients(self) -> Float:
-        count = len(self._locator.mesh.cells)
-        at = LocatedPoints(np.arange(count), np.full((count, 4), 0.25))
+        at = LocatedPoints(self._some, np.full((len(self._some), 4), 0.25))
         return self._gradients(at, range(len(self.names)))
+
+    @property
+    def _some(self) -> Int:
+        count = len(self._locator.mesh.cells)
+        return np.arange(0, count, -(-count // _PLACES))
 
     def _over_states(self, at: LocatedPoints, kind: Kind, direction: Float) -> Float:
         """(s + 1, p), in parts that fit into memory."""
@@ -148,7 +154,9 @@ class BodySection:
     def _gradients(self, at: LocatedPoints, states: Sequence[int]) -> Float:
         """Deformation gradients (s, p, 3, 3)."""
         moving = [k - 1 for k in states if k]
-        found = iter(self._locator.gradient(at, self._fields[moving])) if moving else iter(())
+        every = len(moving) == len(self._fields)
+        fields = self._fields if every else self._fields[moving]
+        found = iter(self._locator.gradient(at, fields)) if moving else iter(())
         still = np.zeros((len(at.cell), 3, 3))
         return np.stack([next(found) if k else still for k in states]) + np.eye(3)
 

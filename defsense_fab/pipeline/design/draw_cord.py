@@ -16,14 +16,14 @@ from ...geometry.kernels.plane_section import inside_section, plane_section
 TOLERANCE = 0.5
 _STEP = 0.5  # mm, between points of a stroke
 _REACH = 20.0  # mm: ends that are this near to the skin go on to it
-_OUT = 1.0  # mm that a path's ends lie outside, so that its channel opens there
+_BELOW = 1.0  # mm below the skin that a path ends; its channel runs on straight from there
 _AIM = 8.0  # mm of a stroke's end, which tell where it goes
 
 
 def drawn_curve(surface: Surface, plane: Plane, stroke: Float) -> Hermite:
     """A path along a `stroke` (q, 2) mm in a plane: its longest part within the body, whose ends go
-    on to the skin where that is near. Raises LayoutError where the plane misses the body, and for a
-    stroke that does not come into it."""
+    on to just below the skin where that is near. Raises LayoutError where the plane misses the
+    body, and for a stroke that does not come into it."""
     section = plane_section(surface, plane)
     if not len(section):
         raise LayoutError("the plane misses the body; move it until it cuts it")
@@ -37,7 +37,12 @@ def drawn_curve(surface: Surface, plane: Plane, stroke: Float) -> Hermite:
     line = even[inside]
     start = _on_to_skin(section, line[::-1])
     end = _on_to_skin(section, line)
-    return fit_curve(np.concatenate([start[::-1], line, end]), TOLERANCE)
+    line = np.concatenate([start[::-1], line, end])
+    length = float(arc_lengths(line)[-1])
+    if length < 2 * _BELOW + _STEP:
+        raise LayoutError("the stroke is too short within the body; draw along the whole cord")
+    cut = [_BELOW if len(ran_on) else 0.0 for ran_on in (start, end)]
+    return fit_curve(resample(line, cut[0], length - cut[1], int(length / _STEP) + 2), TOLERANCE)
 
 
 def _longest(inside: np.ndarray) -> slice:
@@ -51,8 +56,8 @@ def _longest(inside: np.ndarray) -> slice:
 
 
 def _on_to_skin(section: Float, line: Float) -> Float:
-    """What goes on behind the end of a `line` (q, 2) to just outside of the skin, (k, 2): straight
-    as it came; nothing where the skin is too far that way."""
+    """What goes on behind the end of a `line` (q, 2) to the skin, (k, 2): straight as it came;
+    nothing where the skin is too far that way."""
     back = int(min(_AIM / _STEP, len(line) - 1))
     way = line[-1] - line[-1 - back]
     along = way / np.linalg.norm(way)
@@ -65,5 +70,5 @@ def _on_to_skin(section: Float, line: Float) -> Float:
     ahead = ahead[ahead >= 0]
     if not len(ahead) or ahead.min() > _REACH:
         return line[:0]
-    far = float(ahead.min()) + _OUT
+    far = float(ahead.min())
     return np.asarray(line[-1] + np.linspace(0, far, int(far / _STEP) + 2)[1:, None] * along)

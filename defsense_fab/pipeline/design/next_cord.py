@@ -15,6 +15,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.curve import Plane
 from ...core.device import Sensor
+from ...core.errors import LayoutError
 from ...decoding.added_channel import unseen_errors
 from ...optimize.problem.problem import reduce_outputs
 from .as_built import assumed_cords
@@ -81,7 +82,7 @@ def next_cord(
 ) -> Iterator[NextCord]:
     """What is known so far, again and again: of a coarse grid, then of a fine one. Cords are
     `length` mm long, or go from skin to skin (None). Whoever stops asking has cancelled the rest.
-    Raises LayoutError where the plane misses the body."""
+    Raises LayoutError where the plane misses the body, or sensors leave it."""
     area = body.cut(plane).area
     tests = AddedCord(judge, sensors)
     cords = StraightCords(judge.task, plane, sensors)
@@ -100,6 +101,7 @@ class AddedCord:
     """The expected error with one more cord than the `sensors` of a device."""
 
     def __init__(self, judge: LayoutJudge, sensors: Sequence[Sensor]) -> None:
+        """Raises LayoutError for sensors of which nothing can be said."""
         task, quick = judge.task, judge.quick_tasks
         self._kinds = tuple(quick) or (_STAND_IN,)
         self._folds = task.unseen.folds
@@ -111,6 +113,10 @@ class AddedCord:
             tasks = quick or {_STAND_IN: task.decoded_by(_STAND_IN)}
             #: That of the sensors alone, mm.
             self.error = min(predict(t, cords).prediction.unseen for t in tasks.values())
+            if not np.isfinite(self.error):
+                raise LayoutError(
+                    "nothing can be said of the cords that there are: do they leave the body?"
+                )
         else:
             self._signals, self._noise = np.zeros((len(self._outputs), 0)), np.zeros(0)
             self.error = self._of_the_mean()

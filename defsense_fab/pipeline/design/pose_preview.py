@@ -102,6 +102,11 @@ class PosePreview:
             self._low = QuadraticMesh.from_linear(conform(self._coarse, shapes))
         return True
 
+    @property
+    def has_coarse(self) -> bool:
+        """Whether there are coarse answers."""
+        return self._coarse is not None
+
     def take_coarse(self, coarse: TetMesh) -> None:
         """Give coarse answers, too, from now on."""
         self._coarse = coarse
@@ -137,10 +142,8 @@ class PosePreview:
             self._begin(conditions)
             self._checked = goal.structure
         assert self._session is not None
-        if from_rest:
-            self._session.restart()
         told = on_coarse and (lambda u: on_coarse(self.on_surface(u)))
-        found = self._session.edit(conditions, told, stop, check, newer)
+        found = self._session.edit(conditions, told, stop, check, newer, from_rest)
         return self._previewed(found, amplitude)
 
     def close(self) -> None:

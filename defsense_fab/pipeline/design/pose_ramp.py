@@ -19,7 +19,7 @@ from .pose_preview import PosePreview
 #: Shares that are solved where no build has them.
 SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
 #: What to do about a pose that cannot be solved.
-ADVICE = "lower its movement or load, enlarge its regions, or refine the mesh"
+_ADVICE = "lower its movement or load, enlarge its regions, or refine the mesh"
 #: Of the body's size: fields that differ by more are not of the same pose.
 _SAME = 1e-4
 #: Of the body's size: shapes that differ by more are two equilibria.
@@ -77,13 +77,13 @@ def followed_ramp(
         if found.status is Status.CANCELLED:
             return None
         if found.moved is None:
-            remark = f"the ramp ends at {max(frames, default=0.0):.0%}: the solver came no further"
+            if not frames:
+                raise SolveError(unreached(pose.name, found.share))
+            remark = f"the ramp ends at {max(frames):.0%}: the solver came no further"
             break
         frames[share] = found.moved
         if on_frame:
             on_frame(share, found.moved)
-    if not frames:
-        raise SolveError(f"device.toml: poses: {pose.name!r} did not converge from rest; {ADVICE}")
     if full is not None and 1.0 in frames:
         apart = float(np.linalg.norm(frames[1.0] - full, axis=1).max())
         if apart > _OTHER * preview.size:
@@ -96,4 +96,4 @@ def followed_ramp(
 
 def unreached(pose: str, share: float) -> str:
     """What is said of a pose that the solver led to a `share` of its ramp."""
-    return f"`{pose}` cannot be solved beyond {share:.0%} of its ramp: {ADVICE}."
+    return f"`{pose}` cannot be solved beyond {share:.0%} of its ramp: {_ADVICE}."

@@ -19,6 +19,7 @@ from ..artifacts.build_folder import build_folder
 from ..artifacts.layout import LAYOUT, layout_hash, load_layout
 from ..train.models.model_file import load_model
 from ..twin.simulated_device import SimulatedDevice, simulated_device
+from .model_fit import Misfit, misfit
 
 
 @dataclass(frozen=True)
@@ -61,27 +62,28 @@ def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
     if own is None:
         return LiveDevice(model, None, None, None, None, (), model.channels, reference, rest, lying)
     device = load_device(own)
-    if device.name != model.device:
+    built = build_folder(device)
+    layout = load_layout(built, LiveError) if (built / LAYOUT).exists() else None
+    if misfit(model, device, None) is not None:
         raise LiveError(
             f"{path}: is a model of {model.device}, and {own} is {device.name}; give --device the"
             " folder of the device that it was trained on"
         )
-    built = build_folder(device)
-    if not (built / LAYOUT).exists():
+    if layout is None:
         if folder is None:
             return LiveDevice(
                 model, device, None, None, None, (), model.channels, reference, rest, lying
             )
         raise LiveError(f"{own}: is not built; run 'defsense build {own}'")
-    layout = load_layout(built, LiveError)
-    if model.layout and model.layout != layout_hash(layout):
+    why = misfit(model, device, layout)
+    if why is Misfit.CORDS:
         raise LiveError(
             f"{path}: was trained with other cords ({model.layout}) than {built} has"
             f" ({layout_hash(layout)}); give --device the build that it was recorded with, or"
             " record and train anew"
         )
     wired = tuple(cord.name for cord in layout.by_channel())
-    if set(wired) != set(model.channels):
+    if why is Misfit.CHANNELS:
         raise LiveError(
             f"{path}: knows the channels {', '.join(model.channels)}, and {own} has"
             f" {', '.join(wired)}; train with all of this device's cords"

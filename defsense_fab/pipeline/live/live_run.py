@@ -27,6 +27,7 @@ from ...runtime.outputs.settings import Settings as OutputSettings
 from ...runtime.surface.live_surface import LiveSurface, Mode, make_surface
 from ...runtime.surface.surface_basis import SurfaceBasis
 from ...runtime.view.live_view import LiveView
+from ...runtime.view.page_place import PagePlace
 from ...runtime.view.viewed_device import ViewedDevice
 from ..twin.walking_board import WalkingBoard, parse_faults, walking_board
 from .animations import Animations
@@ -47,8 +48,8 @@ _RECENT = 900.0  # s, in which cords that have set do not recover
 class RunOptions:
     """What a run is asked for. `port`: a serial port, socket://host:port, a recording's .csv or a
     processed session (replay:FILE), or twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30).
-    `reference` and `rest` (c,) ohm in the order of the wires, where they are known; `view` is a
-    port, None without one;
+    `reference` and `rest` (c,) ohm in the order of the wires, where they are known; `view` is the
+    port of a page of its own, or a place of one that is there, None without one;
     whether the readings are kept (`keep`), in the folder `record` or in a new one of the device's;
     the file of an `animation`, None: none. `live_file` is where `controls` were read from, if from
     a file.
@@ -58,7 +59,7 @@ class RunOptions:
     rate: int = 100
     reference: Float | None = None
     rest: Float | None = None
-    view: int | None = None
+    view: int | PagePlace | None = None
     outputs: tuple[OutputSettings, ...] = ()
     controls: tuple[ControlSpec, ...] = ()
     surface: Mode = "default"

@@ -20,8 +20,8 @@ from ...geometry.bodies.file_kind import kind_of_file
 from ...geometry.bodies.foreign_body import read_foreign
 from .starting_devices import put_device
 
-#: Units of meshes, and mm in each.
-UNITS = {"mm": 1.0, "cm": 10.0, "inch": 25.4, "m": 1000.0}
+#: Units of meshes, and mm in each; those that programs write more often first.
+UNITS = {"mm": 1.0, "inch": 25.4, "cm": 10.0, "m": 1000.0}
 _USUAL = (15.0, 600.0)  # mm: what soft devices measure along their longest axis
 _THIN, _LONG, _MOST_TETS = 5, 6, 60000
 _END = 15  # of the longest axis: a region at either end
@@ -107,7 +107,7 @@ def device_text(
     lines = [
         "schema = 1", f"name = {_quoted(name)}", "",
         "[body]", f"{'step' if step else 'mesh'} = {_quoted(file)}",
-        *([f"scale = {scale:g}  # the file is in {unit}"] if scale != 1 else []), "",
+        *([f"scale = {scale:g}  # of the unit of the file: {unit}"] if scale != 1 else []), "",
         "[material]", f"name = {_quoted(material)}", "",
         "[mesh]", f"edge_length = {_short(edge_length):g}", "",
         *_regions(scale * dropped.surface.vertices, edge_length), "",

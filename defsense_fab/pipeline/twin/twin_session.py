@@ -49,6 +49,11 @@ def write_sessions(
     return folders
 
 
+def session_folder(device: Device, unit: int, seed: int) -> Path:
+    """Where a twin's session goes that is not told where."""
+    return device.source / f"twin-{unit}-{seed}"
+
+
 def check_free(out: Path, sessions: int) -> None:
     """Raises CaptureError where sessions would be written over something."""
     for folder in [out, *(out / f"session-{k + 1}" for k in range(sessions) if sessions > 1)]:

@@ -15,6 +15,8 @@ BODY = {
     Quality.LOST: (150, 150, 150),
 }
 _SHORTER, _REST, _LONGER = (40, 90, 200), (225, 225, 225), (205, 35, 45)
+#: Of the cords' signals over time, told apart by colour-blind people, too (Okabe & Ito 2008).
+LINES = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00")
 #: Markers as cameras saw them.
 TRACKS = (20, 20, 20)
 _SURE, _UNSURE = (40, 150, 80), (215, 40, 60)

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from ..frames.live_frame import LiveFrame, Quality
+from .colors import LINES
 from .viewed_device import ViewedDevice
 
 _SECONDS = 15.0  # of signals that are drawn
 _EVERY = 0.2  # s between two drawings of them
 _TOLD = 0.5  # s between two looks at notes, which come while no frame does, too
-_COLORS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf")
 _RECORD, _STOP = "Record the animation", "Stop, and write it"
 _SAID = {
     Quality.TRUSTED: "**trusted**",
@@ -59,7 +59,7 @@ class LivePanel:
             series = (
                 uplot.Series(label="s"),
                 *(
-                    uplot.Series(label=n, stroke=_COLORS[k % len(_COLORS)], width=2)
+                    uplot.Series(label=n, stroke=LINES[k % len(LINES)], width=2)
                     for k, n in enumerate(device.channels)
                 ),
             )

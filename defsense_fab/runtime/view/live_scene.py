@@ -20,11 +20,14 @@ _MARKER = 0.013  # of the body's diagonal
 
 
 class LiveScene:
-    """Under `name` in a viser server's scene."""
+    """Under `name` in a viser server's scene; with `look`, browsers look at it as they come."""
 
-    def __init__(self, server: Any, device: ViewedDevice, name: str = "/device") -> None:
+    def __init__(
+        self, server: Any, device: ViewedDevice, name: str = "/device", *, look: bool = True
+    ) -> None:
         self._device, self._mesh = device, None
         scene = server.scene
+        self._root = scene.add_frame(name, show_axes=False)
         scene.set_up_direction("+z")
         size = 100.0
         if device.vertices is not None and device.faces is not None:
@@ -38,7 +41,8 @@ class LiveScene:
                 f"{name}/ground", width=2 * size, height=2 * size, cell_size=10.0,
                 section_size=50.0, position=(*((low + high) / 2)[:2], float(low[2] - 0.05 * size)),
             )  # fmt: skip
-            look_at_body(server, device.vertices)
+            if look:
+                look_at_body(server, device.vertices)
         self._marker_size = _MARKER * size
         self._cords = self._carried()
         self._tubes = [
@@ -53,6 +57,19 @@ class LiveScene:
         self._markers: Any = None
         self._tracks: Any = None
         self._name, self._scene = name, scene
+
+    @property
+    def visible(self) -> bool:
+        """Whether all of it is shown."""
+        return bool(self._root.visible)
+
+    @visible.setter
+    def visible(self, shown: bool) -> None:
+        self._root.visible = shown
+
+    def close(self) -> None:
+        """Take it out of the scene."""
+        self._root.remove()
 
     def show(self, frame: LiveFrame) -> None:
         """One frame."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
 #: Bytes of a file that a page may send.
 MOST = 200 * 1024 * 1024
 _AT_ONCE = 4  # uploads under way
+_PATIENCE = 4  # parts
 _PART = 512 * 1024  # bytes of a part, as viser's page cuts them
 
 
@@ -23,10 +25,12 @@ class UploadLimit:
     """In front of viser's own handlers, which keep whatever is sent."""
 
     def __init__(self, server: Any, refused: Callable[[Any, str, str], None], most: int) -> None:
-        from viser import _messages
+        from viser import GuiUploadButtonHandle, _messages
 
+        self._button = GuiUploadButtonHandle
         self._server, self._refused, self._most = server, refused, most
         self._gui = server.gui
+        self._parts = Counter[int]()  # that came of each connection after they were refused
         sockets = server._websock_server
         for kind, before, after in (
             (_messages.FileTransferStartUpload, self._gui._handle_file_transfer_start, self._begin),
@@ -35,7 +39,7 @@ class UploadLimit:
             sockets.unregister_handler(kind, before)
             sockets.register_handler(kind, after)
         # Viser does so itself for browsers alone, not for whatever else has connected.
-        sockets.on_client_disconnect(lambda c: self._gui._drop_uploads_from_client(c.client_id))
+        sockets.on_client_disconnect(lambda connection: self._gone(connection.client_id))
 
     @property
     def kept(self) -> int:
@@ -47,6 +51,9 @@ class UploadLimit:
         return self._gui._current_file_upload_states  # type: ignore[no-any-return]
 
     def _begin(self, client: int, message: Any) -> None:
+        asked = self._gui._gui_input_handle_from_uuid.get(message.source_component_uuid)
+        if not isinstance(asked, self._button):  # of nothing that takes files
+            return
         size, parts = message.size_bytes, message.part_count
         if not _whole(size) or not _whole(parts) or parts != -(-size // _PART):
             why = "its announcement cannot be right; load the page again"
@@ -62,7 +69,8 @@ class UploadLimit:
     def _part(self, client: int, message: Any) -> None:
         state = self._under_way.get(message.transfer_uuid)
         if state is None or state["client_id"] != client:
-            return  # of one that was refused
+            self._unwanted(client)
+            return
         content = message.content
         over = state["transferred_bytes"] + len(content) > state["total_bytes"]
         if not isinstance(content, bytes) or over:
@@ -70,6 +78,18 @@ class UploadLimit:
             self._tell(client, str(state["filename"]), "it is larger than was announced")
             return
         self._gui._handle_file_transfer_part(client, message)
+
+    def _unwanted(self, client: int) -> None:
+        """A part of a file that was refused. A browser sends all of them, and nothing else comes
+        through meanwhile: its connection is ended, and it connects again."""
+        self._parts[client] += 1
+        connection = self._server._websock_server._live_connections.get(client)
+        if self._parts[client] == _PATIENCE and connection is not None:
+            connection.transport.abort()
+
+    def _gone(self, client: int) -> None:
+        self._parts.pop(client, None)
+        self._gui._drop_uploads_from_client(client)
 
     def _tell(self, client: int, name: str, why: str) -> None:
         page = self._server.get_clients().get(client)

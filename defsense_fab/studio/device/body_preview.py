@@ -9,10 +9,9 @@ from ...core.device import Device
 from ...core.device_file import load_device
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
-from ...core.progress import Progress
 from ...pipeline.artifacts.body import load_surface
 from ..project.history import FOLDER
-from ..workbench.build_work import BuildWork
+from ..workbench.beside import BesideWork, Teller
 
 
 def preview_folder(folder: Path) -> Path:
@@ -37,7 +36,7 @@ class BodyPreview:
         made: Callable[[Surface], None],
         failed: Callable[[str], None],
     ) -> None:
-        self._work = BuildWork(told, self._ended, make_body)
+        self._work = BesideWork("body", told, self._ended)
         self._made, self._failed = made, failed
         self._folder: Path | None = None
         self._again = self._left = self._closed = False
@@ -49,7 +48,7 @@ class BodyPreview:
     def start(self, folder: Path) -> None:
         """Of the device in a folder; what is under way is of the body before, and ends."""
         self._folder, self._left = folder, False
-        if not self._work.start(folder, "body"):
+        if not self._work.begin(make_body, folder):
             self._again = True
             self._work.cancel()
 
@@ -84,8 +83,11 @@ class BodyPreview:
             self._made(surface)
 
 
-def make_body(folder: Path, until: str, progress: Progress) -> None:  # noqa: ARG001 - of BuildWork
+def make_body(teller: Teller, folder: Path) -> None:
     """In the other process."""
     from ...pipeline.build.freshness import build_body
+
+    def progress(stage: str, share: float, message: str) -> None:
+        teller.progress(share, f"{stage}: {message}")
 
     build_body(load_device(folder, complete=False), preview_folder(folder), progress)

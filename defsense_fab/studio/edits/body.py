@@ -91,6 +91,18 @@ def _chosen(table: str, name: str, before: tuple[str, ...]) -> Edit:
     return Edit(f"take the {table} {name}", change)
 
 
+def use_response(file: str) -> Edit:
+    """The cord's response as it was measured, a file in the device's folder, in place of what the
+    data sheet tells."""
+
+    def change(document: TOMLDocument) -> None:
+        cord: Any = document["cord"]
+        cord.pop("compression", None)  # the response tells it
+        cord["response"] = file
+
+    return Edit(f"use the measured response {file}", change)
+
+
 def rename_device(name: str) -> Edit:
     """Another name for the device."""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .color_maps import Scale
 
-_WIDTH, _HEIGHT, _LEFT, _BAR = 280, 58, 14, 18
+_WIDTH, _HEIGHT, _LEFT, _BAR = 280, 44, 24, 18
 _STEPS = 64
 _TICKS = 5
 
@@ -35,7 +35,7 @@ def color_bar(scale: Scale, title: str, unit: str, note: str) -> str:
     return (
         '<div style="padding:0 0.8em;font-size:0.85em">'
         f"<div><b>{html.escape(title)}</b>{unit_told}</div>"
-        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT - 14}" width="100%" role="img"'
+        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="100%" role="img"'
         f' aria-label="{html.escape(title)}" font-size="11" fill="currentColor">'
         f"{boxes}{ticks}</svg>"
         f'<div style="opacity:0.8">{html.escape(note)}</div></div>'

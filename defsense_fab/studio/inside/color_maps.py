@@ -53,7 +53,7 @@ class Scale:
         """Of what helps: from the least to the most that is known, of those above 0; from 0 where
         they are nearly alike, so that small differences do not look large."""
         known = np.maximum(values[np.isfinite(values)], 0.0)
-        high = max(float(known.max(initial=0.0)), 1e-6)
+        high = float(known.max(initial=0.0)) or 1.0
         low = float(known.min(initial=high))
         return cls(low if high - low > _ALIKE * high else 0.0, high, _VIRIDIS)
 

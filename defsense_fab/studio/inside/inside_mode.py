@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ...core.arrays import Float
 from ...core.curve import Plane
-from ...core.errors import LayoutError
+from ...core.errors import DefsenseError, LayoutError
 from ...core.path_sampling import sample_path
 from ...pipeline.design.body_section import BodySection
 from ...pipeline.design.layout_judge import LayoutJudge
@@ -44,25 +44,27 @@ class InsideMode(Mode):
         self._asked: Asked | None = None  # what is sought, or was found or cancelled
         self._found: NextCord | None = None  # of what was asked
         self.work = SectionWork(bench, self.clicked, self._drawn, self._failed)
-        self.search = HeatSearch(self._searched, self._map_found, bench.fail)
+        self.search = HeatSearch(self._searched, self._map_found, self._search_failed)
         self._prepare = Latest(_prepare, bench.fail)
 
     def add_panel(self) -> None:
         bench = self.bench
         self.panel = SectionPanel(bench)
         bench.button("Look straight at it", "Along the plane's normal", self._look_straight)
-        self.next = NextCordPanel(bench, self._search_again, self.search.cancel, self.draw_best)
+        self.next = NextCordPanel(bench, self._search_again, self.cancel, self.draw_best)
+        bench.command("Look straight at the section", "Along its normal", self._look_straight, "L")
+        bench.command("Next state", "The section in the next state", self.next_state, "S")
         self.panel.on_change = lambda: self._ask(moving=False)
         self.panel.on_axis = lambda axis: self.set_plane(axis_plane(self._vertices, axis))
         self.panel.on_plane = self.set_plane
         self.panel.on_offset = self._slid
 
     def enter(self) -> None:
-        if self.bench.body is not None:
-            self.bench.body.visible = False
         if self._pictures is None or self._plane is None or self.bench.judge is None:
             self.panel.say(_NOT_BUILT)
             return
+        if self.bench.body is not None:
+            self.bench.body.visible = False
         self._gizmo = PlaneGizmo(self.bench.server, self.bench.size, self._plane, self.moved)
         self.work.open(self._pictures, self.bench.size)
         self._prepare.give(self.bench.judge)
@@ -107,6 +109,17 @@ class InsideMode(Mode):
         """A hand has the gizmo there, and has perhaps let go."""
         self._plane = plane
         self._ask(moving=not ended)
+
+    def next_state(self) -> None:
+        """The section in the state after the one that is shown, rest after the last."""
+        self.panel.next_state()
+        self._ask(moving=False)
+
+    def cancel(self) -> None:
+        """End the search for the place of a cord; a map that is shown stays."""
+        self.search.cancel()
+        if self._found is None:
+            self.next.say("Cancelled. Move the plane, or choose which cords to try, to look again.")
 
     def draw_best(self) -> None:
         """The cord that lowers the error most, as a cord of the device. Raises LayoutError where
@@ -167,9 +180,12 @@ class InsideMode(Mode):
 
     def _ask(self, *, moving: bool) -> None:
         """Draw the section as it is wanted now."""
-        plane, panel = self._plane, self.panel
-        if plane is None or self._gizmo is None:
-            return
+        with self.bench.drawing:
+            if self._plane is not None and self._gizmo is not None:
+                self._ask_for(self._plane, moving)
+
+    def _ask_for(self, plane: Plane, moving: bool) -> None:
+        panel = self.panel
         if self._asked is not None and not self._wanted_still(self._asked):
             self._forget()
         self.next.show(panel.look is NEXT_CORD)
@@ -236,9 +252,18 @@ class InsideMode(Mode):
             client.camera.position = tuple(place.tolist())
             client.camera.look_at = tuple(plane.origin.tolist())
 
+    def _search_failed(self, error: Exception) -> None:
+        self.next.say(_words(error))
+
     def _failed(self, error: Exception) -> None:
         """Told where the section's controls are."""
-        self.panel.say(f"**{error}**")
+        self.panel.say(_words(error))
+
+
+def _words(error: Exception) -> str:
+    """Markdown; what is no fault of the person's is told with its kind, for a report."""
+    known = isinstance(error, DefsenseError)
+    return f"**{error}**" if known else f"**This failed ({type(error).__name__}: {error}).**"
 
 
 def _prepare(judge: LayoutJudge) -> None:

@@ -80,7 +80,7 @@ def reach_words(look: Look, numbers: Float) -> str:
 
 
 def _signed(value: float) -> str:
-    return f"{value:+.1f}".replace("-", "\u2212")
+    return f"{round(value, 1) + 0.0:+.1f}".replace("-", "\u2212")
 
 
 def point_words(rest: Float, now: Float, stretches: dict[str, float], variance: float) -> str:

@@ -104,6 +104,11 @@ class SectionPanel:
         self._look.value, self._state.value = look.label, state
         self._show_needed()
 
+    def next_state(self) -> None:
+        """Rest after the last."""
+        states = list(self._state.options)
+        self._state.value = states[(self.state + 1) % len(states)]
+
     def say(self, told: str) -> None:
         """Markdown, in place of what is said at the beginning."""
         self._said.content = told

@@ -17,7 +17,8 @@ from .color_bar import color_bar
 from .color_maps import Scale
 from .looks import Look, reach_words
 
-_DOTS = 700  # of a coarse section, about
+#: Dots of a coarse section, about, of one state and where all of them count.
+_DOTS, _FEWER = 700, 350
 _FINE = 75  # edges of a fine one over the body's largest extent
 _ALL, _OWN = "the same for all states and planes", "of this state"
 _BEYOND = "1 % of the body is beyond the ends"
@@ -75,7 +76,9 @@ class Pictures:
         """Dots (p, 3) mm where they are in the state, their colours (p, 3), their distance at rest,
         mm. Raises LayoutError where the plane misses the body."""
         area = self.body.cut(wanted.plane).area
-        step = float(np.sqrt(area / _DOTS))
+        quantity = wanted.look.quantity
+        few = quantity is not None and quantity.variance
+        step = float(np.sqrt(area / (_FEWER if few else _DOTS)))
         points, at = self.body.grid(wanted.plane, step)
         numbers = self._numbers(wanted, points, at)
         colors = self._scale(wanted).colors(numbers)

@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.errors import LayoutError
+from ...pipeline.design.body_section import BodySection
 from ..workbench.latest import Latest
 from ..workbench.workbench import Workbench
 from .looks import NEXT_CORD
@@ -34,7 +36,7 @@ class SectionWork:
         failed: Callable[[Exception], None],
     ) -> None:
         self._bench, self._clicked = bench, clicked
-        self._drawn, self._told = drawn, failed
+        self._drawn, self._told = drawn, failed  # both while the page's lock is taken
         self._view: SectionView | None = None
         self._pictures: Pictures | None = None
         self.picture: Picture | None = None  # the fine section that is shown
@@ -79,16 +81,32 @@ class SectionWork:
         view, pictures = self._view, self._pictures
         if view is None or pictures is None:
             return
-        if wanted.moving:
-            dots = pictures.coarse(wanted)
-            with self._bench.drawing:
-                if self._view is not view:
+        try:
+            if wanted.moving:
+                dots = pictures.coarse(wanted)
+                with self._bench.drawing:
+                    if self._view is not view:
+                        return
+                    view.show_coarse(*dots)
+                    self.coarse += 1
+                if self._changed.wait(_STILL):
                     return
-                view.show_coarse(*dots)
-                self.coarse += 1
-            if self._changed.wait(_STILL):
-                return
-        self._draw_fine(view, pictures, replace(wanted, moving=False))
+            self._draw_fine(view, pictures, replace(wanted, moving=False))
+        except LayoutError as error:
+            self._missed(view, pictures.body, wanted, error)
+
+    def _missed(
+        self, view: SectionView, body: BodySection, wanted: Wanted, error: LayoutError
+    ) -> None:
+        """The whole body, beside which the plane lies."""
+        vertices, faces = body.skin
+        vertices = body.carried(vertices, wanted.state)
+        with self._bench.drawing:
+            if self._view is view:
+                self.picture = None
+                view.clear()
+                view.show_shell(vertices, faces)
+                self._told(error)
 
     def _draw_fine(self, view: SectionView, pictures: Pictures, wanted: Wanted) -> None:
         body, state, size = pictures.body, wanted.state, self._bench.size
@@ -119,8 +137,6 @@ class SectionWork:
     def _failed(self, error: Exception) -> None:
         with self._bench.drawing:
             self.picture = None
-            if self._view is not None:
-                self._view.clear()
             self._told(error)
 
 

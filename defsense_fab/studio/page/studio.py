@@ -88,6 +88,7 @@ class Studio:
         if self.page is not None:
             self.page.close()
         self._server.gui.reset()
+        self._server.gui.main_panel.dock_right()  # which the reset has undone
         self._server.scene.reset()
         self.page = make()
 

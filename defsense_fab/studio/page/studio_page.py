@@ -10,6 +10,7 @@ from ..cords.cords_mode import CordsMode
 from ..device.device_mode import DeviceMode
 from ..inside.inside_mode import InsideMode
 from ..make.make_mode import MakeMode
+from ..measure.measure_mode import MeasureMode
 from ..optimise.optimise_mode import OptimiseMode
 from ..poses.poses_mode import PosesMode
 from ..project.agreement import Agreement
@@ -19,8 +20,14 @@ from ..workbench.workbench import Workbench
 from .introduction import Introduction
 
 MODES: tuple[type[Mode], ...] = (
-    DeviceMode, PosesMode, InsideMode, CordsMode, OptimiseMode, MakeMode,
-)  # fmt: skip
+    DeviceMode,
+    PosesMode,
+    InsideMode,
+    CordsMode,
+    OptimiseMode,
+    MakeMode,
+    MeasureMode,
+)
 _BRAND = (31, 119, 180)
 
 
@@ -51,7 +58,10 @@ class StudioPage:
         except DefsenseError as error:
             self.bench.fail(error)
         for mode in self.modes.values():
-            mode.look()
+            try:
+                mode.look()
+            except Exception as error:  # told on the page: the studio goes on
+                self.bench.fail(error)
 
     def enter(self, label: str) -> None:
         """Show a mode's part of the panel, and what it has in the scene."""
@@ -68,9 +78,13 @@ class StudioPage:
 
     def _add_panel(self) -> None:
         gui, bench = self.bench.server.gui, self.bench
+        steps = {"Undo": bench.project.undo, "Redo": bench.project.redo}
         self._title = gui.add_markdown("")
         self._mode = gui.add_button_group("Mode", tuple(self.modes))
         self._mode.on_click(lambda _: self.enter(self._mode.value))
+        self._step = gui.add_button_group("Step", ("Undo", "Redo"), hint="Ctrl+Z and Ctrl+Shift+Z")
+        self._step.on_click(lambda _: bench.tried(steps[self._step.value]))
+        self._steps = gui.add_markdown("")
         bench.add_message()
         self._introduction = Introduction(gui, self.modes, self.enter)
         for at, mode in enumerate(self.modes.values(), start=1):
@@ -79,8 +93,6 @@ class StudioPage:
                 gui.add_markdown(mode.hint)
                 mode.add_panel()
             bench.command(mode.label, mode.hint, self._entering(mode.label), str(at))
-        self._undo = bench.button("Undo", "Take the last step back", bench.project.undo)
-        self._redo = bench.button("Redo", "Do again what was undone", bench.project.redo)
         bench.command("Undo", "Take the last step back", bench.project.undo, "Z", "cmd/ctrl")
         bench.command("Redo", "Do again", bench.project.redo, "Z", "cmd/ctrl+shift")
         bench.add_progress()
@@ -109,7 +121,8 @@ class StudioPage:
         )
 
     def _changed(self, told: str) -> None:
-        self.bench.say(told)
+        # What was done is read beside Undo already.
+        self.bench.say("" if told == self.bench.project.undoes else told)
         self._draw()
 
     def _loaded(self) -> None:
@@ -123,11 +136,7 @@ class StudioPage:
         project = self.bench.project
         with self.bench.drawing:
             self._title.content = f"## {project.device.name}"
-            for button, label, step in (
-                (self._undo, "Undo", project.undoes), (self._redo, "Redo", project.redoes)
-            ):  # fmt: skip
-                # A label is no markdown.
-                button.label = f"{label}: {step.replace('`', '')}" if step else label
-                button.disabled = step is None
+            named = (("Undo", project.undoes), ("Redo", project.redoes))
+            self._steps.content = "; ".join(f"{word}: {step}" for word, step in named if step)
             for mode in self.modes.values():
                 mode.device_changed()

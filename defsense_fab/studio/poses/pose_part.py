@@ -37,6 +37,7 @@ class PosePart:
         self._shown = self._filling = self._dragging = False
         self._posed: str | None = None  # the pose that was asked for last
         self._centers: dict[str, Float] = {}
+        self._good: Float | None = None  # the vertices (v, 3) mm of the last fine shape
 
     def add_panel(self) -> None:
         """Its buttons and words, in the folder that is open."""
@@ -70,7 +71,7 @@ class PosePart:
         self._shown = shown
         if not shown or self._scene.body is None:
             self.pulls.clear()
-            self._posed = None
+            self._posed = self._good = None
             self.words.content = _NO_BODY if self._scene.body is None else ""
             return
         self.pulls.show(pose)
@@ -98,6 +99,7 @@ class PosePart:
 
     def moved(self, name: str, position: Float, rotation: Float, ended: bool) -> None:
         """A hand has a gizmo; what it did is written once it lets go."""
+        asked = time.perf_counter()
         pose, device = self.pose, self._bench.project.device
         if pose is None or self._scene.body is None:
             return
@@ -105,7 +107,7 @@ class PosePart:
         self._dragging = not ended
         if not ended:
             self.pulls.draw(new)
-            self._seek(new, check=False)
+            self._seek(new, check=False, asked=asked)
         elif not self._write(edits_of(pose, new)):
             self.redraw(True)
 
@@ -127,12 +129,16 @@ class PosePart:
         with self._bench.drawing:
             if not self._shown or wanted.pose.name != self._posed or self._scene.body is None:
                 return
-            if answer.vertices is not None:
-                self._scene.body.move(answer.vertices)
-                self.pulls.draw(wanted.pose)
+            vertices, found = answer.vertices, answer.found
+            if found is not None and vertices is not None:
+                self._good = vertices
+            elif vertices is None:  # a coarse shape may have been shown on the way
+                vertices = self._good
+            if vertices is not None:
+                self._scene.body.move(vertices)
+                self.pulls.draw(wanted.pose if self._dragging else None)
             self.words.content = self._told(wanted, answer)
             self._stop.disabled = answer.found is not None
-            found = answer.found
             if found is not None and found.moved is not None and wanted.share == 1.0:
                 self._centers = dict(found.centers)
                 if not self._dragging:
@@ -140,8 +146,11 @@ class PosePart:
 
     def failed(self, error: Exception) -> None:
         """A pose that the body cannot have; the last shape stays."""
-        self._stop.disabled = True
-        self.words.content = f"**{error}.** The last shape stays."
+        with self._bench.drawing:
+            self._stop.disabled = True
+            self.words.content = f"**{error}.** The last shape stays."
+            if self._shown and self._good is not None and self._scene.body is not None:
+                self._scene.body.move(self._good)
 
     def rename(self) -> None:
         """The chosen pose, to what is written in the field."""
@@ -203,16 +212,21 @@ class PosePart:
         with self._bench.drawing:
             self.choose(None if self._list.value == NONE else self._list.value)
 
-    def _seek(self, pose: Pose, *, check: bool, share: float = 1.0) -> None:
-        asked = time.perf_counter()
-        other = self._posed != pose.name
+    def _seek(
+        self, pose: Pose, *, check: bool, share: float = 1.0, asked: float | None = None
+    ) -> None:
+        asked = time.perf_counter() if asked is None else asked
+        # A coarse shape would take a step back from the fine one that a hand has come to.
+        quick = self._posed != pose.name or not check
         self._posed = pose.name
         if share == 1.0:
             self._ramp.reset()
         device = self._bench.project.device
-        self._scene.work.give(Wanted(device, pose, share, check, other, asked))
+        self._scene.work.give(Wanted(device, pose, share, check, quick, asked))
         if self._stop.disabled:
             self._stop.disabled = False
+        if check:
+            self.words.content = f"solving `{pose.name}`"
 
     def _place_grips(self) -> None:
         pose = self.pose

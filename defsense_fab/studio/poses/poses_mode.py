@@ -35,6 +35,7 @@ class PosesMode(Mode):
         self.regions, self.poses = RegionPart(self.scene), PosePart(self.scene, self.ramp)
         self.suggestions = SuggestionPart(self.scene)
         self.ramp.seek, self.ramp.pose = self.poses.seek_share, lambda: self.poses.pose
+        self.suggestions.taken = self.poses.choose
         self.scene.clicked = self.poses.pulls.clicked
         self._entered = False
         self.part = POSES  # or REGIONS, whichever is shown
@@ -100,6 +101,7 @@ class PosesMode(Mode):
     def _redraw(self) -> None:
         meshed, poses = self.scene.body is not None, self.part == POSES
         self._first.visible = not meshed
+        self._mesh.label = "Mesh the body again" if meshed else "Mesh the body"
         for name, folder in self._folders.items():
             folder.visible = meshed and name == self.part
         self._proposed.visible = meshed and poses

@@ -10,6 +10,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
+from ...mechanics.elements.threads import cores
 from ...pipeline.artifacts.build_folder import build_folder
 from ...pipeline.design.pose_preview import load_preview
 from ...pipeline.design.region_points import held_points
@@ -50,7 +51,7 @@ class PosesScene:
         """What there is of the build: the body and the solver, or neither."""
         self.clear()
         try:
-            preview = load_preview(self.bench.project.device)
+            preview = load_preview(self.bench.project.device, cores())
         except (DefsenseError, OSError):
             self.work.begin(None)
             return

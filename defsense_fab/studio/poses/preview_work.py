@@ -21,15 +21,15 @@ _TIMES = 500  # answers whose times are kept
 
 @dataclass(frozen=True)
 class Wanted:
-    """A pose of a device at a share of its ramp; `check` where no hand moves it any more,
-    `from_rest` where it is another pose than the last; `asked` is when that was (s of
-    `time.perf_counter`)."""
+    """A pose of a device at a share of its ramp; `check` where no hand moves it any more: then it
+    is led to from rest, as a build does it; `quick` where a coarse shape is wanted before; `asked`
+    is when that was (s of `time.perf_counter`)."""
 
     device: Device
     pose: Pose
     share: float = 1.0
     check: bool = False
-    from_rest: bool = False
+    quick: bool = True
     asked: float = 0.0
 
 
@@ -69,6 +69,14 @@ class PreviewWork:
         self._coarse: list[tuple[PosePreview, TetMesh]] = []
         self.times: deque[Times] = deque(maxlen=_TIMES)
         self._work: Latest[Wanted | Callable[[PosePreview], None]] = Latest(self._do, failed)
+
+    @property
+    def has_coarse(self) -> bool:
+        """Whether the next answer is a coarse one first."""
+        with self._lock:
+            preview = self._other[0] if self._other else self._preview
+            waits = any(owner is preview for owner, _ in self._coarse)
+            return preview is not None and (waits or preview.has_coarse)
 
     def begin(self, preview: PosePreview | None) -> None:
         """Go on with another build, or none; its coarse mesh is made meanwhile."""
@@ -133,8 +141,9 @@ class PreviewWork:
             sent.append(time.perf_counter() - thing.asked)
 
         found = preview.edit(
-            thing.pose, thing.share, coarse, lambda: self.cancelled_since(begun),
-            lambda: not self.is_newest(thing), check=thing.check, from_rest=thing.from_rest,
+            thing.pose, thing.share, coarse if thing.quick else None,
+            lambda: self.cancelled_since(begun), lambda: not self.is_newest(thing),
+            check=thing.check, from_rest=thing.check,
         )  # fmt: skip
         shape = None if found.moved is None else rest + found.moved
         if found.status is not Status.CANCELLED or self.is_newest(thing):

@@ -113,7 +113,11 @@ class PullList:
             near = int(np.linalg.norm(body.rest - d.at, axis=1).argmin())
             ends.append([d.at + body.vertices[near] - body.rest[near], d.at + d.by])
         self._lines = self._bench.server.scene.add_line_segments(
-            "/poses/pulls", np.array(ends, np.float32), _LINE, line_width=4.0
+            "/poses/pulls",
+            np.array(ends, np.float32),
+            _LINE,
+            thickness=4.0,
+            thickness_units="screen",
         )
 
     def clear(self) -> None:

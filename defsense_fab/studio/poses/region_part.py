@@ -23,6 +23,7 @@ from .poses_scene import PosesScene
 NONE = "none"
 NEW, REFIT = "makes a region", "fits the chosen region"
 _NO_BODY = "Mesh the body first: regions hold points of its surface."
+_EDGE = (120, 120, 130)
 _KINDS = {Box: "box", Sphere: "sphere", HalfSpace: "half space", Cylinder: "cylinder"}
 _HOW = (
     "Hold **Shift** and drag a rectangle over the body: it takes all points of the surface within"
@@ -38,6 +39,7 @@ class RegionPart:
         self.chosen: str | None = None
         self._filling = False  # the page sets values, no person does
         self._grip: Float | None = None  # where the gizmo was before a hand took it
+        self._outline: Any = None
 
     def add_panel(self) -> None:
         """Its buttons and words, in the folder that is open."""
@@ -74,6 +76,7 @@ class RegionPart:
         self._box.visible = shape is not None and not isinstance(shape, Box)
         self._filling = False
         self._tell(dict(regions))
+        self._draw(shape if shown else None)
         if shown:
             self._scene.rest()
             self._place_grip(shape)
@@ -120,6 +123,7 @@ class RegionPart:
         if not ended:
             regions[self.chosen] = shifted(regions[self.chosen], by)
             self._tell(regions)
+            self._draw(regions[self.chosen])
             if self._scene.body is not None:
                 self._scene.body.show_regions(held_points(regions, self._scene.points))
         elif not by.any() or not self._bench.do(shift_region(self.chosen, by)):
@@ -190,6 +194,18 @@ class RegionPart:
             *(f"**{told}**\n" for told in dict.fromkeys(chain.from_iterable(problems.values()))),
         ]
         self.words.content = "\n".join(lines) if regions else "There is no region yet."
+
+    def _draw(self, shape: Shape | None) -> None:
+        """The edges of a box."""
+        if self._outline is not None:
+            self._outline.remove()
+            self._outline = None
+        if isinstance(shape, Box) and self._scene.body is not None:
+            self._outline = self._bench.server.scene.add_box(
+                "/poses/box", color=_EDGE, wireframe=True,
+                dimensions=tuple((shape.high - shape.low).tolist()),
+                position=tuple(((shape.low + shape.high) / 2).tolist()),
+            )  # fmt: skip
 
     def _place_grip(self, shape: Shape | None) -> None:
         if shape is None or self._scene.body is None or self.chosen is None:

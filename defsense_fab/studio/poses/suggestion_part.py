@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import tomlkit
 from tomlkit import TOMLDocument
 from tomlkit.exceptions import TOMLKitError
 
+from ...core.device_file import load_device
 from ...core.errors import DeviceError
 from ...mechanics.solver.modes import ProposedPose
 from ...pipeline.study.propose_poses import Found, as_toml, continued, find_poses
 from ..edits.edit import Edit
 from ..edits.tables import free_name
-from ..workbench.latest import Latest
+from ..workbench.beside import BesideWork, Teller
 from .poses_scene import PosesScene
 
 NONE = "none"
@@ -30,13 +32,16 @@ class SuggestionPart:
         self._scene, self._bench = scene, scene.bench
         self._found: Found | None = None
         self._fixed = ""
-        self._looking = Latest(self._look, self._failed)
+        self._looking = BesideWork("search for modes", self._told, self._ended, self._came)
+        self.taken: Callable[[str], None] = lambda _: None  # hears of a pose that was written
 
     def add_panel(self) -> None:
         """Its buttons and words, in the folder that is open."""
         gui, button = self._bench.server.gui, self._bench.button
         self._held = gui.add_dropdown("Held", (NONE,), hint="The region by which the body is held")
         button("Propose poses", "What a hand will do to the body: its lowest modes", self.look)
+        self._bar = gui.add_progress_bar(0.0, visible=False)
+        self._stop = button("Cancel the search", "Nothing changes", self.cancel, visible=False)
         self.words = gui.add_markdown("")
         self._list = gui.add_dropdown("Proposed", (NONE,), visible=False, hint="Shown on the body")
         self._list.on_update(lambda event: self._listed(event))
@@ -55,23 +60,23 @@ class SuggestionPart:
         self._know(None)
 
     def close(self) -> None:
-        """End the thread."""
+        """End the search."""
         self._looking.close()
 
-    def wait(self, seconds: float) -> bool:
-        """Whether what was asked for is done within so many s."""
-        return self._looking.wait(seconds)
+    def cancel(self) -> None:
+        """End the search; what was found before stays."""
+        self._looking.cancel()
 
     def look(self) -> None:
-        """For poses with the chosen region held; it takes some seconds."""
+        """For poses with the chosen region held, beside the page."""
         region = self._held.value
         if region == NONE:
             self._bench.say(_NO_REGION)
         elif self._scene.body is None:
             self._bench.say("Mesh the body first.")
-        else:
-            self.words.content = "looking for the body's lowest modes; it takes some seconds"
-            self._looking.give(region)
+        elif self._bench.may_run(self.look):  # the mesh may have to be made anew
+            self._searching(True)
+            self._looking.begin(_look, self._bench.project.folder, region)
 
     def choose(self, name: str) -> None:
         """Show a proposed pose on the body."""
@@ -113,13 +118,32 @@ class SuggestionPart:
             added.pop("states", None)
             text = tomlkit.dumps(added)
         told = ", ".join(f"`{p.name}`" for p in named)
-        return named[0].name if self._bench.do(_taking(told, text)) else None
-
-    def _look(self, region: str) -> None:
-        found = find_poses(self._bench.project.device, region)
+        if not self._bench.do(_taking(told, text)):
+            return None
         with self._bench.drawing:
-            self._fixed = region
-            self._know(found)
+            self.taken(named[0].name)
+        return named[0].name
+
+    def _searching(self, on: bool) -> None:
+        self._bar.visible = self._stop.visible = on
+        self._bar.value = 0.0
+        if on:
+            self.words.content = "looking for the body's lowest modes"
+
+    def _told(self, share: float, told: str) -> None:
+        self._bar.value = 100 * share
+        self.words.content = told
+
+    def _came(self, found: tuple[str, Found]) -> None:
+        with self._bench.drawing:
+            self._fixed, known = found
+            self._know(known)
+
+    def _ended(self, problem: str | None) -> None:
+        with self._bench.drawing:
+            self._searching(False)
+            if problem is not None:
+                self.words.content = f"**{problem}**"
 
     def _know(self, found: Found | None) -> None:
         self._found = found
@@ -145,8 +169,14 @@ class SuggestionPart:
             with self._bench.drawing:
                 self.choose(self._list.value)
 
-    def _failed(self, error: Exception) -> None:
-        self.words.content = f"**{error}**"
+
+def _look(teller: Teller, folder: Path, region: str) -> None:
+    """In the other process."""
+
+    def progress(stage: str, share: float, told: str) -> None:
+        teller.progress(share, f"{stage}: {told}")
+
+    teller.found((region, find_poses(load_device(folder, complete=False), region, 8, progress)))
 
 
 def _taking(told: str, text: str) -> Edit:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...core.errors import StorageError
 from ...core.files import storage_errors, write_text
 
 FOLDER, FILE = ".studio", "history.jsonl"
@@ -31,6 +32,10 @@ class History:
         """Goes on where the last program ended, unless `text`, what the file has now, is another:
         that is a step of its own. Raises StorageError."""
         self._path = folder / FOLDER / FILE
+        for path in (self._path.parent, self._path):
+            if path.is_symlink():  # of a folder that came from elsewhere: it may lead anywhere
+                raise StorageError(f"{path}: is a symbolic link, into which nothing is written;"
+                                   " remove it")  # fmt: skip
         self.steps, self.at = _read(self._path)
         if not self.steps:
             self.steps, self.at = [Step("open", text)], 0

@@ -65,8 +65,11 @@ class BodyForm:
         words = [f"**{size} mm**"]
         if body.doubtful:
             words.append("The file does not say its unit, and this is a guess: is it so large?")
-        if body.repaired:
-            words.append(f"Mended: {', '.join(body.repaired)}.")
+        mended = [
+            line for line in body.repaired if not line.startswith("merged")
+        ]  # as STL needs it
+        if mended:
+            words.append(f"Mended: {', '.join(mended)}.")
         words.append("It is held at one end and moved at the other, until you say otherwise.")
         self.words.content = "\n\n".join(words)
         vertices = body.surface.vertices * UNITS[unit]

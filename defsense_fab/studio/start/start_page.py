@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ class StartPage:
     ) -> None:
         self.server, self.folder = server, folder
         self._agreement, self._begun = agreement, begun
+        self._lock, self._over = threading.RLock(), False
         self._read = Latest(self._look_at, self.fail)
         gui = server.gui
         gui.add_markdown(
@@ -44,7 +46,9 @@ class StartPage:
         self.buttons = {start.name: self._add_start(start) for start in STARTS}
 
     def close(self) -> None:
-        """End its thread."""
+        """End its thread; nothing is told any more."""
+        with self._lock:
+            self._over = True
         self._read.close()
 
     def look(self) -> None:
@@ -52,7 +56,7 @@ class StartPage:
 
     def fail(self, error: Exception) -> None:
         """What went wrong, at the top of the page."""
-        self.message.content = f"**{error}**"
+        self._tell(f"**{error}**")
 
     def begin(self, start: StartingDevice) -> None:
         """The device, with a name after the folder's."""
@@ -66,14 +70,16 @@ class StartPage:
 
     def dropped(self, name: str, content: bytes) -> None:
         """A file has come whole; it is looked at on a thread."""
-        self.message.content = f"`{safe_name(name)}` is being read ..."
+        self._tell(f"`{safe_name(name)}` is being read ...")
         self._read.give((name, content))
 
     def refuse(self, name: str, why: str) -> None:
         """An upload that is not taken; viser's button waits for it, so there is a new one."""
-        self.message.content = f"**`{safe_name(name)}` is not taken: {why}.**"
-        self._upload.remove()
-        self._add_upload()
+        with self._lock:
+            if not self._over:
+                self._tell(f"**`{safe_name(name)}` is not taken: {why}.**")
+                self._upload.remove()
+                self._add_upload()
 
     def wait(self, seconds: float) -> bool:
         """Whether all that was dropped is looked at within so many s."""
@@ -81,8 +87,13 @@ class StartPage:
 
     def _look_at(self, file: tuple[str, bytes]) -> None:
         found = look_at_file(*file)
-        self.message.content = ""
+        self._tell("")
         self.form.show(found)
+
+    def _tell(self, words: str) -> None:
+        with self._lock:
+            if not self._over:  # its handles are gone then, and refuse all
+                self.message.content = words
 
     def _finish(self) -> None:
         self._begun()

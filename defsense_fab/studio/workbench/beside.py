@@ -4,6 +4,9 @@ takes nothing else along."""
 from __future__ import annotations
 
 import multiprocessing
+import os
+import signal
+import sys
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -11,6 +14,7 @@ from typing import Any
 
 from ...core.errors import DefsenseError
 
+CANCELLED = "cancelled"
 _LEAVES = 5.0  # s that cancelled work has to leave
 _GO_ON, _WAIT = "go on", "wait"
 
@@ -137,7 +141,7 @@ class BesideWork:
                 self._paused(kind == "paused")
         self._process.join()
         if self._cancelled:
-            outcome = "cancelled"
+            outcome = CANCELLED
         with self._lock:
             self._process = self._pipe = None
         ours.close()
@@ -145,7 +149,10 @@ class BesideWork:
 
 
 def _work(work: Work, what: str, theirs: Connection, arguments: tuple[Any, ...]) -> None:
-    """In the other process."""
+    """In the other process, which the studio ends: Ctrl-C is for the studio alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.stdout.flush()
+    os.dup2(2, 1)  # native libraries print there
     try:
         work(Teller(theirs), *arguments)
         theirs.send(("over", None))

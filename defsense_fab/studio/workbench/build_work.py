@@ -1,5 +1,4 @@
-"""A build while the page is used: in a process of its own, so that it can be cancelled, and that
-what goes wrong in it takes nothing else along."""
+"""A build while the page is used."""
 
 from __future__ import annotations
 
@@ -10,11 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.device import Sensor
-from ...core.progress import Progress
 from .beside import BesideWork, Teller
 
-#: Done in the other process: a folder, until which stage, and where to tell of progress.
-Work = Callable[[Path, str, Progress], None]
 _EARLY = ("body", "mesh")  # stages that need neither poses nor cords
 _SHOWN = 0.1  # s between layouts that the search passes on its way
 
@@ -39,26 +35,15 @@ class BuildWork(BesideWork):
         self,
         told: Callable[[float, str], None],
         ended: Callable[[str | None], None],
-        work: Work | None = None,
-        *,
         found: Callable[[SeenLayout], None] = lambda _: None,
         paused: Callable[[bool], None] = lambda _: None,
     ) -> None:
-        """`work` is done in the other process, and is a build up to a stage where none is given."""
         super().__init__("build", told, ended, found, paused)
-        self._work = work
 
     def start(self, folder: Path, until: str = "report") -> bool:
         """Build the device in a folder up to a stage; whether it began, which it does not while
         another one runs."""
-        if self._work is None:
-            return self.begin(_build, folder, until)
-        return self.begin(_other, self._work, folder, until)
-
-
-def _other(teller: Teller, work: Work, folder: Path, until: str) -> None:
-    """In the other process."""
-    work(folder, until, lambda stage, share, told: teller.progress(share, f"{stage}: {told}"))
+        return self.begin(_build, folder, until)
 
 
 def _build(teller: Teller, folder: Path, until: str) -> None:

@@ -51,5 +51,7 @@ class Latest(Generic[T]):
             try:
                 self._work(thing)
             except Exception as error:  # told on the page: the studio goes on
+                if self._over:  # and there is no page any more
+                    return
                 self._failed(error)
             self.done += 1

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ...core.errors import DefsenseError
+from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
 from ...pipeline.artifacts.body import load_surface
 from ...pipeline.artifacts.build_folder import build_folder
+from ...pipeline.artifacts.fields import INDEX
 from ...pipeline.design.layout_judge import LayoutJudge
 from ...runtime.view.first_look import look_at_body
 from ..edits.edit import Edit
@@ -37,9 +38,9 @@ class Workbench:
         self.built = False  # whether that is the body of a build
         self.judge: LayoutJudge | None = None  # once the poses are simulated
         self.body: Any = None  # in the scene; its `visible` belongs to the mode that is entered
-        self.builds = BuildWork(self._progress, self._ended, found=self._found, paused=self._stood)
-        self.problem: str | None = None  # of the last build, where it failed
         self.keys: list[tuple[str, str]] = []  # and what they do, for the sheet of keys
+        self.builds = BuildWork(self._progress, self._ended, self._found, self._stood)
+        self.problem: str | None = None  # of the last build, where it failed
         #: Told when a build begins, and of layouts that its search comes to: the latter on the
         #: build's thread, so that listeners return at once.
         self.begun: list[Callable[[], None]] = []
@@ -151,12 +152,21 @@ class Workbench:
         try:
             self.surface = load_surface(folder)
             self.built = True
-        except (DefsenseError, OSError):
+        except OSError:
             self.built = False  # a body may have been made by itself
+        except Exception as error:  # files of others, or cut off: readers raise anything
+            self.built = False
+            self._damaged(error)
+        self.judge = None
         try:
             self.judge = LayoutJudge(device, folder)
+        except StorageError as error:
+            if (folder / INDEX).exists():
+                self._damaged(error)
         except (DefsenseError, OSError):
-            self.judge = None
+            self.judge = None  # there is nothing to judge by
+        except Exception as error:
+            self._damaged(error)
         if self.surface is not None:
             self._show_body(self.surface)
         for told in self.loaded:
@@ -184,6 +194,15 @@ class Workbench:
         if first:
             self.server.scene.set_up_direction("+z")
             look_at_body(self.server, surface.vertices)
+
+    def _damaged(self, error: Exception) -> None:
+        """The build is there, and is none."""
+        if not isinstance(error, DefsenseError):
+            told = " ".join(str(error).split())
+            error = StorageError(
+                f"the build is damaged ({type(error).__name__}: {told}): build again"
+            )
+        self.fail(error)
 
     def _progress(self, share: float, told: str) -> None:
         self._bar.value = 100 * share

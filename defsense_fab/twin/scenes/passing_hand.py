@@ -27,7 +27,7 @@ def passing_hand(
     flat = np.eye(3) - np.outer(towards, towards)
 
     def at(seconds: float) -> tuple[Ball, ...]:
-        turn = int(seconds // _EVERY)
+        turn = max(int(seconds // _EVERY), 0)  # the first picture's first rows are read before 0 s
         own = np.random.default_rng([seed, turn])
         begins = own.uniform(0.5, _EVERY - _LASTS)
         ends = (low + high) / 2 + own.uniform(-1, 1, (2, 3)) * reach @ flat + lifted

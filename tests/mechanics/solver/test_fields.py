@@ -75,6 +75,34 @@ def test_an_edit_gives_the_coarse_answer_first_then_that_of_rest(clamp):
     stopped = session.edit(lambda m: clamp(m, [1.0, 0, 0]), stop=lambda: True)
     assert stopped.status == Status.CANCELLED
     assert session._states[1].u is before
+    seen = []
+    newer = session.edit(lambda m: clamp(m, [1.0, 0, 0]), seen.append, newer=lambda: True)
+    assert newer.status == Status.CANCELLED
+    assert len(seen) == 1  # a hand is followed
+    assert session._states[1].u is before
+    session.close()
+
+
+def test_an_edit_that_is_not_reached_says_how_much_of_the_pose_was(clamp):
+    """From rest, and not from the pose before; a pose can be led on from that one then."""
+    coarse, fine = (
+        QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], n))
+        for n in ((8, 2, 2), (15, 3, 3))
+    )
+
+    def pushed(x):
+        return lambda mesh: clamp(mesh, translation=[x, 0, 0])
+
+    session = Interactive(coarse, fine, MATERIAL)
+    before = session.edit(pushed(-15.0)).u
+    failed = session.edit(pushed(-400.0))
+    assert failed.status == Status.NOT_REACHED
+    alone = solve_ramp(fine, MATERIAL, pushed(-400.0)(fine), [1.0])[-1]
+    assert failed.amplitude == pytest.approx(alone.amplitude, abs=0.05)
+    assert session._states[1].u is before
+    after = session.edit(pushed(-14.0))
+    direct = solve_ramp(fine, MATERIAL, pushed(-14.0)(fine), [1.0])[-1].u
+    assert np.abs(after.u - direct).max() < 1e-4
     session.close()
 
 

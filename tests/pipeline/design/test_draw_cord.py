@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.curve import Plane
+from defsense_fab.core.device import Sensor
 from defsense_fab.core.errors import LayoutError
+from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.problem.problem import Limits
 from defsense_fab.pipeline.design.draw_cord import drawn_curve
 from tests.conftest import box_surface
 
@@ -17,18 +20,24 @@ def wave(first, last):
     return np.stack([x, 5 * np.sin(x / 25)], axis=1)
 
 
-def test_a_stroke_that_crosses_the_body_is_cut_just_outside_of_the_skin():
+def test_a_stroke_that_crosses_the_body_ends_just_below_the_skin():
     curve = drawn_curve(BODY, PLANE, wave(-30, 180))
     ends = curve.points[[0, -1], 0]
-    np.testing.assert_allclose(ends, [-1, 151], atol=0.3)
+    np.testing.assert_allclose(ends, [1, 149], atol=0.3)
     line = curve.sample(100)
     np.testing.assert_allclose(line[:, 1], 5 * np.sin(line[:, 0] / 25), atol=0.7)
 
 
 def test_ends_near_the_skin_go_on_to_it_and_others_stay():
     curve = drawn_curve(BODY, PLANE, wave(12, 100))
-    assert curve.points[0, 0] < -0.8
+    assert curve.points[0, 0] == pytest.approx(1.0, abs=0.3)
     np.testing.assert_allclose(curve.points[-1], [100, 5 * np.sin(4)], atol=0.5)
+
+
+def test_a_drawn_cord_keeps_the_limits_that_the_build_checks():
+    cord = Sensor("drawn", PLANE, drawn_curve(BODY, PLANE, wave(-30, 180)))
+    limits = Limits(1.2, 5.0, 3.4, 2.2)
+    assert verify([cord], BODY, limits).problems == ()
 
 
 def test_the_longest_part_within_a_body_is_taken():

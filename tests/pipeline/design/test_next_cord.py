@@ -9,7 +9,7 @@ from defsense_fab.core.curve import Plane
 from defsense_fab.core.device_file import load_device
 from defsense_fab.pipeline.design.body_section import BodySection
 from defsense_fab.pipeline.design.layout_judge import LayoutJudge
-from defsense_fab.pipeline.design.next_cord import next_cord, sensor_of, shortest
+from defsense_fab.pipeline.design.next_cord import AddedCord, next_cord, sensor_of, shortest
 from tests.pipeline.live.conftest import live_bar as live_bar_fixture
 from tests.pipeline.twin.conftest import small_bar as small_bar_fixture
 
@@ -60,6 +60,16 @@ def test_one_decoder_alone_and_no_cord_yet(device, live_bar):
     judged = judge.judge((cord,))
     assert judged.decoder == "affine"
     assert found.error - found.best_drop == pytest.approx(judged.error, rel=1e-6)
+
+
+def test_a_quadratic_decoder_stands_in_for_a_slow_one(device, live_bar):
+    build, sensors = live_bar.folder / "build", device.sensors
+    slow = AddedCord(LayoutJudge(replace(device, decoder="kernel"), build), sensors)
+    quadratic = LayoutJudge(replace(device, decoder="quadratic"), build)
+    assert slow.error == quadratic.judge(sensors).error
+    signals, noise = np.linspace(0, 0.05, 5)[:, None], np.array([0.002])
+    expected = AddedCord(quadratic, sensors).errors(signals, noise)
+    np.testing.assert_array_equal(slow.errors(signals, noise), expected)
 
 
 def test_a_cord_that_can_be_made_breaks_no_limit(device, live_bar):

@@ -111,7 +111,7 @@ def test_what_is_no_device_is_not_written(tmp_path):
 
 def test_units_are_asked_for_where_they_are_doubtful():
     assert likely_unit(150.0) == ("mm", False)
-    assert likely_unit(6.0) == ("cm", True)
+    assert likely_unit(6.0) == ("inch", True)
     assert likely_unit(1.0) == ("inch", True)
     assert likely_unit(0.15) == ("m", True)
     assert likely_unit(1e7) == ("mm", True)

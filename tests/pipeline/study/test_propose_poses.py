@@ -1,14 +1,24 @@
 """Proposed poses as text of `device.toml`, and added to one that someone wrote."""
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import DeviceError
+from defsense_fab.core.regions import HalfSpace
 from defsense_fab.mechanics.solver.modes import Mode, ProposedPose
-from defsense_fab.pipeline.study.propose_poses import Proposal, append, as_toml
+from defsense_fab.pipeline.study.propose_poses import (
+    Proposal,
+    _end_region,
+    append,
+    as_toml,
+    continued,
+)
+from tests.places import BAR
 
 MODE = Mode(12.345, np.zeros((1, 3)), "bend", 1)
 ORIGIN, AXIS, FREE = (
@@ -87,3 +97,21 @@ def test_a_file_that_cannot_be_continued_is_left_alone(tmp_path):
     with pytest.raises(DeviceError, match="prints without --write"):
         added(tmp_path, before)
     assert (tmp_path / "device.toml").read_text() == before
+
+
+def test_a_region_that_is_there_already_is_used_again(tmp_path):
+    """Poses may be taken one after the other."""
+    device = load_device(BAR, complete=False)
+    text = as_toml(POSES, "base", "tip")
+    shape = tomllib.loads(text)["regions"]["tip"]["half_space"]
+    end = HalfSpace(np.array(shape["origin"], float), np.array(shape["normal"], float))
+    assert _end_region(device, POSES) == "far_end"
+    known = replace(device, regions={**device.regions, "far_end": end})
+    assert _end_region(known, POSES) == "far_end"
+    other = replace(end, origin=end.origin + 1.0)
+    moved = replace(device, regions={**device.regions, "far_end": other})
+    assert _end_region(moved, POSES) == "far_end_new"
+    before = (BAR / "device.toml").read_text(encoding="utf-8")
+    after = tomllib.loads(continued(before, text))
+    assert after["regions"] == tomllib.loads(before)["regions"]
+    assert len(after["poses"]) == len(device.poses) + len(POSES)

@@ -274,6 +274,32 @@ def test_parts_of_another_browser_are_not_taken(page, limited, upload):
     assert came[0].content == b"def"
 
 
+def test_only_what_takes_files_is_given_any(page, limited, upload):
+    slider = page.gui.add_slider("x", 0, 10, 1, 5)
+    with browser(page) as client:
+        client.send(announced(slider, 3))
+        client.send(part(slider, 0, b"abc"))
+        client.ping().wait(LONG)
+    assert slider.value == 5
+    slider.remove()
+
+
+def test_a_browser_that_goes_on_sending_what_was_refused_is_cut_off(page, limited, upload):
+    button, came = upload
+
+    def send_all(client):
+        client.send(announced(button, 2 * 2**30))
+        for k in range(1000):
+            client.send(part(button, k, b"x" * 512 * 1024))
+
+    with browser(page) as client, pytest.raises(ConnectionClosed):
+        send_all(client)
+    with browser(page) as client:
+        client.send(announced(button, 3))
+        client.send(part(button, 0, b"abc"))
+        until(lambda: came)
+
+
 def test_few_uploads_are_under_way_at_once(page, limited, upload):
     button, _ = upload
     with socket_of(page) as client:

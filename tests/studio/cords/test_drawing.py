@@ -128,7 +128,7 @@ def test_what_is_proposed_lowers_the_error(cords):
     assert cords._quick.wait(LONG)
     before, count = cords._shown.error, len(sensors(cords))
     cords.propose()
-    assert cords._proposals.wait(LONG)
+    assert cords._proposals.wait(4 * LONG)
     assert len(sensors(cords)) == count + 1, cords.bench._message.content
     assert "takes the expected error from" in cords.bench._message.content
     assert cords._quick.wait(LONG)

@@ -209,7 +209,7 @@ class FakeWork:
     def __init__(self):
         self.running, self.started, self.cancelled = False, 0, 0
 
-    def start(self, folder, until):
+    def begin(self, work, folder):
         began = not self.running
         self.running, self.started = True, self.started + began
         return began

@@ -82,6 +82,24 @@ def test_planes_are_set_by_buttons_and_cords_and_the_offset(inside):
                                atol=1e-9)  # fmt: skip
 
 
+def test_states_follow_each_other(inside):
+    names = inside.bench.judge.task.names
+    inside.panel.choose(LOOKS[4], names[-1])
+    inside.next_state()
+    settled(inside)
+    assert inside.work.picture.wanted.state == 0
+    assert "square of stretch" in inside.panel._bar.content
+
+
+def test_what_fails_in_a_search_is_told_beside_it(inside, monkeypatch):
+    def broken(*args):
+        raise LayoutError("nothing can be said of these cords")
+
+    monkeypatch.setattr(heat_search, "next_cord", broken)
+    look_for_cords(inside)
+    assert inside.next._told.content == "**nothing can be said of these cords**"
+
+
 def test_a_coarse_cut_follows_the_hand_and_the_fine_one_comes_after(inside):
     before, fine = inside.work.coarse, inside.work.picture
     plane = axis_plane(inside._vertices, 1)
@@ -100,6 +118,8 @@ def test_a_plane_that_misses_the_body_is_told_and_the_next_one_is_drawn(inside):
     settled(inside)
     assert "misses the body; move it by 25.0 mm" in inside.panel._said.content
     assert inside.work.picture is None
+    vertices = inside.work._view._parts["shell"].vertices
+    assert np.ptp(vertices[:, 0]) > 145  # the whole body is shown
     inside.panel.on_axis(2)
     settled(inside)
     assert inside.work.picture is not None
@@ -171,9 +191,10 @@ def test_a_search_that_is_cancelled_ends_and_tells_no_map(inside, held_search):
     begun, go, seen = held_search
     begin_search(inside, begun)
     assert inside.next._bar.visible
-    inside.search.cancel()
+    inside.cancel()
     go.set()
     settled(inside)
+    assert inside.next._told.content.startswith("Cancelled.")
     assert len(seen) == 1
     assert inside._found is None
     assert not inside.next._bar.visible

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import urllib.error
 import urllib.request
 
@@ -9,6 +10,7 @@ import pytest
 
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.view.local_page import local_page
+from defsense_fab.studio.edits.body import rename_device
 from defsense_fab.studio.page.introduction import STEPS
 from defsense_fab.studio.page.studio_page import MODES
 
@@ -47,7 +49,7 @@ def test_what_another_program_writes_is_taken_up(studio_page):
     path = bench.project.folder / "device.toml"
     path.write_text(bench.project.text + "\n# by hand\n", encoding="utf-8")
     studio_page.look()
-    assert bench._message.content == "edit outside of the studio"
+    assert studio_page._steps.content == "Undo: edit outside of the studio"
     path.write_text("name =", encoding="utf-8")
     studio_page.look()
     assert "not valid TOML" in bench._message.content
@@ -77,3 +79,27 @@ def test_requests_of_foreign_pages_and_by_foreign_names_are_refused(studio_serve
     assert status(socket_asked) == 403
     with pytest.raises(OutputError, match="is taken by another program"):
         local_page(studio_server.get_port(), "other")
+
+
+@pytest.mark.parametrize("name", ["body/surface.npz", "fields/index.json", "mesh.vtu"])
+@pytest.mark.parametrize("content", [b"", b"garbage", b"PK\x03\x04 cut off"])
+def test_a_damaged_build_is_told_and_the_page_lives(studio_page, name, content):
+    bench = studio_page.bench
+    path = bench.project.folder / "build" / name
+    path.unlink()
+    path.write_bytes(content)
+    bench.load()
+    assert (not bench.built) if name.startswith("body") else bench.judge is None
+    assert re.search(r"damaged|not valid JSON|cut off", bench._message.content)
+    for label in studio_page.modes:
+        studio_page.enter(label)
+    assert bench.do(rename_device("still here"))
+
+
+def test_a_mode_that_fails_in_its_look_does_not_end_the_studio(studio_page, monkeypatch):
+    def fail():
+        raise ZeroDivisionError("by hand")
+
+    monkeypatch.setattr(studio_page.modes["Make"], "look", fail)
+    studio_page.look()
+    assert "by hand" in studio_page.bench._message.content

@@ -171,6 +171,24 @@ def test_a_read_only_folder_is_told_before_anything_is_lost(begin, tmp_path, mon
     assert isinstance(studio.page, StudioPage)
 
 
+@pytest.mark.parametrize("name", [".studio", ".studio/history.jsonl"])
+def test_links_that_lead_out_of_the_folder_are_not_written_through(begin, tmp_path, name):
+    folder = write_device(tmp_path / "grip")
+    outside = tmp_path / "outside"
+    if name == ".studio":
+        outside.mkdir()
+    else:
+        (folder / ".studio").mkdir()
+        outside.write_text("mine")
+    (folder / name).symlink_to(outside)
+    studio = begin(folder)
+    assert "is a symbolic link" in studio.page.about
+    assert not any(outside.iterdir()) if outside.is_dir() else outside.read_text() == "mine"
+    (folder / name).unlink()
+    studio.look()
+    assert isinstance(studio.page, StudioPage)
+
+
 def test_a_file_is_no_folder(studio_server, tmp_path):
     (tmp_path / "x").touch()
     with pytest.raises(StorageError, match="is no folder"):

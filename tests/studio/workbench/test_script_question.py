@@ -131,3 +131,14 @@ def test_scripts_that_raise_or_never_end_are_told_and_the_page_lives(
     assert not mode.preview.running
     assert load_device(folder).name == "grip"
     page.close()
+
+
+def test_a_look_for_poses_asks_too(hostile):
+    poses = hostile.modes["Poses"]
+    part = next(p for p in vars(poses).values() if hasattr(p, "take_all"))
+    part._held.options = ("none", "base")
+    part._held.value = "base"
+    part._scene.body = object()
+    part.look()
+    assert hostile.bench.question.open
+    part._scene.body = None

@@ -61,3 +61,9 @@ def test_a_hand_passes_before_the_body_now_and_then():
         # In front of every corner of the body, as the cameras see it.
         assert ball.center @ towards - ball.radius > (bounds[1] @ towards)
         assert passing(t)[0].center == pytest.approx(ball.center)
+
+
+def test_before_the_beginning_no_hand_is_there():
+    bounds = np.array([[-10.0, -10, -10], [10, 10, 10]])
+    passing = passing_hand(np.random.default_rng(1), bounds, np.array([0.0, 0, 1]))
+    assert passing(-0.01) == passing(0.0) == ()

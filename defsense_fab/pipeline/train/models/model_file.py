@@ -19,6 +19,7 @@ from ....decoding.trained_model import TrainedModel
 from ...artifacts import typed_json
 
 MODEL = "model.json"
+_TAIL = 100  # bytes at a model's end, that its hash is in
 _REMEDY = "'defsense train' writes such a file"
 
 
@@ -26,6 +27,16 @@ def write_model(path: Path, model: TrainedModel) -> None:
     """Raises StorageError."""
     data = {"schema": model.SCHEMA, **typed_json.to_json(model)}
     write_text(path, _text({**data, "sha256": _hash(data)}) + "\n")
+
+
+def is_model(path: Path) -> bool:
+    """Whether a file seems to be a whole model, by its end: as quick as many files need it."""
+    try:
+        with path.open("rb") as file:
+            file.seek(-min(_TAIL, path.stat().st_size), 2)
+            return b'"sha256":' in file.read()
+    except OSError:
+        return False
 
 
 def load_model(path: Path) -> TrainedModel:

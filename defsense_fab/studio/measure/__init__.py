@@ -1,0 +1,1 @@
+"""The mode in which the finished device is measured, trained and run."""

@@ -1,0 +1,197 @@
+"""The cord's response, measured on a specimen, and the device made to use it."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ...capture.readout.reader import Settings
+from ...core.errors import DefsenseError
+from ...pipeline.artifacts.session_manifest import FILE
+from ...pipeline.calibrate import session as sessions
+from ...pipeline.calibrate.guided_measurement import run_guided_measurement
+from ...pipeline.twin.sample_sources import open_source
+from ..edits.body import use_response
+from ..workbench.process_work import ProcessWork
+from ..workbench.workbench import Workbench
+from . import jobs
+from .measurement_screen import MeasurementScreen
+from .measurement_words import response_words
+
+_RESPONSE = "response.json"
+_LEAVES = 10.0  # s that a measurement has to end
+
+
+class CalibrationPart:
+    """A folder of the panel; one measurement at a time, on a thread, and fits in a process."""
+
+    def __init__(self, bench: Workbench) -> None:
+        self._bench = bench
+        self.work = ProcessWork("work", self._progress, self._ended)
+        self._thread: threading.Thread | None = None
+        self._told_of: Callable[[Any], str] = str
+        self.screen: MeasurementScreen | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a specimen is measured."""
+        thread = self._thread
+        return thread is not None and thread.is_alive()
+
+    def add_panel(self) -> None:
+        gui, bench = self._bench.server.gui, self._bench
+        self._folder = gui.add_folder("Calibrate the cord", expand_by_default=False)
+        with self._folder:
+            self._port = gui.add_text(
+                "Board", "twin:speed=20",
+                hint="The read-out board's port: /dev/ttyUSB0, COM3; twin:speed=20, simulated",
+            )  # fmt: skip
+            self._specimen = gui.add_text(
+                "Specimen", "specimen",
+                hint="What defsense calibrate specimen wrote: a folder in the device's",
+            )  # fmt: skip
+            self._start = bench.button("Measure", "Guided, jig by jig", self.start, color="green")
+            bench.button(
+                "Simulate specimens", "Sessions of two, without waiting, to try the fit",
+                self.simulate,
+            )  # fmt: skip
+            bench.button("Fit the response", "To all sessions on specimens in the folder", self.fit)
+            self._cancel = bench.button(
+                "Cancel", "Files stay as they were", self.work.cancel, visible=False
+            )
+            self._told = gui.add_markdown("")
+            self._use = bench.button(
+                "Use it in this device", "[cord] response; can be undone", self.use, visible=False
+            )
+
+    def start(self) -> None:
+        """Measure a specimen, or go on with it, on a thread."""
+        if self.busy:
+            self._tell("A measurement is under way; stop it first.")
+            return
+        self._start.disabled = True
+        self._tell("Preparing ...")
+        self._thread = threading.Thread(target=self._go, daemon=True)
+        self._thread.start()
+
+    def simulate(self) -> None:
+        """Sessions of simulated specimens of the device's cord."""
+        there = [p.name for p in self._bench.project.folder.glob(f"{jobs.SIMULATED}-*")]
+        if there:
+            self._tell(f"**`{there[0]}` is there already: fit it, or remove it first.**")
+            return
+        self._do(partial(jobs.simulate_specimens, self._bench.project.folder), _simulated)
+
+    def fit(self) -> None:
+        """To all sessions on specimens; beside device.toml."""
+        folder = self._bench.project.folder
+        found = specimen_sessions(folder)
+        if not found:
+            self._tell("**No specimen was measured yet: *Measure* one, or simulate some.**")
+            return
+        self._use.visible = False
+        self._do(partial(jobs.fit, found, folder / _RESPONSE), self._fitted)
+
+    def use(self) -> None:
+        """The response in place of the data sheet's."""
+        if self._bench.do(use_response(_RESPONSE)):
+            self._tell(
+                "The device uses the measured response: *Optimise* and build it anew under *Make*."
+            )
+            self._use.visible = False
+
+    def wait(self, seconds: float) -> bool:
+        """Whether no measurement is under way any more within so many s."""
+        thread = self._thread
+        if thread is not None:
+            thread.join(seconds)
+        return not self.busy
+
+    def close(self) -> None:
+        """What was measured stays, and can be gone on with."""
+        if self.screen is not None:
+            self.screen.press("q")
+        self.wait(_LEAVES)
+        self.work.close()
+
+    def _go(self) -> None:
+        try:
+            told = self._measure()
+        except DefsenseError as error:
+            told = f"**{error}**"
+        except Exception as error:  # told on the page: the studio goes on
+            told = f"**The measurement failed ({type(error).__name__}: {error}).**"
+        screen, self.screen = self.screen, None
+        if screen is not None:
+            screen.close()
+        self._start.disabled = False
+        self._tell(told)
+
+    def _measure(self) -> str:
+        place = self._bench.project.folder / self._specimen.value.strip()
+        about = sessions.specimen_of(place)
+        folder = (place if place.is_dir() else place.parent) / "session"
+        session, begun = sessions.begin_or_go_on(folder, sessions.usual(about))
+        try:
+            settings = Settings(channels=3, average=session.average, rate=session.rate)
+            opened = open_source(
+                self._port.value.strip(), settings, session.geometry, session.length
+            )
+            with self._bench.drawing:
+                self.screen = MeasurementScreen(self._bench, self._folder)
+            self._tell("")
+            run_guided_measurement(session, opened.source, self.screen, opened.hands)
+        except DefsenseError:
+            if not begun:
+                sessions.discard_empty(session)
+            raise
+        left, total = len(sessions.unfinished(session)), len(session.steps)
+        if left:
+            return (
+                f"{total - left} of {total} readings are done: *Measure* goes on; *Fit the"
+                " response* takes what there is."
+            )
+        return "All readings are done: *Fit the response*."
+
+    def _do(self, job: Any, told_of: Callable[[Any], str]) -> None:
+        if self.work.running:
+            self._tell("**Something is under way here; wait for it, or cancel it.**")
+            return
+        self._told_of, self._cancel.visible = told_of, True
+        self._tell("Starting ...")
+        self.work.start(job)
+
+    def _progress(self, share: float, told: str) -> None:
+        self._tell(f"{told} ({share:.0%})")
+
+    def _ended(self, problem: str | None, result: Any) -> None:
+        self._cancel.visible = False
+        self._tell(f"**{problem}**" if problem is not None else self._told_of(result))
+
+    def _fitted(self, result: Any) -> str:
+        self._use.visible = True
+        return response_words(result)
+
+    def _tell(self, told: str) -> None:
+        self._told.content = told
+
+
+def _simulated(folders: list[str]) -> str:
+    return f"Simulated {', '.join(f'`{name}`' for name in folders)}: *Fit the response*."
+
+
+def specimen_sessions(folder: Path) -> list[Path]:
+    """Sessions on specimens in a folder, and in folders of it."""
+    out = []
+    for path in sorted([*folder.glob(f"*/{FILE}"), *folder.glob(f"*/*/{FILE}")]):
+        try:
+            said = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):  # of whatever kind it was, it tells nothing
+            continue
+        if isinstance(said, dict) and "specimen" in said:
+            out.append(path.parent)
+    return out

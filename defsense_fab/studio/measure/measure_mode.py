@@ -1,0 +1,48 @@
+"""The mode in which the finished device is measured, trained and run."""
+
+from __future__ import annotations
+
+from ..workbench.mode import Mode
+from ..workbench.workbench import Workbench
+from .calibration_part import CalibrationPart
+from .live_part import LivePart
+from .recording_part import RecordingPart
+from .training_part import TrainingPart
+
+
+class MeasureMode(Mode):
+    """What it starts goes on while another mode is shown, and ends with the studio."""
+
+    label = "Measure"
+    hint = "Record the finished device, train a model of it, and run it live."
+
+    def __init__(self, bench: Workbench) -> None:
+        super().__init__(bench)
+        self.live = LivePart(bench, self.label)
+        self.training = TrainingPart(bench, self.live.refresh)
+        self.recording = RecordingPart(bench, self.training.refresh)
+        self.calibration = CalibrationPart(bench)
+
+    def add_panel(self) -> None:
+        self.live.add_panel()
+        self.recording.add_panel()
+        self.training.add_panel()
+        self.calibration.add_panel()
+
+    def enter(self) -> None:
+        self.live.enter()
+        self.training.refresh()
+
+    def leave(self) -> None:
+        self.live.leave()
+
+    def device_changed(self) -> None:
+        if self.bench.mode == self.label:
+            self.live.refresh()
+            self.training.refresh()
+
+    def close(self) -> None:
+        self.live.close()
+        self.recording.close()
+        self.training.close()
+        self.calibration.close()

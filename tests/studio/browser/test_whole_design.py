@@ -1,0 +1,107 @@
+"""From an empty folder to exported parts, by mouse and keyboard alone."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import zipfile
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device_file import load_device
+from defsense_fab.pipeline.build.build import build
+from defsense_fab.studio.page.studio import Studio
+from defsense_fab.studio.project.agreement import Agreement
+from tests.studio.browser.conftest import until
+from tests.studio.browser.person import Person
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
+SIZE = {"width": 1000, "height": 700}
+LONG = 600.0  # s that a build may take on a loaded machine
+
+
+@pytest.fixture
+def studio(studio_server, tmp_path):
+    made = Studio(studio_server, tmp_path / "arm", Agreement())
+    yield made
+    made.close()
+
+
+def build_by(person, label, studio):
+    """Press a button that builds, and wait for the end; nothing must have failed."""
+    bench, ended = studio.page.bench, []
+    bench.loaded.append(lambda: ended.append(bench.problem))
+    person.press(label)
+    assert until(lambda: ended, LONG), label
+    assert ended == [None]
+
+
+def hashes(folder):
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.glob("*.st*")}
+
+
+def test_a_device_is_designed_and_exported(
+    browser, studio_server, studio, tmp_path, record_property
+):
+    page = browser.new_context(viewport=SIZE, accept_downloads=True).new_page()
+    page.set_default_timeout(120_000)
+    page.goto(f"http://127.0.0.1:{studio_server.get_port()}")
+    person = Person(page)
+
+    person.press("Begin with the bar")
+    page.get_by_text("Made by").wait_for()
+    person.write("Edge length, mm", "15")
+    device = lambda: studio.page.bench.project.device  # noqa: E731
+    assert until(lambda: device().mesh.edge_length == 15)
+
+    person.press("Poses")
+    build_by(person, "Mesh the body", studio)
+    for left in (2, 1, 0):
+        person.press("Delete")
+        assert until(lambda left=left: len(device().poses) == left)
+    for count, arc in ((1, ((576, 350), (545, 322))), (2, ((545, 352), (520, 350)))):
+        person.press("New")
+        assert until(lambda count=count: len(device().poses) == count)
+        page.wait_for_timeout(2000)
+        before = device().poses[-1].handles[0].rotation.copy()
+        person.drag(np.linspace(*arc, 8))
+        assert until(lambda b=before: not np.allclose(device().poses[-1].handles[0].rotation, b))
+
+    person.press("Optimise")
+    build_by(person, "Simulate the poses", studio)
+
+    person.press("Cords")
+    while device().sensors:
+        count = len(device().sensors)
+        person.choose("Cord", device().sensors[0].name)
+        person.press("Delete the cord")
+        assert until(lambda count=count: len(device().sensors) == count - 1)
+    person.press("Draw by hand")
+    page.wait_for_timeout(4000)
+    for count, level in enumerate((-30, 0, 30), start=1):
+        person.drag([(40 + 30 * k, 350 + level + 8 * np.sin(k / 3)) for k in range(21)])
+        assert until(lambda count=count: len(device().sensors) == count)
+    person.press("End drawing")
+
+    person.press("Optimise")
+    build_by(person, "Optimise the cords", studio)
+    person.press("Take the optimised cords")
+    assert until(lambda: studio.page.bench.project.undoes == "take the optimised cords")
+
+    person.press("Make")
+    build_by(person, "Build everything", studio)
+    with page.expect_download() as sent:
+        person.press("Export as a zip")
+    zipped = tmp_path / "export.zip"
+    sent.value.save_as(zipped)
+
+    copy = tmp_path / "elsewhere"
+    source = device().folder if hasattr(device(), "folder") else tmp_path / "arm"
+    shutil.copytree(source, copy, ignore=shutil.ignore_patterns("build*", ".*"))
+    build(load_device(copy), "report")
+    with zipfile.ZipFile(zipped) as whole:
+        whole.extractall(tmp_path / "out")
+    (exported,) = {p.parent for p in (tmp_path / "out").rglob("*.stl")}
+    assert hashes(exported) == hashes(copy / "build" / "parts")
+    record_property("use", f"{person.clicks} clicks, {person.keys} keys, {person.minutes:.1f} min")

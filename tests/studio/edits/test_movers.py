@@ -1,0 +1,82 @@
+"""What a pose does with regions and points is written as a person would write it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import tomlkit
+
+from defsense_fab.core.device_file import parse_device
+from defsense_fab.core.errors import DeviceError
+from defsense_fab.studio.edits.movers import (
+    move_drag,
+    remove_drag,
+    set_role,
+    shift_region,
+    stiffen_drag,
+)
+from defsense_fab.studio.edits.poses import drag_point
+from tests.studio.devices import TEXT, write_device
+
+AT, OTHER = np.array([75.0, 0, 15]), np.array([80.0, 0, 15])
+
+
+def changed(*edits, text=TEXT):
+    document = tomlkit.parse(text)
+    for edit in edits:
+        edit.change(document)
+    return tomlkit.dumps(document)
+
+
+def test_a_region_is_left_held_or_moved(tmp_path):
+    folder = write_device(tmp_path)
+    held = changed(set_role("bend", "base", "moved"), set_role("bend", "tip", "held"))
+    bend = parse_device(held, folder).poses[0]
+    assert bend.fixed == ("tip",)
+    assert [h.region for h in bend.handles] == ["base"]
+    assert np.isnan(bend.handles[0].translation).all()
+    assert np.rad2deg(bend.handles[0].rotation) == pytest.approx([0, 0, 10])
+    assert changed(set_role("bend", "base", "held"), set_role("bend", "tip", "moved")) == TEXT
+    left = changed(set_role("bend", "tip", "free"))
+    with pytest.raises(DeviceError, match="needs a handle that moves a region"):
+        parse_device(left, folder)
+
+
+def test_points_are_pulled_elsewhere_and_no_more(tmp_path):
+    folder = write_device(tmp_path)
+    two = [drag_point("twist", p, np.array([0, 0, 5.0]), 1.0) for p in (AT, OTHER)]
+    text = changed(
+        *two, move_drag("twist", AT, np.array([1.0, 2, 3])), stiffen_drag("twist", AT, 0.5)
+    )
+    first, second = parse_device(text, folder).poses[1].drags
+    assert first.by.tolist() == [1, 2, 3]
+    assert first.stiffness == 0.5
+    assert second.by.tolist() == [0, 0, 5]
+    fewer = parse_device(changed(remove_drag("twist", AT), text=text), folder).poses[1].drags
+    assert [d.at.tolist() for d in fewer] == [OTHER.tolist()]
+    with pytest.raises(DeviceError, match=r"does not pull at \(75, 0, 15\) any more"):
+        changed(move_drag("twist", AT, AT))
+
+
+def test_regions_of_every_shape_are_moved(tmp_path):
+    shapes = """
+ball = { sphere = { center = [75, 0, 15], radius = 4 } }
+half = { half_space = { origin = [140, 0, 0], normal = [1, 0, 0] } }
+rod = { cylinder = { start = [0, 0, 0], end = [150, 0, 0], radius = 3 } }
+"""
+    text = TEXT.replace("\n[[poses]]", f"{shapes}\n[[poses]]", 1)
+    by = np.array([1.5, 0, -2])
+    names = ("tip", "ball", "half", "rod")
+    moved = parse_device(
+        changed(*(shift_region(n, by) for n in names), text=text), write_device(tmp_path)
+    )
+    regions = moved.regions
+    assert regions["tip"].low.tolist() == [141.5, -16, -18]
+    assert regions["tip"].high.tolist() == [152.5, 16, 14]
+    assert regions["ball"].center.tolist() == [76.5, 0, 13]
+    assert regions["half"].origin.tolist() == [141.5, 0, -2]
+    assert regions["rod"].start.tolist() == [1.5, 0, -2]
+    assert regions["rod"].end.tolist() == [151.5, 0, -2]
+    assert "# what the hand moves" in changed(shift_region("tip", by))
+    with pytest.raises(DeviceError, match="no region 'gone' any more"):
+        changed(shift_region("gone", by))

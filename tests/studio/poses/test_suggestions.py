@@ -1,0 +1,123 @@
+"""Poses of the body's modes are shown, and written as the command writes them."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device_file import load_device
+from defsense_fab.mechanics.elements.material import Material
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.mechanics.solver.modes import modes, propose
+from defsense_fab.pipeline.artifacts.mesh import load_mesh
+from defsense_fab.pipeline.study.propose_poses import Found, Proposal, append, as_toml
+from defsense_fab.studio.poses import suggestion_part
+from defsense_fab.studio.project.agreement import Agreement
+
+LONG = 120.0
+
+
+@pytest.fixture
+def mode(studio_page):
+    made = studio_page.modes["Poses"]
+    studio_page.enter("Poses")
+    assert made.work.wait(LONG)
+    return made
+
+
+def looked(mode):
+    """With modes of the build's mesh, which is not made anew."""
+    device = mode.bench.project.device
+    mesh = QuadraticMesh.from_linear(load_mesh(device.source / "build"))
+    held = np.flatnonzero(device.regions["base"].contains(mesh.nodes))
+    material = Material.from_spec(device.material)
+    found = modes(mesh, material, held, device.material.density, 5)
+    poses = tuple(propose(mesh, held, found))
+    mode.suggestions._came(("base", Found(mesh, tuple(found), poses, "far_end")))
+    return mode.suggestions
+
+
+def test_proposed_poses_are_listed_and_shown_on_the_body(mode):
+    part = looked(mode)
+    assert part._list.options[:2] == ("bend", "bend_2")
+    assert "| bend |" in part.words.content
+    first = mode.scene.body.vertices
+    assert 5 < np.abs(first - mode.scene.points).max() < 25  # an eighth of the body
+    part.choose("bend_2")
+    assert np.abs(mode.scene.body.vertices - first).max() > 5
+
+
+def test_one_is_taken_with_its_region_and_undone(mode):
+    before = mode.bench.project.text
+    part = looked(mode)
+    part._list.value = "bend_2"
+    assert part.take() == "bend_2"
+    device = load_device(mode.bench.project.folder)
+    assert [p.name for p in device.poses] == ["bend_up", "twist", "bend_2"]
+    assert device.poses[-1].handles[0].region == "far_end"
+    assert mode.bench.project.undoes == "take `bend_2`"
+    part._list.value = "bend"
+    assert part.take() == "bend"
+    assert list(load_device(mode.bench.project.folder).regions) == ["base", "tip", "far_end"]
+    mode.bench.project.undo()
+    mode.bench.project.undo()
+    assert mode.bench.project.text == before
+
+
+def test_all_are_written_as_the_command_writes_them(mode, tmp_path):
+    project = mode.bench.project
+    text = project.text
+    bare = text[: text.index("[[poses]]")] + text[text.index("[states]") :]
+    bare = bare.replace(bare[bare.index("[states]") : bare.index("[outputs]")], "")
+    (project.folder / "device.toml").write_text(bare, encoding="utf-8", newline="")
+    project.refresh()
+    mode.work.wait(LONG)
+    part = looked(mode)
+    assert part.take_all() == "bend"
+    found = part._found
+    proposal = Proposal(found.modes, found.poses, as_toml(list(found.poses), "base"), tmp_path)
+    path = tmp_path / "device.toml"
+    path.write_text(bare, encoding="utf-8", newline="")
+    append(path, proposal, ())
+    assert project.text == path.read_text(encoding="utf-8")
+    assert "held_out" in project.text
+    assert mode.poses.chosen == "bend"
+
+
+def test_names_that_are_taken_are_numbered(mode):
+    part = looked(mode)
+    part._list.value = "twist"
+    assert part.take() == "twist_2"
+
+
+def test_poses_are_sought_in_another_process(made_page):
+    made_page.enter("Poses")
+    part = made_page.modes["Poses"].suggestions
+    over = threading.Event()
+    ended = part._looking._ended
+    part._looking._ended = lambda problem: (ended(problem), over.set())
+    part.look()
+    assert part._looking.running
+    assert part._stop.visible
+    assert over.wait(LONG)
+    assert part._list.options[0] == "bend"
+    assert "| bend |" in part.words.content
+    assert not part._stop.visible
+    before = part._found
+    over.clear()
+    part._looking.begin(suggestion_part._look, made_page.bench.project.folder, "gone")
+    assert over.wait(LONG)
+    assert "there is no region 'gone' to hold the body by" in part.words.content
+    assert part._found is before
+
+
+def test_a_script_is_asked_about_before_it_is_run(mode, monkeypatch):
+    monkeypatch.setattr(mode.bench, "agreement", Agreement())
+    mode.suggestions.look()
+    assert mode.bench.question.open
+    assert not mode.suggestions._looking.running
+    mode.bench.question.close()
+    assert mode.suggestions.take() is None
+    assert "Look for poses" in mode.bench._message.content
