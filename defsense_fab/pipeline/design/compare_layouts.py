@@ -53,7 +53,7 @@ class ComparedLayout:
 
 
 def weighed_layouts(folder: Path) -> list[ComparedLayout]:
-    """Those that the last build of a `folder` made on trial, the best first: nothing is computed.
+    """Those that the last build of a `folder` made on trial, in its order: nothing is computed.
     Raises StorageError where there is no layout."""
     layout = load_layout(folder)
     try:

@@ -197,8 +197,10 @@ class MakeMode(Mode):
             self._step = 0
             self._steps.value, self._apart.value = _ALL, 0.0
             self._draw()
+            if self._scene is not None and self._entered:
+                self._scene.fade()
             self._mark = bench.server.scene.add_icosphere(
-                "/place", 0.02 * bench.size, color=_MARK, opacity=0.7,
+                "/place", 0.02 * bench.size, color=_MARK,
                 position=tuple(note.place.tolist()),
             )  # fmt: skip
         fly(bench.server, note.place, bench.surface.bounds.mean(axis=0), bench.size)

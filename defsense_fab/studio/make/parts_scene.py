@@ -68,6 +68,11 @@ class PartsScene:
             middle = self._built.parts[name].bounds.mean(axis=0)
             self._labels[name].position = tuple((middle + apart * way).tolist())
 
+    def fade(self) -> None:
+        """Let what lies inside be seen, until the next `show`."""
+        for part in self._parts.values():
+            part.opacity = _FAINT
+
     def hide(self) -> None:
         """Show nothing."""
         for handle in (*self._parts.values(), *self._labels.values()):

@@ -3,7 +3,9 @@ be taken."""
 
 from __future__ import annotations
 
+import math
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.errors import DefsenseError, StorageError
@@ -130,7 +132,7 @@ class ComparedPanel:
             return  # another stage was built: what was weighed still holds
         self.work.cancel()
         with self._bench.drawing:
-            self._key, self.layouts = key, found
+            self._key, self.layouts = key, _ranked(found)
             self._weigh.label = f"Weigh all (about {_rounded(seconds)} s)" if found else "Weigh all"
             self._state.content = ""
             self._draw()
@@ -138,7 +140,7 @@ class ComparedPanel:
     def _found(self, one: ComparedLayout) -> None:
         with self._bench.drawing:
             others = [o for o in self.layouts if o.name != one.name]
-            self.layouts = sorted([*others, one], key=lambda o: (o.error != o.error, o.error))
+            self.layouts = _ranked([*others, one])
             self._draw()
 
     def _progress(self, share: float, told: str) -> None:
@@ -163,6 +165,11 @@ class ComparedPanel:
         one = self._one() if self._shown else None
         radius = self._bench.project.device.cord.diameter / 2
         self._tubes.show(() if one is None else one.sensors, _SHOWN, 1.1 * radius)
+
+
+def _ranked(layouts: Sequence[ComparedLayout]) -> list[ComparedLayout]:
+    """By their errors, those without one last."""
+    return sorted(layouts, key=lambda one: (math.isnan(one.error), one.error))
 
 
 def _rounded(seconds: float) -> int:

@@ -86,6 +86,7 @@ class WatchedSearch:
             ),
             scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3, log=10)},
             aspect=1.8,
+            padding=(12, 24, 0, 0),
             visible=False,
         )
         self._poses = gui.add_markdown("")

@@ -87,6 +87,7 @@ def test_parts_are_apart_and_go_together_as_the_guide_says(made_page):
     mode.show_place(Note("here", joint.pins[0].center))
     assert mode.flying.wait(LONG)
     assert mode._mark.position == pytest.approx(joint.pins[0].center, abs=1e-4)
+    assert all(h.opacity < 0.5 for h in scene._parts.values())  # it lies inside
     made_page.enter("Cords")
     assert mode._mark is None
     assert not any(h.visible for h in scene._parts.values())
