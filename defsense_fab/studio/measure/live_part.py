@@ -179,7 +179,7 @@ class LivePart:
     def _about(self) -> None:
         known = self._chosen()
         if known is None:
-            self._known.content = _NO_MODEL
+            self._known.content = f"{_NO_MODEL}\n\n{self._since_build()}"
             return
         parts = [known.about, f"**{known.problem}**" if known.problem else ""]
         parts += [self._since_build(), test_words(known.told)]
