@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...capture.readout.reader import Settings
-from ...core.errors import DefsenseError
+from ...core.errors import CalibrationError, DefsenseError
 from ...pipeline.artifacts.session_manifest import FILE
 from ...pipeline.calibrate import session as sessions
 from ...pipeline.calibrate.guided_measurement import run_guided_measurement
@@ -54,7 +54,9 @@ class CalibrationPart:
                 "Specimen", "specimen",
                 hint="What defsense calibrate specimen wrote: a folder in the device's",
             )  # fmt: skip
-            self._start = bench.button("Measure", "Guided, jig by jig", self.start, color="green")
+            self._start = bench.button(
+                "Measure a specimen", "Guided, jig by jig", self.start, color="green"
+            )
             bench.button(
                 "Simulate specimens", "Sessions of two, without waiting, to try the fit",
                 self.simulate,
@@ -89,12 +91,15 @@ class CalibrationPart:
     def fit(self) -> None:
         """To all sessions on specimens; beside device.toml."""
         folder = self._bench.project.folder
-        found = specimen_sessions(folder)
+        every = specimen_sessions(folder)
+        real = [p for p in every if not _is_simulated(p)]
+        found = real or every  # what is simulated says nothing of a cord that was measured
         if not found:
-            self._tell("**No specimen was measured yet: *Measure* one, or simulate some.**")
+            self._tell("**No specimen was measured yet: *Measure a specimen*, or simulate some.**")
             return
         self._use.visible = False
-        self._do(partial(jobs.fit, found, folder / _RESPONSE), self._fitted)
+        told_of = self._fitted if real else self._fitted_to_simulated
+        self._do(partial(jobs.fit, found, folder / _RESPONSE), told_of)
 
     def use(self) -> None:
         """The response in place of the data sheet's."""
@@ -132,7 +137,12 @@ class CalibrationPart:
         self._tell(told)
 
     def _measure(self) -> str:
-        place = self._bench.project.folder / self._specimen.value.strip()
+        home = self._bench.project.folder.resolve()
+        place = (home / self._specimen.value.strip()).resolve()
+        if not place.is_relative_to(home):
+            raise CalibrationError(
+                f"{place}: lies outside of the device's folder; copy the specimen's folder there"
+            )
         about = sessions.specimen_of(place)
         folder = (place if place.is_dir() else place.parent) / "session"
         session, begun = sessions.begin_or_go_on(folder, sessions.usual(about))
@@ -152,8 +162,8 @@ class CalibrationPart:
         left, total = len(sessions.unfinished(session)), len(session.steps)
         if left:
             return (
-                f"{total - left} of {total} readings are done: *Measure* goes on; *Fit the"
-                " response* takes what there is."
+                f"{total - left} of {total} readings are done: *Measure a specimen* goes on;"
+                " *Fit the response* takes what there is."
             )
         return "All readings are done: *Fit the response*."
 
@@ -176,12 +186,21 @@ class CalibrationPart:
         self._use.visible = True
         return response_words(result)
 
+    def _fitted_to_simulated(self, result: Any) -> str:
+        return "**Of simulated specimens: this says nothing of a real cord.**\n\n" + self._fitted(
+            result
+        )
+
     def _tell(self, told: str) -> None:
         self._told.content = told
 
 
 def _simulated(folders: list[str]) -> str:
     return f"Simulated {', '.join(f'`{name}`' for name in folders)}: *Fit the response*."
+
+
+def _is_simulated(session: Path) -> bool:
+    return session.name.startswith(jobs.SIMULATED)
 
 
 def specimen_sessions(folder: Path) -> list[Path]:

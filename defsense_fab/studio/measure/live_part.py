@@ -24,6 +24,7 @@ _NO_MODEL = (
     "There is no model in this folder yet. Under *Training*, record a session and train on it, or"
     " take a model of the simulation alone."
 )
+_NOT_BUILT = "**The device is not built: build it under *Make*.**"
 _LIVE = "live.toml"
 
 
@@ -179,7 +180,8 @@ class LivePart:
     def _about(self) -> None:
         known = self._chosen()
         if known is None:
-            self._known.content = _NO_MODEL
+            built = build_folder(self._bench.project.device) / LAYOUT
+            self._known.content = _NO_MODEL if built.exists() else f"{_NO_MODEL}\n\n{_NOT_BUILT}"
             return
         parts = [known.about, f"**{known.problem}**" if known.problem else ""]
         parts += [self._since_build(), test_words(known.told)]
@@ -189,7 +191,7 @@ class LivePart:
         device = self._bench.project.device
         built = build_folder(device)
         if not (built / LAYOUT).exists():
-            return "**The device is not built: build it under *Make*.**"
+            return _NOT_BUILT
         try:
             changes = changed_since(device, load_layout(built))
         except DefsenseError as error:

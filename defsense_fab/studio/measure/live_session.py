@@ -76,6 +76,7 @@ class LiveSession:
             outcome = f"**{error}**"
         except Exception as error:  # told on the page: the studio goes on
             outcome = f"**The live loop failed ({type(error).__name__}: {error}).**"
+        self.run = None  # from now on nothing is to be asked of it
         try:
             if run is not None:
                 run.close()
@@ -83,7 +84,6 @@ class LiveSession:
             outcome = f"{outcome}\n\n**{error}**"
         if run is not None and run.recording is not None and run.recording.path.exists():
             outcome += f" The readings are in `{run.recording.path}`."
-        self.run = None
         self._told(outcome)
         self._changed()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from pathlib import Path
 
 import pytest
 
@@ -74,9 +75,15 @@ def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_
     assert "is there already" in calibration._told.content
     calibration.fit()
     told = json.loads((folder / "response.json").read_text())
+    assert "says nothing of a real cord" in calibration._told.content
     assert f"**k_res = {told['k_res']:.2f}** (95 %: " in calibration._told.content
     assert abs(told["k_res"] - 2.0) < 0.2
     assert calibration._use.visible
+    (folder / "specimen-twin-150").rename(folder / "mine")
+    calibration.fit()
+    assert "simulated" not in calibration._told.content
+    again = json.loads((folder / "response.json").read_text())
+    assert [Path(p).name for p in again["sources"]] == ["mine"]
     before = bench.project.text
     calibration.use()
     device = load_device(folder)
@@ -84,7 +91,7 @@ def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_
     assert bench.project.undoes == "use the measured response response.json"
     bench.project.undo()
     assert bench.project.text == before
-    assert fit_response(specimen_sessions(folder)).data["k_res"] == told["k_res"]
+    assert fit_response([folder / "mine"]).data["k_res"] == again["k_res"]
 
 
 def test_a_specimen_is_measured_jig_by_jig_and_gone_on_with(calibration, studio_page):
@@ -101,7 +108,7 @@ def test_a_specimen_is_measured_jig_by_jig_and_gone_on_with(calibration, studio_
     assert wait_for(lambda: "<circle" in calibration.screen._plot.content)
     calibration.screen.press("q")
     assert calibration.wait(LONG)
-    assert "1 of 24 readings are done: *Measure* goes on" in calibration._told.content
+    assert "1 of 24 readings are done: *Measure a specimen* goes on" in calibration._told.content
     assert set(calibration._folder._children) == before
     calibration.start()
     assert wait_for(lambda: calibration.screen is not None)
@@ -115,6 +122,11 @@ def test_what_lacks_is_told(calibration, studio_page):
     calibration.start()
     assert calibration.wait(LONG)
     assert "defsense calibrate specimen" in calibration._told.content
+    calibration._specimen.value = "../other"
+    calibration.start()
+    assert calibration.wait(LONG)
+    assert "outside of the device's folder" in calibration._told.content
+    calibration._specimen.value = "specimen"
     specimen(studio_page.bench.project.folder)
     calibration._port.value = "/dev/nowhere"
     calibration.start()

@@ -149,6 +149,10 @@ def test_without_a_model_it_is_told_what_to_do(live, studio_page):
     live.refresh()
     assert live.looked(LONG)
     assert "There is no model in this folder yet" in live._known.content
+    assert "not built" not in live._known.content
+    (studio_page.bench.project.folder / "build" / "layout.json").unlink()
+    live._about()
+    assert "The device is not built: build it under *Make*" in live._known.content
     live.start()
     assert not live.session.busy
     assert "record a session and train on it" in live._told.content
