@@ -39,7 +39,7 @@ def unrested(number=1, **changes):
     return frame(number, **{**none, **changes})
 
 
-def wait_for(condition, seconds=20.0):
+def wait_for(condition, seconds=120.0):
     """Whether a condition comes true before long."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:

@@ -30,8 +30,9 @@ def browser():
 
 @pytest.fixture
 def opened(browser, studio_server, studio_page):
-    """Opens the studio in a browser of its own, of a size, and waits until the body is drawn."""
+    """Opens the studio in a browser of its own, of a size, in the mode of cords."""
     contexts = []
+    studio_page.enter("Cords")
 
     def open_studio(size=SIZE):
         context = browser.new_context(viewport=size)

@@ -57,5 +57,5 @@ def test_a_phone_shows_the_panel_and_the_modes(opened, studio_page):
     for text in ("expected on unseen states", "Straight cord"):
         box = page.get_by_text(text).bounding_box()
         assert 0 <= box["x"] < box["x"] + box["width"] <= PHONE["width"] + 1
-    page.get_by_role("button", name="Make").click()
+    page.get_by_role("button", name="Make", exact=True).click()
     assert until(lambda: studio_page.bench.mode == "Make")
