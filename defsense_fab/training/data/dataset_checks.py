@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -264,9 +265,14 @@ def _rested(dataset: Dataset, r: Recording) -> float:
 
 
 def _as_predicted(r: Recording, predicted: Float | None) -> bool:
-    """Whether a channel goes with what was predicted of it (t, c): then signals are in step,
-    however little they tell of the markers."""
+    """Whether signals tell so little because the cords lie so: what was predicted of them (t, c)
+    tells no more, and a channel goes with that, so that they are in step."""
     if predicted is None:
+        return False
+    would = find_shift(
+        replace(r, sample_time=r.time, ohm=1 + predicted, rest=np.ones(predicted.shape[1]))
+    )
+    if would is None or would.tells:
         return False
     signals = r.signals_at(r.time)
     for one, other in zip(signals.T, predicted.T, strict=True):

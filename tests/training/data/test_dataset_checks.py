@@ -255,6 +255,10 @@ def test_a_layout_that_senses_little_may_be_trained_on():
     assert not problem.fatal
     other = 1e-3 * rng.normal(size=expected.shape)
     told(check_dataset(dataset(noise), predicted={r.name: other}), "signals tell nothing")
+    # What was predicted tells much: then it is not the layout, though a channel goes with it.
+    strong = r.signals_at(r.time)
+    strong[:, 0] = expected[:, 0]
+    told(check_dataset(dataset(noise), predicted={r.name: strong}), "signals tell nothing")
 
 
 def test_a_cord_that_was_replaced(good):
