@@ -27,8 +27,10 @@ def drawn_curve(surface: Surface, plane: Plane, stroke: Float) -> Hermite:
     section = plane_section(surface, plane)
     if not len(section):
         raise LayoutError("the plane misses the body; move it until it cuts it")
-    lengths = arc_lengths(np.asarray(stroke, float))
-    if len(stroke) < 2 or lengths[-1] < _STEP:
+    stroke = np.asarray(stroke, float).reshape(-1, 2)
+    stroke = stroke[np.isfinite(stroke).all(axis=1)]
+    lengths = arc_lengths(stroke) if len(stroke) > 1 else np.zeros(1)
+    if lengths[-1] < _STEP:
         raise LayoutError("the stroke is too short; draw along the whole cord")
     even = resample(stroke, 0.0, float(lengths[-1]), int(lengths[-1] / _STEP) + 2)
     inside = _longest(inside_section(section, even))

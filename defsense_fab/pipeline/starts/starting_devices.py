@@ -27,6 +27,13 @@ class StartingDevice:
     about: str
 
     @property
+    def script(self) -> bytes | None:
+        """The program that makes its body; None where it is a mesh."""
+        told = tomlkit.parse((_FOLDER / self.name / DEVICE).read_text(encoding="utf-8"))
+        name = told.unwrap()["body"].get("script")
+        return None if name is None else (_FOLDER / self.name / name).read_bytes()
+
+    @property
     def picture(self) -> bytes:
         """A PNG file."""
         return (_FOLDER / f"{self.name}.png").read_bytes()

@@ -38,7 +38,7 @@ class ChosenCord:
     def __init__(self, bench: Workbench, redraw: Callable[[], None]) -> None:
         self._bench, self._redraw = bench, redraw
         self.name: str | None = None
-        self.touched = 0  # the control point that was dragged last
+        self.touched: int | None = None  # the control point that was dragged last
 
     def add_panel(self) -> None:
         """Its buttons, in the folder that is open."""
@@ -58,7 +58,7 @@ class ChosenCord:
         )
         self._free.on_update(lambda event: self._freed(event))
         button("Add a point", "In its longest span", lambda: self._edit(self._longer))
-        button("Delete the point", "That was dragged last", lambda: self._edit(self._shorter))
+        button("Delete the point", "That was dragged last", self._delete_point)
         button("Smooth", "Tangents follow from the points", lambda: self._edit(_smoothed))
         self._side = gui.add_dropdown("Mirror", _MIRRORS, hint="Through the body's middle")
         button("Mirrored copy", "Beyond the body's middle", lambda: self._edit(self._mirrored))
@@ -85,7 +85,7 @@ class ChosenCord:
 
     def choose(self, name: str | None) -> None:
         """Put handles on another."""
-        self.name = name
+        self.name, self.touched = name, None
         self._redraw()
 
     def show(self, sensors: Sequence[Sensor]) -> None:
@@ -139,10 +139,15 @@ class ChosenCord:
     def _longer(self, cord: Sensor) -> Edit:
         spans = np.linalg.norm(np.diff(cord.curve.points, axis=0), axis=1)
         k = int(spans.argmax())
+        self.touched = None
         return insert_point(cord.name, k + 1, cord.curve.sample(2)[2 * k + 1])
 
-    def _shorter(self, cord: Sensor) -> Edit:
-        return delete_point(cord.name, self.touched)
+    def _delete_point(self) -> None:
+        at, self.touched = self.touched, None
+        if at is None:
+            self._bench.say("Drag a point first: the one that was dragged last is deleted.")
+        else:
+            self._edit(lambda cord: delete_point(cord.name, at))
 
     def _mirrored(self, cord: Sensor) -> Edit:
         surface = self._bench.surface

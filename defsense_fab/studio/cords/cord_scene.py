@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
+from urllib.parse import quote
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -101,7 +102,8 @@ class CordScene:
     def _tube(self, sensor: Sensor, chosen: str | None) -> Any:
         vertices = self._vertices(sensor)
         return self._scene.add_mesh_simple(
-            f"/cords/{sensor.name}", vertices, tube_faces(len(vertices) // 8).astype(np.uint32),
+            f"/cords/{quote(sensor.name, safe='')}", vertices,
+            tube_faces(len(vertices) // 8).astype(np.uint32),
             color=_CHOSEN if sensor.name == chosen else _PLAIN,
         )  # fmt: skip
 

@@ -124,7 +124,7 @@ class CordsMode(Mode):
         self._limits_work.give(cords)
         if ended:
             self._before = None
-            self._cord.touched = at
+            self._cord.touched = None if part == "plane" else at
             if not self._write(sensor, part, at):
                 self.redraw()
         return sensor

@@ -113,4 +113,7 @@ def rename_device(name: str) -> Edit:
 
 
 def _value(value: float | str | bool) -> Any:
-    return value if isinstance(value, bool | str) else number(value)
+    """As a person writes it: to a thousandth, or to four digits where it is smaller than that."""
+    if isinstance(value, bool | str):
+        return value
+    return number(value) if abs(value) >= 1 or not value else float(f"{value:.4g}")

@@ -55,7 +55,7 @@ class InsideMode(Mode):
         bench.command("Look straight at the section", "Along its normal", self._look_straight, "L")
         bench.command("Next state", "The section in the next state", self.next_state, "S")
         self.panel.on_change = lambda: self._ask(moving=False)
-        self.panel.on_axis = lambda axis: self.set_plane(axis_plane(self._vertices, axis))
+        self.panel.on_axis = self._along
         self.panel.on_plane = self.set_plane
         self.panel.on_offset = self._slid
 
@@ -154,6 +154,12 @@ class InsideMode(Mode):
             told += f"  \n{drop_words(self._found, rest)}"
         self.panel.say_point(told)
         self.work.mark(now)
+
+    def _along(self, axis: int) -> None:
+        if self._pictures is None:
+            self.bench.say("Simulate the poses first: then there is something to look into.")
+            return
+        self.set_plane(axis_plane(self._vertices, axis))
 
     @property
     def _vertices(self) -> Float:

@@ -38,6 +38,7 @@ class StudioPage:
         self.bench = Workbench(server, project, agreement)
         self.modes = {kind.label: kind(self.bench) for kind in MODES}
         self._folders: dict[str, Any] = {}
+        self._unread = False  # the file as it is now cannot be read, which is told
         self._add_panel()
         project.watchers.append(self._changed)
         self.bench.loaded.append(self._loaded)
@@ -55,7 +56,11 @@ class StudioPage:
         """Take up what another program has written."""
         try:
             self.bench.project.refresh()
+            if self._unread:
+                self._unread = False
+                self.bench.say("")
         except DefsenseError as error:
+            self._unread = True
             self.bench.fail(error)
         for mode in self.modes.values():
             try:
@@ -137,6 +142,7 @@ class StudioPage:
         with self.bench.drawing:
             self._title.content = f"## {project.device.name}"
             named = (("Undo", project.undoes), ("Redo", project.redoes))
+            self.bench.follow()
             self._steps.content = "; ".join(f"{word}: {step}" for word, step in named if step)
             for mode in self.modes.values():
                 mode.device_changed()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -60,7 +61,14 @@ class Gizmos:
             disable_rotations=not grip.turns, position=tuple(grip.position.tolist()),
             wxyz=quaternion(grip.rotation),
         )  # fmt: skip
-        gizmo.on_update(lambda event, name=grip.name: self._dragged(event, name))
+
+        async def moved(event: Any) -> None:  # in their order, which threads would not keep
+            if event.phase == "end":  # it is written: that takes a while
+                await asyncio.to_thread(self._dragged, event, grip.name)
+            else:
+                self._dragged(event, grip.name)
+
+        gizmo.on_update(moved)
         return gizmo
 
     def _dragged(self, event: Any, name: str) -> None:

@@ -114,8 +114,7 @@ class PosesMode(Mode):
         """A rectangle was drawn: regions are shown from then on."""
         if self.part != REGIONS:
             self.show(REGIONS)
-        with self.bench.drawing:
-            self.regions.selected(event)
+        self.regions.selected(event)
 
     def _answered(self, wanted: Wanted, answer: Answer) -> None:
         self.poses.answered(wanted, answer)

@@ -36,11 +36,13 @@ class History:
             if path.is_symlink():  # of a folder that came from elsewhere: it may lead anywhere
                 raise StorageError(f"{path}: is a symbolic link, into which nothing is written;"
                                    " remove it")  # fmt: skip
-        self.steps, self.at = _read(self._path)
+        self.steps, self.at, whole = _read(self._path)
         if not self.steps:
             self.steps, self.at = [Step("open", text)], 0
             self._rewrite()
-        elif self.text != text:
+        elif not whole:  # what comes next would be written behind a line that was cut off
+            self._rewrite()
+        if self.text != text:
             self.add("edit outside of the studio", text)
 
     @property
@@ -93,17 +95,19 @@ class History:
         write_text(self._path, "".join(json.dumps(row) + "\n" for row in rows))
 
 
-def _read(path: Path) -> tuple[list[Step], int]:
-    """Steps, and which was the last; none where there is no history, or one that says nothing."""
+def _read(path: Path) -> tuple[list[Step], int, bool]:
+    """Steps, which was the last, and whether all lines are whole; no step where there is no
+    history, or one that says nothing."""
     try:
         lines = path.read_text(encoding="utf-8").split("\n")
     except (OSError, UnicodeDecodeError):
-        return [], 0
-    steps, at = list[Step](), 0
-    for line in lines:
+        return [], 0, False
+    steps, at, whole = list[Step](), 0, lines[-1] == ""
+    for line in lines[: len(lines) - whole]:
         try:
             row = json.loads(line)
         except ValueError:  # of a program that was killed while it wrote
+            whole = False
             continue
         match row:
             case {"name": str(name), "text": str(text)}:
@@ -111,4 +115,4 @@ def _read(path: Path) -> tuple[list[Step], int]:
                 at = len(steps) - 1
             case {"at": int(place)} if 0 <= place < len(steps):
                 at = place
-    return steps, at
+    return steps, at, whole

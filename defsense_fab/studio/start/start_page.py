@@ -62,7 +62,7 @@ class StartPage:
         """The device, with a name after the folder's."""
         try:
             begin_with(start, self.folder, safe_name(self.folder.absolute().name + "."))
-            self._agree()
+            self._agree(start)
         except DefsenseError as error:
             self.fail(error)
             return
@@ -98,10 +98,14 @@ class StartPage:
     def _finish(self) -> None:
         self._begun()
 
-    def _agree(self) -> None:
-        """Whoever takes a device of the package need not be asked for its script."""
+    def _agree(self, start: StartingDevice) -> None:
+        """Whoever takes a device of the package need not be asked for its script; for what else
+        would run with it, as it lay in the folder already, a person is asked."""
         script = self._agreement.asked(load_device(self.folder, complete=False).body)
-        if script is not None:
+        if script is None:
+            return
+        contents = [content for _, content in script.files]
+        if contents == [start.script]:
             self._agreement.give(script)
 
     def _add_upload(self) -> None:

@@ -3,6 +3,7 @@ takes nothing else along."""
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -12,9 +13,10 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
-from ...core.errors import DefsenseError
+from ...core.errors import DefsenseError, StorageError
 
 CANCELLED = "cancelled"
+_log = logging.getLogger(__name__)
 _LEAVES = 5.0  # s that cancelled work has to leave
 _GO_ON, _WAIT = "go on", "wait"
 
@@ -83,11 +85,16 @@ class BesideWork:
             spawn = multiprocessing.get_context("spawn")
             ours, theirs = spawn.Pipe()
             self._cancelled = False
-            self._process = spawn.Process(
+            process = spawn.Process(
                 target=_work, args=(work, self._what, theirs, arguments), daemon=True
             )
-            self._process.start()
-            self._pipe = ours
+            try:
+                process.start()
+            except OSError as error:
+                raise StorageError(
+                    f"the {self._what} cannot begin: {error.strerror}; close other programs"
+                ) from None
+            self._process, self._pipe = process, ours
             theirs.close()
         threading.Thread(target=self._follow, args=(ours,), daemon=True).start()
         return True
@@ -133,12 +140,15 @@ class BesideWork:
             if kind == "over":
                 outcome = thing
                 break
-            if kind == "progress":
-                self._told(*thing)
-            elif kind == "found":
-                self._found(thing)
-            else:
-                self._paused(kind == "paused")
+            try:
+                if kind == "progress":
+                    self._told(*thing)
+                elif kind == "found":
+                    self._found(thing)
+                else:
+                    self._paused(kind == "paused")
+            except Exception:  # of those who listen: the work goes on, and ends as it would
+                _log.exception("what the %s tells was not taken", self._what)
         self._process.join()
         if self._cancelled:
             outcome = CANCELLED

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class CordTubes:
             tube = self._tubes.get(sensor.name)
             if tube is None:
                 self._tubes[sensor.name] = self._scene.add_mesh_simple(
-                    f"{self._name}/{sensor.name}", vertices,
+                    f"{self._name}/{quote(sensor.name, safe='')}", vertices,
                     tube_faces(len(vertices) // 8).astype(np.uint32), color=color, side="double",
                 )  # fmt: skip
             else:

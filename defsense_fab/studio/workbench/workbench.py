@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.device import Device
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
 from ...pipeline.artifacts.body import load_surface
@@ -19,6 +20,7 @@ from ..edits.edit import Edit
 from ..project.agreement import Agreement
 from ..project.project import Project
 from .build_work import BuildWork, SeenLayout
+from .latest import Latest
 from .script_question import ScriptQuestion
 
 _BODY = (150, 180, 205)
@@ -39,6 +41,8 @@ class Workbench:
         self.judge: LayoutJudge | None = None  # once the poses are simulated
         self.body: Any = None  # in the scene; its `visible` belongs to the mode that is entered
         self.keys: list[tuple[str, str]] = []  # and what they do, for the sheet of keys
+        self._judged_by = ""
+        self._judging = Latest(self._judge_again, self.fail)
         self.builds = BuildWork(self._progress, self._ended, self._found, self._stood)
         self.problem: str | None = None  # of the last build, where it failed
         #: Told when a build begins, and of layouts that its search comes to: the latter on the
@@ -145,10 +149,15 @@ class Workbench:
             told()
         return True
 
+    def follow(self) -> None:
+        """The device has changed: what judges cords is made anew where that is of other cords,
+        printers or decoders."""
+        if self.judge is not None and judged_by(self.project.device) != self._judged_by:
+            self._judging.give(self.project.device)
+
     def load(self) -> None:
         """What the last build says: the body, and the poses' fields."""
-        device = self.project.device
-        folder = build_folder(device)
+        folder = build_folder(self.project.device)
         try:
             self.surface = load_surface(folder)
             self.built = True
@@ -157,20 +166,30 @@ class Workbench:
         except Exception as error:  # files of others, or cut off: readers raise anything
             self.built = False
             self._damaged(error)
-        self.judge = None
+        self._load_judge(self.project.device)
+        if self.surface is not None:
+            self._show_body(self.surface)
+        for told in self.loaded:
+            told()
+
+    def _load_judge(self, device: Device) -> None:
+        folder = build_folder(device)
+        self.judge, self._judged_by = None, judged_by(device)
         try:
             self.judge = LayoutJudge(device, folder)
         except StorageError as error:
             if (folder / INDEX).exists():
                 self._damaged(error)
         except (DefsenseError, OSError):
-            self.judge = None  # there is nothing to judge by
+            return  # there is nothing to judge by
         except Exception as error:
             self._damaged(error)
-        if self.surface is not None:
-            self._show_body(self.surface)
-        for told in self.loaded:
-            told()
+
+    def _judge_again(self, device: Device) -> None:
+        if judged_by(device) != self._judged_by:
+            self._load_judge(device)
+            for told in self.loaded:
+                told()
 
     def take_surface(self, surface: Surface) -> None:
         """A body of which nothing is built yet."""
@@ -182,6 +201,7 @@ class Workbench:
     def close(self) -> None:
         """End a build that is running."""
         self.question.close()
+        self._judging.close()
         self.builds.close()
 
     def _show_body(self, surface: Surface) -> None:
@@ -220,3 +240,8 @@ class Workbench:
 
     def _stood(self, stands: bool) -> None:
         self._said.content = "**paused**" if stands else "goes on"
+
+
+def judged_by(device: Device) -> str:
+    """What of a device decides how cords are judged, besides its body and poses."""
+    return repr((device.cord, device.fabrication, device.decoder, device.channel_diameter))

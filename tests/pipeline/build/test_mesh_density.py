@@ -148,8 +148,8 @@ def test_modes_propose_poses_that_build(folder, capsys):
     assert "bend = 0.5, bend_2 = 1" in text  # mixtures, which name the poses
     text = text[: text.index("[states]")].replace('name = "', 'name = "my_')
     (folder / "device.toml").write_text(text.replace("my_tango", "tango").replace("my_rub", "rub"))
-    assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 0  # another region
-    assert set(load_device(folder).regions) == {"base", "far_end", "far_end_new"}
+    assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 0  # the same region
+    assert set(load_device(folder).regions) == {"base", "far_end"}
     capsys.readouterr()
     assert main(["modes", str(folder), "--fixed", "bse"]) == 2
     assert "no region 'bse'" in capsys.readouterr().err

@@ -54,3 +54,6 @@ def test_what_cannot_be_a_cord_is_told():
         drawn_curve(BODY, PLANE, wave(200, 300))
     with pytest.raises(LayoutError, match="too short"):
         drawn_curve(BODY, PLANE, np.array([[10.0, 0], [10.1, 0]]))
+    for nothing in (np.array([]), np.full((5, 2), np.nan)):
+        with pytest.raises(LayoutError, match="too short"):
+            drawn_curve(BODY, PLANE, nothing)

@@ -7,6 +7,7 @@ import pytest
 
 from defsense_fab.core.device_file import load_device
 from defsense_fab.studio.cords.cord_scene import with_point
+from defsense_fab.studio.edits.body import set_value
 
 LONG = 60.0
 
@@ -64,3 +65,12 @@ def test_what_breaks_a_limit_is_told(cords):
     cords.drawn(with_point(sensor, 2, sensor.curve.points[2] + [0.0, 60.0]), "points", 2, True)
     assert cords._limits_work.wait(LONG)
     assert f"cord '{sensor.name}' leaves the body" in cords._limits.content
+
+
+def test_cords_are_judged_by_the_printer_and_decoder_that_there_are_now(cords):
+    before = cords.bench.judge
+    cords.bench.do(set_value("fabrication", "wall", 6.5))
+    assert cords.bench._judging.wait(LONG)
+    assert cords.bench.judge is not before
+    assert cords._limits_work.wait(LONG)
+    assert "6.50 mm is needed" in cords._limits.content

@@ -112,8 +112,11 @@ def test_tangents_planes_and_copies_are_written(cords):
     count = len(cord_.curve.points)
     cords._cord._edit(cords._cord._longer)
     assert len(sensors(cords)[name].curve.points) == count + 1
+    cords._cord._delete_point()  # none was dragged since
+    assert len(sensors(cords)[name].curve.points) == count + 1
+    assert "Drag a point first" in cords.bench._message.content
     cords._cord.touched = 1
-    cords._cord._edit(cords._cord._shorter)
+    cords._cord._delete_point()
     assert len(sensors(cords)[name].curve.points) == count
     cords._cord._edit(cords._cord._mirrored)
     copy = sensors(cords)[f"{name}-mirrored"]

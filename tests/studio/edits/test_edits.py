@@ -220,3 +220,10 @@ def test_cords_are_counted_with_those_that_are_drawn(folder):
     assert body.set_cord_count(1).name == "have 1 cord"
     back = parse_device(done(body.set_cord_count(1), text), folder)
     assert (len(back.sensors), back.propose) == (2, 0)
+
+
+def test_small_values_keep_their_digits():
+    assert body._value(0.0004) == 0.0004
+    assert body._value(0.00123456) == 0.001235
+    assert body._value(0.0) == 0
+    assert body._value(12.34567) == 12.346

@@ -200,3 +200,20 @@ def test_long_histories_are_trimmed(folder, monkeypatch):
         project.do(body.set_parameter("length", 160 + k))
     assert sum(project.undo() is not None for _ in range(30)) == 9
     assert len(Project(folder)._history.steps) == 10
+
+
+def test_a_row_that_was_cut_off_takes_no_other_along(folder):
+    project = Project(folder)
+    for name in ("a", "b", "c"):
+        project.do(body.rename_device(name))
+    path = folder / history.FOLDER / history.FILE
+    path.write_bytes(path.read_bytes()[:-9])
+    again = Project(folder)  # `c` is what the file has
+    again.do(body.rename_device("d"))
+    again.undo()
+    text = again.text
+    last = Project(folder)
+    assert last.text == text
+    assert last.redoes == "rename the device to `d`"
+    last.undo()
+    assert last.device.name == "b"

@@ -55,6 +55,14 @@ def test_a_folder_that_is_not_there_becomes_the_device_of_the_gallery(begin, tmp
     assert studio.page.modes["Device"]._tried
 
 
+def test_programs_that_lay_in_the_folder_are_not_agreed_to_with_the_gallery(begin, tmp_path):
+    (tmp_path / "build123d.py").write_text("raise SystemExit\n", encoding="utf-8")
+    studio = begin(tmp_path)
+    click(studio.page.buttons["bar"])
+    asked = Agreement().asked(load_device(tmp_path).body)
+    assert [name for name, _ in asked.files] == ["bar.py", "build123d.py"]
+
+
 def test_a_dropped_body_is_asked_its_unit_and_becomes_a_device(begin, tmp_path, monkeypatch):
     scale = 25.4
     surface = box_surface([0, 0, 0], [5, 1, 1])
