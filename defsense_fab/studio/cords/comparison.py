@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 
 import numpy as np
 
 from ...core.device import Sensor
 from ...pipeline.design.layout_judge import Judged, LayoutJudge
+from ..workbench.table_cell import table_cell
 
 #: Of two cords' signals over the states: above, one tells hardly anything that the other does not.
 _ALIKE = 0.95
@@ -25,7 +25,7 @@ def comparison(
     signals = judged.signals[:, rows]
     largest = np.abs(signals).max(axis=0)
     lines = [
-        f"| | {html.escape(chosen)} | {html.escape(other)} |",
+        f"| | {table_cell(chosen)} | {table_cell(other)} |",
         "|---|---:|---:|",
         f"| error without it | {without[0]} | {without[1]} |",
         f"| largest signal | {100 * largest[0]:.1f} % | {100 * largest[1]:.1f} % |",

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 
 from ...optimize.limits.verification import LayoutCheck
 from ...pipeline.design.layout_judge import Judged
 from ..workbench.pose_errors import extremes
+from ..workbench.table_cell import table_cell
 
 _BARS = 9
 _STRAIGHT = 1000.0  # mm, of a radius
@@ -26,7 +26,7 @@ def error_table(judged: Judged | None, before: Judged | None) -> str:
     most = max(rows.values(), default=1.0)
     lines += ["", "| pose | mm | |", "|---|---:|---|"]
     lines += [
-        f"| {html.escape(pose)} | {mm:.2f} | {'█' * max(round(_BARS * mm / most), 1)} |"
+        f"| {table_cell(pose)} | {mm:.2f} | {'█' * max(round(_BARS * mm / most), 1)} |"
         for pose, mm in rows.items()
     ]
     return "\n".join(lines)
@@ -38,7 +38,7 @@ def limit_words(check: LayoutCheck, names: Sequence[str]) -> str:
     for name, cord in zip(names, check.cords, strict=True):
         whole = cord.length + sum(i for i in cord.inlets if i < 1e3)
         lines.append(
-            f"| {html.escape(name)} | {whole:.0f} mm | {_radius(cord.min_radius)} |"
+            f"| {table_cell(name)} | {whole:.0f} mm | {_radius(cord.min_radius)} |"
             f" {cord.min_wall:.1f} mm |"
         )
     lines += ["", *(f"- {problem}" for problem in check.problems)]

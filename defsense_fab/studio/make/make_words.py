@@ -6,13 +6,16 @@ import html
 
 from ...pipeline.report.guide_steps import GuideStep
 from ...pipeline.report.guide_tables import GuideTable
+from ..workbench.table_cell import table_cell
 
 _WIDE = 5  # columns that the panel has room for
 
 
 def step_words(step: GuideStep, number: int) -> str:
     """Markdown: the step as the guide has it."""
-    return "\n".join([f"### {number}. {_cell(step.title)}", *(f"- {_cell(x)}" for x in step.lines)])
+    return "\n".join(
+        [f"### {number}. {table_cell(step.title)}", *(f"- {table_cell(x)}" for x in step.lines)]
+    )
 
 
 def table_words(table: GuideTable) -> str:
@@ -22,7 +25,7 @@ def table_words(table: GuideTable) -> str:
         return "nothing"
     if len(table.header) > _WIDE:
         rows = list(zip(*rows, strict=True))
-    lines = ["| " + " | ".join(_cell(x) for x in row) + " |" for row in rows]
+    lines = ["| " + " | ".join(table_cell(x) for x in row) + " |" for row in rows]
     lines.insert(1, "|" + "---|" * len(rows[0]))
     return "\n".join(lines)
 
@@ -40,7 +43,3 @@ def state_words(built: bool, outdated: str | None, problem: str | None) -> str:
         f" '{outdated}' has still to be done.{failed} Press *Build everything*; until then these"
         " stay."
     )
-
-
-def _cell(text: str) -> str:
-    return html.escape(text, quote=False).replace("|", "\\|")

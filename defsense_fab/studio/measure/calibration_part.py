@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -17,6 +16,7 @@ from ...pipeline.calibrate.guided_measurement import run_guided_measurement
 from ...pipeline.twin.sample_sources import open_source
 from ..edits.body import use_response
 from ..workbench.process_work import ProcessWork
+from ..workbench.thread_work import ThreadWork
 from ..workbench.workbench import Workbench
 from . import jobs
 from .measurement_screen import MeasurementScreen
@@ -26,21 +26,14 @@ _RESPONSE = "response.json"
 _LEAVES = 10.0  # s that a measurement has to end
 
 
-class CalibrationPart:
+class CalibrationPart(ThreadWork):
     """A folder of the panel; one measurement at a time, on a thread, and fits in a process."""
 
     def __init__(self, bench: Workbench) -> None:
         self._bench = bench
         self.work = ProcessWork("work", self._progress, self._ended)
-        self._thread: threading.Thread | None = None
         self._told_of: Callable[[Any], str] = str
         self.screen: MeasurementScreen | None = None
-
-    @property
-    def busy(self) -> bool:
-        """Whether a specimen is measured."""
-        thread = self._thread
-        return thread is not None and thread.is_alive()
 
     def add_panel(self) -> None:
         gui, bench = self._bench.server.gui, self._bench
@@ -77,8 +70,7 @@ class CalibrationPart:
             return
         self._start.disabled = True
         self._tell("Preparing ...")
-        self._thread = threading.Thread(target=self._go, daemon=True)
-        self._thread.start()
+        self.begin(self._go)
 
     def simulate(self) -> None:
         """Sessions of simulated specimens of the device's cord."""
@@ -108,13 +100,6 @@ class CalibrationPart:
                 "The device uses the measured response: *Optimise* and build it anew under *Make*."
             )
             self._use.visible = False
-
-    def wait(self, seconds: float) -> bool:
-        """Whether no measurement is under way any more within so many s."""
-        thread = self._thread
-        if thread is not None:
-            thread.join(seconds)
-        return not self.busy
 
     def close(self) -> None:
         """What was measured stays, and can be gone on with."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from ...core.errors import DefsenseError
 from ...pipeline.live.live_device import live_device
 from ...pipeline.live.live_run import LiveRun, RunOptions, live_run
+from ..workbench.thread_work import ThreadWork
 
 _LOOK = 0.2  # s between looks whether it is to end
 _LEAVES = 10.0  # s that it has to end
@@ -18,21 +19,14 @@ class _Stopped(Exception):
     """It was stopped before it ran."""
 
 
-class LiveSession:
+class LiveSession(ThreadWork):
     """One run at a time. `told` hears what is going on, in sentences; `changed` is called once it
     runs and once it has ended; both on a thread of this. `run` is there while it runs."""
 
     def __init__(self, told: Callable[[str], None], changed: Callable[[], None]) -> None:
         self._told, self._changed = told, changed
-        self._thread: threading.Thread | None = None
         self._lock, self._stop = threading.Lock(), threading.Event()
         self.run: LiveRun | None = None
-
-    @property
-    def busy(self) -> bool:
-        """Whether a run is prepared, under way, or being ended."""
-        thread = self._thread
-        return thread is not None and thread.is_alive()
 
     def start(self, model: Path, folder: Path, options: RunOptions) -> bool:
         """Run a model on the device in a folder; whether it began, which it does not while another
@@ -41,22 +35,12 @@ class LiveSession:
             if self.busy:
                 return False
             self._stop = threading.Event()
-            self._thread = threading.Thread(
-                target=self._go, args=(model, folder, options, self._stop), daemon=True
-            )
-            self._thread.start()
+            self.begin(self._go, model, folder, options, self._stop)
         return True
 
     def stop(self) -> None:
         """Returns at once."""
         self._stop.set()
-
-    def wait(self, seconds: float) -> bool:
-        """Whether there is none any more within so many s."""
-        thread = self._thread
-        if thread is not None:
-            thread.join(seconds)
-        return not self.busy
 
     def close(self) -> None:
         """Stop, and wait for the end."""

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import queue
 import time
 from typing import Any
 
 from ...pipeline.calibrate.guided_measurement import MeasurementView
 from ..workbench.workbench import Workbench
 from .measurement_words import jig_words, points_plot
+from .pressed_keys import PressedKeys
 
 _EVERY = 0.25  # s between two drawings
 _KEYS = {"Measure": "enter", "Repeat": "r", "Take now": "t", "Back": "b", "Skip": "s", "Stop": "q"}
 
 
-class MeasurementScreen:
+class MeasurementScreen(PressedKeys):
     """Shows views in the `folder`, and hands over the keys that its buttons `press`."""
 
     def __init__(self, bench: Workbench, folder: Any) -> None:
+        super().__init__()
         gui = bench.server.gui
-        self._bench, self._keys = bench, queue.SimpleQueue[str]()
+        self._bench = bench
         self._drawn = 0.0
         with folder:
             self._folder = gui.add_folder("Measurement")
@@ -28,16 +29,6 @@ class MeasurementScreen:
             group = gui.add_button_group("Step", tuple(_KEYS))
             group.on_click(lambda _: self.press(_KEYS[group.value]))
             self._plot = gui.add_html("")
-
-    def press(self, key: str) -> None:
-        """As on a keyboard: enter, r, t, b, s, q."""
-        self._keys.put(key)
-
-    def key(self, timeout: float) -> str | None:
-        try:
-            return self._keys.get(timeout=timeout)
-        except queue.Empty:
-            return None
 
     def show(self, view: MeasurementView) -> None:
         now = time.monotonic()

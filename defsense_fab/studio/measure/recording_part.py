@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,6 +12,7 @@ from ...core.markers import read_markers
 from ...pipeline.sessions import session as sessions
 from ...pipeline.twin.capture_setup import NONE, TWIN, CaptureOptions, set_up_capture
 from ...twin.filming.camera_kinds import USUAL
+from ..workbench.thread_work import ThreadWork
 from ..workbench.workbench import Workbench
 from .recording_screen import RecordingScreen
 
@@ -20,20 +20,13 @@ _LEAVES = 10.0  # s that a recording has to end
 _TWIN_CAMERAS = (1, 2, USUAL)  # seed, number and kind
 
 
-class RecordingPart:
+class RecordingPart(ThreadWork):
     """A folder of the panel; one recording at a time, on a thread. `recorded` is called once it has
     ended."""
 
     def __init__(self, bench: Workbench, recorded: Callable[[], None]) -> None:
         self._bench, self._recorded = bench, recorded
-        self._thread: threading.Thread | None = None
         self.screen: RecordingScreen | None = None
-
-    @property
-    def busy(self) -> bool:
-        """Whether a recording is prepared or under way."""
-        thread = self._thread
-        return thread is not None and thread.is_alive()
 
     def add_panel(self) -> None:
         gui, bench = self._bench.server.gui, self._bench
@@ -74,15 +67,7 @@ class RecordingPart:
         options, folder = self._options(), self._bench.project.folder / name
         self._start.disabled, self._asked.visible = True, False
         self._told.content = "Preparing ..."
-        self._thread = threading.Thread(target=self._go, args=(folder, options), daemon=True)
-        self._thread.start()
-
-    def wait(self, seconds: float) -> bool:
-        """Whether there is none any more within so many s."""
-        thread = self._thread
-        if thread is not None:
-            thread.join(seconds)
-        return not self.busy
+        self.begin(self._go, folder, options)
 
     def close(self) -> None:
         """What was recorded stays, and can be gone on with."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import queue
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -15,21 +14,23 @@ from ...pipeline.sessions.guided_recording import CaptureView
 from ...runtime.view.colors import LINES
 from ..workbench.workbench import Workbench
 from .camera_pictures import camera_words, small_picture
+from .pressed_keys import PressedKeys
 from .recording_words import coverage_bars, step_words
 
 _SECONDS = 20.0  # of signals that are drawn
 _SIGNALS, _PICTURES = 0.25, 0.5  # s between two drawings
 
 
-class RecordingScreen:
+class RecordingScreen(PressedKeys):
     """A `CaptureScreen`; its handles are made in the `folder`, and taken away by `close`. Buttons
     `press` keys."""
 
     def __init__(self, bench: Workbench, folder: Any, channels: tuple[str, ...]) -> None:
         import viser.uplot as uplot
 
+        super().__init__()
         gui = bench.server.gui
-        self._bench, self._keys = bench, queue.SimpleQueue[str]()
+        self._bench = bench
         self._rows: deque[tuple[float, Float]] = deque()
         self._drawn = self._pictured = 0.0
         self._cameras: dict[str, tuple[Any, Any]] = {}
@@ -52,16 +53,6 @@ class RecordingScreen:
                     empty, series, aspect=1.6, title="(R - R0)/R0, last 20 s",
                     scales={"x": uplot.Scale(time=False, auto=True)},
                 )  # fmt: skip
-
-    def press(self, key: str) -> None:
-        """As on a keyboard: enter, r, b, s, q."""
-        self._keys.put(key)
-
-    def key(self, timeout: float) -> str | None:
-        try:
-            return self._keys.get(timeout=timeout)
-        except queue.Empty:
-            return None
 
     def show(self, view: CaptureView) -> None:
         now = time.monotonic()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from ...core.arrays import Float
 from ...pipeline.design.layout_judge import Judged
 from ..workbench.build_work import SeenLayout
 from ..workbench.pose_errors import extremes
+from ..workbench.table_cell import table_cell
 
 _MOST = 1200  # points of the curve; every other one goes when there are more
 
@@ -56,9 +56,5 @@ def pose_table(before: Mapping[str, float] | None, now: Mapping[str, float]) -> 
     lines = ["| pose | as drawn | now |", "|---|---:|---:|"]
     for pose, mm in rows.items():
         drawn = f"{was[pose]:.2f}" if pose in was else "-"
-        lines.append(f"| {_plain(pose)} | {drawn} | **{mm:.2f}** mm |")
+        lines.append(f"| {table_cell(pose)} | {drawn} | **{mm:.2f}** mm |")
     return "\n".join(lines)
-
-
-def _plain(text: str) -> str:
-    return html.escape(text).replace("|", "\\|")

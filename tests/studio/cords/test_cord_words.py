@@ -23,6 +23,11 @@ def test_each_pose_is_told_at_its_extreme():
     assert lines[-2:] == ["| bend | 2.00 | █████████ |", "| twist | 1.00 | ████ |"]
 
 
+def test_a_name_neither_ends_its_cell_nor_is_taken_for_html():
+    told = Judged(1.0, "affine", {"a|<b>@1": 1.0}, ("a|<b>@1",), np.zeros((1, 1)))
+    assert error_table(told, None).splitlines()[-1].startswith("| a\\|&lt;b&gt; | 1.00 |")
+
+
 def test_a_drag_is_told_by_how_much_it_changes():
     assert error_table(judged(1.0), judged(1.25)).startswith("### 1.00 mm (-0.25)")
     assert error_table(judged(1.0), judged(1.001)).startswith("### 1.00 mm\n")
