@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import CaptureError, DeviceError
+from .device import device_folder
 from .options import numbers
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def add(steps: Commands, bars: Bars) -> None:
             "defsense capture markers my-device --count 16 --size 10 --dictionary 36h11",
         ],
     )
-    sub.add_argument("device", type=Path, metavar="DEVICE", help="folder with device.toml")
+    sub.add_argument("device", type=device_folder, metavar="DEVICE", help="folder with device.toml")
     sub.add_argument("--count", type=int, metavar="N", help="how many tags (12)")
     sub.add_argument(
         "--size", type=float, metavar="MM",

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .device import device_folder
 from .options import REFERENCE, references, twin_values, within
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def add(steps: Commands) -> None:
             "defsense capture record my-device --cameras twin --port twin",
         ],
     )
-    sub.add_argument("device", type=Path, metavar="DEVICE", help="folder with device.toml")
+    sub.add_argument("device", type=device_folder, metavar="DEVICE", help="folder with device.toml")
     sub.add_argument("--cameras", nargs="+", required=True, metavar="CAMERA", help=_CAMERAS)
     sub.add_argument("--calibration", type=Path, metavar="TOML",
                      help="of the cameras (cameras.toml; a twin's are known)")  # fmt: skip

@@ -9,6 +9,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Literal
 
 from ..core.errors import TrainingError
+from .device import device_folder
 
 if TYPE_CHECKING:
     from ..pipeline.train.data.data_files import DataFiles
@@ -18,7 +19,7 @@ def data_arguments(sub: argparse.ArgumentParser) -> None:
     """SESSION..., or --signals with --tracks; --device, --markers, --offset, --shift."""
     sub.add_argument("sources", nargs="*", type=Path, metavar="SESSION",
                      help="processed sessions, datasets, or XDF files")  # fmt: skip
-    sub.add_argument("--device", type=Path, metavar="DIR", help="folder with device.toml")
+    sub.add_argument("--device", type=device_folder, metavar="DIR", help="folder with device.toml")
     sub.add_argument("--signals", type=Path, metavar="CSV",
                      help="in place of sessions: signals or resistances by time")  # fmt: skip
     sub.add_argument("--tracks", type=Path, metavar="FILE",

@@ -13,7 +13,7 @@ from ..core.errors import DeviceError
 
 def device_arguments(sub: argparse.ArgumentParser) -> None:
     """The folder, `--set`, `--json` and `--verbose`."""
-    sub.add_argument("folder", type=Path, metavar="DIR", help="the folder of device.toml")
+    sub.add_argument("folder", type=device_folder, metavar="DIR", help="the folder of device.toml")
     sub.add_argument(
         "--set",
         action="append",
@@ -23,6 +23,14 @@ def device_arguments(sub: argparse.ArgumentParser) -> None:
     )
     sub.add_argument("--json", action="store_true", help="print the result as JSON")
     sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+
+
+def device_folder(text: str) -> Path:
+    """The folder of a device, or that of its device.toml where this is given."""
+    from ..core.device_file import DEVICE
+
+    path = Path(text)
+    return path.parent if path.name == DEVICE and path.is_file() else path
 
 
 def overrides(pairs: Sequence[str]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .device import device_folder
 from .options import references, within
 from .output import progress_bars, say
 from .run_end import ending, tell
@@ -49,7 +50,7 @@ def add(commands: Commands) -> None:
         " or replay:SESSION (with what its cameras saw), or"
         " twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b)",
     )  # fmt: skip
-    sub.add_argument("--device", nargs="+", type=Path, metavar="DEVICE",
+    sub.add_argument("--device", nargs="+", type=device_folder, metavar="DEVICE",
                      help="folder with device.toml of each (that of its model)")  # fmt: skip
     sub.add_argument("--view", nargs="?", type=int, const=_VIEW, default=None, metavar="PORT",
                      help=f"show it in the browser ({_VIEW}; the next for others)")  # fmt: skip

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .device import device_folder
 from .options import within
 from .output import say
 
@@ -35,7 +35,7 @@ def add(commands: Commands) -> None:
             "defsense studio my-device --host 0.0.0.0",
         ],
     )
-    sub.add_argument("device", type=Path, metavar="DIR",
+    sub.add_argument("device", type=device_folder, metavar="DIR",
                      help="folder of the device, which may not be there yet")  # fmt: skip
     sub.add_argument("--port", type=int, default=_PORT, metavar="PORT",
                      help=f"of the page on this machine ({_PORT})")  # fmt: skip

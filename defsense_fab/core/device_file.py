@@ -23,16 +23,15 @@ from .device import (
     CordSpec,
     Device,
     FabricationSpec,
-    MaterialSpec,
     MeshSpec,
     OutputsSpec,
     Sensor,
 )
-from .errors import CalibrationError
+from .errors import CalibrationError, DeviceError
+from .material_table import read_material
 from .pose_file import read_poses, read_states
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from .response import ResponseSpec, read_measured, read_response
-from .shore import from_shore
 from .toml_table import Table, is_number, load_toml, parse_toml
 
 SCHEMA = 1
@@ -90,7 +89,7 @@ def _read(top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool
         name=top.string("name"),
         source=folder,
         body=body,
-        material=_material(top.table("material")),
+        material=read_material(top.table("material")),
         mesh=_mesh(top.table("mesh")),
         regions=regions,
         poses=poses,
@@ -154,6 +153,13 @@ def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
     parameters = dict(t.table("parameters", required=False).data) if kind == "script" else {}
     if overrides and kind != "script":
         t.fail(kind, "--set changes parameters of a script; this body has none")
+    for name, value in overrides.items():
+        known = parameters.get(name)
+        if is_number(known) and not is_number(value):
+            raise DeviceError(
+                f"--set {name}={value}: {DEVICE} has the number {known} there; give a number, as in"
+                f" {name}={known}"
+            )
     parameters.update(overrides)
     for name, value in parameters.items():
         if isinstance(value, int | float) and not isinstance(value, bool) and not is_number(value):
@@ -188,57 +194,6 @@ def _mesh(t: Table) -> MeshSpec:
     limit = t.number("time_limit", MeshSpec.time_limit, low=0)
     t.done()
     return MeshSpec(edge, accuracy, limit)
-
-
-#: The constants (MPa) that a model may be given by, in place of young_modulus.
-_CONSTANTS: dict[str, tuple[str, ...]] = {
-    "neo-hookean": (),
-    "stable-neo-hookean": (),
-    "mooney-rivlin": ("c10", "c01"),
-    "yeoh": ("c10", "c20", "c30"),
-}
-
-
-def _material(t: Table) -> MaterialSpec:
-    name = t.string("name", "custom")
-    rows = read_rows("materials.csv")
-    row = rows.get(name, {})
-    model = t.string("model", "neo-hookean")
-    t.choice("model", model, list(_CONSTANTS), "material model")
-    wanted = _CONSTANTS[model]
-    own = any(t.has(k) for k in ("young_modulus", "shore", *wanted))
-    if not own and not (t.has("poisson_ratio") and row):
-        t.choice("name", name, list(rows), "material")
-    poisson = t.number("poisson_ratio", row.get("poisson_ratio") and float(row["poisson_ratio"]))
-    if not -1 < poisson < 0.5:
-        t.fail("poisson_ratio", f"must lie between -1 and 0.5 (below it), not {poisson:g}")
-    density = t.number("density", float(row.get("density", 1.1)), low=0)
-    if wanted:
-        constants = {k: t.number(k) for k in wanted}
-        young = 4 * (constants["c10"] + constants.get("c01", 0.0)) * (1 + poisson)
-        if young <= 0:
-            t.fail("c10", "the shear modulus 2 (c10 + c01) must be positive")
-        for key in ("young_modulus", "shore"):
-            if t.has(key):
-                t.fail(key, f"follows from the constants of {model}; remove it")
-    else:
-        constants = {}
-        young = _young_modulus(t, row)
-    t.done()
-    return MaterialSpec(name, young, poisson, model, density, constants)
-
-
-def _young_modulus(t: Table, row: Mapping[str, str]) -> float:
-    if t.has("shore") and t.has("young_modulus"):
-        t.fail("shore", "give either shore or young_modulus")
-    if not t.has("shore"):
-        return t.number(
-            "young_modulus", row.get("young_modulus") and float(row["young_modulus"]), low=0
-        )
-    try:
-        return from_shore(t.string("shore")).value
-    except ValueError as error:
-        t.fail("shore", str(error))
 
 
 def _regions(t: Table) -> dict[str, Shape]:

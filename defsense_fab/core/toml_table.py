@@ -21,6 +21,10 @@ def load_toml(path: Path) -> Table:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise DeviceError(f"{path}: no such file; give a folder that holds a device.toml") from None
+    except NotADirectoryError:
+        raise DeviceError(
+            f"{path.parent}: is a file; give the folder that holds a device.toml"
+        ) from None
     except UnicodeDecodeError as error:
         raise DeviceError(f"{path}: not valid TOML: {error}") from None
     except OSError as error:

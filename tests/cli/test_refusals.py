@@ -37,6 +37,18 @@ def test_a_folder_that_takes_no_files(capsys):
     assert "/proc/x: No such file" in refused(capsys, ["calibrate", "specimen", "/proc/x"])
 
 
+def test_a_file_in_place_of_the_device_s_folder(device, capsys):
+    error = refused(capsys, ["mesh", device / "bar.py"])
+    assert f"{device}/bar.py: is a file; give the folder" in error
+    # Its device.toml stands for the folder.
+    assert "width=abc" in refused(capsys, ["mesh", device / "device.toml", "--set", "width=abc"])
+
+
+def test_a_text_for_a_number(device, capsys):
+    error = refused(capsys, ["mesh", device, "--set", "width=abc"])
+    assert "--set width=abc: device.toml has the number 30 there; give a number, as in" in error
+
+
 def test_a_device_whose_folder_takes_no_build(device, capsys):
     (device / ".build-next").write_text("")
     error = refused(capsys, ["mesh", device])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -16,6 +18,7 @@ from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
 from .child_process import Failure, finished
 from .connector_bay import recess
+from .script_failure import script_failure
 from .script_process import RESULT, SOLIDS, TASK
 from .source_files import SourceFile
 
@@ -106,22 +109,31 @@ def _run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
     # Both processes need the CAD kernel, which takes seconds to load: this one meanwhile.
     loading = threading.Thread(target=import_module, args=("..kernels.occ", __package__))
     loading.start()
-    with finished(module, give, RESULT, spec.time_limit, failure, relay=True) as folder:
+    with (
+        _joined(loading),
+        finished(module, give, RESULT, spec.time_limit, failure, relay=True) as folder,
+    ):
         made = json.loads((folder / RESULT).read_text(encoding="utf-8"))
         if "refused" in made:
             raise BodyError(f"{path}: {made['refused']}")
         if "type" in made:
-            where = f"{made['file']}:{made['line']}" if made["line"] else made["file"]
-            raise BodyError(
-                f"{where}: the script raised {made['type']}: {made['message'] or 'no message'};"
-                " mend the script or its parameters"
-            )
+            raise script_failure(made, spec.parameters)
         from ..kernels import brep
 
         solids = brep.read_brep(folder / SOLIDS)
     sources = tuple(SourceFile(Path(name), content) for name, content in made["sources"])
     # A file that has gone since was the script's own, for the time being.
     return solids, tuple(s for s in sources if s.content is None or s.path.exists())
+
+
+@contextmanager
+def _joined(thread: threading.Thread) -> Iterator[None]:
+    """Wait for a thread that imports, whatever happens: a program that ends meanwhile shows its
+    traceback."""
+    try:
+        yield
+    finally:
+        thread.join()
 
 
 def _plain(value: Any) -> Any:

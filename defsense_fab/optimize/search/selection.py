@@ -22,8 +22,8 @@ def select(
     rounds: int = 3,
     some: Sequence[Bool] | None = None,
     allowed: Callable[[dict[int, int]], bool] | None = None,
-) -> Int | None:
-    """Index into each pool (m,), or None where no clear combination was found.
+) -> Int:
+    """Index into each pool (m,), -1 for those left when no clear candidate was found for one.
 
     `error` takes sets of signals (k, n, m) to the error of each (k,), for any number m of cords.
     Cords are added one by one, then exchanged one by one while that helps. `some` restricts each
@@ -52,7 +52,7 @@ def select(
                     break
             else:
                 if chosen[slot] < 0:
-                    return None
+                    return chosen
         if turn and (before == chosen).all():
             break
     return chosen

@@ -24,6 +24,7 @@ _ALIGNED = frozenset({"path", "offset"})
 _SHARE = 0.3  # of the candidates that a start sees, so that starts differ
 _TRIES = 5  # planes, or sets of them, for a start
 _IN_PLANE = 3000  # candidates in a plane
+_CANDIDATES = 2000  # to find out how many cords there is room for
 _HAND = 0.1  # kept from the clearance for what coarse samples miss, mm
 
 
@@ -105,10 +106,20 @@ def no_room(problem: Problem, count: int) -> LayoutError:
             f", with channels of which {limits.lengths} by [cord] length and min_stretch, with"
             " pockets or free ends"
         )
+    most = _most(problem, count)
+    fewer = f"ask for {most}, for which room was found" if 0 < most < count else "ask for fewer"
     return LayoutError(
         f"[design] sensors = {count}: no layout of {count} cords was found that keeps their walls"
-        f" and clearances{lengths}; ask for fewer, or draw them as [[sensors]]"
+        f" and clearances{lengths}; {fewer}, or draw them as [[sensors]]"
     )
+
+
+def _most(problem: Problem, count: int) -> int:
+    """For how many of `count` cords greedy selection finds room."""
+    pool = _families(problem, _CANDIDATES, np.random.default_rng(0), None)
+    clearance = problem.limits.clearance + _HAND
+    chosen = select([pool] * count, problem.expected_error, clearance, rounds=0)
+    return int((chosen >= 0).sum())
 
 
 def seeds(
@@ -198,6 +209,6 @@ def _select(
             some=some,
             allowed=allowed,
         )
-        if chosen is not None:
+        if (chosen >= 0).all():
             return layout(dict(enumerate(chosen.tolist())))
     return None

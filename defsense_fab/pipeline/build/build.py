@@ -1,8 +1,8 @@
 """Building a device: what is up to date is kept, what changed is made anew and moved in whole.
 
 A build works in `.build-next/` beside `build/` and trades places with it at the end, so an
-error or an interruption leaves the last good build as it was. Finished stages stay in
-`.build-next/` and are taken up by the next build.
+error or an interruption leaves the last good build as it was. Finished stages stay there and are
+taken up by the next build; where there is no build yet, they become it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -66,33 +66,65 @@ def build(
         if all(finished(device, final, s, wanted) for s in stages):
             return BuildResult(final, (), tuple(s.name for s in stages))
         working.mkdir(exist_ok=True)
-        made, reused = [], []
-        for stage in STAGES:
-            if finished(device, working, stage, keys(device, working)):
-                reused.append(stage.name)
-                continue
-            _clear(working, stage)
-            if stage is not STAGES[0]:  # from now on for the body in the working folder
-                wanted = keys(device, working)
-            if finished(device, final, stage, wanted):
-                for name in stage.outputs:
-                    if (final / name).exists():  # versions before wrote fewer
-                        _copy(final / name, working / name)
-                reused.append(stage.name)
-            elif stage in stages:
-                progress(stage.name, 0.0, stage.title)
-                run_stage(stage, device, working, progress, watch)
-                progress(stage.name, 1.0, "done")
-                made.append(stage.name)
-            else:
-                continue
-            done = {"key": keys(device, working)[stage.name], "files": _sizes(working, stage)}
-            write_json(working / STATE, {**_state(working), stage.name: done})
+        try:
+            made, reused = _make(device, working, final, stages, progress, watch)
+        except (DefsenseError, OSError):
+            _keep_what_is_new(device, working, final)
+            raise
         if final.exists():
             final.replace(old)
         working.replace(final)
         shutil.rmtree(old, ignore_errors=True)
     return BuildResult(final, tuple(made), tuple(reused))
+
+
+def _make(
+    device: Device,
+    working: Path,
+    final: Path,
+    stages: tuple[Stage, ...],
+    progress: Progress,
+    watch: Watch | None,
+) -> tuple[list[str], list[str]]:
+    """Fill the `working` folder: the names of the stages that were made, and of those reused."""
+    made, reused = [], []
+    wanted = keys(device, final)
+    for stage in STAGES:
+        if finished(device, working, stage, keys(device, working)):
+            reused.append(stage.name)
+            continue
+        _clear(working, stage)
+        if stage is not STAGES[0]:  # from now on for the body in the working folder
+            wanted = keys(device, working)
+        if finished(device, final, stage, wanted):
+            for name in stage.outputs:
+                if (final / name).exists():  # versions before wrote fewer
+                    _copy(final / name, working / name)
+            reused.append(stage.name)
+        elif stage in stages:
+            progress(stage.name, 0.0, stage.title)
+            run_stage(stage, device, working, progress, watch)
+            progress(stage.name, 1.0, "done")
+            made.append(stage.name)
+        else:
+            continue
+        done = {"key": keys(device, working)[stage.name], "files": _sizes(working, stage)}
+        write_json(working / STATE, {**_state(working), stage.name: done})
+    return made, reused
+
+
+def _keep_what_is_new(device: Device, working: Path, final: Path) -> None:
+    """After an error: the working folder goes where it has no finished stage that `final` lacks,
+    and is `final` where there is none."""
+    wanted = keys(device, working)
+    done = [s for s in STAGES if finished(device, working, s, wanted)]
+    for stage in STAGES[len(done) :]:  # what the failing stage began
+        with suppress(OSError):
+            _clear(working, stage)
+    if all(finished(device, final, s, wanted) for s in done):
+        shutil.rmtree(working, ignore_errors=True)
+    elif not final.exists():
+        working.replace(final)
 
 
 @contextmanager

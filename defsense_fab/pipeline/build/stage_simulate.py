@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...core.device import Device
 from ...core.errors import SolveError
+from ...core.material_table import strange
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver.batch import solve_all
@@ -29,7 +30,11 @@ def run(device: Device, folder: Path, report: Report) -> None:
     (folder / FOLDER).mkdir()
     for stale in (device.source / "not-reached").glob("*@*.vtu"):
         stale.unlink()
+    questions = strange(device.material)
+    for line in questions:
+        report(0.0, line)
     plan, todo, warnings = jobs(device, mesh, loadings(device))
+    warnings = [*questions, *warnings]
     angle = load_mesh_record(folder).min_dihedral
     if angle < SLIVER:
         warnings.append(

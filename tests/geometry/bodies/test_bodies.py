@@ -118,7 +118,11 @@ def test_a_broken_file_is_one_line(tmp_path):
             r"body\.py:2: .* ValueError: too short",
         ),
         ("x = ", r"body\.py:1: the script raised SyntaxError"),
-        ("import sys\nsys.exit(3)", r"body\.py:2: .*SystemExit"),
+        ("import sys\nsys.exit(3)", r"body\.py:2: the script ends the program \(3\) in place of"),
+        (
+            "import build123d as bd\ndef body(width=-5): return bd.Box(9, width, 9)",
+            r"body\.py:2: .* takes no size that is zero or negative",
+        ),
         ("def body(): return None", "returned None"),
         ("def body(): return 3", r"body\.py: body\(\) returned int"),
         ("import build123d as bd\ndef body(): return bd.Box", "returned the class Box"),

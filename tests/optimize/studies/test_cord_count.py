@@ -107,7 +107,8 @@ def test_more_cords_than_fit_are_refused(problem):
     from defsense_fab.core.errors import LayoutError
 
     tight = replace(problem, limits=replace(LIMITS, clearance=70.0))
-    with pytest.raises(LayoutError, match="no layout of 4 cords was found"):
+    said = r"no layout of 4 cords was found.*; ask for [123], for which room was found"
+    with pytest.raises(LayoutError, match=said):
         optimise(tight, [], np.random.default_rng(0), quiet, extra=4, starts=2, candidates=2000)
 
 
