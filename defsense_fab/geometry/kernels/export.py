@@ -55,7 +55,8 @@ def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bo
     if together:
         item = model.AddBuildItem(assembly, wrapper.GetIdentityTransform())
         item.SetUUID(_uuid(title, "item"))
-    model.QueryWriter("3mf").WriteToFile(str(path))
+    # To memory first: on a full disk lib3mf ends the program.
+    path.write_bytes(bytes(model.QueryWriter("3mf").WriteToBuffer()))
 
 
 def _uuid(*names: str) -> str:

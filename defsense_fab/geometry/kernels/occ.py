@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import re
 from collections.abc import Mapping, Sequence
@@ -88,11 +89,12 @@ def write_assembly(solids: Mapping[str, Any], path: Path, label: str) -> None:
 
 def _export(shape: Any, path: Path) -> None:
     """The same shape gives the same bytes at any time: OpenCascade stamps the time, and numbers the
-    uses of parts on and on while the program runs."""
-    bd.export_step(shape, str(path), timestamp=_STAMP)
+    uses of parts on and on while the program runs. On a full disk it would say nothing of use, so
+    it writes to memory."""
+    written = io.BytesIO()
+    bd.export_step(shape, written, timestamp=_STAMP)
     count = itertools.count(1)
-    numbered = _USE.sub(lambda m: m[1] + str(next(count)).encode(), path.read_bytes())
-    path.write_bytes(numbered)
+    path.write_bytes(_USE.sub(lambda m: m[1] + str(next(count)).encode(), written.getvalue()))
 
 
 def volume(solid: Any) -> float:
