@@ -31,7 +31,7 @@ from defsense_fab.core.arrays import Float
 from defsense_fab.core.device import Device
 from defsense_fab.core.device_file import load_device
 from defsense_fab.decoding.trained_model import TrainedModel
-from defsense_fab.pipeline.sessions.result_files import ALIGNED, SAMPLES, SIGNALS
+from defsense_fab.pipeline.sessions.results.result_files import ALIGNED, SAMPLES, SIGNALS
 from defsense_fab.pipeline.train.data.data_files import DataFiles
 from defsense_fab.pipeline.train.data.dataset_parquet import write_dataset
 from defsense_fab.pipeline.train.models.prepare import prepare

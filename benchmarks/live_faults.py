@@ -21,7 +21,7 @@ import numpy as np
 
 from defsense_fab.core.arrays import Bool, Float
 from defsense_fab.pipeline.live.live_device import LiveDevice, live_device
-from defsense_fab.pipeline.twin.twin_recordings import TwinRun, TwinRuns, simulate_runs
+from defsense_fab.pipeline.twin.recordings.twin_recordings import TwinRun, TwinRuns, simulate_runs
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Sample
 from defsense_fab.runtime.frames.live_fault_words import fault_told
 from defsense_fab.runtime.frames.live_frame import LiveFrame

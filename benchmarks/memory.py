@@ -25,7 +25,7 @@ from defsense_fab.capture.tracking.single_camera import square
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.markers import Markers
-from defsense_fab.pipeline.sessions import session as sessions
+from defsense_fab.pipeline.sessions.recording import session as sessions
 from defsense_fab.sensing.voltage_divider import Dividers
 
 SIZE, FOCAL, SIDE = (1280, 720), 900.0, 15.0
@@ -41,7 +41,7 @@ _CHILD = """
 import json, sys, time
 from pathlib import Path
 from benchmarks.memory import peak
-from defsense_fab.pipeline.sessions.processing import process_session
+from defsense_fab.pipeline.sessions.processing.processing import process_session
 before, began = peak(), time.perf_counter()
 process_session(Path(sys.argv[1]))
 print(json.dumps([before, peak(), time.perf_counter() - began]))

@@ -35,7 +35,7 @@ from defsense_fab.pipeline.artifacts.layout import LayoutRecord, load_layout
 from defsense_fab.pipeline.build.build import build
 from defsense_fab.pipeline.train.evaluation.prediction import promised
 from defsense_fab.pipeline.train.models.simulated_prior import simulated_prior
-from defsense_fab.pipeline.twin.twin_recordings import simulate_runs
+from defsense_fab.pipeline.twin.recordings.twin_recordings import simulate_runs
 from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.training.evaluation.decoded_frames import decode_frames
 from defsense_fab.training.evaluation.predicted_error import predicted_error

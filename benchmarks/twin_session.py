@@ -26,9 +26,9 @@ import numpy as np
 from defsense_fab.capture.files.formats import read_any
 from defsense_fab.cli.main import main as defsense
 from defsense_fab.core.arrays import Float
-from defsense_fab.pipeline.sessions.recorded_tags import read_camera_tags
-from defsense_fab.pipeline.sessions.session import load
-from defsense_fab.pipeline.twin import live_twin
+from defsense_fab.pipeline.sessions.processing.recorded_tags import read_camera_tags
+from defsense_fab.pipeline.sessions.recording.session import load
+from defsense_fab.pipeline.twin.live import live_twin
 from defsense_fab.twin.filming.camera_kinds import KINDS
 
 #: mm/s and mm: what tells the cameras' lag.

@@ -19,7 +19,7 @@ from benchmarks.damage.copies import (
     train,
 )
 from defsense_fab.core.arrays import Float
-from defsense_fab.pipeline.sessions.result_files import SAMPLES
+from defsense_fab.pipeline.sessions.results.result_files import SAMPLES
 
 
 def swapped(values: dict[str, Float], one: str, two: str) -> None:

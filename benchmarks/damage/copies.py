@@ -17,7 +17,7 @@ from defsense_fab.capture.files.formats import read_any, write_any
 from defsense_fab.cli.main import main as defsense
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.tracks import Tracks
-from defsense_fab.pipeline.sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
+from defsense_fab.pipeline.sessions.results.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from defsense_fab.pipeline.train.data.tables import read_table
 
 REFUSED, TOLD, SILENT = "refused", "told", "no one"

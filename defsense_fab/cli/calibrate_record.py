@@ -138,7 +138,7 @@ def _ends(sub: argparse.ArgumentParser) -> None:
 def _ports(options: argparse.Namespace) -> int:
     from ..capture.readout.ports import ports
     from ..capture.readout.reader import Settings
-    from ..pipeline.twin.sample_sources import open_source
+    from ..pipeline.twin.live.sample_sources import open_source
 
     if options.seconds is not None:
         within("--seconds", options.seconds, 0.1, 1e6)
@@ -192,7 +192,7 @@ def _look(options: argparse.Namespace, port: str) -> dict[str, Any]:
     import numpy as np
 
     from ..capture.readout.reader import Settings
-    from ..pipeline.twin.sample_sources import open_source
+    from ..pipeline.twin.live.sample_sources import open_source
     from ..sensing.voltage_divider import Dividers
 
     source = open_source(port, Settings()).source
@@ -252,7 +252,7 @@ def _record(options: argparse.Namespace) -> int:
     from ..capture.readout.reader import Settings
     from ..pipeline.calibrate import session as sessions
     from ..pipeline.calibrate.guided_measurement import run_guided_measurement
-    from ..pipeline.twin.sample_sources import open_source
+    from ..pipeline.twin.live.sample_sources import open_source
     from ..terminal.guided_measurement import MeasurementLines, MeasurementTerminal
 
     if options.port.endswith(".csv"):
@@ -360,7 +360,7 @@ def _reference(options: argparse.Namespace) -> int:
 
     from ..capture.readout.reader import Settings
     from ..capture.readout.source import StampedSample
-    from ..pipeline.twin.sample_sources import open_source
+    from ..pipeline.twin.live.sample_sources import open_source
     from ..sensing.voltage_divider import measured_reference
 
     within("--known", options.known, 1e-3, 1e9)

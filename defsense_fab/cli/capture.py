@@ -220,8 +220,8 @@ def _writable(out: Path) -> None:
 def _process_session(options: argparse.Namespace, bars: Bars) -> int:
     from ..capture.files.formats import write_any
     from ..capture.tracking.smoothing import smooth
-    from ..pipeline.sessions.processing import process_session
-    from ..pipeline.sessions.result_files import REPORT
+    from ..pipeline.sessions.processing.processing import process_session
+    from ..pipeline.sessions.results.result_files import REPORT
 
     with bars(options) as progress:
         found = process_session(

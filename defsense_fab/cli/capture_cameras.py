@@ -17,7 +17,7 @@ from .output import say
 if TYPE_CHECKING:
     from ..capture.cameras.rig_diagnosis import Diagnosis
     from ..capture.tags.charuco_board import CharucoBoard
-    from ..pipeline.twin.board_twin import BoardTwin
+    from ..pipeline.twin.live.board_twin import BoardTwin
     from ..terminal.camera_calibration import BoardLines, BoardTerminal
     from .options import Bars, Commands
 
@@ -146,7 +146,7 @@ def _twin(options: argparse.Namespace, board: CharucoBoard) -> BoardTwin | None:
     if not _twin_meant(options):
         return None
     seed, count, kind = twin_values("SOURCE", options.sources[0])
-    from ..pipeline.twin.board_twin import BoardTwin
+    from ..pipeline.twin.live.board_twin import BoardTwin
 
     twin = BoardTwin(board, seed, count, kind)
     options.sources = [c.name for c in twin.cameras]

@@ -14,9 +14,9 @@ from .device import device_folder
 from .options import REFERENCE, references, twin_values, within
 
 if TYPE_CHECKING:
-    from ..pipeline.sessions.guided_recording import CaptureScreen
-    from ..pipeline.sessions.session import CaptureSession
-    from ..pipeline.twin.capture_setup import CaptureOptions
+    from ..pipeline.sessions.recording.guided_recording import CaptureScreen
+    from ..pipeline.sessions.recording.session import CaptureSession
+    from ..pipeline.twin.live.capture_setup import CaptureOptions
     from .options import Commands
 
 _CAMERAS = (
@@ -78,7 +78,7 @@ def add(steps: Commands) -> None:
 def _record(options: argparse.Namespace) -> int:
     from ..core.device_file import load_device
     from ..core.markers import read_markers
-    from ..pipeline.twin.capture_setup import set_up_capture
+    from ..pipeline.twin.live.capture_setup import set_up_capture
     from ..terminal.guided_recording import CaptureLines, CaptureTerminal
 
     for name, low, high in (("rounds", 1, 100), ("seconds", 1, 600), ("free", 0, 600),
@@ -99,7 +99,7 @@ def _record(options: argparse.Namespace) -> int:
 
 
 def _asked(options: argparse.Namespace) -> CaptureOptions:
-    from ..pipeline.twin.capture_setup import CaptureOptions
+    from ..pipeline.twin.live.capture_setup import CaptureOptions
 
     word = options.cameras[0]
     simulated = word.partition(":")[0] == "twin"
@@ -118,7 +118,7 @@ def _note(text: str) -> None:
 
 
 def _told(options: argparse.Namespace, session: CaptureSession, done: bool) -> int:
-    from ..pipeline.sessions.session import as_mapping, ending, finished
+    from ..pipeline.sessions.recording.session import as_mapping, ending, finished
 
     if options.json:
         sys.stdout.write(json.dumps(as_mapping(session), indent=1) + "\n")

@@ -13,7 +13,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from ..pipeline.sessions.guided_recording import CameraView, CaptureView
+from ..pipeline.sessions.recording.guided_recording import CameraView, CaptureView
 from ..sensing.signal import relative_change
 from .canvas import Canvas
 from .picture import GREEN, YELLOW, picture

@@ -11,7 +11,7 @@ from defsense_fab.calibration.plan import JigStep
 from defsense_fab.calibration.settling import Criterion
 from defsense_fab.pipeline.calibrate.guided_measurement import MeasurementView
 from defsense_fab.pipeline.cameras.live_views import BoardShown
-from defsense_fab.pipeline.sessions.guided_recording import CameraView, CaptureView
+from defsense_fab.pipeline.sessions.recording.guided_recording import CameraView, CaptureView
 from defsense_fab.terminal import camera_calibration, guided_recording
 from defsense_fab.terminal.guided_measurement import MeasurementTerminal
 from defsense_fab.terminal.screen import fitting

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ...capture.readout.ports import ports
 from ...core.device import Device
-from ..sessions.known_sessions import known_sessions
+from ..sessions.results.known_sessions import known_sessions
 from .raw_recording import BOARD
 
 TWIN = "twin"

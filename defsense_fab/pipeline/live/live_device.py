@@ -18,7 +18,7 @@ from ...runtime.controls.pose_basis import PoseBasis, PoseRamp
 from ..artifacts.build_folder import build_folder
 from ..artifacts.layout import LAYOUT, layout_hash, load_layout
 from ..train.models.model_file import load_model
-from ..twin.simulated_device import SimulatedDevice, simulated_device
+from ..twin.devices.simulated_device import SimulatedDevice, simulated_device
 from .model_fit import Misfit, misfit
 
 

@@ -29,7 +29,7 @@ from ...runtime.surface.surface_basis import SurfaceBasis
 from ...runtime.view.live_view import LiveView
 from ...runtime.view.page_place import PagePlace
 from ...runtime.view.viewed_device import ViewedDevice
-from ..twin.walking_board import WalkingBoard, parse_faults, walking_board
+from ..twin.recordings.walking_board import WalkingBoard, parse_faults, walking_board
 from .animations import Animations
 from .live_device import LiveDevice
 from .live_loop import BUDGET, LiveLoop, Sending, deviation

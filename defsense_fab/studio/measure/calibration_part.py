@@ -13,7 +13,7 @@ from ...core.errors import CalibrationError, DefsenseError
 from ...pipeline.artifacts.session_manifest import FILE
 from ...pipeline.calibrate import session as sessions
 from ...pipeline.calibrate.guided_measurement import run_guided_measurement
-from ...pipeline.twin.sample_sources import open_source
+from ...pipeline.twin.live.sample_sources import open_source
 from ..edits.body import use_response
 from ..workbench.process_work import ProcessWork
 from ..workbench.thread_work import ThreadWork

@@ -17,8 +17,8 @@ def record_twin(
 ) -> list[str]:
     """`defsense twin`: the sessions' folders."""
     from ...core.device_file import load_device
-    from ...pipeline.twin.twin_recordings import simulate_runs
-    from ...pipeline.twin.twin_session import check_free, session_folder, write_sessions
+    from ...pipeline.twin.recordings.twin_recordings import simulate_runs
+    from ...pipeline.twin.recordings.twin_session import check_free, session_folder, write_sessions
 
     device = load_device(folder)
     out = session_folder(device, unit, seed)
@@ -29,8 +29,8 @@ def record_twin(
 
 def process(sessions: Sequence[Path], progress: Progress) -> list[str]:
     """`defsense capture process`: lines on each session."""
-    from ...pipeline.sessions.processing import process_session
-    from ...pipeline.sessions.result_files import REPORT
+    from ...pipeline.sessions.processing.processing import process_session
+    from ...pipeline.sessions.results.result_files import REPORT
 
     out = []
     for folder in sessions:

@@ -9,8 +9,8 @@ from pathlib import Path
 from ...core.errors import DefsenseError
 from ...core.files import free_path
 from ...core.markers import read_markers
-from ...pipeline.sessions import session as sessions
-from ...pipeline.twin.capture_setup import NONE, TWIN, CaptureOptions, set_up_capture
+from ...pipeline.sessions.recording import session as sessions
+from ...pipeline.twin.live.capture_setup import NONE, TWIN, CaptureOptions, set_up_capture
 from ...twin.filming.camera_kinds import USUAL
 from ..workbench.thread_work import ThreadWork
 from ..workbench.workbench import Workbench

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...pipeline.sessions.guided_recording import CaptureView
+from ...pipeline.sessions.recording.guided_recording import CaptureView
 from ...runtime.view.colors import LINES
 from ..workbench.workbench import Workbench
 from .camera_pictures import camera_words, small_picture

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 
 from ...core.arrays import Bool
-from ...pipeline.sessions.guided_recording import CaptureView
+from ...pipeline.sessions.recording.guided_recording import CaptureView
 
 _SEEN, _NOT = "#1f77b4", "rgba(128,128,128,.25)"
 _THEN = {

@@ -10,9 +10,9 @@ from typing import Any
 from ...core.device import Device
 from ...pipeline.artifacts.build_folder import build_folder
 from ...pipeline.artifacts.layout import LAYOUT
-from ...pipeline.sessions.known_sessions import KnownSession, known_sessions
+from ...pipeline.sessions.results.known_sessions import KnownSession, known_sessions
 from ...pipeline.train.models.model_file import MODEL
-from ...pipeline.twin.twin_session import session_folder
+from ...pipeline.twin.recordings.twin_session import session_folder
 from ..workbench.latest import Latest
 from ..workbench.process_work import ProcessWork
 from ..workbench.workbench import Workbench

@@ -22,9 +22,9 @@ from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Markers
-from defsense_fab.pipeline.sessions import session as sessions
-from defsense_fab.pipeline.sessions.guided_recording import GuidedRecording
-from defsense_fab.pipeline.sessions.pose_coverage import BINS, PoseCoverage
+from defsense_fab.pipeline.sessions.recording import session as sessions
+from defsense_fab.pipeline.sessions.recording.guided_recording import GuidedRecording
+from defsense_fab.pipeline.sessions.recording.pose_coverage import BINS, PoseCoverage
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.serial_frames import Sample
 from defsense_fab.sensing.voltage_divider import Dividers

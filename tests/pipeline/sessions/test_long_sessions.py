@@ -10,10 +10,11 @@ import pytest
 
 from benchmarks import memory
 from defsense_fab.capture.files.formats import read_any, write_any
-from defsense_fab.pipeline.sessions import recorded_tags, sample_table
-from defsense_fab.pipeline.sessions import session as sessions
-from defsense_fab.pipeline.sessions.processing import process_session
-from defsense_fab.pipeline.sessions.recorded_tags import read_camera_tags
+from defsense_fab.pipeline.sessions.processing import recorded_tags
+from defsense_fab.pipeline.sessions.processing.processing import process_session
+from defsense_fab.pipeline.sessions.processing.recorded_tags import read_camera_tags
+from defsense_fab.pipeline.sessions.recording import session as sessions
+from defsense_fab.pipeline.sessions.results import sample_table
 
 SECONDS = 20.0
 MB_A_MINUTE = 8.0  # 60 of them, and what any length takes, are 1 GB at most

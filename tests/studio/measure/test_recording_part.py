@@ -10,9 +10,9 @@ import pytest
 
 from defsense_fab.capture.readout.reader import Reader
 from defsense_fab.core.markers import Markers, write_markers_file
-from defsense_fab.pipeline.sessions.guided_recording import CameraView, CaptureView
-from defsense_fab.pipeline.twin import capture_setup
-from defsense_fab.pipeline.twin.sample_sources import Opened
+from defsense_fab.pipeline.sessions.recording.guided_recording import CameraView, CaptureView
+from defsense_fab.pipeline.twin.live import capture_setup
+from defsense_fab.pipeline.twin.live.sample_sources import Opened
 from defsense_fab.studio.measure.camera_pictures import WIDTH, small_picture
 from defsense_fab.studio.measure.recording_screen import RecordingScreen
 from defsense_fab.studio.measure.recording_words import coverage_bars, step_words

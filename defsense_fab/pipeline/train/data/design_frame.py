@@ -9,7 +9,7 @@ from ....core.arrays import Bool, Float
 from ....core.errors import CaptureError, TrainingError
 from ....core.markers import Markers
 from ....core.tracks import Tracks
-from ...sessions.rest_frame import lay_on_rest
+from ...sessions.processing.rest_frame import lay_on_rest
 
 _ANCHOR = 3  # markers that do not move with the device, that tell its frame
 

@@ -15,7 +15,7 @@ from ....core.errors import CaptureError, TrainingError
 from ....core.markers import Markers
 from ....core.tracks import Tracks
 from ....training.data.dataset import Dataset, Recording
-from ...sessions.signals import motion
+from ...sessions.processing.signals import motion
 from .design_frame import in_design_frame
 from .series import Series, read_series
 from .session_dataset import rising

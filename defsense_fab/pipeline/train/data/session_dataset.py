@@ -22,8 +22,8 @@ from ...artifacts import typed_json
 from ...artifacts.build_folder import build_folder
 from ...artifacts.layout import LAYOUT, LayoutRecord, layout_hash, load_layout
 from ...artifacts.session_manifest import manifest_path
-from ...sessions.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
-from ...sessions.session import CaptureSession, load
+from ...sessions.recording.session import CaptureSession, load
+from ...sessions.results.result_files import ALIGNED, QUALITY, SAMPLES, SIGNALS
 from .tables import Table, read_table
 
 _KEPT = 0.995  # of the samples: fewer are worth a word

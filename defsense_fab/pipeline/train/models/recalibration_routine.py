@@ -15,9 +15,9 @@ from ....core.errors import TrainingError
 from ....decoding.trained_model import TrainedModel
 from ....training.data.dataset import Recording
 from ....training.fitting.recalibration import Recalibration, as_told, recalibrate
-from ...sessions.run_steps import begun, resting
-from ...sessions.session import BOARD, load, read_log
-from ...sessions.signals import resistances
+from ...sessions.processing.run_steps import begun, resting
+from ...sessions.processing.signals import resistances
+from ...sessions.recording.session import BOARD, load, read_log
 
 _FEW = 5  # samples at rest that tell nothing yet
 

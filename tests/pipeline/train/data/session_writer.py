@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.capture.files.formats import write_any
-from defsense_fab.pipeline.sessions.session import PoseStep, create
+from defsense_fab.pipeline.sessions.recording.session import PoseStep, create
 from defsense_fab.training.data.dataset import Recording
 from tests.pipeline.train.data.files_of_others import markers, tracks_of, write_csv
 from tests.training.synthetic import CHANNELS

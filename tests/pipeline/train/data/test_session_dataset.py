@@ -15,9 +15,9 @@ from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.pipeline.artifacts import typed_json
 from defsense_fab.pipeline.artifacts.layout import layout_hash
-from defsense_fab.pipeline.sessions import processing
-from defsense_fab.pipeline.sessions import session as sessions
-from defsense_fab.pipeline.sessions.processing import process_session
+from defsense_fab.pipeline.sessions.processing import processing
+from defsense_fab.pipeline.sessions.processing.processing import process_session
+from defsense_fab.pipeline.sessions.recording import session as sessions
 from defsense_fab.pipeline.train.data.session_dataset import session_dataset
 from tests.pipeline.artifacts.layouts import layout
 from tests.places import BAR

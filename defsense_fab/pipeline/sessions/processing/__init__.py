@@ -1,0 +1,1 @@
+"""A recorded session processed: tags, rest frame, signals."""

@@ -1,0 +1,1 @@
+"""A training session while it is recorded."""

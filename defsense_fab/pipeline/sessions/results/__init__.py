@@ -1,0 +1,1 @@
+"""What a processed session is: its files and its report."""

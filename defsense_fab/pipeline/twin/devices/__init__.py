@@ -1,0 +1,1 @@
+"""A built device as a twin: its fields, built units, markers and cameras' places."""

@@ -1,0 +1,1 @@
+"""Training sessions that a twin gives, with tracks or filmed."""
