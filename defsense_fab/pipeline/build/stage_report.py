@@ -18,8 +18,9 @@ from ..artifacts.manifest import load_manifest
 from ..artifacts.mesh import load_mesh_record
 from ..artifacts.part_files import load_parts
 from ..report import pictures
-from ..report.guide import assembly_guide
-from ..report.guide_pdf import write_pdf
+from ..report.guide.guide import assembly_guide
+from ..report.guide.guide_file import write_guide_file
+from ..report.guide.pdf import write_pdf
 from ..report.html import write_page
 from ..report.surface_errors import surface_errors
 from .stages import Report
@@ -47,6 +48,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     guide = assembly_guide(device, layout, manifest, parts, view)
     write_page(folder / "guide.html", "guide", guide=guide)
     write_pdf(guide, folder / "guide.pdf")
+    write_guide_file(guide, folder / "guide.json")
     images["parts"] = guide.exploded
     images["front"] = pictures.front(layout.weighed)
     images["poses"] = _poses(folder, layout, view, report)

@@ -6,7 +6,7 @@ import base64
 import io
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -157,59 +157,6 @@ def error_map(surface: Surface, error: Float, name: str, view: Float, top: float
     )
     plotter.add_text(name, color="black", font_size=16, position="upper_left")
     return _finish(plotter, view)
-
-
-def exploded(parts: Mapping[str, Surface], shifts: Mapping[str, Float], view: Float) -> str:
-    """The parts, each moved by its shift (3,) mm, with their names."""
-    plotter = _plotter()
-    for i, (name, surface) in enumerate(parts.items()):
-        _add_part(plotter, surface, shifts[name], COLORS[i % len(COLORS)], name)
-    return _finish(plotter, view)
-
-
-def joining(
-    lower: Mapping[str, Surface],
-    upper: Mapping[str, Surface],
-    colors: Mapping[str, str],
-    opens: Float,
-    lift: float,
-    cords: Sequence[tuple[Float, str, float]],
-    pins: Sequence[tuple[Float, float, float]],
-) -> str:
-    """One step of the assembly: the `upper` parts `lift` mm above the `lower` ones along `opens`
-    (3,), cords and wires (line (p, 3) mm, colour, radius) in their grooves, pins (center (3,),
-    diameter, length)."""
-    plotter = _plotter()
-    for name, surface in lower.items():
-        _add_part(plotter, surface, np.zeros(3), colors[name], name)
-    for name, surface in upper.items():
-        _add_part(plotter, surface, lift * opens, colors[name], name)
-    for line, color, radius in cords:
-        plotter.add_mesh(pv.lines_from_points(line).tube(radius=radius), color=color)
-    for center, diameter, length in pins:
-        pin = pv.Cylinder(center=center, direction=opens, radius=diameter / 2, height=length)
-        plotter.add_mesh(pin, color="#f4f1de")
-    points = np.concatenate([s.vertices for s in [*lower.values(), *upper.values()]])
-    flat = points - points @ opens[:, None] * opens
-    short = np.linalg.svd(flat - flat.mean(0), full_matrices=False)[2][1]
-    side = short if short @ [0.3, -1.0, 0.1] > 0 else -short
-    long = np.cross(opens, side)
-    return _finish(plotter, 0.75 * side + 0.6 * opens + 0.2 * long, up=opens, zoom=1.0)
-
-
-def _add_part(plotter: Any, surface: Surface, shift: Float, color: str, name: str) -> None:
-    moved = Surface(surface.vertices + shift, surface.faces)
-    plotter.add_mesh(_poly(moved), color=color, split_sharp_edges=True)
-    plotter.add_point_labels(
-        [moved.bounds.mean(0)],
-        [name],
-        text_color="black",
-        font_size=18,
-        shape_color="white",
-        shape_opacity=0.7,
-        always_visible=True,
-        show_points=False,
-    )
 
 
 def modes(shapes: list[tuple[str, Float]], faces: Any, rest: Float, path: Path) -> None:

@@ -1,0 +1,97 @@
+"""The assembly guide: parts to print, cords to cut, what to buy, steps with pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ....core.arrays import Float
+from ....core.device import Device
+from ....core.mesh import Surface
+from ...artifacts.layout import LayoutRecord
+from ...artifacts.manifest import Manifest
+from .hands.steps import GuideStep, Joint, guide_steps
+from .joint_pictures import Pictures
+from .tables import GuideTable, guide_checks, guide_tables
+from .templates import Face, Strip, face, strips
+
+
+@dataclass(frozen=True)
+class ShownPassage:
+    """Sentences, and a picture (PNG as a data URI) or none."""
+
+    lines: tuple[str, ...]
+    picture: str | None = None
+
+
+@dataclass(frozen=True)
+class AssemblyStep:
+    """A title, and its passages in their order."""
+
+    title: str
+    passages: tuple[ShownPassage, ...]
+
+
+@dataclass(frozen=True)
+class Guide:
+    """All that the guide says, for either format; `typed` are the same steps as typed actions;
+    `strips` and `faces` are drawn at 1:1."""
+
+    title: str
+    intro: str
+    warnings: tuple[str, ...]
+    exploded: str
+    tables: tuple[GuideTable, ...]
+    steps: tuple[AssemblyStep, ...]
+    checks: GuideTable
+    typed: tuple[GuideStep, ...]
+    strips: tuple[Strip, ...]
+    faces: tuple[Face, ...]
+
+
+def assembly_guide(
+    device: Device,
+    layout: LayoutRecord,
+    manifest: Manifest,
+    parts: Mapping[str, Surface],
+    view: Float,
+) -> Guide:
+    """The guide of a device with its parts by name; the exploded picture looks along `view` (3,),
+    rest frame. Raises FabricationError where there is no order in which it can be put together."""
+    pictures = Pictures(device, layout, manifest, parts)
+    steps = guide_steps(device, manifest, parts)
+    return Guide(
+        title=f"{device.name}: assembly guide",
+        intro=f"{len(manifest.parts)} parts, {len(manifest.cords)} cords. All lengths in mm.",
+        warnings=tuple(manifest.warnings),
+        exploded=pictures.exploded(view),
+        tables=guide_tables(manifest),
+        steps=tuple(
+            AssemblyStep(
+                s.title, tuple(ShownPassage(p.lines, pictures.of(s, p)) for p in s.passages)
+            )
+            for s in steps
+        ),
+        checks=guide_checks(manifest),
+        typed=steps,
+        strips=strips(device, manifest),
+        faces=tuple(
+            found
+            for number, step in enumerate(steps, start=1)
+            if step.joint is not None
+            for found in [_face(number, step.joint, device, layout, manifest, parts)]
+            if found is not None
+        ),
+    )
+
+
+def _face(
+    number: int,
+    joint: Joint,
+    device: Device,
+    layout: LayoutRecord,
+    manifest: Manifest,
+    parts: Mapping[str, Surface],
+) -> Face | None:
+    title = f"Step {number}: the face of {' + '.join(joint.lower)}"
+    return face(joint, title, device, layout, manifest, parts)
