@@ -12,9 +12,9 @@ from ...core.arrays import Float
 from ...core.mesh import Surface
 from ...core.path_sampling import arc_lengths
 
-_STEP = 1.0  # mm, between the places that are asked
+_STEP = 0.5  # mm, between the places that are asked
 _BESIDE = (0.3, 0.9, 1.8)  # mm beyond the channel's wall, where parts are looked for
-_SHORT = 2.0  # mm; shorter stretches between two of one joint are noise where three parts meet
+_SHORT = 1.5  # mm; shorter stretches are noise where three parts meet, but for a joint's only one
 
 #: The two groups of parts, by index, that a joint brings together.
 Sides = tuple[frozenset[int], frozenset[int]]
@@ -101,9 +101,10 @@ def _merged(found: Sequence[tuple[int, tuple[int, int]]], places: Float) -> Iter
             runs[-1].append(k)
         else:
             runs.append([k])
-    whole = [r for r in runs if len(runs) == 1 or places[r[-1]] - places[r[0]] >= _SHORT]
+    whole = [r for r in runs if places[r[-1]] - places[r[0]] >= _SHORT]
+    sure = {found[r[0]][0] for r in whole}
     kept: list[list[int]] = []
-    for run in whole or runs[:1]:
+    for run in (r for r in runs if r in whole or found[r[0]][0] not in sure):
         if kept and found[kept[-1][0]][0] == found[run[0]][0]:
             kept[-1] += run
         else:

@@ -50,7 +50,7 @@ def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
         lies = _lies(channel.inside, channel, device.channel_diameter, made, joints, k)
         drawn = closed_later(lies, joints)
         ends = tuple(_end(e, channel, device, made, joints, k) for e in channel.ends)
-        late, after = _late(lies, drawn, ends)
+        late, after = last_end(lies, drawn, ends)
         slack = SLACK
         if late is not None:
             ends = tuple(replace(e, after=after) if n == late else e for n, e in enumerate(ends))
@@ -104,7 +104,7 @@ def _lies(
     return stretches(line, normal, diameter / 2, parts, joints, within)
 
 
-def _late(
+def last_end(
     lies: Sequence[Stretch], drawn: Sequence[tuple[int, int]], ends: Sequence[CordEnd]
 ) -> tuple[int | None, int | None]:
     """The end that is crimped last, and after which joint, where both ends would hold the cord

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ....core.files import write_json
 from .guide import Guide
 from .hands.actions import Action
+from .hands.steps import GuideStep
 from .hands.words import ENDS
 
 SCHEMA = 1
@@ -18,7 +20,13 @@ def write_guide_file(guide: Guide, path: Path) -> None:
     """Steps in their order, each with its actions in theirs: what is `do`ne, of which `cord`, `end`
     and `joint` (index of the manifest's `assembly`), by how many `mm`, what `ohm` it should
     measure, and the `lines` in which guide.html says it. Raises StorageError."""
-    steps = [
+    steps = plain_steps(guide.typed)
+    write_json(path, {"schema": SCHEMA, "title": guide.title, "steps": steps})
+
+
+def plain_steps(steps: Sequence[GuideStep]) -> list[dict[str, Any]]:
+    """As they stand in the file."""
+    return [
         {
             "number": number,
             "title": step.title,
@@ -28,9 +36,8 @@ def write_guide_file(guide: Guide, path: Path) -> None:
                 for action, lines in passage.actions
             ],
         }
-        for number, step in enumerate(guide.typed, start=1)
+        for number, step in enumerate(steps, start=1)
     ]
-    write_json(path, {"schema": SCHEMA, "title": guide.title, "steps": steps})
 
 
 def _plain(action: Action, lines: tuple[str, ...]) -> dict[str, Any]:

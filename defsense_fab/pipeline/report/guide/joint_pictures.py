@@ -78,9 +78,9 @@ class Pictures(Things):
         self.add_pegs(drawing, joint)
         for name in dict.fromkeys(a.cord for a, _ in passage.actions if a.cord):
             cord = self.cord(name)
-            here = [k for k, s in enumerate(cord.stretches) if s.joint == joint.index]
-            if here:
-                self.add_stretch(drawing, cord, here[0], joint)
+            for k, stretch in enumerate(cord.stretches):
+                if stretch.joint == joint.index:
+                    self.add_stretch(drawing, cord, k, joint)
         for action, _ in passage.actions:
             self._marks(drawing, action, joint)
         self._wires(drawing, passage)

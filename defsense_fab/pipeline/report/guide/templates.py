@@ -15,7 +15,7 @@ from ....core.path_sampling import arc_lengths, resample
 from ....geometry.kernels.plane_section import plane_section
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import CutCord, Manifest
-from .hands.plan import BATCH, anchored_later, joint_of
+from .hands.plan import BATCH, anchored_later
 from .hands.steps import Joint
 from .hands.words import ENDS, called
 
@@ -110,7 +110,12 @@ def face(
     frame = _frame(sensor.plane.origin, joint.opens, sensor.points)
     below = Plane(frame.origin - _BELOW * joint.opens, frame.axes)
     outline = np.concatenate([plane_section(parts[n], below) for n in joint.lower])
-    lying = [_lying(c, joint, device, layout, frame) for c in cords]
+    lying = [
+        _lying(c, k, device, layout, frame)
+        for c in cords
+        for k, s in enumerate(c.stretches)
+        if s.joint == joint.index
+    ]
     wires = [_flat(w, frame) for w in joint.wires]
     everything = np.concatenate(
         [outline.reshape(-1, 2), *(x.line for x in lying), *(m[None] for x in lying
@@ -144,18 +149,16 @@ def _flat(points: Float, frame: Plane) -> Float:
     return np.asarray((points - frame.origin) @ frame.axes[:, :2])
 
 
-def _lying(
-    cord: CutCord, joint: Joint, device: Device, layout: LayoutRecord, frame: Plane
-) -> Lying:
+def _lying(cord: CutCord, k: int, device: Device, layout: LayoutRecord, frame: Plane) -> Lying:
     points = next(s.points for s in layout.sensors if s.name == cord.sensor)
     line = np.concatenate([cord.ends[0].at[None], points, cord.ends[1].at[None]])
     line = line[np.concatenate([[True], np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-6])]
     total, half = float(arc_lengths(line)[-1]), device.cord.ferrule_length / 2
-    part = next(s for s in cord.stretches if s.joint == joint.index)
+    part = cord.stretches[k]
     start, stop = part.start, min(part.stop, total)
     flat, ferrules = _flat(line, frame), []
     for end in (0, 1):
-        if joint_of(cord, end) != joint.index:
+        if k != (0 if end == 0 else len(cord.stretches) - 1):
             continue
         record = cord.ends[end]
         tip = flat[0] if end == 0 else flat[-1]

@@ -16,7 +16,6 @@ from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import CutCord, Manifest
 from ..colors import COLORS
 from .drawing import Drawing, View
-from .hands.plan import joint_of
 from .hands.steps import Joint
 from .hands.words import ENDS, called
 
@@ -79,9 +78,8 @@ class Things:
         total, part = float(arc_lengths(line)[-1]), cord.stretches[k]
         start, stop = part.start, min(part.stop, total)
         half = self.device.cord.ferrule_length / 2
-        for end in (0, 1):
-            if joint_of(cord, end) != joint.index:
-                continue
+        has = [end for end, at in ((0, 0), (1, len(cord.stretches) - 1)) if at == k]
+        for end in has:
             record = cord.ends[end]
             out = self.way_out(cord, end)
             if record.joint == "pocket" and record.after is None:
@@ -105,7 +103,7 @@ class Things:
         goes_on = [
             (inner[0], inner[0] - inner[1]) if end == 0 else (inner[-1], inner[-1] - inner[-2])
             for end in (0, 1)
-            if joint_of(cord, end) != joint.index or cord.stretches[-end] is not cord.stretches[k]
+            if end not in has
         ]
         for at, away in goes_on:
             along = away / np.linalg.norm(away)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ....artifacts.manifest import CutCord
 from .actions import Action
-from .plan import anchored_later, joint_of, sliding, strained
+from .plan import anchored_later, joint_of, sliding, strained, wet_until
 from .words import ENDS, Words, called, first, named, pin_letters, sides
 
 
@@ -39,18 +39,18 @@ def lay(w: Words, action: Action) -> list[str]:
     cord, j = w.cord(action), action.joint
     many = len(cord.stretches) > 1
     if many:
-        k = next(k for k, s in enumerate(cord.stretches) if s.joint == j)
-        part = cord.stretches[k]
-        laid = [s.joint for s in cord.stretches if j is not None and s.joint < j]
+        here = [s for s in cord.stretches if s.joint == j]
+        last = all(s.joint <= (j or 0) for s in cord.stretches)
+        ranges = named([f"from {s.start:.0f} to {s.stop:.0f}" for s in here])
         out = (
-            f"Lay {called(cord.sensor)} into its groove from {part.start:.0f} to {part.stop:.0f} mm"
-            f" of its {cord.channel_length:.0f} mm, counted from its start"
-            + (" (the rest is laid already)" if len(laid) == len(cord.stretches) - 1 else "")
+            f"Lay {called(cord.sensor)} into its groove {ranges} mm of its"
+            f" {cord.channel_length:.0f} mm, counted from its start"
+            + (" (the rest is laid already)" if last else "")
         )
     else:
         out = f"Lay {called(cord.sensor)} into its groove"
-    here = [_end_said(cord, e) for e in (0, 1) if joint_of(cord, e) == j]
-    out += f": {', '.join(here)}." if here else "."
+    ends = [_end_said(cord, e) for e in (0, 1) if joint_of(cord, e) == j]
+    out += f": {', '.join(ends)}." if ends else "."
     if any(s.joint > (j or 0) for s in cord.stretches):
         out += " The rest hangs out until a later joint."
     lines = [out]
@@ -137,15 +137,10 @@ def glue(w: Words, action: Action) -> list[str]:
         for joint, at in cord.drawn:
             if joint == j:
                 lines.append(_drawn(cord, j, at))
-    wet = [
-        joint
-        for cord in w.manifest.cords
-        for joint, at in cord.drawn
-        if w.bonded and joint > j and j in sliding(cord, joint, at)
-    ]
-    if wet:
+    wet = wet_until(w.manifest, j)
+    if wet is not None:
         lines.append(
-            f"Go on at once: this glue must still be wet when step {w.numbers[max(wet)]} closes its"
+            f"Go on at once: this glue must still be wet when step {w.numbers[wet]} closes its"
             " joint, for the cord has to slide. Take a glue with a long open time."
         )
     return lines

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ....artifacts.manifest import CutCord, JoinStep, Manifest
+from ....artifacts.manifest import CutCord, Manifest
 from .actions import Action, Expected, Fact, Kind
 
 #: How far pieces of one kind of cord may differ in resistance, and a cord from what it measured
@@ -44,6 +44,27 @@ def sliding(cord: CutCord, joint: int, at: int) -> tuple[int, ...]:
     last = [max(s.joint for s in side) for side in sides]
     chosen = max((0, 1), key=lambda k: (free[k], k == late, last[k]))
     return tuple(s.joint for s in sides[chosen] if s.joint < joint)
+
+
+def wet_until(manifest: Manifest, i: int) -> int | None:
+    """The joint up to which the glue of joint i must stay wet: bonded cords that lie in it have to
+    slide until that draws them together."""
+    if manifest.assembly_of_cords != "bonded":
+        return None
+    waits = [
+        j
+        for cord in manifest.cords
+        for j, _ in cord.drawn
+        if i < j and any(s.joint == i for s in cord.stretches)
+    ]
+    return max(waits, default=None)
+
+
+def joints_within(manifest: Manifest, j: int) -> list[int]:
+    """The joints whose parts are all on one side of this one: closed before it."""
+    sides = [set(side) for side in manifest.assembly[j].join]
+    wholes = [{*s.join[0], *s.join[1]} for s in manifest.assembly]
+    return [i for i, w in enumerate(wholes) if i != j and any(w <= side for side in sides)]
 
 
 class _Plan:
@@ -123,8 +144,8 @@ class _Plan:
 
     def _join(self, j: int) -> None:
         step = self._manifest.assembly[j]
-        before = self._joints_within(step)
-        wet = {i for i in before if (self._wet(i) or -1) >= j}
+        before = joints_within(self._manifest, j)
+        wet = {i for i in before if self._open(i, j)}
         dry: set[Fact] = {("dry", i) if i in wet else ("set", i) for i in before}
         tried: set[Fact] = {("pins tried",)} if self._manifest.pins else set()
         self._add(Kind.DRY_FIT, joint=j, needs={("printed",), *tried, *dry},
@@ -136,7 +157,8 @@ class _Plan:
         for i in before:
             closing.add(("closed", i) if i in wet else ("set", i))
         for name in step.cords:
-            closing |= self._lay(self._cords[name], j)
+            if any(s.joint == j for s in self._cords[name].stretches):
+                closing |= self._lay(self._cords[name], j)
         for name, cord in self._cords.items():
             for end in (0, 1):
                 if j in cord.ends[end].wire.joints:
@@ -144,15 +166,15 @@ class _Plan:
         self._add(Kind.GLUE, joint=j, needs=closing, makes={("closed", j)})
         self._after(j)
 
-    def _joints_within(self, step: JoinStep) -> list[int]:
-        """The joints whose parts are all on one side of this one: closed before it."""
-        sides = [set(side) for side in step.join]
-        out = []
-        for i, other in enumerate(self._manifest.assembly):
-            whole = {*other.join[0], *other.join[1]}
-            if other is not step and any(whole <= side for side in sides):
-                out.append(i)
-        return out
+    def _open(self, i: int, j: int) -> bool:
+        """Whether joint i, or one within it, must not have set when joint j is closed."""
+        inner = (i, *joints_within(self._manifest, i))
+        return any(self._wet_chain(k) >= j for k in inner)
+
+    def _wet_chain(self, i: int) -> int:
+        """The last of the joints that follow joint i in one go."""
+        last = wet_until(self._manifest, i)
+        return -1 if last is None else max(last, self._wet_chain(last))
 
     def _lay(self, cord: CutCord, j: int) -> set[Fact]:
         """Lay a stretch, and what follows from it in this joint; what must be done before the joint
@@ -213,26 +235,16 @@ class _Plan:
                   bars={("closed", j), ("connected",)}, makes=makes)  # fmt: skip
         return makes
 
-    def _wet(self, i: int) -> int | None:
-        """The joint up to which the glue of joint i must stay wet: a bonded cord in both has to
-        slide until then."""
-        if not self._bonded:
-            return None
-        waits = [
-            j for c in self._cords.values() for j, at in c.drawn if i in sliding(c, j, at)
-        ]  # fmt: skip
-        return max(waits, default=None)
-
     def _after(self, j: int) -> None:
         """When the joint is closed: measure, wait, and finish what had to wait for it."""
-        wet, done = self._wet(j), self._done_by(j)
+        wet, done = wet_until(self._manifest, j), self._done_by(j)
         if done:
             self._add(Kind.MEASURE, joint=j, needs={("closed", j)}, bars={("set", j)},
                       makes={("measured", j)},
                       expected=tuple(laid(c) for c in done))  # fmt: skip
         needs: set[Fact] = {("closed", j), *({("measured", j)} if done else set())}
         if wet is not None:
-            needs.add(("closed", wet))
+            needs.add(("measured", wet) if self._done_by(wet) else ("closed", wet))
         self._add(Kind.SET, joint=j, needs=needs, makes={("set", j)})
         for cord in self._manifest.cords:
             late = anchored_later(cord)
@@ -240,7 +252,7 @@ class _Plan:
                 ready: set[Fact] = {("closed", j), ("laid", cord.sensor)}
                 bars: set[Fact] = set()
                 if self._bonded:
-                    bars = {("set", s.joint) for s in cord.stretches if self._wet(s.joint)}
+                    bars = {("set", s.joint) for s in cord.stretches}
                 else:
                     ready |= {("set", j)}
                 self._late_end(cord, late, ready, bars)
@@ -271,7 +283,7 @@ class _Plan:
         last: Fact = ("in place", name)
         if cord.ends[end].joint == "free":
             last = self._glue_end(cord, end, j, last)
-        self._add(Kind.MEASURE, late=True, joint=j, cord=name, needs={last},
+        self._add(Kind.MEASURE, late=True, joint=j, cord=name, needs={last}, bars=bars,
                   makes={("measured in place", name)}, expected=(laid(cord),))  # fmt: skip
 
     def _connect(self) -> None:
