@@ -10,7 +10,7 @@ from ....core.device import Device
 from ....core.mesh import Surface
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import Manifest
-from .hands.steps import GuideStep, Joint, guide_steps
+from .hands.steps import GuideStep, Joint, guide_steps, order_of
 from .joint_pictures import Pictures
 from .tables import GuideTable, guide_checks, guide_tables
 from .templates import Face, Strip, face, strips
@@ -57,13 +57,13 @@ def assembly_guide(
     view: Float,
 ) -> Guide:
     """The guide of a device with its parts by name; the exploded picture looks along `view` (3,),
-    rest frame. Raises FabricationError where there is no order in which it can be put together."""
+    rest frame."""
     pictures = Pictures(device, layout, manifest, parts)
-    steps = guide_steps(device, manifest, parts)
+    steps, problem = guide_steps(device, manifest, parts), order_of(manifest)[1]
     return Guide(
         title=f"{device.name}: assembly guide",
         intro=f"{len(manifest.parts)} parts, {len(manifest.cords)} cords. All lengths in mm.",
-        warnings=tuple(manifest.warnings),
+        warnings=(*manifest.warnings, *([] if problem is None else [problem])),
         exploded=pictures.exploded(view),
         tables=guide_tables(manifest),
         steps=tuple(

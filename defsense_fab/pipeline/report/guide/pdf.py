@@ -32,7 +32,7 @@ PAGE, MARGIN = (210.0, 279.4), 14.0
 _WIDTH = (PAGE[0] - 2 * MARGIN) * mm
 _HEIGHT = (PAGE[1] - 2 * MARGIN - 12) * mm
 _SHOWN = (0.40, 0.60)  # shares of the width of a passage's sentences and of its picture
-_TALL = 72 * mm  # the most of a step's picture
+_TALL = 60 * mm  # the most of a step's picture
 
 
 def write_pdf(guide: Guide, path: Path) -> None:

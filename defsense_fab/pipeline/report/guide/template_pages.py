@@ -180,8 +180,9 @@ class CutFace(Flowable):  # type: ignore[misc]
             c.drawCentredString(px * mm, py * mm - _TINY / 3, f"{letter} {diameter:g}")
         for lying in f.cords:
             x, y = lying.line[len(lying.line) // 2]
+            inwards = f.cord / 2 + 1.2 if y < f.size[1] / 2 else -f.cord / 2 - 3.2
             c.setFillColor(_INK)
-            c.drawCentredString(x * mm, (y + f.cord / 2 + 1.2) * mm, lying.name)
+            c.drawCentredString(x * mm, (y + inwards) * mm, lying.name)
 
     def _line(self, line: Float, wide: float, color: Any) -> None:
         c = self.canv

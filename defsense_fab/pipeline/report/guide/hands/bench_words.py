@@ -53,7 +53,7 @@ def crimp(w: Words, action: Action) -> list[str]:
         f"Crimp a wire to the {ENDS[action.end]} of {called(cord.sensor)}: cord and wire meet in"
         " the middle of the ferrule."
     ]
-    if wire.joints:
+    if wire.leaves == "bay" and wire.length:
         out[0] += " Leave the wire's other end bare: it has to go through the body."
     return out
 

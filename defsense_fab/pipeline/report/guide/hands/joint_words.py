@@ -21,16 +21,21 @@ def pins(w: Words, action: Action) -> list[str]:
     """Which pin goes where."""
     step = w.step(action)
     kinds = {p.name: p for p in w.manifest.pins}
-    widest = sorted({kinds[p.name].diameter for p in step.pins})
-    out = ["Put the pins into the sockets of one side:"]
-    for letter, pin in zip(pin_letters(step), step.pins, strict=True):
-        kind = kinds[pin.name]
-        size = ", the thicker" if len(widest) > 1 and kind.diameter == widest[-1] else ""
-        size = ", the thinner" if len(widest) > 1 and kind.diameter == widest[0] else size
-        out.append(
-            f"{letter}: {kind.diameter:g} mm thick{size}, {kind.length:.1f} mm long, between"
-            f" {pin.between[0]} and {pin.between[1]}"
-        )
+    out = ["Put the pins into the sockets of one side, by their letters in the picture."]
+    pairs = dict.fromkeys(p.between for p in step.pins)
+    for pair in pairs:
+        some = [
+            (letter, kinds[p.name])
+            for letter, p in zip(pin_letters(step), step.pins, strict=True)
+            if p.between == pair
+        ]
+        wide = [k.diameter for _, k in some]
+        told = []
+        for letter, kind in some:
+            which = {max(wide): "the thicker, ", min(wide): "the thinner, "}.get(kind.diameter, "")
+            which = which if len(set(wide)) > 1 else ""
+            told.append(f"{letter}: {which}{kind.diameter:g} mm thick, {kind.length:.1f} mm long")
+        out.append(f"Between {named(pair)}: {'; '.join(told)}.")
     return out
 
 

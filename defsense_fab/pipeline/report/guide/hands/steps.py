@@ -11,6 +11,7 @@ import numpy as np
 
 from .....core.arrays import Float
 from .....core.device import Device
+from .....core.errors import FabricationError
 from .....core.mesh import Surface
 from ....artifacts.manifest import CutCord, JoinedPin, Manifest
 from .actions import Action, Kind
@@ -82,12 +83,21 @@ def shifts(manifest: Manifest, parts: Mapping[str, Surface]) -> dict[str, Float]
     return out
 
 
+def order_of(manifest: Manifest) -> tuple[Sequence[Action], str | None]:
+    """A device's actions in an order in which hands can do them; where there is none, in that of
+    its joints, and why."""
+    wished = actions(manifest)
+    try:
+        return in_order(wished), None
+    except FabricationError as error:
+        return wished, str(error)
+
+
 def guide_steps(
     device: Device, manifest: Manifest, parts: Mapping[str, Surface]
 ) -> tuple[GuideStep, ...]:
-    """All steps of a device with its parts by name. Raises FabricationError where there is no order
-    in which it can be put together."""
-    groups = [(k, list(g)) for k, g in groupby(in_order(actions(manifest)), _group)]
+    """All steps of a device with its parts by name."""
+    groups = [(k, list(g)) for k, g in groupby(order_of(manifest)[0], _group)]
     closed = {
         a.joint: n
         for n, (_, some) in enumerate(groups, start=1)
@@ -133,9 +143,9 @@ def _scene(action: Action) -> Scene:
 
 
 def _shown(action: Action) -> tuple[Scene, str | None]:
-    """What an action is shown with: each end that is crimped last is a picture of its own."""
+    """What an action is shown with: each cord by itself, where no joint is open."""
     scene = _scene(action)
-    return scene, action.cord if scene is Scene.END else None
+    return scene, action.cord if scene in (Scene.END, Scene.NOTHING) else None
 
 
 def _title(what: str, joint: int | None, found: Sequence[Action], manifest: Manifest) -> str:
