@@ -10,9 +10,10 @@ from ...core.device import Device
 from ...core.mesh import Surface
 from ..artifacts.layout import LayoutRecord
 from ..artifacts.manifest import Manifest
-from . import pictures
+from .colors import COLORS
 from .guide_steps import Joint, guide_steps, shifts
 from .guide_tables import GuideTable, guide_checks, guide_tables
+from .pictures.parts import exploded, joining
 
 
 @dataclass(frozen=True)
@@ -42,15 +43,15 @@ def assembly_guide(
     layout: LayoutRecord,
     manifest: Manifest,
     parts: Mapping[str, Surface],
-    view: Float,
+    frame: Float,
 ) -> Guide:
-    """The guide of a device with its parts by name; pictures look along `view` (3,), rest frame."""
+    """The guide of a device with its parts by name; `frame` (3, 3) says how its body stands."""
     paths = {s.name: s.points for s in layout.sensors}
     return Guide(
         title=f"{device.name}: assembly guide",
         intro=f"{len(manifest.parts)} parts, {len(manifest.cords)} cords. All lengths in mm.",
         warnings=tuple(manifest.warnings),
-        exploded=pictures.exploded(parts, shifts(manifest, parts), view),
+        exploded=exploded(parts, shifts(manifest, parts), frame),
         tables=guide_tables(manifest),
         steps=tuple(
             AssemblyStep(
@@ -67,8 +68,8 @@ def assembly_guide(
 def _picture(
     device: Device, joint: Joint, paths: Mapping[str, Float], parts: Mapping[str, Surface]
 ) -> str:
-    colors = {n: pictures.COLORS[i % len(pictures.COLORS)] for i, n in enumerate(parts)}
-    return pictures.joining(
+    colors = {n: COLORS[i % len(COLORS)] for i, n in enumerate(parts)}
+    return joining(
         {n: parts[n] for n in joint.lower},
         {n: parts[n] for n in joint.upper},
         colors,
