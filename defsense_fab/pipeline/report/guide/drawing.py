@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import base64
 import io
-import os
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
-
-if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-    # Without a screen VTK tries X first and complains; EGL needs none.
-    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 import numpy as np
 import pyvista as pv
 
 from ....core.arrays import Float
 from ....core.mesh import Surface
+from ..pictures.scene import Scene, Shot, poly
+from ..pictures.views import View
 
 _WIDTH, _LEAST, _MOST = 640, 260, 620  # pixels of what is rendered
 _COLUMN, _EDGE = 225, 14  # pixels of the labels' columns, and around what is rendered
@@ -30,57 +26,41 @@ _ICON, _HALVES = 36, (("wire", 3), ("cord", 5), ("ferrule", 7))  # pixels: long,
 _SHADES = 160  # colours of the file
 
 
-@dataclass(frozen=True)
-class View:
-    """From the things to the camera, and what is up in the picture: unit (3,)."""
-
-    towards: Float
-    up: Float
-
-    @property
-    def right(self) -> Float:
-        return np.cross(self.up, self.towards)
-
-    @staticmethod
-    def of(towards: Float, up: Float) -> View:
-        """Of directions that need not be perpendicular or of unit length."""
-        t = towards / np.linalg.norm(towards)
-        u = up - (up @ t) * t
-        return View(t, u / np.linalg.norm(u))
-
-
 @dataclass
 class Drawing:
     """Collects what a picture shows; `png` makes it. With a `focus`, a point (3,) and a distance in
     mm, it shows what lies so near to it, instead of all."""
 
     view: View
-    solids: list[tuple[Any, str, float]] = field(default_factory=list)
+    focus: tuple[Float, float] | None = None
+    things: list[Callable[[Scene], None]] = field(default_factory=list)
     labels: list[tuple[Float, str]] = field(default_factory=list)
     legend: dict[str, str] = field(default_factory=dict)
-    focus: tuple[Float, float] | None = None
 
     def part(self, surface: Surface, color: str, shift: Float | None = None) -> None:
         """A part with its edges, moved by `shift` (3,) mm."""
-        moved = surface.vertices if shift is None else surface.vertices + shift
-        faces = np.concatenate([np.full((len(surface.faces), 1), 3), surface.faces], axis=1)
-        mesh = pv.PolyData(moved, faces.ravel())
-        self.solids.append((mesh, _pale(color), 1.0))
-        edges = mesh.extract_feature_edges(35, boundary_edges=False, non_manifold_edges=False)
-        if edges.n_points:
-            self.solids.append((edges, "#4a5560", 1.0))
+        moved = surface if shift is None else Surface(surface.vertices + shift, surface.faces)
+        if self.focus is None:
+            self.things.append(lambda scene: scene.solid(moved, _pale(color)))
+            return
+        at, far = self.focus
+        flat = self.view.flat(moved.vertices - at)
+        near = at + np.clip(flat, -far, far) @ np.stack([self.view.right, self.view.up])
+        self.things.append(
+            lambda scene: scene.mesh(poly(moved), near, color=_pale(color), split_sharp_edges=True)
+        )
 
     def rod(self, line: Float, radius: float, color: str) -> None:
         """A round rod along a line (p, 3) mm."""
-        self.solids.append((pv.lines_from_points(line).tube(radius=radius), color, 1.0))
+        self.things.append(lambda scene: scene.tube(line, color, radius))
 
     def cylinder(self, middle: Float, along: Float, radius: float, long: float, color: str) -> None:
         """A cylinder around its middle (3,) mm."""
-        mesh = pv.Cylinder(center=middle, direction=along, radius=radius, height=long)
-        self.solids.append((mesh, color, 1.0))
+        self.things.append(lambda scene: scene.cylinder(middle, along, 2 * radius, long, color))
 
     def ball(self, middle: Float, radius: float, color: str) -> None:
-        self.solids.append((pv.Sphere(radius=radius, center=middle), color, 1.0))
+        """A drop, say of glue."""
+        self._mesh(pv.Sphere(radius=radius, center=middle), color)
 
     def arrow(self, start: Float, tip: Float, color: str) -> None:
         """A thick arrow from `start` to `tip` (3,) mm."""
@@ -90,7 +70,11 @@ class Drawing:
             start=start, direction=tip - start, scale=long, shaft_radius=thick,
             tip_radius=2.6 * thick, tip_length=min(0.45, 7 * thick),
         )  # fmt: skip
-        self.solids.append((mesh, color, 1.0))
+        self._mesh(mesh, color)
+
+    def _mesh(self, mesh: Any, color: str) -> None:
+        points = np.asarray(mesh.points, float)
+        self.things.append(lambda scene: scene.mesh(mesh, points, color=color))
 
     def label(self, at: Float, text: str) -> None:
         """A text in a column beside the picture, with a line to `at` (3,) mm."""
@@ -100,14 +84,17 @@ class Drawing:
         """The picture as a data URI."""
         from PIL import Image
 
-        image, scale, middle = self._rendered()
-        height, width = image.shape[:2]
-        left, right = self._placed(width, height, scale, middle)
-        tall = max(height, *(_LINE * (1 + _rows(side)) for side in (left, right)))
+        with Scene() as scene:
+            for thing in self.things:
+                thing(scene)
+            shot = scene.shot(self.view, _WIDTH, _MOST)
+        width, height = shot.size
+        left, right = self._placed(shot)
+        tall = max(height, _LEAST, *(_LINE * (1 + _rows(side)) for side in (left, right)))
         columns = _COLUMN if self.labels else 0
         key = _LINE + _EDGE if self.legend else 0
         page = Image.new("RGB", (width + 2 * columns, tall + key), "white")
-        page.paste(Image.fromarray(image), (columns, (tall - height) // 2))
+        page.paste(Image.fromarray(shot.image), (columns, (tall - height) // 2))
         _write(page, left, right, columns, width, (tall - height) // 2)
         if self.legend:
             _key(page, self.legend, tall)
@@ -115,52 +102,14 @@ class Drawing:
         page.quantize(_SHADES, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
         return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
-    def _rendered(self) -> tuple[Any, float, Float]:
-        """Pixels, pixels a mm, and the point (3,) mm in the middle."""
-        v = self.view
-        points = np.concatenate([np.asarray(m.points, float) for m, _, _ in self.solids])
-        flat = np.stack([points @ v.right, points @ v.up, points @ v.towards], axis=1)
-        low, high = flat.min(0), flat.max(0)
-        if self.focus is not None:
-            at = np.array([self.focus[0] @ d for d in (v.right, v.up, v.towards)])
-            low[:2] = np.maximum(low, at - self.focus[1])[:2]
-            high[:2] = np.minimum(high, at + self.focus[1])[:2]
-        size = np.maximum(high - low, 1e-6)
-        room = _WIDTH - 2 * _EDGE
-        scale = min(room / size[0], (_MOST - 2 * _EDGE) / size[1])
-        height = int(np.clip(size[1] * scale + 2 * _EDGE, _LEAST, _MOST))
-        axes = np.stack([v.right, v.up, v.towards])
-        middle = (low + high) / 2 @ axes
-        plotter = pv.Plotter(off_screen=True, window_size=[_WIDTH, height], lighting="light kit")
-        plotter.set_background("white")
-        for mesh, color, opacity in self.solids:
-            wire = mesh.n_lines > 0 and not mesh.n_faces
-            plotter.add_mesh(mesh, color=color, opacity=opacity, line_width=1.2,
-                             split_sharp_edges=not wire, ambient=0.3, diffuse=0.75)  # fmt: skip
-        plotter.enable_parallel_projection()
-        away = float(np.linalg.norm(size)) + 100.0
-        plotter.camera.position = tuple(middle + away * v.towards)
-        plotter.camera.focal_point = tuple(middle)
-        plotter.camera.up = tuple(v.up)
-        plotter.camera.parallel_scale = height / scale / 2
-        plotter.camera.clipping_range = (1.0, 3 * away)
-        image = plotter.screenshot(return_img=True)
-        plotter.close()
-        return image, scale, middle
-
-    def _placed(
-        self, width: int, height: int, scale: float, middle: Float
-    ) -> tuple[list[Any], list[Any]]:
+    def _placed(self, shot: Shot) -> tuple[list[Any], list[Any]]:
         """Labels of the left and the right column, (row's middle in pixels, text lines, anchor),
         those whose places are more to the left in the left one."""
-        v = self.view
+        width, height = shot.size
+        pixels = shot.pixel(np.array([at for at, _ in self.labels]).reshape(-1, 3))
         spots = [
-            (
-                width / 2 + scale * float((at - middle) @ v.right),
-                height / 2 - scale * float((at - middle) @ v.up),
-                _wrapped(text),
-            )
-            for at, text in self.labels
+            (x, y, _wrapped(text))
+            for (x, y), (_, text) in zip(pixels.tolist(), self.labels, strict=True)
         ]
         sides: tuple[list[Any], list[Any]] = ([], [])
         for spot in sorted(spots):

@@ -10,7 +10,8 @@ from ....core.device import Device
 from ....core.mesh import Surface
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import Manifest
-from .hands.steps import GuideStep, Joint, guide_steps, order_of
+from ..pictures.parts import exploded
+from .hands.steps import GuideStep, Joint, guide_steps, order_of, shifts
 from .joint_pictures import Pictures
 from .tables import GuideTable, guide_checks, guide_tables
 from .templates import Face, Strip, face, strips
@@ -54,17 +55,16 @@ def assembly_guide(
     layout: LayoutRecord,
     manifest: Manifest,
     parts: Mapping[str, Surface],
-    view: Float,
+    frame: Float,
 ) -> Guide:
-    """The guide of a device with its parts by name; the exploded picture looks along `view` (3,),
-    rest frame."""
+    """The guide of a device with its parts by name; `frame` (3, 3) says how its body stands."""
     pictures = Pictures(device, layout, manifest, parts)
     steps, problem = guide_steps(device, manifest, parts), order_of(manifest)[1]
     return Guide(
         title=f"{device.name}: assembly guide",
         intro=f"{len(manifest.parts)} parts, {len(manifest.cords)} cords. All lengths in mm.",
         warnings=(*manifest.warnings, *([] if problem is None else [problem])),
-        exploded=pictures.exploded(view),
+        exploded=exploded(parts, shifts(manifest, parts), frame),
         tables=guide_tables(manifest),
         steps=tuple(
             AssemblyStep(

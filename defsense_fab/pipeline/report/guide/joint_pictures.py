@@ -8,27 +8,22 @@ import numpy as np
 
 from ....core.arrays import Float
 from ....core.path_sampling import arc_lengths, resample
-from .drawing import Drawing, View
+from ..pictures import views
+from ..pictures.views import View
+from .drawing import Drawing
 from .hands.actions import Action, Kind
 from .hands.bench_words import pulled, reach_of
-from .hands.steps import GuideStep, Joint, Passage, Scene, shifts
+from .hands.steps import GuideStep, Joint, Passage, Scene
 from .hands.words import ENDS, called
 from .things import ARROW, CORD, GLUE, OUT, Things
 
+_STEEP = 0.8  # of a direction's length, upwards
 _NEAR = 55.0  # mm, around an end that is shown
 
 
 @dataclass(frozen=True)
 class Pictures(Things):
     """Makes the pictures of one device."""
-
-    def exploded(self, view: Float) -> str:
-        """All parts, moved apart, with their names."""
-        drawing = Drawing(View.of(view, _up(view)))
-        for name, shift in shifts(self.manifest, self.parts).items():
-            drawing.part(self.parts[name], self.color(name), shift)
-            drawing.label(self.seen(name, shift, drawing.view), name)
-        return drawing.png()
 
     def of(self, step: GuideStep, passage: Passage) -> str | None:
         """What a passage of a step shows, if it shows anything."""
@@ -45,7 +40,7 @@ class Pictures(Things):
     def _onto_face(self, joint: Joint, tilt: float) -> View:
         """Onto the lower parts' cut face, their longest side across, `tilt` from upright."""
         _, short = _sides_of(self.points(joint.lower), joint.opens)
-        return View.of(joint.opens - tilt * short, short + joint.opens * 0.01)
+        return views.looking(joint.opens - tilt * short, short + joint.opens * 0.01)
 
     def _pins(self, joint: Joint) -> str:
         """The pins above their sockets in the lower parts, the thicker and the thinner ones."""
@@ -124,7 +119,7 @@ class Pictures(Things):
     def _close(self, joint: Joint) -> str:
         """The upper parts above the lower ones, and how they go together."""
         long, short = _sides_of(self.points((*joint.lower, *joint.upper)), joint.opens)
-        view = View.of(0.62 * -short + 0.5 * joint.opens + 0.15 * long, joint.opens)
+        view = views.looking(0.62 * -short + 0.5 * joint.opens + 0.15 * long, joint.opens)
         drawing = Drawing(view)
         lift = joint.lift * joint.opens
         self.add_parts(drawing, joint.lower)
@@ -164,16 +159,9 @@ class Pictures(Things):
         if not pulls:
             return None
         outs = [self.way_out(self.cord(a.cord), a.end or 0) for a in pulls]
-        towards = np.sum(outs, axis=0)
-        if np.linalg.norm(towards) < 0.3:
-            towards = outs[0]
-        side = np.cross(towards, [0.0, 0.0, 1.0])
-        if np.linalg.norm(side) < 1e-3:
-            side = np.array([1.0, 0.0, 0.0])
-        up = np.array([0.0, 0.0, 1.0]) if abs(outs[0][2]) < 0.8 else -np.cross(side, towards)
-        view = View.of(0.5 * towards / np.linalg.norm(towards) + 0.8 * side / np.linalg.norm(side)
-                       + 0.35 * np.array([0, 0, 1.0]), up)  # fmt: skip
-        drawing = Drawing(view)
+        view = _along(outs[0])
+        first = self.cord(pulls[0].cord).ends[pulls[0].end or 0].at
+        drawing = Drawing(view, (first, _NEAR))
         self.add_parts(drawing, list(self.parts))
         for action, out in zip(pulls, outs, strict=True):
             cord, end = self.cord(action.cord), action.end or 0
@@ -184,16 +172,11 @@ class Pictures(Things):
             self.add_wire(drawing, np.stack([middle, middle + OUT * out]))
             beside = at + 5 * view.up + 2 * out
             drawing.arrow(beside, beside + (reach + 14) * out, ARROW)
-            drawing.focus = (at, _NEAR)
             drawing.label(middle, f"pull the {ENDS[end]} of {called(cord.sensor)}:"
                           f" mark {reach:.0f} mm out, stretched by"
                           f" {pulled(self.device, cord, end):.0%}")  # fmt: skip
         drawing.legend = {"cord": CORD, **drawing.legend}
         return drawing.png()
-
-
-def _up(view: Float) -> Float:
-    return np.array([0, 0, 1.0]) if abs(view[2]) < 0.9 * np.linalg.norm(view) else np.eye(3)[1]
 
 
 def _sides_of(points: Float, normal: Float) -> tuple[Float, Float]:
@@ -203,3 +186,11 @@ def _sides_of(points: Float, normal: Float) -> tuple[Float, Float]:
     long = np.linalg.svd(flat - flat.mean(0), full_matrices=False)[2][0]
     long = long if long @ [1.0, 0.3, 0.2] > 0 else -long
     return long, np.cross(normal, long)
+
+
+def _along(out: Float) -> View:
+    """A view in which what comes out of a body in the direction `out` (3,) is seen from aside."""
+    upright = abs(out[2]) < _STEEP
+    side = np.cross(out, np.eye(3)[2 if upright else 1])
+    up = np.eye(3)[2] if upright else np.cross(side, out) * np.sign(out[2])
+    return views.looking(0.5 * out + 0.8 * side / np.linalg.norm(side) + 0.35 * up, up)

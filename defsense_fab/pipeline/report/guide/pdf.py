@@ -45,6 +45,7 @@ def _document(guide: Guide, path: Path) -> None:
     style = getSampleStyleSheet()
     for name in ("Normal", "BodyText"):
         style[name].fontSize, style[name].leading = 9.5, 11.5
+    style["Heading2"].keepWithNext = 1
     margin = MARGIN * mm
     document = SimpleDocTemplate(
         str(path), pagesize=(PAGE[0] * mm, PAGE[1] * mm), title=guide.title, author="defsense-fab",

@@ -15,7 +15,8 @@ from ....geometry.kernels import ray_casting
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import CutCord, Manifest
 from ..colors import COLORS
-from .drawing import Drawing, View
+from ..pictures.views import View
+from .drawing import Drawing
 from .hands.steps import Joint
 from .hands.words import ENDS, called
 
@@ -150,14 +151,14 @@ class Things:
         surface = self.parts[part]
         corners = surface.vertices[surface.faces]
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        facing = np.maximum(cross @ view.towards, 0.0)
+        facing = np.maximum(cross @ view.back, 0.0)
         centers = corners.mean(1)
         middle = facing @ centers / max(float(facing.sum()), 1e-9)
         turned = np.flatnonzero(facing > 0)
         if not len(turned):
             return np.asarray(centers.mean(0) + shift)
-        lies = ray_casting.hits(middle + 1e3 * view.towards, -view.towards, surface)
+        lies = ray_casting.hits(middle + 1e3 * view.back, -view.back, surface)
         if len(lies):
-            return np.asarray(middle + (1e3 - lies[0]) * view.towards + shift)
-        away = np.linalg.norm(np.cross(centers[turned] - middle, view.towards), axis=1)
+            return np.asarray(middle + (1e3 - lies[0]) * view.back + shift)
+        away = np.linalg.norm(np.cross(centers[turned] - middle, view.back), axis=1)
         return np.asarray(centers[turned[away.argmin()]] + shift)
