@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from defsense_fab.core.device import Device
 from defsense_fab.core.device_file import load_device
 
 from .hands import Hands
@@ -55,12 +56,12 @@ def printed(guide: dict[str, Any], path: Path) -> list[str]:
     return [f"guide.pdf lacks: {x}" for x in lines if re.sub(r"[\W\d_]+", "", x) not in text]
 
 
-def follow(folder: Path) -> list[str]:
-    """Of a device's folder."""
-    device, build = load_device(folder), folder / "build"
-    guide = json.loads((build / "guide.json").read_text(encoding="utf-8"))
-    manifest = json.loads((build / "parts/manifest.json").read_text(encoding="utf-8"))
-    layout = json.loads((build / "layout.json").read_text(encoding="utf-8"))
+def follow(build: Path, device: Device) -> list[str]:
+    """What could not be done of the guide in a device's folder of results."""
+    guide, manifest, layout = (
+        json.loads((build / name).read_text(encoding="utf-8"))
+        for name in ("guide.json", "parts/manifest.json", "layout.json")
+    )
     parts = {
         p["name"]: np.asarray(trimesh.load_mesh(build / "parts" / p["stl"]).triangles)
         for p in manifest["parts"]
@@ -73,7 +74,7 @@ def follow(folder: Path) -> list[str]:
 def main() -> int:
     bad = 0
     for folder in sys.argv[1:]:
-        found = follow(Path(folder))
+        found = follow(Path(folder) / "build", load_device(Path(folder)))
         bad += bool(found)
         print(f"{folder}: {'can be followed' if not found else f'{len(found)} complaints'}")
         for text in found:
