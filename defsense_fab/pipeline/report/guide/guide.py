@@ -11,7 +11,9 @@ from ....core.mesh import Surface
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import Manifest
 from ..pictures.parts import exploded
+from .hands.plan import LEAST_OPEN, strained
 from .hands.steps import GuideStep, Joint, guide_steps, order_of, shifts
+from .hands.words import called
 from .joint_pictures import Pictures
 from .tables import GuideTable, guide_checks, guide_tables
 from .templates import Face, Strip, face, strips
@@ -63,7 +65,11 @@ def assembly_guide(
     return Guide(
         title=f"{device.name}: assembly guide",
         intro=f"{len(manifest.parts)} parts, {len(manifest.cords)} cords. All lengths in mm.",
-        warnings=(*manifest.warnings, *([] if problem is None else [problem])),
+        warnings=(
+            *manifest.warnings,
+            *_overstretched(device, manifest),
+            *([] if problem is None else [problem]),
+        ),
         exploded=exploded(parts, shifts(manifest, parts), frame),
         tables=guide_tables(manifest),
         steps=tuple(
@@ -83,6 +89,22 @@ def assembly_guide(
             if found is not None
         ),
     )
+
+
+def _overstretched(device: Device, manifest: Manifest) -> list[str]:
+    """Cords that a joint stretches too far as long as it is open for work."""
+    out = []
+    for cord in manifest.cords:
+        pull = cord.between_ferrules - cord.unstretched + LEAST_OPEN
+        strain = pull / cord.unstretched
+        if strained(cord) and strain > device.cord.max_strain:
+            out.append(
+                f"{called(cord.sensor)} is held at both ends while a joint that it passes through"
+                f" is still open: {LEAST_OPEN:.0f} mm stretch it by {strain:.0%}, more than"
+                f" its {device.cord.max_strain:.0%}; strain_relief = false in [fabrication] lets one"
+                " of its ends wait"
+            )
+    return out
 
 
 def _face(

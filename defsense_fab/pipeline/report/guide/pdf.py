@@ -11,6 +11,7 @@ from xml.sax.saxutils import escape
 from reportlab.lib import colors
 from reportlab.lib.styles import getSampleStyleSheet
 from reportlab.lib.units import mm
+from reportlab.pdfbase.pdfmetrics import stringWidth
 from reportlab.platypus import (
     Image,
     KeepTogether,
@@ -139,15 +140,24 @@ def _templates(guide: Guide, style: Any) -> list[Any]:
     return flow
 
 
+def _long(text: str) -> float:
+    """Width of a text in a table's cell, points."""
+    return float(stringWidth(text, "Helvetica-Bold", 8.5)) + 13
+
+
 def _table(table: GuideTable, style: Any) -> list[Any]:
     small = style["BodyText"].clone("small", fontSize=8.5, leading=10.5)
     rows = [[Paragraph(f"<b>{escape(h)}</b>", small) for h in table.header]]
     rows += [[Paragraph(escape(cell), small) for cell in row] for row in table.rows]
-    longest = [
-        max(len(c) for c in column) ** 0.7 for column in zip(table.header, *table.rows, strict=True)
+    columns = list(zip(table.header, *table.rows, strict=True))
+    # No word is broken; what is left goes to the columns with long sentences.
+    least = [max(_long(word) for cell in c for word in cell.split() or [""]) for c in columns]
+    whole = [
+        max(max(_long(cell) for cell in c) - n, 0.1) for c, n in zip(columns, least, strict=True)
     ]
-    widths = [_WIDTH * n / sum(longest) for n in longest]
-    made = Table(rows, colWidths=widths, repeatRows=1)
+    share = min(1.0, (_WIDTH - sum(least)) / sum(whole))
+    widths = [n + max(share, 0.0) * w for n, w in zip(least, whole, strict=True)]
+    made = Table(rows, colWidths=widths, repeatRows=1, hAlign="LEFT")
     made.setStyle(
         [
             ("LINEBELOW", (0, 0), (-1, -1), 0.4, colors.lightgrey),

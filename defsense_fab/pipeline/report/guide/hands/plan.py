@@ -8,6 +8,8 @@ from .actions import Action, Expected, Fact, Kind
 #: How far pieces of one kind of cord may differ in resistance, and a cord from what it measured
 #: before it was laid, times what laying makes of it.
 BATCH, LAID = 0.1, 0.05
+#: How far a joint is opened at least for work in it, mm.
+LEAST_OPEN = 15.0
 
 
 def actions(manifest: Manifest) -> list[Action]:
