@@ -17,6 +17,7 @@ from defsense_fab.core.errors import DeviceError, FabricationError
 from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.channels.cord_channels import channels_of
+from defsense_fab.pipeline.artifacts import typed_json
 from defsense_fab.pipeline.artifacts.layout import (
     BandRecord,
     CordPath,
@@ -222,6 +223,7 @@ def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, layout, manife
     write_page(folder / "guide.html", "guide", guide=guide)
     write_pdf(guide, folder / "guide.pdf")
     write_guide_file(guide, folder / "guide.json")
+    typed_json.save(folder / "layout.json", layout)
     page = (folder / "guide.html").read_text()
     steps = len(manifest["assembly"])
     late = sum(e["after"] is not None for c in manifest["cords"] for e in c["ends"])

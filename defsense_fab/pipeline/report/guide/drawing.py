@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from ....core.arrays import Float
+from ....core.arrays import Bool, Float
 from ....core.mesh import Surface
+from ..pictures.labels import spot
 from ..pictures.scene import Scene, Shot, poly
 from ..pictures.views import View
 
 _WIDTH, _LEAST, _MOST = 640, 260, 620  # pixels of what is rendered
 _COLUMN, _EDGE = 225, 14  # pixels of the labels' columns, and around what is rendered
-_FONT, _LINE = 24, 31
+_FONT, _LINE, _BETWEEN = 24, 29, 9
 _INK, _LEADER = "#1b262c", "#52616b"
 _ICON, _HALVES = 36, (("wire", 3), ("cord", 5), ("ferrule", 7))  # pixels: long, half as high
 _SHADES = 160  # colours of the file
@@ -34,14 +35,17 @@ class Drawing:
     view: View
     focus: tuple[Float, float] | None = None
     things: list[Callable[[Scene], None]] = field(default_factory=list)
-    labels: list[tuple[Float, str]] = field(default_factory=list)
+    labels: list[tuple[Float | str, str]] = field(default_factory=list)
     legend: dict[str, str] = field(default_factory=dict)
 
-    def part(self, surface: Surface, color: str, shift: Float | None = None) -> None:
-        """A part with its edges, moved by `shift` (3,) mm."""
+    def part(
+        self, surface: Surface, color: str, shift: Float | None = None, name: str = ""
+    ) -> None:
+        """A part with its edges, moved by `shift` (3,) mm; with a `name` it can be labelled where
+        it is seen."""
         moved = surface if shift is None else Surface(surface.vertices + shift, surface.faces)
         if self.focus is None:
-            self.things.append(lambda scene: scene.solid(moved, _pale(color)))
+            self.things.append(lambda scene: scene.solid(moved, _pale(color), name=name))
             return
         at, far = self.focus
         flat = self.view.flat(moved.vertices - at)
@@ -76,9 +80,10 @@ class Drawing:
         points = np.asarray(mesh.points, float)
         self.things.append(lambda scene: scene.mesh(mesh, points, color=color))
 
-    def label(self, at: Float, text: str) -> None:
-        """A text in a column beside the picture, with a line to `at` (3,) mm."""
-        self.labels.append((np.asarray(at, float), text))
+    def label(self, at: Float | str, text: str) -> None:
+        """A text in a column beside the picture, with a line to `at`: a place (3,) mm, or a part's
+        name: to where most of it is seen."""
+        self.labels.append((at, text))
 
     def png(self) -> str:
         """The picture as a data URI."""
@@ -88,9 +93,11 @@ class Drawing:
             for thing in self.things:
                 thing(scene)
             shot = scene.shot(self.view, _WIDTH, _MOST)
+            named = any(isinstance(at, str) for at, _ in self.labels)
+            masks = scene.seen() if named else {}
         width, height = shot.size
-        left, right = self._placed(shot)
-        tall = max(height, _LEAST, *(_LINE * (1 + _rows(side)) for side in (left, right)))
+        left, right = self._placed(shot, masks)
+        tall = max(height, _LEAST, *(int(_LINE * (1 + _rows(side))) for side in (left, right)))
         columns = _COLUMN if self.labels else 0
         key = _LINE + _EDGE if self.legend else 0
         page = Image.new("RGB", (width + 2 * columns, tall + key), "white")
@@ -102,45 +109,48 @@ class Drawing:
         page.quantize(_SHADES, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
         return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
-    def _placed(self, shot: Shot) -> tuple[list[Any], list[Any]]:
+    def _placed(self, shot: Shot, seen: Mapping[str, Bool]) -> tuple[list[Any], list[Any]]:
         """Labels of the left and the right column, (row's middle in pixels, text lines, anchor),
         those whose places are more to the left in the left one."""
         width, height = shot.size
-        pixels = shot.pixel(np.array([at for at, _ in self.labels]).reshape(-1, 3))
-        spots = [
-            (x, y, _wrapped(text))
-            for (x, y), (_, text) in zip(pixels.tolist(), self.labels, strict=True)
-        ]
+        spots = []
+        for at, text in self.labels:
+            if isinstance(at, str):
+                found = spot(seen[at])
+            else:
+                found = tuple(shot.pixel(np.asarray(at, float)[None])[0].tolist())
+            if found is not None:
+                spots.append((*found, _wrapped(text)))
         sides: tuple[list[Any], list[Any]] = ([], [])
-        for spot in sorted(spots):
-            sides[int(spot[0] > width / 2)].append(spot)
+        for label in sorted(spots):
+            sides[int(label[0] > width / 2)].append(label)
         # Where one column is full, those nearest to the middle go to the other one.
-        for full, other, at in ((0, 1, -1), (1, 0, 0)):
-            while sum(len(s[2]) for s in sides[full]) * _LINE > max(height, _LEAST):
-                sides[other].append(sides[full].pop(at))
+        for full, other, which in ((0, 1, -1), (1, 0, 0)):
+            while sum(len(s[2]) * _LINE + _BETWEEN for s in sides[full]) > max(height, _LEAST):
+                sides[other].append(sides[full].pop(which))
         return _spread(sides[0], height), _spread(sides[1], height)
 
 
 def _spread(side: Sequence[tuple[float, float, list[str]]], height: int) -> list[Any]:
     """Rows beside their places, moved apart where they would overlap."""
     some = sorted(side, key=lambda s: s[1])
-    tops: list[float] = []
-    for _, y, text in some:
-        least = tops[-1] if tops else 0.0
-        tops.append(max(least, y - _LINE * len(text) / 2) + _LINE * len(text))
+    high = [_LINE * len(text) + _BETWEEN for _, _, text in some]
+    feet: list[float] = []
+    for (_, y, _), tall in zip(some, high, strict=True):
+        feet.append(max(feet[-1] if feet else 0.0, y - tall / 2) + tall)
     # Pushed beyond the foot, they move up again.
     over = height - _LINE / 2
-    for k in range(len(tops) - 1, -1, -1):
-        tops[k] = min(tops[k], over)
-        over = tops[k] - _LINE * len(some[k][2])
+    for k in range(len(feet) - 1, -1, -1):
+        feet[k] = min(feet[k], over)
+        over = feet[k] - high[k]
     return [
-        (end - _LINE * len(text) / 2, text, (x, y))
-        for end, (x, y, text) in zip(tops, some, strict=True)
+        (foot - tall / 2, text, (x, y))
+        for foot, tall, (x, y, text) in zip(feet, high, some, strict=True)
     ]
 
 
-def _rows(side: Sequence[Any]) -> int:
-    return sum(len(text) for _, text, _ in side)
+def _rows(side: Sequence[Any]) -> float:
+    return sum(len(text) + _BETWEEN / _LINE for _, text, _ in side)
 
 
 def _wrapped(text: str) -> list[str]:

@@ -101,8 +101,8 @@ def _overstretched(device: Device, manifest: Manifest) -> list[str]:
             out.append(
                 f"{called(cord.sensor)} is held at both ends while a joint that it passes through"
                 f" is still open: {LEAST_OPEN:.0f} mm stretch it by {strain:.0%}, more than"
-                f" its {device.cord.max_strain:.0%}; strain_relief = false in [fabrication] lets one"
-                " of its ends wait"
+                f" its {device.cord.max_strain:.0%}; strain_relief = false in [fabrication] lets"
+                " one of its ends wait"
             )
     return out
 

@@ -46,7 +46,8 @@ class Pictures(Things):
         """The pins above their sockets in the lower parts, the thicker and the thinner ones."""
         drawing = Drawing(self._onto_face(joint, 0.7))
         self.add_parts(drawing, joint.lower)
-        drawing.label(self._inside(joint), " + ".join(joint.lower))
+        for name in joint.lower:
+            drawing.label(name, name)
         kinds = {p.name: p for p in self.manifest.pins}
         colors = self.thicknesses(joint)
         for letter, pin in zip(joint.letters, joint.pins, strict=True):
@@ -60,11 +61,6 @@ class Pictures(Things):
         for thick, color in sorted(colors.items(), reverse=True):
             drawing.legend[f"pin, {thick:g} mm thick"] = color
         return drawing.png()
-
-    def _inside(self, joint: Joint) -> Float:
-        """A place on the skin of the lower parts to point at: their farthest from the face."""
-        points = self.points(joint.lower)
-        return np.asarray(points[np.argmin(points @ joint.opens)])
 
     def _lay(self, joint: Joint, passage: Passage) -> str:
         """The lower parts' cut face with what is laid into it."""
@@ -114,7 +110,8 @@ class Pictures(Things):
             away = line[-1] - line[-2]
             tail = line[-1:] + 0.6 * OUT * away / np.linalg.norm(away)
             self.add_wire(drawing, np.concatenate([line, tail]))
-            drawing.label(tail[0], f"wire of the {ENDS[action.end]}")
+            if len({a.cord for a, _ in passage.actions}) == 1:  # of several, the colour must do
+                drawing.label(tail[0], f"wire of the {ENDS[action.end]}")
 
     def _close(self, joint: Joint) -> str:
         """The upper parts above the lower ones, and how they go together."""
@@ -136,11 +133,11 @@ class Pictures(Things):
                     drawing.legend["cord"] = CORD
         for wire in joint.wires:
             self.add_wire(drawing, wire)
-        self.add_passing(drawing, joint)
+        self.add_passing(drawing, joint, labelled=False)
         for name in joint.lower:
-            drawing.label(self.seen(name, np.zeros(3), view), name)
+            drawing.label(name, name)
         for name in joint.upper:
-            drawing.label(self.seen(name, lift, view), name)
+            drawing.label(name, name)
         self._fall(drawing, joint, view)
         return drawing.png()
 

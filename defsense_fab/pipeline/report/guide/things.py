@@ -11,11 +11,9 @@ from ....core.arrays import Float
 from ....core.device import Device
 from ....core.mesh import Surface
 from ....core.path_sampling import arc_lengths, resample
-from ....geometry.kernels import ray_casting
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import CutCord, Manifest
 from ..colors import COLORS
-from ..pictures.views import View
 from .drawing import Drawing
 from .hands.steps import Joint
 from .hands.words import ENDS, called
@@ -42,7 +40,7 @@ class Things:
 
     def add_parts(self, drawing: Drawing, names: Sequence[str], shift: Float | None = None) -> None:
         for name in names:
-            drawing.part(self.parts[name], self.color(name), shift)
+            drawing.part(self.parts[name], self.color(name), shift, name)
 
     def points(self, names: Sequence[str]) -> Float:
         return np.concatenate([self.parts[n].vertices for n in names])
@@ -129,7 +127,7 @@ class Things:
         drawing.rod(line, self.device.fabrication.wire_diameter / 2, WIRE)
         drawing.legend["wire"] = WIRE
 
-    def add_passing(self, drawing: Drawing, joint: Joint) -> None:
+    def add_passing(self, drawing: Drawing, joint: Joint, labelled: bool = True) -> None:
         """Cords that come out of the lower parts' face and go on in the upper parts."""
         for cord in self.manifest.cords:
             for j, k in cord.drawn:
@@ -143,22 +141,6 @@ class Things:
                 tip = middle + min(OUT, joint.lift) * along
                 drawing.rod(np.stack([middle - 3 * along, tip]),
                             self.device.cord.diameter / 2, CORD)  # fmt: skip
-                drawing.label(tip, f"{called(cord.sensor)} passes through")
+                if labelled:
+                    drawing.label(tip, f"{called(cord.sensor)} passes through")
                 drawing.legend["cord"] = CORD
-
-    def seen(self, part: str, shift: Float, view: View) -> Float:
-        """A place of a part to point at: in the middle of what it turns to the camera."""
-        surface = self.parts[part]
-        corners = surface.vertices[surface.faces]
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        facing = np.maximum(cross @ view.back, 0.0)
-        centers = corners.mean(1)
-        middle = facing @ centers / max(float(facing.sum()), 1e-9)
-        turned = np.flatnonzero(facing > 0)
-        if not len(turned):
-            return np.asarray(centers.mean(0) + shift)
-        lies = ray_casting.hits(middle + 1e3 * view.back, -view.back, surface)
-        if len(lies):
-            return np.asarray(middle + (1e3 - lies[0]) * view.back + shift)
-        away = np.linalg.norm(np.cross(centers[turned] - middle, view.back), axis=1)
-        return np.asarray(centers[turned[away.argmin()]] + shift)
