@@ -18,6 +18,7 @@ INK, SOFT = "#1b262c", "#52616b"
 TEXT, SMALL = 22, 19
 #: Letters and colours of the axes, which also those tell apart who see red and green alike.
 AXES = (("x", "#d55e00"), ("y", "#009e73"), ("z", "#0072b2"))
+_APART = 13  # pixels between the letters of axes
 #: A place or a size: two numbers, pixels.
 Place = Any
 _FINE = 3  # lines are drawn so much finer, and then smoothed
@@ -101,6 +102,7 @@ class Sheet:
         span = float(np.maximum(np.ptp(np.vstack([ways, [0, 0]]), axis=0).max(), 1e-9))
         length = (size - 32) / span
         foot = np.asarray(corner, float) + 16 - low * length
+        letters: list[Any] = []
         away = ways.sum(0)  # from the foot, where the others are
         for (letter, color), way in zip(AXES, ways, strict=True):
             tip = foot + length * way
@@ -111,6 +113,9 @@ class Sheet:
             else:
                 self.line([foot, tip], color, 3)
                 place = tip + 9 * way / seen
+            while any(np.hypot(*(place - other)) < _APART for other in letters):
+                place = place + (way if seen > 1e-6 else away) / max(seen, 1e-6)
+            letters.append(place)
             self.text(place, letter, 17, color, bold=True)
 
     def png(self) -> bytes:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....core.arrays import Bool, Float
+from .....core.arrays import Bool, Float, xyz
 
 _STRAINED = 0.25  # of the largest strain: less than this is not much
 _ASIDE = 0.2  # of the largest movement: less than this to the side is none
@@ -16,10 +16,17 @@ _INSIDE = 0.01  # of the body's size: an end is not cut
 
 @dataclass(frozen=True)
 class Section:
-    """The plane through the point `origin` (3,) mm of the body at rest with a unit `normal` (3,)."""
+    """The plane with the unit `normal` (3,) through `origin` (3,) mm, in the body at rest."""
 
     origin: Float
     normal: Float
+
+    def words(self) -> str:
+        """Where it is, for readers."""
+        k = int(np.abs(self.normal).argmax())
+        if abs(self.normal[k]) > 1 - 1e-6:
+            return f"at {'xyz'[k]} = {self.origin[k]:.1f} mm"
+        return f"tilted, through {xyz(self.origin)} mm"
 
 
 @dataclass(frozen=True)
@@ -44,13 +51,14 @@ def sections(rest: Float, moved: Float, strain: Float, held: Bool) -> Sections:
     strain (n,); the nodes (n,) that are `held` by handles, or none.
 
     All but the last hold the line through the middle of what moves that lies nearest to where the
-    strain is large (or along an axis, where that is about the same). The first holds the direction of the movement too, or the largest strain where
-    what moves only turns or is drawn along that line; the last is square to the line, through the
-    largest strain."""
+    strain is large, or along an axis, where that is about the same. The first holds the direction
+    of the movement too, or the largest strain where what moves only turns or is drawn along that
+    line; the last is square to the line, through the largest strain."""
     size = float(np.linalg.norm(np.ptp(rest, axis=0)))
     way = np.linalg.norm(moved, axis=1)
     some = held if held.any() else way >= np.percentile(way, 95)
-    handle, movement = rest[some].mean(0), moved[some].mean(0)
+    handle = (rest[some].min(0) + rest[some].max(0)) / 2
+    movement = moved[some].mean(0)
     peak = rest[strain.argmax()]
     weight = np.maximum(strain - _STRAINED * strain.max(), 1e-12)
     along = _line(rest - handle, weight)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .sheet import INK, SMALL, Sheet, extent
+from ..sheet import INK, SMALL, Sheet, extent
 
 #: Scales whose lightness rises or falls evenly, so that those who tell few colours apart, and
 #: printers without colour, show their order too.
@@ -57,5 +57,5 @@ def draw(sheet: Sheet, one: Scale, x: float, y: float, width: float) -> None:
         if k == count and one.beyond:
             words = f"≥ {words}"
         sheet.line([(at, top + _THICK), (at, top + _THICK + 6)], INK, 1.2)
-        if k % every == 0 or k == count and every == 1:
+        if k % every == 0 or (k == count and every == 1):
             sheet.text((at, top + _THICK + 8 + SMALL / 2), words, SMALL)

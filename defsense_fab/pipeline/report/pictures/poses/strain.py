@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....core.arrays import Float, Int
-from ....core.mesh import Surface
-from . import body_views, color_bar, views
+from .....core.arrays import Float, Int
+from .....core.mesh import Surface
+from .. import body_views, views
+from ..scene import Scene, Shot, poly
+from ..sheet import SMALL, Sheet
+from ..views import View
+from . import color_bar
 from .color_bar import Scale
 from .mesh_cut import mesh_cut
-from .scene import Scene, Shot, poly
 from .sections import Sections
-from .sheet import SMALL, Sheet
-from .views import View
 
 #: Pixels of a picture that stands beside another.
 WIDTH, HEIGHT = 820, 760
@@ -41,7 +42,6 @@ def strain_sections(
     rest: Surface,
     moved: Float,
     planes: Sections,
-    name: str,
     frame: Float,
     scale: Scale,
 ) -> str:
@@ -64,14 +64,12 @@ def strain_sections(
         return body_views.picture(
             [
                 body_views.Seen(scene, _view(letter, plane.normal, frame), color=color)
-                for scene, (letter, color), plane in zip(
-                    (a, b, c), PLANES, planes.all, strict=True
-                )
+                for scene, (letter, color), plane in zip((a, b, c), PLANES, planes.all, strict=True)
             ],
-            title=name,
             footer=(room, _footer(scale, key, view, ends, room)),
             width=WIDTH,
             height=HEIGHT + room - _KEY,
+            least=1.0,
         )
 
 
