@@ -55,7 +55,7 @@ def spread(wanted: Float, gap: float) -> Float:
             blocks[-1][0] += total
             blocks[-1][1] += count
     first = [total / count for total, count in blocks for _ in range(int(count))]
-    return np.array(first) + gap * np.arange(len(first))
+    return np.asarray(np.array(first) + gap * np.arange(len(first)))
 
 
 def _uncrossed(anchors: Float, some: Int, ends: Float) -> Int:

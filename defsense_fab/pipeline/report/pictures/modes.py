@@ -30,7 +30,7 @@ def modes(
         corner = step * [i % _COLUMNS, i // _COLUMNS] + _SPACE / 2
         with Scene() as scene:
             scene.outline(Surface(rest, faces))
-            body = poly(Surface(moved, faces), most=len(faces))
+            body = poly(Surface(moved, faces))
             body["movement"] = np.linalg.norm(moved - rest, axis=1)
             top = max(float(body["movement"].max()), 1e-9)
             scene.colored(body, "movement", "viridis", top)

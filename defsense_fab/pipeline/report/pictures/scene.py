@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
@@ -28,8 +27,6 @@ _CHAIN = 0.2  # of a body's size: over which edges have to hang together, to be 
 _LINE = "#3c4a54"
 _WHITE = 252  # of 255: what is darker is taken to be drawn
 _LOOK = ("color", "ambient", "diffuse", "lighting", "opacity")
-#: Triangles of a surface that a picture can show; more are thinned out.
-MOST = 40_000
 
 
 @dataclass(frozen=True)
@@ -201,13 +198,11 @@ class Scene:
         return {n: (np.abs(image - [codes[n], rows[n], 255]).max(2) <= 1) for n in self._named}
 
 
-def poly(surface: Surface, most: int = MOST) -> Any:
-    """A surface as a pyvista mesh, of not many more than `most` triangles."""
+def poly(surface: Surface) -> Any:
+    """A surface as a pyvista mesh. It is not thinned out: drawing 100,000 triangles takes less than
+    thinning them."""
     faces = np.concatenate([np.full((len(surface.faces), 1), 3), surface.faces], axis=1)
-    mesh = pv.PolyData(surface.vertices, faces.ravel())
-    if len(surface.faces) > 1.5 * most:
-        mesh = mesh.decimate_pro(1 - most / len(surface.faces), preserve_topology=True)
-    return mesh
+    return pv.PolyData(surface.vertices, faces.ravel())
 
 
 def _long_edges(mesh: Any) -> Any:
@@ -242,8 +237,3 @@ def _outlined(image: Any) -> Any:
     edge = drawn[1:-1, 1:-1] & ~around
     image[edge] = image[edge] // 2 + 30
     return image
-
-
-def joined(surfaces: Sequence[Surface]) -> Float:
-    """All corners (n, 3) mm of some surfaces."""
-    return np.concatenate([s.vertices for s in surfaces])

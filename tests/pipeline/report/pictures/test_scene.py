@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.standing import Y_UP, Z_UP
 from defsense_fab.pipeline.report.pictures import labelled, views
 from defsense_fab.pipeline.report.pictures.parts import exploded
@@ -83,19 +82,3 @@ def test_nothing_is_cut_off_beside_body_and_parts(size):
     picture = image_of(exploded(parts, apart, Z_UP))
     assert picture.shape[1] <= 1110
     assert (rim(picture, 1) == 255).all()
-
-
-def test_large_surfaces_are_thinned_out_for_pictures():
-    from defsense_fab.pipeline.report.pictures.scene import poly
-
-    angle = np.linspace(0, 2 * np.pi, 401)[:-1]
-    rings = [np.stack([np.cos(angle), np.sin(angle), np.full(400, z)], 1) for z in range(120)]
-    grid = np.arange(400 * 119)
-    step = (grid % 400 + 1) % 400 + grid // 400 * 400
-    faces = np.concatenate([
-        np.stack([grid, step, step + 400], 1), np.stack([grid, step + 400, grid + 400], 1)
-    ])  # fmt: skip
-    tube = Surface(np.concatenate(rings), faces)
-    thin = poly(tube)
-    assert thin.n_cells < 60_000
-    assert np.array(thin.bounds) == pytest.approx([-1, 1, -1, 1, 0, 119], abs=0.01)

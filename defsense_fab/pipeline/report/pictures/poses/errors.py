@@ -17,7 +17,7 @@ WIDTH, HEIGHT = 820, 660
 def error_map(surface: Surface, error: Float, frame: Float, scale: Scale) -> str:
     """The deformed surface from two opposite sides, coloured by the error (mm) at its vertices
     (n,); PNG as a data URI."""
-    mesh = poly(surface, most=len(surface.faces))
+    mesh = poly(surface)
     mesh.point_data["error"] = error
     with Scene() as scene:
         scene.colored(mesh, "error", scale.colors, scale.top)
