@@ -13,7 +13,7 @@ from ...core.mesh import Surface
 from ...decoding.unseen import MEANING
 from ..artifacts.body import load_surface
 from ..artifacts.fields import field_path, load_index, load_strain
-from ..artifacts.layout import LayoutRecord, load_layout
+from ..artifacts.layout import load_layout
 from ..artifacts.manifest import load_manifest
 from ..artifacts.mesh import load_mesh_record
 from ..artifacts.part_files import load_parts
@@ -21,7 +21,9 @@ from ..report import pictures
 from ..report.guide import assembly_guide
 from ..report.guide_pdf import write_pdf
 from ..report.html import write_page
-from ..report.surface_errors import surface_errors
+from ..report.surface_errors import SurfaceErrors, surface_errors
+from ..report.viewer.page import view3d
+from ..report.viewer.scene import scene
 from .stages import Report
 
 
@@ -44,12 +46,14 @@ def run(device: Device, folder: Path, report: Report) -> None:
     }
     report(0.2, "parts")
     parts = load_parts(folder, manifest)
+    found = surface_errors(folder, layout)
+    turning = view3d(scene(device, folder, layout, manifest, parts, found, view, np.eye(3)[2]))
     guide = assembly_guide(device, layout, manifest, parts, view)
-    write_page(folder / "guide.html", "guide", guide=guide)
+    write_page(folder / "guide.html", "guide", guide=guide, view3d=turning)
     write_pdf(guide, folder / "guide.pdf")
     images["parts"] = guide.exploded
     images["front"] = pictures.front(layout.weighed)
-    images["poses"] = _poses(folder, layout, view, report)
+    images["poses"] = _poses(folder, found, view, report)
     write_page(
         folder / "report.html",
         "report",
@@ -60,6 +64,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         mesh=load_mesh_record(folder),
         meaning=MEANING,
         images=images,
+        view3d=turning,
         colors=pictures.COLORS,
         max=max,
     )
@@ -77,10 +82,11 @@ def _section(rest: Float, u: Float) -> Float:
     return np.asarray(np.eye(3)[axes[(u[:, axes] ** 2).sum(0).argmin()]])
 
 
-def _poses(folder: Path, layout: LayoutRecord, view: Float, report: Report) -> list[dict[str, Any]]:
+def _poses(
+    folder: Path, found: SurfaceErrors, view: Float, report: Report
+) -> list[dict[str, Any]]:
     """Strain section and error map of each pose and mixture that was designed for, at its fullest,
     and of the held-out state that is sensed worst."""
-    found = surface_errors(folder, layout)
     rest, out = found.rest, []
     center = np.asarray(rest.min(0) + rest.max(0)) / 2
     for k, i in enumerate(found.shown):
