@@ -47,7 +47,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     report(0.2, "parts")
     parts = load_parts(folder, manifest)
     found = surface_errors(folder, layout)
-    turning = view3d(scene(device, folder, layout, manifest, parts, found, view, np.eye(3)[2]))
+    turning = view3d(scene(device, folder, layout, manifest, parts, found, _frame(surface)))
     guide = assembly_guide(device, layout, manifest, parts, view)
     write_page(folder / "guide.html", "guide", guide=guide, view3d=turning)
     write_pdf(guide, folder / "guide.pdf")
@@ -76,15 +76,20 @@ def _view(surface: Surface) -> Float:
     return np.array([1.0, 0.35, 0.55]) if long == 1 else np.array([0.35, -1.0, 0.55])
 
 
+def _frame(surface: Surface) -> Float:
+    """In its rows what is to the right, up and towards the viewer for a body as it stands."""
+    long = int(np.ptp(surface.bounds, axis=0).argmax())
+    right, front = ([0, 1.0, 0], [1.0, 0, 0]) if long == 1 else ([1.0, 0, 0], [0, -1.0, 0])
+    return np.array([right, [0, 0, 1.0], front])
+
+
 def _section(rest: Float, u: Float) -> Float:
     """Normal of the section: of the two short axes the one along which the body moves least."""
     axes = np.argsort(np.ptp(rest, axis=0))[:2]
     return np.asarray(np.eye(3)[axes[(u[:, axes] ** 2).sum(0).argmin()]])
 
 
-def _poses(
-    folder: Path, found: SurfaceErrors, view: Float, report: Report
-) -> list[dict[str, Any]]:
+def _poses(folder: Path, found: SurfaceErrors, view: Float, report: Report) -> list[dict[str, Any]]:
     """Strain section and error map of each pose and mixture that was designed for, at its fullest,
     and of the held-out state that is sensed worst."""
     rest, out = found.rest, []

@@ -50,7 +50,7 @@ def _cord(cord: CordRecord, cut: CutCord) -> Follower:
     low, high = cut.range
     laid = (
         "glued in all along" if cord.prestretch is None
-        else f"stretched by {cord.prestretch:.0%} as it is laid"
+        else f"stretched by {100 * cord.prestretch:.0f} % as it is laid"
     )  # fmt: skip
     return Follower(
         CORD,
@@ -60,7 +60,7 @@ def _cord(cord: CordRecord, cut: CutCord) -> Follower:
         (
             ("path", f"{cord.length:.1f} mm long, {cord.cord_diameter:g} mm thick"),
             ("cut to", f"{cut.cut_length:.0f} mm, {laid}"),
-            ("strain in use", f"{cord.least_strain:.1%} to {cord.peak_strain:.1%}"),
+            ("strain in use", f"{100 * cord.least_strain:.1f} to {100 * cord.peak_strain:.1f} %"),
             ("at rest", f"{cut.resistance:.0f} Ω"),
             ("in use", f"{low:.0f} to {high:.0f} Ω"),
             ("reference resistor", f"{cut.reference_resistor:g} Ω"),
@@ -106,7 +106,7 @@ def _seats(manifest: Manifest) -> Iterator[Follower]:
         y = np.cross(seat.normal, x)
         corners = seat.center + np.array([-x - y, x - y, x + y, y - x])
         facts = (("tag", f"{seat.tag:g} mm wide"),)
-        yield Follower(SEAT, f"marker {seat.marker}", corners, 0.0, facts)
+        yield Follower(SEAT, f"tag {seat.marker}", corners, 0.0, facts)
 
 
 def _line(points: Float) -> Float:

@@ -45,9 +45,9 @@ def _path(found: SurfaceErrors, state: int) -> PosePath:
 
 def _fraction(weights: Mapping[str, float], full: Mapping[str, float]) -> float | None:
     """How far along the way to `full` a state is; None where it lies on another way."""
-    if set(weights) != set(full):
+    if {p for p, w in weights.items() if w} != {p for p, w in full.items() if w}:
         return None
-    some = {weights[pose] / full[pose] for pose in full}
+    some = [weights[pose] / w for pose, w in full.items() if w]
     least, most = min(some), max(some)
     return least if 0 < least <= 1 + 1e-9 and most - least < 1e-6 else None
 

@@ -11,7 +11,12 @@ import numpy as np
 from ....core.arrays import Float, Int
 
 _ALIGNED = 4  # bytes: where a browser may lay an array of any of these types
-_TYPES = {"u1": np.uint8, "i1": np.int8, "i2": np.int16, "u2": np.uint16, "u4": np.uint32}
+_TYPES: dict[str, type[np.integer[Any]]] = {
+    "u1": np.uint8,
+    "i2": np.int16,
+    "u2": np.uint16,
+    "u4": np.uint32,
+}
 
 
 class Packed:

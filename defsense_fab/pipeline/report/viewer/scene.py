@@ -25,6 +25,7 @@ from .packed import Packed
 from .simplified import order_of, simplified
 
 _FINENESS = 20_000  # steps of coordinates along the device's size
+_ERROR_STEPS = 2000  # from no error to the largest along an axis
 _TOP = 99.5  # per cent of the strains in the states shown: the end of their scale
 
 
@@ -44,11 +45,11 @@ def scene(
     manifest: Manifest,
     parts: Mapping[str, Surface],
     found: SurfaceErrors,
-    view: Float,
-    up: Float,
+    frame: Float,
 ) -> Scene:
-    """Of a build's `folder` and what it holds; at first it is looked at from the direction `view`
-    (3,), `up` (3,) upwards. Raises StorageError where the mesh or the prediction is not there."""
+    """Of a build's `folder` and what it holds; in the rows of `frame` (3, 3) is what is to the
+    right, up and towards the viewer for a body that stands before them. Raises StorageError where
+    the mesh or the prediction is not there."""
     packed, bounds = Packed(), np.array([s.bounds for s in parts.values()])
     low, high = bounds[:, 0].min(0), bounds[:, 1].max(0)
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
@@ -64,8 +65,7 @@ def scene(
         "device": device.name,
         "step": lengths.step,
         "size": size,
-        "view": _rounded(view),
-        "up": _rounded(up),
+        "frame": _rounded(frame),
         "parts": [_part(lengths, p, light[p.name], k) for k, p in enumerate(manifest.parts)],
         "joints": [
             {"join": s.join, "cords": s.cords, "ways": _rounded(w)}
@@ -130,8 +130,8 @@ def _things(
 
 
 def _surface(lengths: _Lengths, found: SurfaceErrors, states: Int) -> dict[str, Any]:
-    """The body's simulated surface, and in each state where it goes, how far off it is read (in
-    steps of the error's scale) and how it is strained."""
+    """The body's simulated surface, and in each state where it goes, how far off it is read
+    and how it is strained."""
     faces = light_faces(Surface(found.rest, found.faces), len(states))
     kept = order_of(faces)
     number = np.zeros(len(found.rest), np.int64)
@@ -139,13 +139,13 @@ def _surface(lengths: _Lengths, found: SurfaceErrors, states: Int) -> dict[str, 
     missed, strain = found.missed[states][:, kept], found.strain[states][:, kept]
     shown = found.strain[list(found.shown)]
     top = float(np.percentile(shown, _TOP))
-    furthest = float(np.abs(missed).max(initial=1e-9))
+    missed_step = float(f"{np.abs(missed).max(initial=1e-9) / _ERROR_STEPS:.6g}")
     return {
         "places": lengths.places(found.rest[kept]),
         "faces": lengths.packed.faces(number[faces]),
         "moved": lengths.ways(found.moved[states][:, kept]),
-        "missed": lengths.packed.add(np.moveaxis(missed, -1, 0) * (127 / furthest), "i1"),
-        "missed_step": float(f"{furthest / 127:.6g}"),
+        "missed": lengths.packed.lengths(missed, missed_step),
+        "missed_step": missed_step,
         "strain": lengths.packed.shares(strain, top),
         "top_error": float(f"{found.highest:.4g}"),
         "top_strain": float(f"{top:.4g}"),
@@ -154,14 +154,7 @@ def _surface(lengths: _Lengths, found: SurfaceErrors, states: Int) -> dict[str, 
 
 def _states(folder: Path, found: SurfaceErrors, states: Int) -> list[dict[str, Any]]:
     signals = load_prediction(folder).signals[1:]
-    return [
-        {
-            "name": found.names[s],
-            "rmse": round(found.mean(int(s)), 4),
-            "signals": _rounded(signals[s]),
-        }
-        for s in states
-    ]
+    return [{"name": found.names[s], "signals": _rounded(signals[s])} for s in states]
 
 
 def _pose(path: PosePath, states: Int) -> dict[str, Any]:

@@ -38,9 +38,7 @@ def simplified(parts: Mapping[str, Surface], size: float) -> dict[str, Surface]:
 
 def _surface(solid: object) -> Surface:
     mesh = solid.to_mesh64()  # type: ignore[attr-defined]
-    return Surface(
-        np.array(mesh.vert_properties, float)[:, :3], np.array(mesh.tri_verts, np.int64)
-    )
+    return Surface(np.array(mesh.vert_properties, float)[:, :3], np.array(mesh.tri_verts, np.int64))
 
 
 def in_order(surface: Surface) -> Surface:

@@ -5,7 +5,9 @@ const calm = window.matchMedia("(prefers-reduced-motion: reduce)");
 class Eye {
   constructor(canvas, told, changed) {
     this.camera = new THREE.PerspectiveCamera(LENS, 1, told.size / 100, told.size * 100);
-    this.up = new THREE.Vector3(...told.up).normalize();
+    const [right, up, front] = told.frame.map((way) => new THREE.Vector3(...way).normalize());
+    this.right = right;
+    this.up = up;
     this.camera.up.copy(this.up);
     this.controls = new THREE.OrbitControls(this.camera, canvas);
     this.controls.enableZoom = false; // the wheel scrolls the page until the view is clicked
@@ -14,15 +16,14 @@ class Eye {
     canvas.addEventListener("pointerdown", (event) => {
       if (event.pointerType === "touch") this.controls.enableZoom = true;
     });
+    canvas.addEventListener("pointerdown", () => (canvas.nextElementSibling.hidden = true), { once: true });
     canvas.addEventListener("focus", () => (this.controls.enableZoom = true));
     canvas.addEventListener("blur", () => (this.controls.enableZoom = false));
     this.changed = changed;
     this.radius = 1;
-    const upright = Math.abs(this.up.y) > 0.9;
-    const front = upright ? new THREE.Vector3(0, 0, 1) : new THREE.Vector3(0, -1, 0);
-    const side = new THREE.Vector3(1, 0, 0);
-    const top = this.up.clone().addScaledVector(front, 1e-3);
-    this.ways = { reset: new THREE.Vector3(...told.view), front, side, top };
+    const top = up.clone().addScaledVector(front, 1e-3);
+    const reset = front.clone().addScaledVector(right, 0.35).addScaledVector(up, 0.55);
+    this.ways = { reset, front, side: right, top };
   }
 
   resize(width, height) {

@@ -2,14 +2,17 @@
 async function start(section) {
   const page = document;
   const note = page.querySelector("[data-v3-note]");
+  note.hidden = true;
   const refuse = (why) => {
     section.hidden = true;
     note.textContent = `The 3D view is not shown: ${why}. The pictures show the same.`;
     note.hidden = false;
   };
-  if (!page.createElement("canvas").getContext("webgl2")) {
+  const probe = page.createElement("canvas").getContext("webgl2");
+  if (!probe) {
     return refuse("this browser has no WebGL, or it is switched off");
   }
+  probe.getExtension("WEBGL_lose_context")?.loseContext();
   if (!("DecompressionStream" in window)) {
     return refuse("this browser is too old for it (it has no DecompressionStream)");
   }
@@ -22,7 +25,6 @@ async function start(section) {
     const view = { frames: 0 };
     view.stage = new Stage(canvas, { told, arrays }, () => (view.frames += 1));
     view.panel = new Panel(section, view.stage);
-    view.THREE = THREE;
     window.defsenseView = view;
     section.dataset.ready = "yes";
   } catch (error) {

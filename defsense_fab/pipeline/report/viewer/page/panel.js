@@ -1,6 +1,7 @@
 // The controls beside the view, and what they tell. All words of the device are set as text.
 const KINDS = { body: "body", cord: "cords", wire: "wires", pin: "pins", seat: "marker seats" };
 const QUANTITIES = { error: "error without noise, mm", strain: "largest principal strain, %" };
+const KIND_WORDS = { part: "part", cord: "cord", wire: "wire", pin: "pin", seat: "marker seat" };
 const ROUND_TRIP = 4; // s, from rest to the pose and back
 
 class Panel {
@@ -44,7 +45,7 @@ class Panel {
     this.get("open").value = state.open;
     this.get("pose").value = posed ? state.pose : "";
     this.get("posed").hidden = !posed;
-    this.get("amount").value = state.amount;
+    for (const name of ["amount", "colors", "read"]) this.get(name).value = state[name];
     this.get("joint").textContent = this._joint();
     if (posed) this._tellPose();
     if (this.picked) this._tellPicked();
@@ -81,7 +82,7 @@ class Panel {
     const list = this.get("pose");
     list.append(new Option("at rest, as parts", ""));
     this.told.poses.forEach((pose, k) =>
-      list.append(new Option(pose.name + (pose.held_out ? " (not designed for: the worst)" : ""), k)));
+      list.append(new Option(pose.name + (pose.held_out ? ", worst unseen" : ""), k)));
     list.addEventListener("change", () => {
       this.play(false);
       this.set({ open: 0, amount: 1, pose: list.value === "" ? null : Number(list.value) });
@@ -127,9 +128,11 @@ class Panel {
       this.get("top").textContent = String(Number(top.toPrecision(3)));
     }
     const pose = this.told.poses[state.pose];
-    const solved = [...pose.at].map((at) => `${Math.round(100 * at)} %`).join(", ");
+    const solved = pose.at.map((at) => `${Math.round(100 * at)}\u00a0%`).join(", ");
+    const between = pose.at.length > 1 ? "a smooth curve between" : "a straight way from rest to it";
+    const unseen = pose.held_out ? " (not designed for; of such states the worst read)" : "";
     this.get("state").textContent =
-      `${Math.round(100 * state.amount)} % of ${pose.name}: the surface is read ${body.rmse().toFixed(2)} mm off (RMSE without noise). Simulated at ${solved}, smooth between.`;
+      `${Math.round(100 * state.amount)}\u00a0% of ${pose.name}${unseen}: read ${body.rmse().toFixed(2)} mm off (RMSE without noise). Simulated at ${solved}, ${between}.`;
   }
 
   _shown() {
@@ -160,7 +163,7 @@ class Panel {
       const button = document.createElement("button"), dot = document.createElement("i");
       button.type = "button";
       button.thing = thing;
-      dot.style.background = thing.told.color;
+      dot.style.background = thing.kind === "part" ? paler(thing.told.color) : thing.told.color;
       dot.classList.toggle("v3-round", thing.kind === "cord");
       button.append(dot, thing.told.name);
       button.addEventListener("click", () => this.pick(this.picked === thing ? null : thing));
@@ -176,7 +179,7 @@ class Panel {
       const cord = this.stage.things.indexOf(this.picked);
       facts.push(["as shown", `${Math.round(this.stage.resistances()[cord])} Ω`]);
     }
-    title.textContent = (kind === "surface" ? "" : kind + " ") + told.name;
+    title.textContent = kind === "surface" ? told.name : `${told.name} (${KIND_WORDS[kind]})`;
     for (const [label, value] of facts) {
       const term = document.createElement("dt"), words = document.createElement("dd");
       term.textContent = label;

@@ -26,7 +26,8 @@ class Stage {
   set(changes) {
     Object.assign(this.state, changes);
     this.apply();
-    this.eye.follow(this.box());
+    const box = this.box();
+    if (!box.equals(this.eye.box)) this.eye.follow(box);
     this.draw();
   }
 
@@ -44,8 +45,10 @@ class Stage {
     const bodyShown = !this.hidden.has("body");
     for (const part of this.parts) this._see(part.mesh, !posed && bodyShown, through);
     this._see(this.body.mesh, posed && bodyShown, through);
-    this._see(this.body.read, posed && read !== "hidden", read === "over");
-    this.body.read.position.copy(read === "beside" ? this._beside() : new THREE.Vector3());
+    this._see(this.body.read, posed && read !== "hidden", false);
+    this.body.read.material.wireframe = read === "over";
+    const beside = posed && read === "beside";
+    this.body.read.position.copy(beside ? this._beside() : new THREE.Vector3());
     for (const thing of this.things) thing.mesh.visible = !this.hidden.has(thing.kind);
   }
 
@@ -56,10 +59,10 @@ class Stage {
   }
 
   // Weights of all states, of the pose and amount shown.
-  weights() {
+  weights(amount = this.state.amount) {
     const pose = this.told.poses[this.state.pose];
     const weights = new Array(this.told.states.length).fill(0);
-    weightsAt([0, ...pose.at], this.state.amount)
+    weightsAt([0, ...pose.at], amount)
       .slice(1)
       .forEach((w, k) => (weights[pose.states[k]] = w));
     return weights;
@@ -74,10 +77,15 @@ class Stage {
     });
   }
 
+  // What the camera has to see: of a pose, all of its way.
   box() {
     const box = new THREE.Box3();
-    const shown = this.state.pose === null ? this.parts : [this.body, ...this.things];
-    shown.forEach((thing) => thing.growBox(box));
+    if (this.state.pose === null) {
+      this.parts.forEach((part) => part.growBox(box));
+      return box;
+    }
+    box.copy(this.body.reach(this.weights(1)));
+    if (this.state.read === "beside") box.union(box.clone().translate(this.body.read.position));
     return box;
   }
 
@@ -121,6 +129,7 @@ class Stage {
 
   _see(mesh, visible, faint) {
     mesh.visible = visible;
+    if (mesh.material.transparent === faint) return;
     mesh.material.transparent = faint;
     mesh.material.opacity = faint ? 0.3 : 1;
     mesh.material.depthWrite = !faint;
@@ -130,10 +139,11 @@ class Stage {
 
   // Below a wide body, to the right of a tall one.
   _beside() {
-    const size = this.body.mesh.geometry.boundingBox.getSize(new THREE.Vector3());
-    const { up } = this.eye;
-    const tall = Math.abs(size.dot(up)), gap = 0.05 * this.told.size;
-    if (size.x <= tall) return new THREE.Vector3(1.05 * size.x + gap, 0, 0);
+    const size = this.body.reach(this.weights(1)).getSize(new THREE.Vector3());
+    const { up, right } = this.eye, gap = 0.05 * this.told.size;
+    const along = (way) => ["x", "y", "z"].reduce((sum, axis) => sum + size[axis] * Math.abs(way[axis]), 0);
+    const tall = along(up), wide = along(right);
+    if (wide <= tall) return right.clone().multiplyScalar(1.05 * wide + gap);
     return up.clone().multiplyScalar(-1.05 * tall - gap);
   }
 

@@ -12,12 +12,17 @@ function solidOf(color, extra) {
   return new THREE.MeshLambertMaterial({ color, flatShading: true, ...extra });
 }
 
+// A part's colour, so pale that the cords' stand out from it.
+function paler(color) {
+  return "#" + new THREE.Color(color).lerp(new THREE.Color("#ffffff"), 0.12).getHexString();
+}
+
 class Part {
   constructor(told, k, scene) {
     const points = pointsOf(scene.arrays[told.places], scene.told.step);
     this.kind = "part";
     this.told = told;
-    this.mesh = meshOf(points, facesOf(scene.arrays[told.faces]), solidOf(told.color));
+    this.mesh = meshOf(points, facesOf(scene.arrays[told.faces]), solidOf(paler(told.color)));
     this.mesh.geometry.computeBoundingBox();
     this.ways = scene.told.joints.map((joint) => new THREE.Vector3(...joint.ways[k]));
   }
@@ -45,41 +50,37 @@ class Thing {
     this.rest = pointsOf(arrays[told.places], step);
     this.opened = sheets(told.opened, joints.length);
     this.moved = sheets(told.moved, states.length);
-    this.now = new Float32Array(this.rest.length);
+    this.now = this.rest.slice();
     const color = told.color || KIND_COLORS[told.kind];
     this.mesh = told.radius
       ? new THREE.Mesh(tubeGeometry(this.rest.length / 3), new THREE.MeshLambertMaterial({ color }))
       : meshOf(new Float32Array(12), new Uint32Array([0, 1, 2, 0, 2, 3]),
-          solidOf(color, { side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -2 }));
-    this.lay();
+          solidOf(color, { side: THREE.DoubleSide }));
+    this.size = scene.told.size;
+    this._show(0);
   }
 
   open(shares) {
     blend(this.now, this.rest, this.opened, shares);
-    this._show();
+    this._show(0.002 * this.size);
   }
 
   pose(weights) {
     blend(this.now, this.rest, this.moved, weights);
-    this._show();
+    this._show(0.02 * this.size); // the simulated surface has no flats
   }
 
-  lay() {
-    this.now.set(this.rest);
-    this._show();
-  }
-
-  _show() {
+  // A seat is lifted by so many mm above its flat, to be seen.
+  _show(lift) {
     const { geometry } = this.mesh;
     if (this.told.radius) return layTube(geometry, this.now, this.told.radius);
-    geometry.getAttribute("position").array.set(this.now);
+    const [a, b, c] = [0, 3, 6].map((k) => new THREE.Vector3().fromArray(this.now, k));
+    const out = b.clone().sub(a).cross(c.sub(b)).setLength(lift);
+    const position = geometry.getAttribute("position");
+    for (let k = 0; k < this.now.length; k++) position.array[k] = this.now[k] + out.getComponent(k % 3);
     geometry.getAttribute("position").needsUpdate = true;
     geometry.computeBoundingSphere();
     geometry.computeBoundingBox();
-  }
-
-  growBox(box) {
-    box.union(this.mesh.geometry.boundingBox);
   }
 }
 
@@ -146,9 +147,11 @@ class Body {
     return Math.sqrt(this.off.reduce((sum, x) => sum + x * x, 0) / (this.off.length / 3));
   }
 
-  growBox(box) {
-    for (const mesh of [this.mesh, this.read]) {
-      if (mesh.visible) box.union(mesh.geometry.boundingBox.clone().translate(mesh.position));
-    }
+  // The box around all that the body passes through on the way from rest to `weights`.
+  reach(weights) {
+    const there = new Float32Array(this.rest.length);
+    blend(there, this.rest, this.moved, weights);
+    const box = new THREE.Box3().setFromArray(this.rest);
+    return box.union(new THREE.Box3().setFromArray(there));
   }
 }

@@ -1,5 +1,5 @@
 // The numbers of the page: base64 of deflated integers, as view3d's packed.py writes them.
-const TYPES = { u1: Uint8Array, i1: Int8Array, i2: Int16Array, u2: Uint16Array, u4: Uint32Array };
+const TYPES = { u1: Uint8Array, i2: Int16Array, u2: Uint16Array, u4: Uint32Array };
 
 async function unpack(text, index) {
   const letters = atob(text.trim());
