@@ -54,4 +54,4 @@ class Packed:
 
     def text(self) -> str:
         """All arrays: base64 of their deflated bytes, the same for the same numbers."""
-        return base64.b64encode(zlib.compress(bytes(self._bytes), 9)).decode("ascii")
+        return base64.b64encode(zlib.compress(bytes(self._bytes), 6)).decode("ascii")

@@ -42,7 +42,8 @@ def in_script(value: Any) -> str:
 
 @cache
 def _library() -> str:
-    return _text("three", "three.min.js")
+    """three.js with its licence, which every copy has to carry."""
+    return f"/*\n{_text('three', 'LICENSE')}*/\n{_text('three', 'three.min.js')}"
 
 
 @cache

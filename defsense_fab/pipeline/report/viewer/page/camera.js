@@ -10,6 +10,8 @@ class Eye {
     this.up = up;
     this.camera.up.copy(this.up);
     this.controls = new THREE.OrbitControls(this.camera, canvas);
+    this.controls.minDistance = 0.05 * told.size;
+    this.controls.maxDistance = 50 * told.size;
     this.controls.enableZoom = false; // the wheel scrolls the page until the view is clicked
     this.controls.addEventListener("change", changed);
     canvas.addEventListener("pointerdown", () => canvas.focus({ preventScroll: true }));
@@ -20,7 +22,6 @@ class Eye {
     canvas.addEventListener("focus", () => (this.controls.enableZoom = true));
     canvas.addEventListener("blur", () => (this.controls.enableZoom = false));
     this.changed = changed;
-    this.radius = 1;
     const top = up.clone().addScaledVector(front, 1e-3);
     const reset = front.clone().addScaledVector(right, 0.35).addScaledVector(up, 0.55);
     this.ways = { reset, front, side: right, top };
