@@ -6,6 +6,7 @@ import base64
 import json
 import re
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,6 +108,13 @@ def test_poses_pass_through_the_states_on_their_way(scene):
         "0.5 twist + bend": (["0.5*twist+1*bend"], [1]),
     }
     assert [p["held_out"] for p in told["poses"]] == [False, False, True]
+
+
+def test_a_device_of_one_part_has_nothing_to_open(bar):
+    whole = replace(bar, manifest=replace(bar.manifest, assembly=(), pins=()))
+    told = whole.scene().told
+    assert told["joints"] == []
+    assert {t["kind"] for t in told["things"]} == {"cord", "wire", "seat"}
 
 
 def test_names_stay_words_whatever_they_are(scene, bar):

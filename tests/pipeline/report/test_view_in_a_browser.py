@@ -109,7 +109,7 @@ def test_the_slider_opens_the_joints_in_the_reverse_of_their_order(page):
 
 
 def test_shapes_between_the_simulated_ones_are_close_to_the_true_ones(page):
-    page.page.get_by_label("Pose").select_option("twist")
+    page.page.locator("[data-pose]").select_option("twist")
     rest = page.rest()
     at = rest + np.array([60.0, 0, 0])  # the page's middle is the body's
     for amount in (1.0, 0.75, 0.5, 0.25):
@@ -121,7 +121,7 @@ def test_shapes_between_the_simulated_ones_are_close_to_the_true_ones(page):
 
 
 def test_a_pose_plays_and_stops(page):
-    page.page.get_by_label("Pose").select_option("twist")
+    page.page.locator("[data-pose]").select_option("twist")
     page.slide("amount", 0)
     page.page.get_by_role("button", name="Play").click()
     page.page.wait_for_function("defsenseView.stage.state.amount > 0.2")
@@ -133,17 +133,17 @@ def test_a_pose_plays_and_stops(page):
 
 
 def test_what_is_read_stands_over_or_beside_the_true_shape(page):
-    page.page.get_by_label("Pose").select_option("twist")
-    page.page.get_by_label("Read shape").select_option("over the true one")
+    page.page.locator("[data-pose]").select_option("twist")
+    page.page.locator("[data-read]").select_option("over the true one")
     off = page.surface("read") - page.surface()
     assert off == pytest.approx(np.tile([0, MISS, 0], (len(off), 1)), abs=0.01)
     assert "read 0.80 mm off" in page.text("state")
-    page.page.get_by_label("Read shape").select_option("beside the true one")
+    page.page.locator("[data-read]").select_option("beside the true one")
     place = page.js("defsenseView.stage.body.read.position.toArray()")
     assert place[2] < -24  # below a body that lies
     reds = "Array.from(defsenseView.stage.body.mesh.geometry.getAttribute('color').array)"
     error = page.js(reds)
-    page.page.get_by_label("Colours").select_option("strain")
+    page.page.locator("[data-colors]").select_option("strain")
     assert page.js(reds) != error
 
 
@@ -160,7 +160,7 @@ def test_a_click_tells_of_the_part_and_a_button_of_the_cord(page):
     told = page.text("picked")
     assert "1.0 to 10.0 %" in told
     assert "1600 Ω" in told
-    page.page.get_by_label("Pose").select_option("twist")
+    page.page.locator("[data-pose]").select_option("twist")
     assert "1760 Ω" in page.text("picked")  # 10 % more in the full twist
 
 

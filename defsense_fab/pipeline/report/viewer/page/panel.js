@@ -47,6 +47,7 @@ class Panel {
     this.get("posed").hidden = !posed;
     for (const name of ["amount", "colors", "read"]) this.get(name).value = state[name];
     this.get("joint").textContent = this._joint();
+    this.get("open").setAttribute("aria-valuetext", this._joint());
     if (posed) this._tellPose();
     if (this.picked) this._tellPicked();
   }
@@ -57,6 +58,7 @@ class Panel {
     button.textContent = on ? "Pause" : "Play";
     button.setAttribute("aria-pressed", String(on));
     this.playing = on;
+    this.get("picked").setAttribute("aria-live", on ? "off" : "polite"); // not with every frame
     if (!on) return;
     const from = Math.acos(1 - 2 * this.stage.state.amount);
     let begun = null;

@@ -98,7 +98,7 @@ class Body {
     this.missed = sheets(surface.missed, surface.missed_step);
     const n = this.rest.length / 3;
     this.strain = states.map((_, k) => arrays[surface.strain].subarray(k * n, (k + 1) * n));
-    this.tops = { error: surface.top_error, strain: surface.top_strain };
+    this.tops = { error: surface.top_error || 1e-9, strain: surface.top_strain };
     this.off = new Float32Array(3 * n);
     this.mesh = meshOf(new Float32Array(3 * n), faces, solidOf("#ffffff", { vertexColors: true }));
     this.read = meshOf(new Float32Array(3 * n), faces, solidOf("#ff9f1c"));
