@@ -142,20 +142,22 @@ class Panel {
     const there = Object.keys(KINDS).filter((kind) =>
       kind === "body" || this.told.things.some((thing) => thing.kind === kind));
     for (const kind of there) {
-      this._box(row, KINDS[kind], true, (on) => {
+      this._box(row, KINDS[kind], KIND_COLORS[kind], true, (on) => {
         this.stage.hidden[on ? "delete" : "add"](kind);
         this.set({});
       });
     }
-    this._box(row, "see through", false, (on) => this.set({ through: on }));
+    this._box(row, "see through", null, false, (on) => this.set({ through: on }));
   }
 
-  _box(row, words, on, changed) {
+  _box(row, words, color, on, changed) {
     const label = document.createElement("label"), box = document.createElement("input");
+    const dot = document.createElement("i");
     box.type = "checkbox";
     box.checked = on;
     box.addEventListener("change", () => changed(box.checked));
-    label.append(box, words);
+    dot.style.background = color;
+    label.append(box, ...(color ? [dot] : []), words);
     row.append(label);
   }
 

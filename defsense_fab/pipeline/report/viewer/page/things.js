@@ -62,7 +62,7 @@ class Thing {
 
   open(shares) {
     blend(this.now, this.rest, this.opened, shares);
-    this._show(0.002 * this.size);
+    this._show(0.006 * this.size);
   }
 
   pose(weights) {
