@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Check:
-    """`value` as measured, the `limit` that it keeps (below it for "at most"), where, and what a
-    maker should be told of it, if anything."""
+    """`value` as measured, the `limit` that it keeps, rounding of facets allowed for: it is
+    `at_least` so large, or else at most; where, and what a maker should be told of it, if
+    anything."""
 
     name: str
     value: float
@@ -16,3 +17,8 @@ class Check:
     unit: str
     at: str
     note: str = ""
+    at_least: bool = False
+
+    @property
+    def holds(self) -> bool:
+        return self.value >= self.limit if self.at_least else self.value <= self.limit

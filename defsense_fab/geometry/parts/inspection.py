@@ -125,9 +125,10 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
                 Check(
                     f"wall from cord {channel.name} to the skin",
                     float(whole[k]) - radius,
-                    rules.wall,
+                    rules.wall - _TOLERANCE,
                     "mm",
                     xyz(channel.inside[k]),
+                    at_least=True,
                 )
             )
         for other in channels[i + 1 :]:
@@ -135,12 +136,14 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
             k = int(away.argmin())
             wall = float(away[k]) - 2 * radius
             name = f"wall from cord {channel.name} to cord {other.name}"
-            if wall < rules.wall - 2 * _TOLERANCE:
+            least = rules.wall - 2 * _TOLERANCE
+            if wall < least:
                 raise FabricationError(
                     f"cords {channel.name!r} and {other.name!r} leave a wall of {wall:.2f} mm near"
                     f" {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move them apart"
                 )
-            out.append(Check(name, wall, rules.wall, "mm", xyz(channel.inside[k])))
+            at = xyz(channel.inside[k])
+            out.append(Check(name, wall, least, "mm", at, at_least=True))
     return out
 
 
@@ -181,7 +184,8 @@ def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list
                     f"{name}: {wall:.2f} mm near {at}; {least:.2f} mm is needed: move the cord"
                 )
             if np.isfinite(wall) and (name not in thinnest or wall < thinnest[name].value):
-                thinnest[name] = Check(name, wall, least, "mm", at)
+                used = least - 2 * _TOLERANCE
+                thinnest[name] = Check(name, wall, used, "mm", at, at_least=True)
     return list(thinnest.values())
 
 
@@ -220,14 +224,15 @@ def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
             if wall < groove:
                 groove, where[1] = wall, f"{xyz(pin.center)}, cord {name}"
     least = rules.inner_wall
+    used = least - 3 * _TOLERANCE
     out = [
-        Check("wall from socket to skin", skin, least, "mm", where[0]),
-        Check("wall from socket to groove", groove, least, "mm", where[1]),
+        Check("wall from socket to skin", skin, used, "mm", where[0], at_least=True),
+        Check("wall from socket to groove", groove, used, "mm", where[1], at_least=True),
     ]
     if np.isfinite(apart):
-        out.append(Check("wall from socket to socket", apart, least, "mm", where[2]))
+        out.append(Check("wall from socket to socket", apart, used, "mm", where[2], at_least=True))
     for check in out:
-        if check.value < least - 3 * _TOLERANCE:
+        if not check.holds:
             raise FabricationError(
                 f"{check.name}: {check.value:.2f} mm near {check.at}; {least:.2f} mm is needed"
             )

@@ -64,19 +64,23 @@ class Plate:
 @dataclass(frozen=True)
 class WireRecord:
     """Where a wire leaves the body ("mouth", "bend", "bay", ...), its length in the body (mm); its
-    path (p, 3) mm and the way (3,) mm down into the bay, where it has them; why it has none."""
+    path (p, 3) mm and the way (3,) mm down into the bay, where it has them; why it has none; the
+    joints (indices of the assembly's steps) that it lies in, from its ferrule on."""
 
     leaves: str
     length: float
     path: Float | None = None
     drop: Float | None = None
     why: str | None = None
+    joints: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class CordEnd:
     """An end of a cord: a joint in a "pocket" of so many mm or "free", behind `lead` mm outside;
-    where its channel opens (3,) mm; why it is not in a pocket."""
+    where its channel opens (3,) mm; why it is not in a pocket. `after`: the joint (index of the
+    assembly's step) after which its wire is crimped outside of its mouth, for until then the cord
+    must slide; None: it is crimped before the cord is laid."""
 
     joint: str
     pocket: float
@@ -84,6 +88,17 @@ class CordEnd:
     lead: float
     wire: WireRecord
     why: str | None = None
+    after: int | None = None
+
+
+@dataclass(frozen=True)
+class CordStretch:
+    """From `start` to `stop`, mm along its channel from mouth to mouth, a cord lies in a joint
+    (index of the assembly's step)."""
+
+    joint: int
+    start: float
+    stop: float
 
 
 @dataclass(frozen=True)
@@ -91,7 +106,9 @@ class CutCord:
     """A cord to cut: lengths mm, of the channel, between the ferrules (or wires) as it lies and as
     it is before it is laid, and of the stretch that senses; by how much of its length it is
     stretched as it is laid (null: bonded); resistance before it is laid, at rest in the device, its
-    range in use and the reference resistor, ohm."""
+    range in use and the reference resistor, ohm; its `stretches` in joints, from its start on; the
+    joints that draw it together only after it was laid on both sides of them (`drawn`: the joint,
+    and the stretch before which it passes there)."""
 
     sensor: str
     cut_length: float
@@ -107,6 +124,8 @@ class CutCord:
     resistance: float
     range: tuple[float, float]
     reference_resistor: float
+    stretches: tuple[CordStretch, ...] = ()
+    drawn: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -158,7 +177,7 @@ class Manifest:
     """`parts/manifest.json`; `prediction` is that for the cords as they are built in, `held` at
     their ends or `bonded` into their grooves (`assembly_of_cords`); volumes mm^3."""
 
-    SCHEMA: ClassVar[int] = 3
+    SCHEMA: ClassVar[int] = 4
 
     device: str
     unit: str

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
+import numpy as np
+
+from ...core.arrays import Float
 from ...core.device import Device
 from ...geometry.channels.channel_ends import End
+from ...geometry.channels.cord_channels import Channel
+from ...geometry.channels.cord_stretches import Sides, Stretch, closed_later, stretches
 from ...geometry.parts.records import Made
 from ...sensing.built_cord import CordReading
 from ...sensing.voltage_divider import reference
-from ..artifacts.manifest import BillItem, CordEnd, CutCord, WireRecord
+from ..artifacts.manifest import BillItem, CordEnd, CordStretch, CutCord, WireRecord
 from ..design.design_task import SLACK
 from ..design.predict import Scored
 
 #: Length of each wire beyond the body, mm.
 OUTSIDE = 200.0
+#: How far a joint is opened for work while a cord passes through it, and what of a cord is held to
+#: pull at it, mm.
+OPENED, GRIP = 25.0, 10.0
 
 
 def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
@@ -25,54 +34,114 @@ def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
     ferrules. What of that lies outside of the sensing stretch, in the straight runs to the skin and
     in free ends, is a constant resistance in series. A held cord is shorter before it is laid, by
     its pre-stretch.
+
+    A cord that a joint draws together after it was laid on both sides of it (`drawn`) is crimped
+    at one end only then, outside of its mouth, where it has an end that this can be done at; its
+    piece is longer by what it needs to hang out there while the joint is open.
     """
-    ferrule, lead = device.cord.ferrule_length, device.fabrication.lead
+    ferrule = device.cord.ferrule_length
+    joints = _joints(made)
     reading, out = CordReading.of(device), []
-    for channel, cord, signals in zip(made.channels, built.cords, built.signals.T, strict=True):
+    for k, (channel, cord, signals) in enumerate(
+        zip(made.channels, built.cords, built.signals.T, strict=True)
+    ):
         between = cord.length + cord.series
         unstretched = cord.length / (1 + (cord.prestretch or 0.0)) + cord.series
-        cut = unstretched + ferrule + SLACK
+        lies = _lies(channel.inside, channel, device.channel_diameter, made, joints, k)
+        drawn = closed_later(lies, joints)
+        ends = tuple(_end(e, channel, device, made, joints, k) for e in channel.ends)
+        late, after = last_end(lies, drawn, ends)
+        slack = SLACK
+        if late is not None:
+            ends = tuple(replace(e, after=after) if n == late else e for n, e in enumerate(ends))
+            out_of_mouth = ends[late].pocket - ferrule / 2 if ends[late].pocket else 0.0
+            reach = between - unstretched + out_of_mouth + OPENED + GRIP
+            slack = max(SLACK, float(np.ceil(reach - ferrule / 2)))
         rest = reading.resistance(cord)
         low, high = (rest * (1 + float(s)) for s in (signals.min(), signals.max()))
         out.append(
             CutCord(
                 sensor=channel.name,
-                cut_length=cut,
-                slack=SLACK,
+                cut_length=unstretched + ferrule + slack,
+                slack=slack,
                 channel_length=channel.length,
                 between_ferrules=between,
                 unstretched=unstretched,
                 prestretch=cord.prestretch,
                 sensing_length=cord.length,
-                ends=(_end(channel.ends[0], lead), _end(channel.ends[1], lead)),
+                ends=(ends[0], ends[1]),
                 channel_diameter=device.channel_diameter,
                 resistance_before=unstretched * device.cord.ohm_per_mm,
                 resistance=rest,
                 range=(low, high),
                 reference_resistor=reference(low, high),
+                stretches=tuple(CordStretch(s.joint, s.start, s.stop) for s in lies),
+                drawn=tuple(drawn),
             )
         )
     return tuple(out)
 
 
-def _end(end: End, lead: float) -> CordEnd:
-    """`lead`: mm that a free end hangs out."""
+def _joints(made: Made) -> list[Sides]:
+    """What each joint brings together, in the order of assembly: the cuts backwards."""
+    return [(frozenset(c.sides[0]), frozenset(c.sides[1])) for c in reversed(made.cuts)]
+
+
+def _lies(
+    line: Float,
+    channel: Channel,
+    diameter: float,
+    made: Made,
+    joints: Sequence[Sides],
+    cord: int,
+) -> tuple[Stretch, ...]:
+    """The joints that a line of the channel's plane lies in, if any."""
+    within = [j for j, c in enumerate(reversed(made.cuts)) if cord in c.cords]
+    if not within:
+        return ()
+    normal = channel.sensor.plane.normal
+    parts = [p.surface for p in made.parts]
+    return stretches(line, normal, diameter / 2, parts, joints, within)
+
+
+def last_end(
+    lies: Sequence[Stretch], drawn: Sequence[tuple[int, int]], ends: Sequence[CordEnd]
+) -> tuple[int | None, int | None]:
+    """The end that is crimped last, and after which joint, where both ends would hold the cord
+    while a joint is still to draw it together. A wire that is laid beside its pocket must be
+    crimped before: such an end cannot be the last."""
+    held = [j for j, _ in drawn if max(lies[0].joint, lies[-1].joint) < j]
+    able = [k for k, e in enumerate(ends) if e.wire.leaves in ("mouth", "outside")]
+    if not held or not able:
+        return None, None
+    laid = (lies[0].joint, lies[-1].joint)
+    return max(able, key=lambda k: (ends[k].joint == "free", laid[k], k)), max(held)
+
+
+def _end(
+    end: End, channel: Channel, device: Device, made: Made, joints: Sequence[Sides], cord: int
+) -> CordEnd:
     inside = end.pocket > 0
     return CordEnd(
         joint="pocket" if inside else "free",
         pocket=end.pocket,
         at=end.mouth,
-        lead=0.0 if inside else lead,
-        wire=_wire(end),
+        lead=0.0 if inside else device.fabrication.lead,
+        wire=_wire(end, channel, device, made, joints, cord),
         why=end.reason or None,
     )
 
 
-def _wire(end: End) -> WireRecord:
+def _wire(
+    end: End, channel: Channel, device: Device, made: Made, joints: Sequence[Sides], cord: int
+) -> WireRecord:
     lead, why = end.lead, end.unled or None
     if lead is None:
         return WireRecord(end.wire, 0.0, why=why)
-    return WireRecord(end.wire, lead.length, lead.path, lead.drop, why)
+    thick = device.fabrication.wire_diameter + device.fabrication.clearance
+    lies = _lies(lead.inside, channel, thick, made, joints, cord)
+    order = tuple(dict.fromkeys(s.joint for s in lies))
+    return WireRecord(end.wire, lead.length, lead.path, lead.drop, why, order)
 
 
 def bill(

@@ -15,12 +15,12 @@ from ...core.files import replacing
 from ..artifacts import mesh_lock
 from ..artifacts.layout import LAYOUT
 from ..artifacts.manifest import FOLDER, Manifest, load_manifest
-from ..report.guide_tables import guide_tables
+from ..report.guide.tables import guide_tables
 from . import body_sources
 from .build import undisturbed
 from .freshness import outdated
 
-_WRITTEN = ("guide.html", "guide.pdf", "report.html", LAYOUT)
+_WRITTEN = ("guide.html", "guide.json", "guide.pdf", "report.html", LAYOUT)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of all files, so that the same build gives the same bytes
 
 

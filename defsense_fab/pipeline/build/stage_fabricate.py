@@ -165,8 +165,14 @@ def _too_long(device: Device, cords: Sequence[CutCord]) -> list[str]:
     longest = device.cord.lengths[1]
     return [
         f"cord {c.sensor} takes a piece of {c.cut_length:.0f} mm, more than the {longest:g} mm of"
-        " [cord] length: an end of it has no pocket and hangs out; use a longer piece, or a shorter"
-        " [fabrication] lead"
+        " [cord] length: "
+        + (
+            "an end of it has no pocket and hangs out; use a longer piece, or a shorter"
+            " [fabrication] lead"
+            if all(e.after is None for e in c.ends)
+            else "an end of it hangs out until a joint that it passes through is closed; use a"
+            " longer piece"
+        )
         for c in cords
         if c.cut_length > longest
     ]

@@ -2,29 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Bool, Float
 from ...core.device import Device
 from ...core.mesh import Surface
 from ...decoding.unseen import MEANING
+from ...geometry.bodies.standing import standing
 from ..artifacts.body import load_surface
-from ..artifacts.fields import field_path, load_index, load_strain
-from ..artifacts.layout import load_layout
+from ..artifacts.fields import field_path, load_index
+from ..artifacts.layout import LayoutRecord, load_layout
 from ..artifacts.manifest import load_manifest
-from ..artifacts.mesh import load_mesh_record
+from ..artifacts.mesh import load_mesh_record, load_region_nodes
 from ..artifacts.part_files import load_parts
-from ..report import pictures
-from ..report.guide import assembly_guide
-from ..report.guide_pdf import write_pdf
+from ..artifacts.vtu_file import read_vtu
+from ..report.colors import COLORS
+from ..report.guide.guide import assembly_guide
+from ..report.guide.guide_file import write_guide_file
+from ..report.guide.pdf import write_pdf
 from ..report.html import write_page
-from ..report.surface_errors import SurfaceErrors, surface_errors
-from ..report.viewer.page import view3d
-from ..report.viewer.scene import scene
+from ..report.pictures import color_bar
+from ..report.pictures.errors import error_map
+from ..report.pictures.front import front
+from ..report.pictures.routing import routing
+from ..report.pictures.sections import sections
+from ..report.pictures.strain import StrainField, strain_sections
+from ..report.surface_errors import state_words, surface_errors
 from .stages import Report
+
+_MOST = 99.5  # per cent of the strain in a state: the end of the scale, but for few places
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
@@ -32,28 +42,27 @@ def run(device: Device, folder: Path, report: Report) -> None:
     layout = load_layout(folder)
     manifest = load_manifest(folder)
     surface = load_surface(folder)
-    view = _view(surface)
+    frame = standing(surface)
     paths = [s.points for s in layout.sensors]
     report(0.05, "routing")
     images: dict[str, Any] = {
-        "routing": pictures.routing(
+        "routing": routing(
             surface,
             paths,
             list(layout.drawn),
             device.cord.diameter / 2,
-            view,
+            frame,
         )
     }
     report(0.2, "parts")
     parts = load_parts(folder, manifest)
-    found = surface_errors(folder, layout)
-    turning = view3d(scene(device, folder, layout, manifest, parts, found, _frame(surface)))
-    guide = assembly_guide(device, layout, manifest, parts, view)
-    write_page(folder / "guide.html", "guide", guide=guide, view3d=turning)
+    guide = assembly_guide(device, layout, manifest, parts, frame)
+    write_page(folder / "guide.html", "guide", guide=guide)
     write_pdf(guide, folder / "guide.pdf")
+    write_guide_file(guide, folder / "guide.json")
     images["parts"] = guide.exploded
-    images["front"] = pictures.front(layout.weighed)
-    images["poses"] = _poses(folder, found, view, report)
+    images["front"] = front(layout.weighed)
+    images["poses"] = _poses(device, folder, layout, frame, report)
     write_page(
         folder / "report.html",
         "report",
@@ -64,54 +73,80 @@ def run(device: Device, folder: Path, report: Report) -> None:
         mesh=load_mesh_record(folder),
         meaning=MEANING,
         images=images,
-        view3d=turning,
-        colors=pictures.COLORS,
+        colors=COLORS,
         max=max,
     )
 
 
-def _view(surface: Surface) -> Float:
-    """Camera direction that shows a long body from the side and above."""
-    long = int(np.ptp(surface.bounds, axis=0).argmax())
-    return np.array([1.0, 0.35, 0.55]) if long == 1 else np.array([0.35, -1.0, 0.55])
-
-
-def _frame(surface: Surface) -> Float:
-    """In its rows what is to the right, up and towards the viewer for a body as it stands."""
-    long = int(np.ptp(surface.bounds, axis=0).argmax())
-    right, front = ([0, 1.0, 0], [1.0, 0, 0]) if long == 1 else ([1.0, 0, 0], [0, -1.0, 0])
-    return np.array([right, [0, 0, 1.0], front])
-
-
-def _section(rest: Float, u: Float) -> Float:
-    """Normal of the section: of the two short axes the one along which the body moves least."""
-    axes = np.argsort(np.ptp(rest, axis=0))[:2]
-    return np.asarray(np.eye(3)[axes[(u[:, axes] ** 2).sum(0).argmin()]])
-
-
-def _poses(folder: Path, found: SurfaceErrors, view: Float, report: Report) -> list[dict[str, Any]]:
-    """Strain section and error map of each pose and mixture that was designed for, at its fullest,
-    and of the held-out state that is sensed worst."""
-    rest, out = found.rest, []
-    center = np.asarray(rest.min(0) + rest.max(0)) / 2
+def _poses(
+    device: Device, folder: Path, layout: LayoutRecord, frame: Float, report: Report
+) -> list[dict[str, Any]]:
+    """Strain and error of each pose and mixture that was designed for, at its fullest, and of the
+    held-out state that is sensed worst: pictures, and what is said of them."""
+    found = surface_errors(folder, layout)
+    regions = load_region_nodes(folder)
+    fields = {i: _field(folder, found.names[i]) for i in found.shown}
+    strained = color_bar.scale(
+        color_bar.STRAIN,
+        "largest principal strain (%)",
+        100 * max(float(np.percentile(f.strain, _MOST)) for f in fields.values()),
+        beyond=True,
+    )
+    missed = color_bar.scale(
+        color_bar.ERROR, "error of the surface that is read (mm)", found.highest, beyond=True
+    )
+    rest, out = Surface(found.rest, found.faces), []
     for k, i in enumerate(found.shown):
-        name = found.names[i]
+        name = state_words(found.weights[i])
         report(0.3 + 0.7 * k / len(found.shown), name)
-        strain = 100 * float(np.percentile(load_strain(folder, name), 99.5))
+        field, handles = fields[i], _handles(device, found.weights[i])
+        planes = sections(
+            field.nodes, field.displacement, field.strain, _moved(field, regions, handles)
+        )
         out.append(
             {
                 "name": name,
-                "strain": pictures.strain_section(
-                    field_path(folder, name), name, center, _section(rest, found.moved[i]), strain
+                "seen": not found.held_out[i],
+                "strain": strain_sections(
+                    field, rest, found.moved[i], planes, name, frame, strained
                 ),
-                "error": pictures.error_map(
-                    Surface(rest + found.moved[i], found.faces),
+                "error": error_map(
+                    Surface(found.rest + found.moved[i], found.faces),
                     found.error[i],
                     name,
-                    view,
-                    found.highest,
+                    frame,
+                    missed,
                 ),
                 "mean_error": found.mean(i),
+                "moved": float(np.linalg.norm(found.moved[i], axis=1).max()),
+                "planes": planes,
+                "handles": handles,
+                "largest_strain": 100 * float(field.strain.max()),
             }
         )
     return out
+
+
+def _field(folder: Path, name: str) -> StrainField:
+    data = read_vtu(field_path(folder, name))
+    return StrainField(
+        np.asarray(data.points, float),
+        data.cells_dict["tetra10"],
+        np.asarray(data.point_data["displacement"], float),
+        np.asarray(data.point_data["strain"], float),
+    )
+
+
+def _handles(device: Device, weights: Mapping[str, float]) -> tuple[str, ...]:
+    """The regions that a state moves."""
+    return tuple(
+        dict.fromkeys(h.region for p in device.poses if weights.get(p.name) for h in p.handles)
+    )
+
+
+def _moved(field: StrainField, regions: Mapping[str, Bool], handles: Sequence[str]) -> Bool:
+    """Which nodes (n,) of a field the handles have; only corners of tets are known to."""
+    some = np.zeros(len(field.nodes), bool)
+    for name in handles:
+        some[: len(regions[name])] |= regions[name]
+    return some

@@ -167,7 +167,7 @@ STAGES = (
     Stage(
         "report",
         "write report and guide",
-        ("report.html", "guide.html", "guide.pdf"),
+        ("report.html", "guide.html", "guide.json", "guide.pdf"),
         lambda d: d.name,
         _runner("report"),
         ("pyvista", "vtk", "matplotlib", "jinja2", "reportlab"),

@@ -81,6 +81,11 @@ def surface_errors(folder: Path, layout: LayoutRecord) -> SurfaceErrors:
     )
 
 
+def state_words(weights: Mapping[str, float]) -> str:
+    """How much of each pose a state has, for readers: "bend + twist 50 %"."""
+    return " + ".join(n if w == 1 else f"{n} {100 * w:g} %" for n, w in weights.items() if w)
+
+
 def _fullest(weights: Sequence[Mapping[str, float]], held_out: Bool) -> list[int]:
     """Of each path of loading among states that are not held out, the one furthest along."""
     seen = np.flatnonzero(~held_out)

@@ -17,8 +17,10 @@ from ...core.default_states import default_states
 from ...core.device import Device, Handle, Pose
 from ...core.errors import DeviceError
 from ...core.files import storage_errors, write_text
+from ...core.mesh import Surface
 from ...core.progress import Progress, silent
 from ...core.regions import HalfSpace, Shape
+from ...geometry.bodies.standing import standing
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
@@ -222,16 +224,17 @@ def _plain(value: float) -> float:
 
 
 def _draw(found: Found, path: Path) -> None:
-    from ..report import pictures
+    from ..report.pictures.modes import modes as draw_modes
 
     mesh = found.mesh
     faces = boundary_faces(mesh)[:, :3]
-    pictures.modes(
+    draw_modes(
         [
             (f"{p.name}, {p.mode.frequency:.3g} Hz", mesh.nodes + found.shape(p))
             for p in found.poses
         ],
         faces,
         mesh.nodes,
+        standing(Surface(mesh.nodes, faces)),
         path,
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import itertools
 from collections.abc import Sequence
@@ -17,11 +16,14 @@ from ...core.arrays import Bool, Float, xyz
 from ...core.markers import Markers
 from ...core.mesh import Surface
 from ...geometry.kernels.ray_casting import hits
-from ..report.pictures import _SIZE, _finish, _plotter, _poly
+from ..report.pictures.scene import Scene
+from ..report.pictures.sheet import TEXT, Sheet, extent
+from ..report.pictures.views import View, looking
 
 _FACING = 0.45  # cosine: how squarely a picture shows a tag at least
 _FEWEST, _MOST = 2, 6
-_LABEL = (7, 14)  # pixels: half of a number, and that with some room
+_SIZE, _RIM = (1100, 620), 36  # pixels of a picture, and around the body for numbers
+_LABEL = (9, 18)  # pixels: half of a number, and that with some room
 _ANCHOR, _OTHER = "#b3001b", "#12355b"
 _MM = 72 / 25.4
 _MARGIN, _ROW = 18.0, 5.0  # mm
@@ -51,54 +53,41 @@ def views(body: Surface, markers: Markers) -> list[tuple[Float, Bool]]:
 def picture(body: Surface, markers: Markers, view: Float, seen: Bool) -> bytes:
     """PNG of the body with all tags as they are glued, the numbers of those that are `seen`
     beside them, red on the anchor."""
-    plotter = _plotter()
-    mesh = _poly(body)
-    plotter.add_mesh(mesh, color="#c9d6df", split_sharp_edges=True)
-    edges = mesh.extract_feature_edges(30, boundary_edges=False, non_manifold_edges=False)
-    if edges.n_points:
-        plotter.add_mesh(edges, color="#52616b", line_width=1.5)
+    way = looking(view, np.array([0, 0, 1.0] if abs(view[2]) < 0.9 else [0, 1.0, 0]))
     tags = dictionary(markers.dictionary)
     lift = max(0.5, 0.08 * markers.size)  # clear of a skin that is not quite flat
     cell = markers.size / (tags.cells + 2)
-    for number, center, axes in zip(markers.ids, markers.centers, markers.axes, strict=True):
-        half = markers.size / 2 + cell
-        square = half * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
-        corners = center + lift * axes[:, 2] + square @ axes[:, :2].T
-        quad = pv.PolyData(corners, np.array([4, 0, 1, 2, 3]))
-        quad.active_texture_coordinates = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-        pattern = np.pad(tags.pattern(int(number)), 1, constant_values=255)
-        image = np.repeat(np.kron(pattern, np.ones((24, 24), np.uint8))[..., None], 3, axis=2)
-        plotter.add_mesh(quad, texture=pv.numpy_to_texture(image), lighting=False)
-    right, up = _screen(view)
-    sphere = float(np.linalg.norm(np.ptp(body.bounds, axis=0)) / 2)  # the camera's at first
-    rest = body.vertices - body.bounds.mean(0)
-    wide, tall = (float(np.abs(rest @ a).max()) + markers.size / 2 for a in (right, up))
-    scale = max(tall, wide * _SIZE[1] / _SIZE[0])
-    pixel = 2 * scale / _SIZE[1]
-    at = _beside(markers, seen, markers.size / 2 + cell, right, up, _LABEL[1] * pixel)
-    at -= pixel * (_LABEL[0] * right + _LABEL[0] * up)
-    for on, color in ((True, _ANCHOR), (False, _OTHER)):
-        of = np.flatnonzero(seen & (markers.anchor == on))
-        if len(of):
-            plotter.add_point_labels(
-                at[of],
-                [str(n) for n in markers.ids[of]],
-                text_color="white",
-                font_size=22,
-                bold=True,
-                shape_color=color,
-                shape_opacity=0.9,
-                always_visible=True,
-                show_points=False,
-            )
-    return _cropped(base64.b64decode(_finish(plotter, view, up, sphere / scale).partition(",")[2]))
+    half = markers.size / 2 + cell
+    square = half * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+    with Scene() as scene:
+        scene.solid(body, "#c9d6df")
+        for number, center, axes in zip(markers.ids, markers.centers, markers.axes, strict=True):
+            corners = center + lift * axes[:, 2] + square @ axes[:, :2].T
+            quad = pv.PolyData(corners, np.array([4, 0, 1, 2, 3]))
+            quad.active_texture_coordinates = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+            pattern = np.pad(tags.pattern(int(number)), 1, constant_values=255)
+            image = np.repeat(np.kron(pattern, np.ones((24, 24), np.uint8))[..., None], 3, axis=2)
+            scene.mesh(quad, corners, texture=pv.numpy_to_texture(image), lighting=False)
+        shot = scene.shot(way, *(np.array(_SIZE) - 2 * _RIM))
+    sheet = Sheet(*(np.array(shot.size) + 2 * _RIM))
+    sheet.paste(shot.image, (_RIM, _RIM))
+    at = _beside(markers, seen, half, way, _LABEL[1] / shot.scale)
+    for k in np.flatnonzero(seen):
+        place = np.clip(
+            shot.pixel(at[k][None])[0] + _RIM, _RIM / 2, np.array(sheet.size) - _RIM / 2
+        )
+        words = str(markers.ids[k])
+        wide = extent(words, TEXT, bold=True)[0] + 8
+        color = _ANCHOR if markers.anchor[k] else _OTHER
+        sheet.box(place - [wide / 2, _LABEL[0] + 4], (wide, 2 * _LABEL[0] + 8), color)
+        sheet.text(place, words, TEXT, "white", bold=True)
+    return sheet.png()
 
 
-def _beside(
-    markers: Markers, seen: Bool, half: float, right: Float, up: Float, room: float
-) -> Float:
+def _beside(markers: Markers, seen: Bool, half: float, view: View, room: float) -> Float:
     """Where numbers (m, 3) mm stand: below the pieces, `half` their side, or on that side of them
     where the other tags are farthest."""
+    right, up = view.right, view.up
     sides = np.array([-up, up, right, -right])
     reach = half * np.abs(np.einsum("mjk,sj->msk", markers.axes[:, :, :2], sides)).sum(2) + room
     spots = markers.centers[:, None] + reach[..., None] * sides
@@ -109,27 +98,6 @@ def _beside(
     gap = np.where(own[:, None], np.inf, gap).min(2, initial=np.inf)
     best = np.where(gap[:, 0] > 1.6 * half, 0, gap.argmax(1))
     return np.asarray(spots[np.arange(len(spots)), best])
-
-
-def _screen(view: Float) -> tuple[Float, Float]:
-    """Unit vectors (3,) to the right and up in a picture from `view`."""
-    up = np.array([0, 0, 1.0] if abs(view[2]) < 0.9 else [0, 1.0, 0])
-    right = np.cross(up, view)
-    right /= np.linalg.norm(right)
-    return right, np.cross(view, right)
-
-
-def _cropped(png: bytes) -> bytes:
-    """Without empty rows above and below."""
-    from PIL import Image
-
-    image = Image.open(io.BytesIO(png)).convert("RGB")
-    rows = np.flatnonzero((np.asarray(image) < 250).any(axis=(1, 2)))
-    out = io.BytesIO()
-    image.crop((0, max(0, rows[0] - 6), image.width, min(image.height, rows[-1] + 7))).save(
-        out, format="PNG"
-    )
-    return out.getvalue()
 
 
 def draw_places(

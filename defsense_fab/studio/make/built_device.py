@@ -14,8 +14,8 @@ from ...core.mesh import Surface
 from ...pipeline.artifacts.layout import LayoutRecord, load_layout
 from ...pipeline.artifacts.manifest import MANIFEST, Manifest, load_manifest
 from ...pipeline.artifacts.part_files import load_parts
-from ...pipeline.report.guide_steps import GuideStep, guide_steps, shifts
-from ...pipeline.report.guide_tables import GuideTable, guide_checks, guide_tables
+from ...pipeline.report.guide.hands.steps import GuideStep, guide_steps, shifts
+from ...pipeline.report.guide.tables import GuideTable, guide_checks, guide_tables
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...pipeline.report.colors import COLORS
-from ...pipeline.report.guide_steps import GuideStep, Joint
+from ...pipeline.report.guide.hands.steps import GuideStep, Joint
 from ...runtime.view.tube import tube_faces, tube_vertices
 from .built_device import BuiltDevice
 

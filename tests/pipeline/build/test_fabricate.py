@@ -29,8 +29,8 @@ from defsense_fab.pipeline.build.cut_list import cut_list
 from defsense_fab.pipeline.build.stage_fabricate import write
 from defsense_fab.pipeline.design import as_built
 from defsense_fab.pipeline.design.as_built import fabricate, rules
-from defsense_fab.pipeline.report.guide import assembly_guide
-from defsense_fab.pipeline.report.guide_pdf import write_pdf
+from defsense_fab.pipeline.report.guide.guide import assembly_guide
+from defsense_fab.pipeline.report.guide.pdf import write_pdf
 from defsense_fab.pipeline.report.html import write_page
 from defsense_fab.sensing.built_cord import BuiltCord
 from defsense_fab.sensing.voltage_divider import E24, reference

@@ -13,7 +13,7 @@ from defsense_fab.core.errors import StorageError
 from defsense_fab.pipeline.build import export as export_module
 from defsense_fab.pipeline.build.export import export
 from defsense_fab.pipeline.build.freshness import outdated
-from defsense_fab.pipeline.report.guide_steps import guide_steps
+from defsense_fab.pipeline.report.guide.hands.steps import guide_steps
 from defsense_fab.studio.make.built_device import Note
 from tests.studio.conftest import defsense
 

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..artifacts.manifest import Manifest, WireRecord
+import numpy as np
+
+from ....geometry.parts.check import Check
+from ...artifacts.manifest import Manifest, WireRecord
+
+_MOST = 9  # decimals
 
 
 @dataclass(frozen=True)
@@ -46,11 +51,13 @@ def _cuts(manifest: Manifest) -> GuideTable:
         (
             c.sensor,
             f"{c.cut_length:.0f}",
-            f"{c.slack:.0f}",
             f"{c.unstretched:.1f}",
+            f"{c.cut_length - c.unstretched:.0f}",
             "bonded" if c.prestretch is None else f"{c.prestretch:.0%}",
             " / ".join(
-                "in pocket" if e.joint == "pocket" else f"{e.lead:.0f} free" for e in c.ends
+                ("in pocket" if e.joint == "pocket" else f"{e.lead:.0f} free")
+                + ("" if e.after is None else ", crimped last")
+                for e in c.ends
             ),
             f"{c.resistance_before:.0f} / {c.resistance:.0f}",
             f"{c.range[0]:.0f} to {c.range[1]:.0f}",
@@ -60,7 +67,7 @@ def _cuts(manifest: Manifest) -> GuideTable:
         for c in manifest.cords
     ]
     header = (
-        "cord", "cut to", "of it slack", "between joints", "stretched by", "joints at start / end",
+        "cord", "cut to", "between joints", "trimmed off", "stretched by", "joints at start / end",
         "ohm loose / laid", "ohm in use", "reference, ohm", "wires leave",
     )  # fmt: skip
     return GuideTable("Cut list", header, tuple(rows))
@@ -78,14 +85,22 @@ def _bill(manifest: Manifest) -> GuideTable:
 
 
 def guide_checks(manifest: Manifest) -> GuideTable:
-    """What was measured of the finished parts."""
-    rows = tuple(
-        (
-            c.name,
-            f"{c.value:.3g} {c.unit}".strip(),
-            f"{c.limit:.3g} {c.unit}".strip(),
-            c.at,
-        )
-        for c in manifest.checks
-    )
-    return GuideTable("Checked before writing", ("what", "measured", "limit", "near"), rows)
+    """What was measured of the finished parts, beside the limit that it was compared with."""
+    rows = tuple((c.name, *_compared(c), "yes" if c.holds else "no", c.at) for c in manifest.checks)
+    header = ("what", "measured", "must be", "holds", "near")
+    return GuideTable("Checked before writing", header, rows)
+
+
+def _compared(check: Check) -> tuple[str, str]:
+    """Value and limit with as many decimals as show which is greater; shares in per cent."""
+    factor, unit = (1.0, f" {check.unit}") if check.unit else (100.0, " %")
+    value, limit = factor * check.value, factor * check.limit
+    decimals = 2
+    while decimals < _MOST and (
+        np.sign(round(value, decimals) - round(limit, decimals)) != np.sign(value - limit)
+    ):
+        decimals += 1
+    which = "at least" if check.at_least else "at most"
+    shown = (f"{n:.{decimals}f}" for n in (value, limit))
+    measured, least = (s.rstrip("0").rstrip(".") if float(s) else "0" for s in shown)
+    return measured + unit, f"{which} {least}{unit}"

@@ -1,0 +1,208 @@
+"""A picture of solids with labels beside them: the view holds all of them, no label covers any."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from ....core.arrays import Float
+from ....core.mesh import Surface
+from ..pictures.scene import Scene, Shot, poly
+from ..pictures.views import View
+
+_WIDTH, _LEAST, _MOST = 640, 260, 620  # pixels of what is rendered
+_COLUMN, _EDGE = 225, 14  # pixels of the labels' columns, and around what is rendered
+_FONT, _LINE = 24, 31
+_INK, _LEADER = "#1b262c", "#52616b"
+_ICON, _HALVES = 36, (("wire", 3), ("cord", 5), ("ferrule", 7))  # pixels: long, half as high
+_SHADES = 160  # colours of the file
+
+
+@dataclass
+class Drawing:
+    """Collects what a picture shows; `png` makes it. With a `focus`, a point (3,) and a distance in
+    mm, it shows what lies so near to it, instead of all."""
+
+    view: View
+    focus: tuple[Float, float] | None = None
+    things: list[Callable[[Scene], None]] = field(default_factory=list)
+    labels: list[tuple[Float, str]] = field(default_factory=list)
+    legend: dict[str, str] = field(default_factory=dict)
+
+    def part(self, surface: Surface, color: str, shift: Float | None = None) -> None:
+        """A part with its edges, moved by `shift` (3,) mm."""
+        moved = surface if shift is None else Surface(surface.vertices + shift, surface.faces)
+        if self.focus is None:
+            self.things.append(lambda scene: scene.solid(moved, _pale(color)))
+            return
+        at, far = self.focus
+        flat = self.view.flat(moved.vertices - at)
+        near = at + np.clip(flat, -far, far) @ np.stack([self.view.right, self.view.up])
+        self.things.append(
+            lambda scene: scene.mesh(poly(moved), near, color=_pale(color), split_sharp_edges=True)
+        )
+
+    def rod(self, line: Float, radius: float, color: str) -> None:
+        """A round rod along a line (p, 3) mm."""
+        self.things.append(lambda scene: scene.tube(line, color, radius))
+
+    def cylinder(self, middle: Float, along: Float, radius: float, long: float, color: str) -> None:
+        """A cylinder around its middle (3,) mm."""
+        self.things.append(lambda scene: scene.cylinder(middle, along, 2 * radius, long, color))
+
+    def ball(self, middle: Float, radius: float, color: str) -> None:
+        """A drop, say of glue."""
+        self._mesh(pv.Sphere(radius=radius, center=middle), color)
+
+    def arrow(self, start: Float, tip: Float, color: str) -> None:
+        """A thick arrow from `start` to `tip` (3,) mm."""
+        long = float(np.linalg.norm(tip - start))
+        thick = min(0.12, 1.6 / max(long, 1.0))
+        mesh = pv.Arrow(
+            start=start, direction=tip - start, scale=long, shaft_radius=thick,
+            tip_radius=2.6 * thick, tip_length=min(0.45, 7 * thick),
+        )  # fmt: skip
+        self._mesh(mesh, color)
+
+    def _mesh(self, mesh: Any, color: str) -> None:
+        points = np.asarray(mesh.points, float)
+        self.things.append(lambda scene: scene.mesh(mesh, points, color=color))
+
+    def label(self, at: Float, text: str) -> None:
+        """A text in a column beside the picture, with a line to `at` (3,) mm."""
+        self.labels.append((np.asarray(at, float), text))
+
+    def png(self) -> str:
+        """The picture as a data URI."""
+        from PIL import Image
+
+        with Scene() as scene:
+            for thing in self.things:
+                thing(scene)
+            shot = scene.shot(self.view, _WIDTH, _MOST)
+        width, height = shot.size
+        left, right = self._placed(shot)
+        tall = max(height, _LEAST, *(_LINE * (1 + _rows(side)) for side in (left, right)))
+        columns = _COLUMN if self.labels else 0
+        key = _LINE + _EDGE if self.legend else 0
+        page = Image.new("RGB", (width + 2 * columns, tall + key), "white")
+        page.paste(Image.fromarray(shot.image), (columns, (tall - height) // 2))
+        _write(page, left, right, columns, width, (tall - height) // 2)
+        if self.legend:
+            _key(page, self.legend, tall)
+        buffer = io.BytesIO()
+        page.quantize(_SHADES, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
+        return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+    def _placed(self, shot: Shot) -> tuple[list[Any], list[Any]]:
+        """Labels of the left and the right column, (row's middle in pixels, text lines, anchor),
+        those whose places are more to the left in the left one."""
+        width, height = shot.size
+        pixels = shot.pixel(np.array([at for at, _ in self.labels]).reshape(-1, 3))
+        spots = [
+            (x, y, _wrapped(text))
+            for (x, y), (_, text) in zip(pixels.tolist(), self.labels, strict=True)
+        ]
+        sides: tuple[list[Any], list[Any]] = ([], [])
+        for spot in sorted(spots):
+            sides[int(spot[0] > width / 2)].append(spot)
+        # Where one column is full, those nearest to the middle go to the other one.
+        for full, other, at in ((0, 1, -1), (1, 0, 0)):
+            while sum(len(s[2]) for s in sides[full]) * _LINE > max(height, _LEAST):
+                sides[other].append(sides[full].pop(at))
+        return _spread(sides[0], height), _spread(sides[1], height)
+
+
+def _spread(side: Sequence[tuple[float, float, list[str]]], height: int) -> list[Any]:
+    """Rows beside their places, moved apart where they would overlap."""
+    some = sorted(side, key=lambda s: s[1])
+    tops: list[float] = []
+    for _, y, text in some:
+        least = tops[-1] if tops else 0.0
+        tops.append(max(least, y - _LINE * len(text) / 2) + _LINE * len(text))
+    # Pushed beyond the foot, they move up again.
+    over = height - _LINE / 2
+    for k in range(len(tops) - 1, -1, -1):
+        tops[k] = min(tops[k], over)
+        over = tops[k] - _LINE * len(some[k][2])
+    return [
+        (end - _LINE * len(text) / 2, text, (x, y))
+        for end, (x, y, text) in zip(tops, some, strict=True)
+    ]
+
+
+def _rows(side: Sequence[Any]) -> int:
+    return sum(len(text) for _, text, _ in side)
+
+
+def _wrapped(text: str) -> list[str]:
+    """Lines that fit into a column."""
+    font, lines = _font(), [""]
+    for word in text.split(" "):
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and font.getlength(longer) > _COLUMN - 2 * _EDGE:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
+
+
+def _write(page: Any, left: Any, right: Any, column: int, width: int, top: int) -> None:
+    from PIL import ImageDraw
+
+    draw, font = ImageDraw.Draw(page), _font()
+    for side, rows in ((0, left), (1, right)):
+        for y, text, (ax, ay) in rows:
+            longest = max(font.getlength(t) for t in text)
+            x = column - _EDGE - longest if side == 0 else column + width + _EDGE
+            at = y + top
+            edge = column - _EDGE + 4 if side == 0 else column + width + _EDGE - 4
+            tip = (column + ax, top + ay)
+            draw.line([(edge, at), tip], fill="white", width=4)
+            draw.line([(edge, at), tip], fill=_LEADER, width=2)
+            draw.ellipse([tip[0] - 4, tip[1] - 4, tip[0] + 4, tip[1] + 4], fill=_LEADER,
+                         outline="white")  # fmt: skip
+            for k, line in enumerate(text):
+                draw.text((x, at + (k - len(text) / 2 + 0.5) * _LINE), line, fill=_INK, font=font,
+                          anchor="lm")  # fmt: skip
+
+
+def _key(page: Any, legend: Mapping[str, str], tall: int) -> None:
+    """What the colours are, in a row below: each thing as it looks, a thin wire, a thick cord."""
+    from PIL import ImageDraw
+
+    draw, font = ImageDraw.Draw(page), _font()
+    wide = sum(_ICON + 8 + font.getlength(name) + 22 for name in legend) - 22
+    x, y = max(_EDGE, (page.width - wide) / 2), tall + _LINE / 2
+    for name, color in legend.items():
+        half = next((h for what, h in _HALVES if name.startswith(what)), 8)
+        rgb = [int(color[k : k + 2], 16) for k in (1, 3, 5)]
+        for row in range(-half, half + 1):  # round: light above the middle, dark at the edges
+            light = 1.25 - 1.1 * abs((row + 0.35 * half) / (1.35 * half + 1))
+            shade = tuple(min(255, int(c * light + 40 * max(0.0, light - 0.9))) for c in rgb)
+            draw.line([(x, y + row), (x + _ICON, y + row)], fill=shade)
+        draw.text((x + _ICON + 8, y), name, fill=_INK, font=font, anchor="lm")
+        x += _ICON + 8 + font.getlength(name) + 22
+
+
+def _pale(color: str) -> str:
+    """Lighter, so that black cords stand out."""
+    rgb = [int(color[k : k + 2], 16) for k in (1, 3, 5)]
+    return "#" + "".join(f"{int(c + 0.5 * (255 - c)):02x}" for c in rgb)
+
+
+@cache
+def _font() -> Any:
+    import matplotlib
+    from PIL import ImageFont
+
+    path = Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"
+    return ImageFont.truetype(str(path), _FONT)

@@ -1,0 +1,1 @@
+"""What the hands do, in an order in which they can."""

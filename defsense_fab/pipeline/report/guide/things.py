@@ -1,0 +1,164 @@
+"""The things of a device as pictures of its assembly show them: parts, pins, cords, wires."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....core.arrays import Float
+from ....core.device import Device
+from ....core.mesh import Surface
+from ....core.path_sampling import arc_lengths, resample
+from ....geometry.kernels import ray_casting
+from ...artifacts.layout import LayoutRecord
+from ...artifacts.manifest import CutCord, Manifest
+from ..colors import COLORS
+from ..pictures.views import View
+from .drawing import Drawing
+from .hands.steps import Joint
+from .hands.words import ENDS, called
+
+#: Colours of things.
+CORD, WIRE, FERRULE = "#161616", "#c1121f", "#c9a227"
+THICK, MIDDLE, THIN = "#e76f51", "#f4d35e", "#3a86ff"
+GLUE, ARROW = "#2a9d3a", "#f77f00"
+#: Of wires and cords that hang out of a picture, mm.
+OUT = 24.0
+
+
+@dataclass(frozen=True)
+class Things:
+    """Draws what one device is made of, its parts by name."""
+
+    device: Device
+    layout: LayoutRecord
+    manifest: Manifest
+    parts: Mapping[str, Surface]
+
+    def color(self, part: str) -> str:
+        return COLORS[list(self.parts).index(part) % len(COLORS)]
+
+    def add_parts(self, drawing: Drawing, names: Sequence[str], shift: Float | None = None) -> None:
+        for name in names:
+            drawing.part(self.parts[name], self.color(name), shift)
+
+    def points(self, names: Sequence[str]) -> Float:
+        return np.concatenate([self.parts[n].vertices for n in names])
+
+    def thicknesses(self, joint: Joint) -> dict[float, str]:
+        kinds = {p.name: p.diameter for p in self.manifest.pins}
+        found = sorted({kinds[p.name] for p in joint.pins})
+        middle = dict.fromkeys(found[1:-1], MIDDLE)
+        return {found[0]: THIN, **middle, found[-1]: THICK} if len(found) > 1 else {found[0]: THICK}
+
+    def _thicknesses_or_none(self, joint: Joint) -> dict[float, str]:
+        return self.thicknesses(joint) if joint.pins else {}
+
+    def add_pegs(self, drawing: Drawing, joint: Joint) -> None:
+        kinds, colors = {p.name: p for p in self.manifest.pins}, self._thicknesses_or_none(joint)
+        for pin in joint.pins:
+            kind = kinds[pin.name]
+            drawing.cylinder(pin.center, joint.opens, kind.diameter / 2, kind.length,
+                             colors[kind.diameter])  # fmt: skip
+
+    def cord(self, name: str | None) -> CutCord:
+        return next(c for c in self.manifest.cords if c.sensor == name)
+
+    def channel(self, cord: CutCord) -> Float:
+        """Its channel (p, 3) mm from mouth to mouth."""
+        points = next(s.points for s in self.layout.sensors if s.name == cord.sensor)
+        line = np.concatenate([cord.ends[0].at[None], points, cord.ends[1].at[None]])
+        apart = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        return np.asarray(line[np.concatenate([[True], apart > 1e-6])])
+
+    def add_stretch(self, drawing: Drawing, cord: CutCord, k: int, joint: Joint) -> None:
+        """A stretch of a cord in its groove with the ends that it has, and what hangs out."""
+        line, r = self.channel(cord), self.device.cord.diameter / 2
+        total, part = float(arc_lengths(line)[-1]), cord.stretches[k]
+        start, stop = part.start, min(part.stop, total)
+        half = self.device.cord.ferrule_length / 2
+        has = [end for end, at in ((0, 0), (1, len(cord.stretches) - 1)) if at == k]
+        for end in has:
+            record = cord.ends[end]
+            out = self.way_out(cord, end)
+            if record.joint == "pocket" and record.after is None:
+                depth = record.pocket - half
+                start, stop = (start + depth, stop) if end == 0 else (start, stop - depth)
+                middle = record.at - depth * out
+            else:
+                long = record.lead if record.after is None else OUT
+                middle = record.at + long * out
+                drawing.rod(np.stack([record.at, middle]), r, CORD)
+            if record.after is None:
+                self.add_ferrule(drawing, middle, out)
+                if not len(record.wire.joints):
+                    self.add_wire(
+                        drawing, np.stack([middle, record.at + (record.lead + OUT) * out])
+                    )
+            bare = ", no ferrule yet" if record.after is not None else ""
+            drawing.label(middle, f"{ENDS[end]} of {called(cord.sensor)}{bare}")
+        inner = resample(line, start, stop, max(2, int(stop - start) + 1))
+        drawing.rod(inner, r, CORD)
+        goes_on = [
+            (inner[0], inner[0] - inner[1]) if end == 0 else (inner[-1], inner[-1] - inner[-2])
+            for end in (0, 1)
+            if end not in has
+        ]
+        for at, away in goes_on:
+            along = away / np.linalg.norm(away)
+            drawing.rod(np.stack([at, at + OUT * along]), r, CORD)
+            drawing.label(at + 0.7 * OUT * along, f"{called(cord.sensor)} goes on")
+        middle = inner[len(inner) // 2]
+        above = 0.85 * drawing.view.up + 0.5 * joint.opens
+        drawing.arrow(middle + 20.0 * above, middle + 1.5 * above, ARROW)
+        drawing.label(middle + 16.0 * above, f"lay {called(cord.sensor)} into its groove")
+
+    def way_out(self, cord: CutCord, end: int) -> Float:
+        line = self.channel(cord)
+        away = line[0] - line[3] if end == 0 else line[-1] - line[-4]
+        return np.asarray(away / np.linalg.norm(away))
+
+    def add_ferrule(self, drawing: Drawing, middle: Float, along: Float) -> None:
+        c = self.device.cord
+        drawing.cylinder(middle, along, c.ferrule_diameter / 2, c.ferrule_length, FERRULE)
+        drawing.legend["ferrule"] = FERRULE
+
+    def add_wire(self, drawing: Drawing, line: Float) -> None:
+        drawing.rod(line, self.device.fabrication.wire_diameter / 2, WIRE)
+        drawing.legend["wire"] = WIRE
+
+    def add_passing(self, drawing: Drawing, joint: Joint) -> None:
+        """Cords that come out of the lower parts' face and go on in the upper parts."""
+        for cord in self.manifest.cords:
+            for j, k in cord.drawn:
+                if j != joint.index:
+                    continue
+                line, at = self.channel(cord), cord.stretches[k].start
+                two = resample(line, max(at - 2.0, 0.0), at + 2.0, 2)
+                along = (two[1] - two[0]) / np.linalg.norm(two[1] - two[0])
+                along = along if along @ joint.opens > 0 else -along
+                middle = two.mean(0)
+                tip = middle + min(OUT, joint.lift) * along
+                drawing.rod(np.stack([middle - 3 * along, tip]),
+                            self.device.cord.diameter / 2, CORD)  # fmt: skip
+                drawing.label(tip, f"{called(cord.sensor)} passes through")
+                drawing.legend["cord"] = CORD
+
+    def seen(self, part: str, shift: Float, view: View) -> Float:
+        """A place of a part to point at: in the middle of what it turns to the camera."""
+        surface = self.parts[part]
+        corners = surface.vertices[surface.faces]
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        facing = np.maximum(cross @ view.back, 0.0)
+        centers = corners.mean(1)
+        middle = facing @ centers / max(float(facing.sum()), 1e-9)
+        turned = np.flatnonzero(facing > 0)
+        if not len(turned):
+            return np.asarray(centers.mean(0) + shift)
+        lies = ray_casting.hits(middle + 1e3 * view.back, -view.back, surface)
+        if len(lies):
+            return np.asarray(middle + (1e3 - lies[0]) * view.back + shift)
+        away = np.linalg.norm(np.cross(centers[turned] - middle, view.back), axis=1)
+        return np.asarray(centers[turned[away.argmin()]] + shift)
