@@ -15,8 +15,8 @@ from .sheet import SMALL, SOFT, TEXT, Sheet, extent
 from .views import View
 
 #: Pixels below a panel: its axes, and beside them from where it is seen.
-FOOT = 58.0
-_AXES = 52.0
+FOOT = 62.0
+_AXES = 58.0
 _LETTERS = SMALL - 2
 _HEIGHT = 760  # pixels of a picture at most
 

@@ -102,7 +102,7 @@ class Scene:
     def colored(self, mesh: Any, scalars: str, colors: str, top: float, lit: bool = True) -> None:
         """A pyvista mesh coloured by one of its arrays from 0 to `top`; where it is `lit`, shades
         are faint, so that colours can be compared with the bar."""
-        shading = {"ambient": 0.7, "diffuse": 0.35} if lit else {"lighting": False}
+        shading = {"ambient": 0.8, "diffuse": 0.25} if lit else {"lighting": False}
         self.mesh(
             mesh,
             np.asarray(mesh.points, float),

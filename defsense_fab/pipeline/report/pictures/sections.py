@@ -8,70 +8,80 @@ import numpy as np
 
 from ....core.arrays import Bool, Float
 
-_STRAINED = 98.0  # per cent of the nodes that are strained less than where it is much
+_STRAINED = 0.25  # of the largest strain: less than this is not much
 _ASIDE = 0.2  # of the largest movement: less than this to the side is none
-_SHORT = 0.1  # of the body's size: nearer points give no direction
-_NEAR = 0.02  # of the body's size: so far a plane may be moved to be parallel to the axes
+_SQUARE = np.cos(np.radians(20))  # so far a direction may be turned to be that of an axis
+_INSIDE = 0.01  # of the body's size: an end is not cut
+
+
+@dataclass(frozen=True)
+class Section:
+    """The plane through the point `origin` (3,) mm of the body at rest with a unit `normal` (3,)."""
+
+    origin: Float
+    normal: Float
 
 
 @dataclass(frozen=True)
 class Sections:
-    """Two planes through the point `origin` (3,) mm in the body at rest: that with the normal
-    `main` (3,), in which the body moves, and that with the normal `second` (3,), square to it;
-    where the largest strain is (3,) mm, and how far from the main plane, mm."""
+    """Three planes square to each other: `moving`, in which the body moves, `beside`, across that
+    and along the body, `across` the body where it is strained most; where that is, `peak` (3,) mm
+    at rest."""
 
-    origin: Float
-    main: Float
-    second: Float
+    moving: Section
+    beside: Section
+    across: Section
     peak: Float
-    off: float
+
+    @property
+    def all(self) -> tuple[Section, Section, Section]:
+        """In their order."""
+        return self.moving, self.beside, self.across
 
 
 def sections(rest: Float, moved: Float, strain: Float, held: Bool) -> Sections:
     """For nodes (n, 3) mm at `rest`, their displacements `moved` (n, 3) mm, and largest principal
     strain (n,); the nodes (n,) that are `held` by handles, or none.
 
-    The planes hold the line from where the strain is large to the middle of what moves, and the
-    main one the direction in which that moves; where it only turns or is drawn along that line,
-    the place of the largest strain instead."""
+    All but the last hold the line through the middle of what moves that lies nearest to where the
+    strain is large (or along an axis, where that is about the same). The first holds the direction of the movement too, or the largest strain where
+    what moves only turns or is drawn along that line; the last is square to the line, through the
+    largest strain."""
     size = float(np.linalg.norm(np.ptp(rest, axis=0)))
     way = np.linalg.norm(moved, axis=1)
     some = held if held.any() else way >= np.percentile(way, 95)
     handle, movement = rest[some].mean(0), moved[some].mean(0)
     peak = rest[strain.argmax()]
-    much = strain >= np.percentile(strain, _STRAINED)
-    strained = np.average(rest[much], axis=0, weights=np.maximum(strain[much], 1e-12))
-    along = handle - strained
-    if np.linalg.norm(along) < _SHORT * size:
-        along = _longest(rest)
-    along = along / np.linalg.norm(along)
+    weight = np.maximum(strain - _STRAINED * strain.max(), 1e-12)
+    along = _line(rest - handle, weight)
+    along = _axis(along) if _axis(along) @ along > _SQUARE else along
     aside = movement - (movement @ along) * along
     if np.linalg.norm(aside) < _ASIDE * way.max():
-        off = peak - handle
-        aside = off - (off @ along) * along
+        aside = peak - handle - ((peak - handle) @ along) * along
     if np.linalg.norm(aside) < 1e-6 * size:
         aside = np.eye(3)[np.abs(along).argmin()]
-    main = np.cross(along, aside)
-    main, origin = _squared(main / np.linalg.norm(main), handle, strained, _NEAR * size)
-    second = np.cross(main, along)
-    second, other = _squared(second / np.linalg.norm(second), handle, strained, _NEAR * size)
-    if abs(main @ second) > 1e-6:  # one was made parallel to the axes, the other not
-        second = second - (second @ main) * main
-        second = second / np.linalg.norm(second)
-    origin = origin + ((other - origin) @ second) * second
-    return Sections(origin, main, second, peak, float(abs((peak - origin) @ main)))
+    normal = np.cross(along, aside)
+    normal = normal / np.linalg.norm(normal)
+    if _axis(normal) @ normal > _SQUARE and abs(_axis(normal) @ along) < 1e-9:
+        normal = _axis(normal)
+    level = peak @ along
+    ends = (rest @ along).min() + _INSIDE * size, (rest @ along).max() - _INSIDE * size
+    return Sections(
+        Section(handle, normal),
+        Section(handle, np.cross(normal, along)),
+        Section(handle + (np.clip(level, *ends) - handle @ along) * along, along),
+        peak,
+    )
 
 
-def _squared(normal: Float, one: Float, other: Float, near: float) -> tuple[Float, Float]:
-    """A plane through two points: along an axis where it then misses both by little, with a point
-    of it."""
-    axis = np.eye(3)[np.abs(normal).argmax()] * np.sign(normal[np.abs(normal).argmax()])
-    middle = (one + other) / 2
-    if abs(axis @ (one - other)) / 2 <= near and axis @ normal > np.cos(np.radians(20)):
-        return axis, middle
-    return normal, middle
+def _axis(way: Float) -> Float:
+    """The unit vector of the axis, with its sign, that is nearest to a direction."""
+    k = int(np.abs(way).argmax())
+    return np.asarray(np.eye(3)[k] * np.sign(way[k]))
 
 
-def _longest(points: Float) -> Float:
-    """The direction in which points (n, 3) are spread most."""
-    return np.asarray(np.linalg.svd(points - points.mean(0), full_matrices=False)[2][0])
+def _line(points: Float, weight: Float) -> Float:
+    """The direction of the line from the origin that points (n, 3) of some `weight` (n,) lie
+    nearest to, away from most of them."""
+    way = np.linalg.eigh((weight[:, None] * points).T @ points)[1][:, -1]
+    return np.asarray(way if weight @ points @ way < 0 else -way)
