@@ -15,7 +15,7 @@ from ...decoding.unseen import MEANING
 from ...geometry.bodies.standing import standing
 from ..artifacts.body import load_surface
 from ..artifacts.fields import field_path, load_index
-from ..artifacts.layout import LayoutRecord, load_layout
+from ..artifacts.layout import load_layout
 from ..artifacts.manifest import load_manifest
 from ..artifacts.mesh import load_mesh_record, load_region_nodes
 from ..artifacts.part_files import load_parts
@@ -31,7 +31,9 @@ from ..report.pictures.front import front
 from ..report.pictures.routing import routing
 from ..report.pictures.sections import sections
 from ..report.pictures.strain import StrainField, strain_sections
-from ..report.surface_errors import state_words, surface_errors
+from ..report.surface_errors import SurfaceErrors, state_words, surface_errors
+from ..report.viewer.page import view3d
+from ..report.viewer.scene import scene
 from .stages import Report
 
 _MOST = 99.5  # per cent of the strain in a state: the end of the scale, but for few places
@@ -56,13 +58,15 @@ def run(device: Device, folder: Path, report: Report) -> None:
     }
     report(0.2, "parts")
     parts = load_parts(folder, manifest)
+    found = surface_errors(folder, layout)
+    turning = view3d(scene(device, folder, layout, manifest, parts, found, frame))
     guide = assembly_guide(device, layout, manifest, parts, frame)
-    write_page(folder / "guide.html", "guide", guide=guide)
+    write_page(folder / "guide.html", "guide", guide=guide, view3d=turning)
     write_pdf(guide, folder / "guide.pdf")
     write_guide_file(guide, folder / "guide.json")
     images["parts"] = guide.exploded
     images["front"] = front(layout.weighed)
-    images["poses"] = _poses(device, folder, layout, frame, report)
+    images["poses"] = _poses(device, folder, found, frame, report)
     write_page(
         folder / "report.html",
         "report",
@@ -73,17 +77,17 @@ def run(device: Device, folder: Path, report: Report) -> None:
         mesh=load_mesh_record(folder),
         meaning=MEANING,
         images=images,
+        view3d=turning,
         colors=COLORS,
         max=max,
     )
 
 
 def _poses(
-    device: Device, folder: Path, layout: LayoutRecord, frame: Float, report: Report
+    device: Device, folder: Path, found: SurfaceErrors, frame: Float, report: Report
 ) -> list[dict[str, Any]]:
     """Strain and error of each pose and mixture that was designed for, at its fullest, and of the
     held-out state that is sensed worst: pictures, and what is said of them."""
-    found = surface_errors(folder, layout)
     regions = load_region_nodes(folder)
     fields = {i: _field(folder, found.names[i]) for i in found.shown}
     strained = color_bar.scale(
