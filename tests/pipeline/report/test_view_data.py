@@ -105,7 +105,7 @@ def test_poses_pass_through_the_states_on_their_way(scene):
     assert poses == {
         "twist": (["twist@0.5", "twist@1"], [0.5, 1]),
         "twist + bend": (["1*twist+1*bend"], [1]),
-        "0.5 twist + bend": (["0.5*twist+1*bend"], [1]),
+        "twist 50 % + bend": (["0.5*twist+1*bend"], [1]),
     }
     assert [p["held_out"] for p in told["poses"]] == [False, False, True]
 

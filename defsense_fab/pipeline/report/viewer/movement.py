@@ -11,7 +11,7 @@ from ....core.arrays import Float, Int
 from ....core.mesh import TetMesh
 from ....mechanics.elements.point_location import PointLocator
 from ....mechanics.elements.tet10 import QuadraticMesh
-from ..surface_errors import SurfaceErrors
+from ..surface_errors import SurfaceErrors, state_words
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ def _path(found: SurfaceErrors, state: int) -> PosePath:
     at = {k: _fraction(weights, full) for k, weights in enumerate(found.weights)}
     on = sorted((a, k) for k, a in at.items() if a is not None and (a < 1 or k == state))
     return PosePath(
-        _name(full),
+        state_words(full),
         np.array([k for _, k in on]),
         np.array([a for a, _ in on]),
         bool(found.held_out[state]),
@@ -50,11 +50,6 @@ def _fraction(weights: Mapping[str, float], full: Mapping[str, float]) -> float 
     some = [weights[pose] / w for pose, w in full.items() if w]
     least, most = min(some), max(some)
     return least if 0 < least <= 1 + 1e-9 and most - least < 1e-6 else None
-
-
-def _name(weights: Mapping[str, float]) -> str:
-    """Of a state, as a person would say it: "bend_up + 0.5 twist"."""
-    return " + ".join(pose if w == 1 else f"{w:g} {pose}" for pose, w in weights.items())
 
 
 def moved_points(mesh: TetMesh, points: Float, fields: Float) -> Float:

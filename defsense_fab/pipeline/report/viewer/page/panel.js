@@ -134,7 +134,7 @@ class Panel {
     const between = pose.at.length > 1 ? "a smooth curve between" : "a straight way from rest to it";
     const unseen = pose.held_out ? " (not designed for; of such states the worst read)" : "";
     this.get("state").textContent =
-      `${Math.round(100 * state.amount)}\u00a0% of ${pose.name}${unseen}: read ${body.rmse().toFixed(2)} mm off (RMSE without noise). Simulated at ${solved}, ${between}.`;
+      `${Math.round(100 * state.amount)}\u00a0% of “${pose.name}”${unseen}: read ${body.rmse().toFixed(2)} mm off (RMSE without noise). Simulated at ${solved}, ${between}.`;
   }
 
   _shown() {
