@@ -111,6 +111,7 @@ class Stage {
   at(x, y) {
     const edge = this.canvas.getBoundingClientRect();
     const place = new THREE.Vector2((2 * (x - edge.left)) / edge.width - 1, 1 - (2 * (y - edge.top)) / edge.height);
+    this.scene.updateMatrixWorld(); // the last change may not have been drawn yet
     const ray = new THREE.Raycaster();
     ray.setFromCamera(place, this.eye.camera);
     const all = [...this.things, ...this.parts, this.body].filter((thing) => thing.mesh.visible);
