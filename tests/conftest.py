@@ -1,4 +1,7 @@
-"""Shared bodies and meshes, made once."""
+"""Shared bodies and meshes, made once, and the distribution's Chromium."""
+
+import os
+import shutil
 
 import numpy as np
 import pytest
@@ -60,3 +63,27 @@ def straight():
         return Sensor(name, plane, Hermite(points, catmull_rom(points)), frozenset(free))
 
     return make
+
+
+@pytest.fixture(scope="session")
+def launch_browser():
+    """Starts a Chromium with these switches; playwright runs once for all."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        pytest.skip("no Chromium is installed")
+    sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []
+    with playwright.sync_playwright() as running:
+        yield lambda *switches: running.chromium.launch(
+            executable_path=chromium, args=[*switches, *sandbox]
+        )
+
+
+@pytest.fixture(scope="session")
+def browser(launch_browser):
+    """Without a graphics card: WebGL is drawn by the processor."""
+    made = launch_browser(
+        "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"
+    )
+    yield made
+    made.close()

@@ -55,12 +55,13 @@ class FieldIndex:
 @dataclass(frozen=True)
 class Fields:
     """`names` of s states, how much of each pose they have, which of them are `held_out` (s,) of
-    the design, displacements (s, n, 3) mm."""
+    the design, displacements (s, n, 3) mm, largest principal `strains` (s, n)."""
 
     names: tuple[str, ...]
     weights: tuple[Mapping[str, float], ...]
     held_out: Bool
     displacements: Float
+    strains: Float
 
 
 def save_index(folder: Path, index: FieldIndex) -> None:
@@ -103,12 +104,13 @@ def save_field(path: Path, mesh: QuadraticMesh, u: Float, stats: Mapping[str, fl
 def load_fields(folder: Path) -> Fields:
     """All states of a build."""
     states = load_index(folder).states
-    found = [read_vtu(field_path(folder, s.state)).point_data["displacement"] for s in states]
+    found = [read_vtu(field_path(folder, s.state)).point_data for s in states]
     return Fields(
         tuple(s.state for s in states),
         tuple(s.weights for s in states),
         np.array([s.held_out for s in states], bool),
-        np.array(found, float),
+        np.array([f["displacement"] for f in found], float),
+        np.array([f["strain"] for f in found], float),
     )
 
 

@@ -32,6 +32,8 @@ from ..report.pictures.poses.sections import sections
 from ..report.pictures.poses.strain import PLANES, StrainField, strain_sections
 from ..report.pictures.routing import routing
 from ..report.surface_errors import SurfaceErrors, state_words, surface_errors
+from ..report.viewer.page import view3d
+from ..report.viewer.scene import scene
 from .stages import Report
 
 _MOST = 99.5  # per cent of the strain in a state: the end of the scale, but for few places
@@ -56,13 +58,15 @@ def run(device: Device, folder: Path, report: Report) -> None:
     }
     report(0.2, "parts")
     parts = load_parts(folder, manifest)
+    found = surface_errors(folder, layout)
+    turning = view3d(scene(device, folder, layout, manifest, parts, found, frame))
     guide = assembly_guide(device, layout, manifest, parts, frame)
-    write_page(folder / "guide.html", "guide", guide=guide)
+    write_page(folder / "guide.html", "guide", guide=guide, view3d=turning)
     write_pdf(guide, folder / "guide.pdf")
     write_guide_file(guide, folder / "guide.json")
     images["parts"] = guide.exploded
     images["front"] = front(layout.weighed)
-    images["poses"] = _poses(device, folder, surface_errors(folder, layout), frame, report)
+    images["poses"] = _poses(device, folder, found, frame, report)
     write_page(
         folder / "report.html",
         "report",
@@ -73,6 +77,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         mesh=load_mesh_record(folder),
         meaning=MEANING,
         images=images,
+        view3d=turning,
         colors=COLORS,
         size=np.abs(frame[[0, 2, 1]]) @ np.ptp(surface.bounds, axis=0),
     )

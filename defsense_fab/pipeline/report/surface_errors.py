@@ -11,7 +11,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...decoding.decoders import fit_decoder
 from ...decoding.unseen import unseen_states
-from ..artifacts.fields import load_fields
+from ..artifacts.fields import Fields, load_fields
 from ..artifacts.layout import LayoutRecord, load_prediction
 from ..artifacts.mesh import load_mesh
 
@@ -23,9 +23,10 @@ _TOP = 99.5
 class SurfaceErrors:
     """Of s states without rest: their `names`, how much of each pose they have, which are
     `held_out` (s,) of the design; surface vertices at `rest` (v, 3) mm, `faces` (f, 3), their
-    displacements `moved` (s, v, 3) mm, and by how much the decoder misses these, without noise,
-    `error` (s, v) mm; the states that are `shown` in reports, and the `highest` error of a scale
-    that is the same for all, mm."""
+    displacements `moved` (s, v, 3) mm, their largest principal `strain` (s, v), by which vectors
+    the decoder misses them without noise, `missed` (s, v, 3) mm, and by how much, `error` (s, v)
+    mm; the states that are `shown` in reports, the `highest` error of a scale that is the same for
+    all, mm, and the `fields` that all is made of."""
 
     names: tuple[str, ...]
     weights: tuple[Mapping[str, float], ...]
@@ -33,9 +34,12 @@ class SurfaceErrors:
     rest: Float
     faces: Int
     moved: Float
+    strain: Float
+    missed: Float
     error: Float
     shown: tuple[int, ...]
     highest: float
+    fields: Fields
 
     def mean(self, state: int) -> float:
         """RMSE (mm) over the vertices."""
@@ -55,7 +59,8 @@ def surface_errors(folder: Path, layout: LayoutRecord) -> SurfaceErrors:
     seen = ~np.append(False, found.held_out)
     flat = moved.reshape(len(moved), -1)
     decoder = fit_decoder(told.decoder, signals[seen], flat[seen], np.array(told.noise))
-    error = np.linalg.norm(decoder(signals).reshape(moved.shape) - moved, axis=2)[1:]
+    missed = (decoder(signals).reshape(moved.shape) - moved)[1:]
+    error = np.linalg.norm(missed, axis=2)
     shown = _fullest(found.weights, found.held_out)
     held_out = np.flatnonzero(found.held_out)
     if len(held_out):
@@ -67,9 +72,12 @@ def surface_errors(folder: Path, layout: LayoutRecord) -> SurfaceErrors:
         rest,
         faces,
         moved[1:],
+        found.strains[:, used],
+        missed,
         error,
         tuple(shown),
         float(np.percentile(error[shown], _TOP)),
+        found,
     )
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import time
 
 import numpy as np
@@ -12,20 +10,6 @@ from scipy.spatial.transform import Rotation
 
 SIZE = {"width": 800, "height": 600}  # small: it is drawn by the processor
 WAIT = 60_000.0  # ms that a loaded machine may take
-_DRAWN_BY_CPU = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-
-
-@pytest.fixture(scope="session")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api")
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    if chromium is None:
-        pytest.skip("no Chromium is installed")
-    sandbox = ("--no-sandbox",) if os.geteuid() == 0 else ()
-    with playwright.sync_playwright() as running:
-        made = running.chromium.launch(executable_path=chromium, args=[*_DRAWN_BY_CPU, *sandbox])
-        yield made
-        made.close()
 
 
 @pytest.fixture

@@ -1,0 +1,157 @@
+// The stage: all that is seen, its state (how far open, which pose, what is shown), and drawing it.
+class Stage {
+  constructor(canvas, scene, redrawn) {
+    this.told = scene.told;
+    this.canvas = canvas;
+    this.redrawn = redrawn;
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    this.scene = new THREE.Scene();
+    this.eye = new Eye(canvas, scene.told, () => this.draw());
+    this.parts = scene.told.parts.map((part, k) => new Part(part, k, scene));
+    this.things = scene.told.things.map((thing) => new Thing(thing, scene));
+    this.body = new Body(scene);
+    this.hidden = new Set();
+    this.state = { open: 0, pose: null, amount: 1, colors: "error", read: "hidden", through: false };
+    this._light();
+    for (const thing of [...this.parts, ...this.things]) this.scene.add(thing.mesh);
+    this.scene.add(this.body.mesh, this.body.read);
+    this.resize();
+    this.apply();
+    this.eye.look("reset", this.box());
+    new ResizeObserver(() => this.resize()).observe(canvas);
+  }
+
+  // Changes of the state, which is then shown.
+  set(changes) {
+    Object.assign(this.state, changes);
+    this.apply();
+    const box = this.box();
+    if (!box.equals(this.eye.box)) this.eye.follow(box);
+    this.draw();
+  }
+
+  apply() {
+    const { pose, open, amount, colors, read, through } = this.state;
+    const posed = pose !== null;
+    if (posed) {
+      const weights = this.weights();
+      this.body.pose(weights, colors);
+      this.things.forEach((thing) => thing.pose(weights));
+    } else {
+      const shares = this.shares(open);
+      for (const thing of [...this.parts, ...this.things]) thing.open(shares);
+    }
+    const bodyShown = !this.hidden.has("body");
+    for (const part of this.parts) this._see(part.mesh, !posed && bodyShown, through);
+    this._see(this.body.mesh, posed && bodyShown, through);
+    this._see(this.body.read, posed && read !== "hidden", false);
+    this.body.read.material.wireframe = read === "over";
+    const beside = posed && read === "beside";
+    this.body.read.position.copy(beside ? this._beside() : new THREE.Vector3());
+    for (const thing of this.things) thing.mesh.visible = !this.hidden.has(thing.kind);
+  }
+
+  // How far each joint is open: that which is closed last opens first.
+  shares(open) {
+    const n = this.told.joints.length;
+    return this.told.joints.map((_, k) => Math.min(Math.max(n * open - (n - 1 - k), 0), 1));
+  }
+
+  // Weights of all states, of the pose and amount shown.
+  weights(amount = this.state.amount) {
+    const pose = this.told.poses[this.state.pose];
+    const weights = new Array(this.told.states.length).fill(0);
+    weightsAt([0, ...pose.at], amount)
+      .slice(1)
+      .forEach((w, k) => (weights[pose.states[k]] = w));
+    return weights;
+  }
+
+  // Resistance of each cord as it is shown, ohm.
+  resistances() {
+    const weights = this.state.pose === null ? [] : this.weights();
+    return this.told.resistances.map((rest, c) => {
+      const change = weights.reduce((sum, w, k) => sum + w * this.told.states[k].signals[c], 0);
+      return rest * (1 + change);
+    });
+  }
+
+  // What the camera has to see: of a pose, all of its way.
+  box() {
+    const box = new THREE.Box3();
+    if (this.state.pose === null) {
+      this.parts.forEach((part) => part.growBox(box));
+      return box;
+    }
+    box.copy(this.body.reach(this.weights(1)));
+    if (this.state.read === "beside") box.union(box.clone().translate(this.body.read.position));
+    return box;
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
+    if (!width || !height) return;
+    this.renderer.setSize(width, height, false);
+    this.eye.resize(width, height);
+    if (this.eye.box) this.draw();
+  }
+
+  // Once, with the next frame.
+  draw() {
+    if (this.asked) return;
+    this.asked = requestAnimationFrame(() => {
+      this.asked = 0;
+      this.renderer.render(this.scene, this.eye.camera);
+      this.redrawn();
+    });
+  }
+
+  // The part, cord, wire, pin or seat at a place of the page, or null.
+  at(x, y) {
+    const edge = this.canvas.getBoundingClientRect();
+    const place = new THREE.Vector2((2 * (x - edge.left)) / edge.width - 1, 1 - (2 * (y - edge.top)) / edge.height);
+    this.scene.updateMatrixWorld(); // the last change may not have been drawn yet
+    const ray = new THREE.Raycaster();
+    ray.setFromCamera(place, this.eye.camera);
+    const all = [...this.things, ...this.parts, this.body].filter((thing) => thing.mesh.visible);
+    const hits = ray.intersectObjects(all.map((thing) => thing.mesh));
+    const owner = (hit) => all.find((thing) => thing.mesh === hit.object);
+    const inside = this.state.through && hits.find((hit) => owner(hit).kind === "cord");
+    return hits.length ? owner(inside || hits[0]) : null;
+  }
+
+  mark(thing) {
+    for (const each of [...this.parts, ...this.things]) {
+      each.mesh.material.emissive.set(each === thing ? "#5a5a5a" : "#000000");
+    }
+    this.draw();
+  }
+
+  _see(mesh, visible, faint) {
+    mesh.visible = visible;
+    if (mesh.material.transparent === faint) return;
+    mesh.material.transparent = faint;
+    mesh.material.opacity = faint ? 0.3 : 1;
+    mesh.material.depthWrite = !faint;
+    mesh.renderOrder = faint ? 1 : 0;
+    mesh.material.needsUpdate = true;
+  }
+
+  // Below a wide body, to the right of a tall one.
+  _beside() {
+    const size = this.body.reach(this.weights(1)).getSize(new THREE.Vector3());
+    const { up, right } = this.eye, gap = 0.05 * this.told.size;
+    const along = (way) => ["x", "y", "z"].reduce((sum, axis) => sum + size[axis] * Math.abs(way[axis]), 0);
+    const tall = along(up), wide = along(right);
+    if (wide <= tall) return right.clone().multiplyScalar(1.05 * wide + gap);
+    return up.clone().multiplyScalar(-1.05 * tall - gap);
+  }
+
+  _light() {
+    const lamp = new THREE.DirectionalLight("#ffffff", 1.9);
+    lamp.position.set(-0.5, 0.8, 1); // beside the camera
+    this.eye.camera.add(lamp);
+    this.scene.add(this.eye.camera, new THREE.AmbientLight("#ffffff", 1.5));
+  }
+}
