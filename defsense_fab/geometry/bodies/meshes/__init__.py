@@ -1,0 +1,1 @@
+"""Triangle meshes of any origin: read from files, and made into closed surfaces."""
