@@ -143,8 +143,8 @@ def genus(detail: int, seed: int) -> Defective:
 
         solids.append(ring)
     n = 220
-    grid = np.stack(np.meshgrid(np.linspace(-56, 56, n), np.linspace(-56, 56, n),
-                                np.linspace(-31, 31, n), indexing="ij"), -1).reshape(-1, 3)  # fmt: skip
+    wide, high = np.linspace(-56, 56, n), np.linspace(-31, 31, n)
+    grid = np.stack(np.meshgrid(wide, wide, high, indexing="ij"), -1).reshape(-1, 3)
     cell = (112 / (n - 1)) ** 2 * (62 / (n - 1))
     volume = sum(
         np.any([s(part) for s in solids], axis=0).sum() for part in np.array_split(grid, 40)
@@ -295,9 +295,11 @@ def main() -> None:
         points = rng.uniform(v.min(0), v.max(0), (200, 3))
         winding = exact_winding(v, f, points)
         off = np.abs(winding - np.round(winding)).max()
+        whole = sorted({int(w) for w in np.round(winding)})
         print(f"{name}: {len(body.faces)} -> {len(f)} triangles, {seconds:.1f} CPU s, closed"
-              f" {bool((edges == 2).all())}, winding numbers {sorted(set(np.round(winding)))} within"
-              f" {off:.1g}, volume {100 * (volume_of(v, f) / body.volume - 1):+.3f} %")  # fmt: skip
+              f" {bool((edges == 2).all())}, winding numbers {whole} within {off:.1g}, volume"
+              f" {100 * (volume_of(v, f) / body.volume - 1):+.3f} %, from what came"
+              f" {sampled_distance((v, f), (body.vertices, body.faces)):.3g} mm")  # fmt: skip
         if body.meant is not None:
             print(f"    from what was meant {sampled_distance((v, f), body.meant):.3g} mm, back"
                   f" {sampled_distance(body.meant, (v, f)):.3g} mm")  # fmt: skip

@@ -9,15 +9,17 @@ _VERTEX = re.compile(rb"^\s*v\s+[-+.\d]", re.MULTILINE)
 _FACE = re.compile(rb"^\s*f\s+[-\d]", re.MULTILINE)
 _OFF = re.compile(rb"\s*(#[^\n]*\n\s*)*(ST)?C?N?OFF\b")
 _MEDIT = re.compile(rb"\s*(#[^\n]*\n\s*)*MeshVersionFormatted\b")
-_VTU = re.compile(rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*UnstructuredGrid", re.DOTALL)
+_VTU = re.compile(
+    rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*UnstructuredGrid", re.DOTALL
+)
 _GLTF = re.compile(rb'\s*\{.*"asset"\s*:', re.DOTALL)
 _HEAD, _TRIANGLE = 84, 50  # bytes of a binary STL file
 _BEGINNING = 4096
 
 
 def kind_of_file(content: bytes) -> str | None:
-    """The suffix of the file that these bytes are: .step, .stl, .obj, .ply, .off, .3mf, .glb, .gltf,
-    .msh, .vtu, .mesh; None for what is none of them. That it can be read is not said."""
+    """The suffix of the file that these bytes are: .step, .stl, .obj, .ply, .off, .3mf, .glb,
+    .gltf, .msh, .vtu, .mesh; None for what is none of them. That it can be read is not said."""
     start = content[:_BEGINNING]
     for suffix, pattern in (
         (".step", _STEP), (".off", _OFF), (".mesh", _MEDIT), (".vtu", _VTU)

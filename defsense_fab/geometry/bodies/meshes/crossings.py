@@ -10,6 +10,7 @@ from ....core.arrays import Float, Int
 from ....core.compiled import compiled
 
 _LEAF = 4  # triangles
+_MOST = 1_000_000  # pairs that are looked for
 _NOTHING = 1e-15  # of the cube of the surface's size: a volume that rounding gives
 
 
@@ -43,7 +44,7 @@ def crossing_pairs(vertices: Float, faces: Int) -> Int:
         level //= 2
     at = order.astype(np.int64)
     found = _pairs(points, np.ascontiguousarray(faces, np.int64)[at], boxes, leaves,
-                   _NOTHING * size**3)  # fmt: skip
+                   _NOTHING * size**3, min(_MOST, 8 * len(faces)))  # fmt: skip
     return np.asarray(at[found])
 
 
@@ -59,8 +60,9 @@ def _morton(points: Float) -> Int:
 
 
 @compiled()
-def _pairs(v: Float, f: Int, boxes: Float, leaves: int, nothing: float) -> Any:
-    found = []
+def _pairs(v: Float, f: Int, boxes: Float, leaves: int, nothing: float, most: int) -> Any:
+    found = np.empty((most, 2), np.int64)
+    count = 0
     stack = np.empty(128, np.int64)
     for i in range(len(f)):
         lx = min(v[f[i, 0], 0], v[f[i, 1], 0], v[f[i, 2], 0])
@@ -85,11 +87,11 @@ def _pairs(v: Float, f: Int, boxes: Float, leaves: int, nothing: float) -> Any:
             first = (node - leaves) * 4
             for j in range(max(first, i + 1), min(first + 4, len(f))):
                 if _cross(v, f[i], f[j], nothing):
-                    found.append((i, j))
-    out = np.empty((len(found), 2), np.int64)
-    for k in range(len(found)):
-        out[k, 0], out[k, 1] = found[k]
-    return out
+                    if count == len(found):
+                        return found
+                    found[count, 0], found[count, 1] = i, j
+                    count += 1
+    return found[:count]
 
 
 @compiled()
@@ -124,7 +126,7 @@ def _edge_pierces(v: Float, s: int, e: int, q: Int, nothing: float) -> bool:
 
 
 @compiled()
-def _pierces(s: Float, e: Float, a: Float, b: Float, c: Float, nothing: float) -> bool:
+def _pierces(s: Float, e: Float, a: Float, b: Float, c: Float, nothing: float) -> Any:
     """Whether the segment from s to e goes through the inside of the triangle a, b, c."""
     above, below = _volume(a, b, c, s), _volume(a, b, c, e)
     if not ((above > nothing and below < -nothing) or (above < -nothing and below > nothing)):
@@ -136,7 +138,7 @@ def _pierces(s: Float, e: Float, a: Float, b: Float, c: Float, nothing: float) -
 
 
 @compiled()
-def _volume(a: Float, b: Float, c: Float, d: Float) -> float:
+def _volume(a: Float, b: Float, c: Float, d: Float) -> Any:
     """Six times that of a tetrahedron, signed."""
     x, y, z = d[0] - a[0], d[1] - a[1], d[2] - a[2]
     p, q, r = b[0] - a[0], b[1] - a[1], b[2] - a[2]

@@ -28,16 +28,16 @@ class Inside:
         return np.asarray(self.number(points) > 0.5)
 
 
-def parts_inside_from_outside(inside: Inside, points: Float, normals: Float, size: float) -> Bool:
-    """Whether the surface with normals (n, 3) at its points (n, 3) has the inside behind it, with a
-    winding number of 1, and the outside before it, with 0."""
+def beside(inside: Inside, points: Float, normals: Float, size: float) -> tuple[Float, Float]:
+    """The winding numbers (n,) just behind and just before a surface with normals (n, 3) at its
+    points (n, 3)."""
     step = _STEP_OFF * size * normals
-    within, without = inside.number(points - step), inside.number(points + step)
-    return np.asarray((np.abs(within - 1) < 0.5) & (np.abs(without) < 0.5))
+    return inside.number(points - step), inside.number(points + step)
 
 
 def wrong_faces(vertices: Float, faces: Int, size: float) -> Bool:
-    """Triangles (m,) that do not part the inside from the outside. Of those that are too thin to
+    """Triangles (m,) that do not have the inside behind them, with a winding number of 1, and the
+    outside before them, with 0. Of those that are too thin to
     tell, none is wrong."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
@@ -45,10 +45,11 @@ def wrong_faces(vertices: Float, faces: Int, size: float) -> Bool:
     longest = np.maximum.reduce([np.linalg.norm(x, axis=1) for x in (b - a, c - b, a - c)])
     whole = length > _HEIGHT * size * longest
     wrong = np.zeros(len(faces), bool)
-    wrong[whole] = ~parts_inside_from_outside(
+    behind, before = beside(
         Inside(vertices, faces),
         ((a + b + c) / 3)[whole],
         normal[whole] / length[whole, None],
         size,
     )
+    wrong[whole] = (np.abs(behind - 1) > 0.5) | (np.abs(before) > 0.5)
     return wrong

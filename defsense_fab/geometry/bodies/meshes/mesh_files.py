@@ -83,12 +83,23 @@ def _read_surface(path: Path, suffix: str) -> tuple[Float, Int]:
     return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
 
 
+class _NoFiles:
+    """In place of the files that a glTF file names."""
+
+    def get(self, name: str) -> bytes:
+        raise BodyError(
+            f"it names another file, {name[:80]!r}, which is not read; export GLB, which holds all"
+        )
+
+    __getitem__ = get
+
+
 def _read_gltf(path: Path, suffix: str) -> tuple[Float, Int]:
     import trimesh
 
     content = path.read_bytes()
     scene: Any = trimesh.load_scene(
-        io.BytesIO(content), file_type=suffix[1:], skip_materials=True, resolver=None
+        io.BytesIO(content), file_type=suffix[1:], skip_materials=True, resolver=_NoFiles()
     )
     mesh = scene.to_mesh()
     x, y, z = np.asarray(mesh.vertices, float).T

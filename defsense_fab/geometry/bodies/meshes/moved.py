@@ -6,7 +6,7 @@ import igl
 import numpy as np
 
 from ....core.arrays import Bool, Float, Int
-from .inside import Inside, parts_inside_from_outside
+from .inside import Inside, beside
 
 _MOST = 40_000  # points that are measured, each way
 _SAME = 1e-9  # of the size
@@ -19,10 +19,12 @@ _FIXED = np.concatenate(  # weights of a triangle's corners
 
 def moved(before: tuple[Float, Int], after: tuple[Float, Int], size: float) -> float:
     """The largest distance from new triangles to the surface before, and from those before that
-    are gone to the surface after, mm; of these, what lay inside or crossed does not count."""
+    are gone to the surface after, mm; of these, what was buried does not count: all but what has
+    the outside on just one side, be it turned inside out."""
     new = _points(after, _new(after, before, size))[0]
     points, normals = _points(before, _new(before, after, size))
-    seen = parts_inside_from_outside(Inside(*before), points, normals, size)
+    behind, ahead = (np.abs(w) < 0.5 for w in beside(Inside(*before), points, normals, size))
+    seen = behind != ahead
     return max(_farthest(new, before), _farthest(points[seen], after))
 
 

@@ -76,10 +76,8 @@ def _patch(inside: Inside, low: Float, high: Float, cell: float) -> Any:
         points = np.stack([np.full(y.size, x), y.ravel(), z.ravel()], axis=1)
         flags[i] = inside(points).reshape(y.shape)
     for axis in range(3):  # closed where the box ends
-        side = [slice(None)] * 3
-        for end in (0, -1):
-            side[axis] = end
-            flags[tuple(side)] = False
+        ends = np.moveaxis(flags, axis, 0)
+        ends[0] = ends[-1] = False
     if not flags.any():
         return None
     grid, faces = _marched(flags)

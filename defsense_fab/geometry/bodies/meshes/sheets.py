@@ -14,9 +14,7 @@ _APART = 5e-4  # of the size: how far corners that touched are drawn back, at mo
 _SHARE = 0.1  # of the way to their neighbours, at most
 
 
-def taken_apart(
-    vertices: Float, faces: Int, size: float
-) -> tuple[Float, Int, list[str]] | None:
+def taken_apart(vertices: Float, faces: Int, size: float) -> tuple[Float, Int, list[str]] | None:
     """Closed, oriented triangles as sheets that are joined along edges of two triangles only, each
     sheet's corners that others had too drawn back a little; None where no such sheets are found:
     around an edge, solid and empty space do not take turns."""

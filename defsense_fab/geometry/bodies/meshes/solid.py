@@ -51,7 +51,12 @@ def one_solid(
         done += told
     mesh, told = _united(sound, kept, where) if len(pairs) else (_together(sound), [])
     done += told
-    pieces, told = one_piece(shells_of(*mesh, size), where)
+    shells = shells_of(*mesh, size)
+    if len(shells) > 1:  # shells that are united, and surfaces made anew, may have closed some in
+        nobody = np.zeros((0, 2), np.int64)
+        shells, more = without_cavities(shells, nested(mesh[0], shells, nobody), where, fill)
+        done += more
+    pieces, told = one_piece(shells, where)
     mesh = _compact(mesh[0], pieces[0].faces)
     mesh, more = _without_slivers(mesh, size)
     if told or len(pairs):
@@ -173,7 +178,7 @@ def _without_slivers(mesh: _Mesh, size: float) -> tuple[_Mesh, list[str]]:
         return mesh, []
     less = _arrays(made.simplify(_TINY * size))
     gone = count - int(_thin(less, size).sum())
-    if gone <= 0 or _bad(less, size).any():
+    if gone <= 0 or len(crossing_pairs(*less)):
         return mesh, []
     return less, [f"removed {number(gone, 'sliver')} thinner than {_TINY * size:.1g} mm"]
 
