@@ -142,7 +142,7 @@ def genus(detail: int, seed: int) -> Defective:
             return (np.hypot(q[:, 0], q[:, 1]) - 14) ** 2 + q[:, 2] ** 2 < 25
 
         solids.append(ring)
-    n = 220
+    n = 140
     wide, high = np.linspace(-56, 56, n), np.linspace(-31, 31, n)
     grid = np.stack(np.meshgrid(wide, wide, high, indexing="ij"), -1).reshape(-1, 3)
     cell = (112 / (n - 1)) ** 2 * (62 / (n - 1))
@@ -195,7 +195,7 @@ def overlap(detail: int, seed: int) -> Defective:
     angle = v[:, 2] / 20 + 0.01 * rng.random()
     radius = 20 + v[:, 0]
     bent = np.stack([radius * np.cos(angle), v[:, 1], radius * np.sin(angle)], axis=1)
-    n = 200
+    n = 140
     low, high = bent.min(0) - 1, bent.max(0) + 1
     axes = [np.linspace(low[i], high[i], n) for i in range(3)]
     x, y, z = (g.ravel() for g in np.meshgrid(*axes, indexing="ij"))

@@ -98,8 +98,9 @@ def _read_gltf(path: Path, suffix: str) -> tuple[Float, Int]:
     import trimesh
 
     content = path.read_bytes()
+    nowhere: Any = _NoFiles()
     scene: Any = trimesh.load_scene(
-        io.BytesIO(content), file_type=suffix[1:], skip_materials=True, resolver=_NoFiles()
+        io.BytesIO(content), file_type=suffix[1:], skip_materials=True, resolver=nowhere
     )
     mesh = scene.to_mesh()
     x, y, z = np.asarray(mesh.vertices, float).T
