@@ -6,9 +6,10 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ....core.arrays import Float, Int
+from ....core.arrays import Bool, Float, Int
 from .words import number, place
 
+_PASSES = 30
 _SAME = 1e-7  # of the size: vertices that are one
 
 
@@ -57,33 +58,54 @@ def patches_of(faces: Int) -> Int:
 
 def _without_surplus(vertices: Float, faces: Int) -> tuple[Int, list[str]]:
     """Without fins and inner walls: patches that end at edges of three triangles, and without which
-    these have two. Open ones go first, then the smallest."""
+    these have two. Open ones go first, then the smallest. Where none is left but such edges are,
+    their smallest triangles go, which leaves holes."""
+    gone, at = 0, vertices[0]
     done: list[str] = []
-    for _ in range(100):
+    for _ in range(_PASSES):
+        found = _surplus(vertices, faces)
+        if not found.any():
+            break
+        gone += int(found.sum())
+        at = vertices[faces[found][0]].mean(0)
+        faces = faces[~found]
+    if gone:
+        done.append(f"removed fins or inner walls of {number(gone, 'triangle')}, near {place(at)}")
+    before = faces
+    for _ in range(_PASSES):
         _, count, index = edges_of(faces)
         odd = (count > 2) & (count % 2 == 1)
         if not odd.any():
             break
-        patch = patches_of(faces)
-        found = _surplus(vertices, faces, patch, count, index)
-        if found is None:
-            break
-        gone = patch == found
-        at = vertices[faces[gone]].mean((0, 1))
-        done.append(
-            f"removed a fin or inner wall of {number(int(gone.sum()), 'triangle')} near {place(at)}"
-        )
-        faces = faces[~gone]
+        owner = np.repeat(np.arange(len(faces)), 3)[odd[index]]
+        order = np.lexsort([_areas(vertices, faces)[owner], index[odd[index]]])
+        first = np.unique(index[odd[index]][order], return_index=True)[1]
+        small = np.zeros(len(faces), bool)
+        small[owner[order][first]] = True
+        at = vertices[faces[small][0]].mean(0)
+        faces = faces[~small]
+    if len(faces) < len(before):
+        left = number(len(before) - len(faces), "triangle")
+        done.append(f"removed {left} at edges that have more than two, near {place(at)}")
     return faces, done
 
 
-def _surplus(vertices: Float, faces: Int, patch: Int, count: Int, index: Int) -> int | None:
-    """The patch to remove."""
+def _areas(vertices: Float, faces: Int) -> Float:
     corners = vertices[faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.bincount(patch, np.linalg.norm(cross, axis=1))
-    of_edge = np.repeat(patch, 3)
+    return np.asarray(np.linalg.norm(cross, axis=1) / 2)
+
+
+def _surplus(vertices: Float, faces: Int) -> Bool:
+    """Triangles (m,) to remove: of patches that have no such edge in common."""
+    _, count, index = edges_of(faces)
     odd = (count > 2) & (count % 2 == 1)
+    gone = np.zeros(len(faces), bool)
+    if not odd.any():
+        return gone
+    patch = patches_of(faces)
+    area = np.bincount(patch, _areas(vertices, faces))
+    of_edge = np.repeat(patch, 3)
     touches = np.bincount(of_edge, odd[index]) > 0
     is_open = np.bincount(of_edge, count[index] == 1) > 0
     # What each edge would have left without the patch: never one triangle alone.
@@ -91,7 +113,15 @@ def _surplus(vertices: Float, faces: Int, patch: Int, count: Int, index: Int) ->
     alone = (count[pairs[1]] - times) == 1
     harmful = np.bincount(pairs[0], alone, minlength=len(area)) > 0
     candidates = np.nonzero(touches & ~harmful)[0]
-    if not len(candidates) or len(area) == 1:
-        return None
-    order = np.lexsort([area[candidates], ~is_open[candidates]])
-    return int(candidates[order[0]])
+    if len(area) == 1:
+        return gone
+    order = np.argsort(of_edge, kind="stable")
+    starts = np.searchsorted(of_edge[order], np.arange(len(area) + 1))
+    used = np.zeros(len(count), bool)
+    for k in candidates[np.lexsort([area[candidates], ~is_open[candidates]])]:
+        own = index[order[starts[k] : starts[k + 1]]]
+        own = own[count[own] > 2]
+        if not used[own].any():
+            used[own] = True
+            gone |= patch == k
+    return gone

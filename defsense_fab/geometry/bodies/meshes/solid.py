@@ -23,6 +23,7 @@ _FAR = 0.02  # of the size: a repair that moves the surface further is none
 _CELLS = 150  # of a surface that is made anew as a whole
 _HALF = 0.5  # of the size: boxes as large as this are no places any more
 _MOST_BOXES = 24
+_MOST_BAD = 0.4  # of the area
 
 _Mesh = tuple[Float, Int]
 
@@ -93,6 +94,8 @@ def _uncrossed(mesh: _Mesh, size: float, where: str) -> tuple[_Mesh, list[str]]:
         return mesh, []
     at = mesh[0][mesh[1][bad]].mean(1)[0]
     crossed = f"the surface passes through itself, in {bad.sum()} triangles such as at {place(at)}"
+    if _area(mesh, bad) > _MOST_BAD * _area(mesh, np.ones_like(bad)):
+        raise BodyError(f"{where}: {crossed}: it bounds no solid; make the mesh anew")
     before = _volume(mesh)
     for wider in (1.0, 2.5):
         boxes = boxes_around(*mesh, bad, size, wider)
@@ -103,7 +106,7 @@ def _uncrossed(mesh: _Mesh, size: float, where: str) -> tuple[_Mesh, list[str]]:
             continue
         far = moved(mesh, made, size)
         if far > _FAR * size:
-            continue
+            raise BodyError(_too_far(where, crossed, far))
         places = ", ".join(place(b.mean(0)) for b in boxes[:3])
         more = f" and {len(boxes) - 3} more" if len(boxes) > 3 else ""
         return made, [
@@ -121,14 +124,18 @@ def _as_whole(mesh: _Mesh, size: float, where: str, why: str) -> tuple[_Mesh, li
         raise BodyError(f"{where}: {why}; unite the overlapping parts in a mesh editor")
     far = moved(mesh, made, size)
     if far > _FAR * size:
-        raise BodyError(
-            f"{where}: {why}, and making it anew would move it by {far:.2g} mm; unite the"
-            " overlapping parts in a mesh editor"
-        )
+        raise BodyError(_too_far(where, why, far))
     return made, [
         f"made the whole surface anew, since {why}; moved at most {far:.2g} mm, edges are rounded"
         f" by as much, volume {_change(_volume(mesh), made)}"
     ]
+
+
+def _too_far(where: str, why: str, far: float) -> str:
+    return (
+        f"{where}: {why}, and making it anew would move it by {far:.2g} mm; unite the overlapping"
+        " parts in a mesh editor"
+    )
 
 
 def _united(meshes: list[_Mesh], shells: list[Shell], where: str) -> tuple[_Mesh, list[str]]:
@@ -198,6 +205,12 @@ def _check(mesh: _Mesh, size: float, where: str) -> None:
             f"{where}: united, the surface passes through itself, in {bad.sum()} triangles such as"
             f" at {place(at)}; unite the overlapping parts in a mesh editor"
         )
+
+
+def _area(mesh: _Mesh, chosen: Bool) -> float:
+    corners = mesh[0][mesh[1][chosen]]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(np.linalg.norm(cross, axis=1).sum())
 
 
 def _volume(mesh: _Mesh) -> float:

@@ -144,7 +144,7 @@ def test_boxes_that_share_a_wall_are_one():
     v, f, done = repair(*together((a.vertices, a.faces), (b.vertices, b.faces)), "x")
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(2500)
-    assert any("inner wall" in line for line in done)
+    assert any("inner walls" in line for line in done)
 
 
 def test_a_body_that_touches_itself_at_an_edge_is_drawn_apart():
