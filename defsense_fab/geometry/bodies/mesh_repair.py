@@ -10,12 +10,14 @@ from ...core.arrays import Float, Int
 from ...core.errors import BodyError
 from ...core.mesh import Surface
 from .file_kind import kind_of_file
-from .meshes.cleaning import cleaned, edges_of
+from .meshes.cleaning import cleaned
 from .meshes.holes import close_holes
 from .meshes.mesh_files import IN_MM, read_triangles
 from .meshes.sheets import taken_apart
 from .meshes.solid import one_solid, oriented, remade_solid
-from .meshes.words import place
+from .meshes.words import number, place
+
+_TRIES = 4
 
 
 def read_mesh(
@@ -83,16 +85,25 @@ def repair(
     if (turned != faces).any():
         done.append("turned inconsistent faces")
     vertices, faces, closed = close_holes(vertices, turned, size, where)
+    done += closed
     if closed:
         faces = oriented(faces)
+    at = vertices[faces[0, 0]]
+    for _ in range(_TRIES):
+        apart = taken_apart(vertices, faces, size)
+        if isinstance(apart, tuple):
+            v, f, told = one_solid(*apart[:2], size, where, fill_cavities)
+            return v, f, done + apart[2] + told
+        # Triangles that are joined to others in no sensible way give place to ones that are.
+        at = vertices[faces[apart][0]].mean(0)
+        try:
+            v, f, closed = close_holes(vertices, faces[~apart], size, where)
+        except BodyError:
+            break
+        many = number(int(apart.sum()), "triangle")
+        done.append(f"removed {many} at edges that have more than two, near {place(at)}")
         done += closed
-    apart = taken_apart(vertices, faces, size)
-    if apart is None:
-        edges, count, _ = edges_of(faces)
-        many = count > 2
-        at = vertices[edges[many][0]].mean(0) if many.any() else vertices[faces[0, 0]]
-        why = f"{many.sum()} edges have more than two faces, one near {place(at)}"
-        v, f, told = remade_solid(vertices, faces, size, where, why, fill_cavities)
-        return v, f, done + told
-    v, f, told = one_solid(*apart[:2], size, where, fill_cavities)
-    return v, f, done + apart[2] + told
+        vertices, faces = v, oriented(f)
+    why = f"edges have more than two faces, one near {place(at)}"
+    v, f, told = remade_solid(vertices, faces, size, where, why, fill_cavities)
+    return v, f, done + told

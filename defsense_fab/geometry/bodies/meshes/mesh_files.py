@@ -60,7 +60,12 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
             f"{path}: is too large to be read, or claims to be; write the file again from the"
             " program that made it"
         ) from None
-    except (Exception, SystemExit) as error:  # readers raise whatever their parsers do
+    except SystemExit:  # meshio's end the program where a file is damaged
+        raise BodyError(
+            f"{path}: cannot be read as {suffix[1:].upper()}: it is damaged; write the file again"
+            " from the program that made it"
+        ) from None
+    except Exception as error:  # readers raise whatever their parsers do
         text = " ".join(str(error).split())[:300] or type(error).__name__
         raise BodyError(f"{path}: cannot be read as {suffix[1:].upper()}: {text}") from None
     if len(faces) == 0:

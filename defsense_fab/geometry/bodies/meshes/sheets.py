@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ....core.arrays import Float, Int
+from ....core.arrays import Bool, Float, Int
 from .cleaning import edges_of
 from .words import number, place
 
@@ -14,13 +14,16 @@ _APART = 5e-4  # of the size: how far corners that touched are drawn back, at mo
 _SHARE = 0.1  # of the way to their neighbours, at most
 
 
-def taken_apart(vertices: Float, faces: Int, size: float) -> tuple[Float, Int, list[str]] | None:
+def taken_apart(vertices: Float, faces: Int, size: float) -> tuple[Float, Int, list[str]] | Bool:
     """Closed, oriented triangles as sheets that are joined along edges of two triangles only, each
-    sheet's corners that others had too drawn back a little; None where no such sheets are found:
-    around an edge, solid and empty space do not take turns."""
+    sheet's corners that others had too drawn back a little.
+
+    Where around an edge solid and empty space do not take turns, there are no such sheets, and the
+    triangles (m,) at these edges are returned.
+    """
     joined = _joined(vertices, faces)
-    if joined is None:
-        return None
+    if isinstance(joined, np.ndarray):
+        return joined
     left, right = joined
     corners = 3 * len(faces)
     graph = coo_array((np.ones(len(left)), (left, right)), (corners, corners))
@@ -51,23 +54,25 @@ def taken_apart(vertices: Float, faces: Int, size: float) -> tuple[Float, Int, l
     ]  # fmt: skip
 
 
-def _joined(vertices: Float, faces: Int) -> tuple[Int, Int] | None:
+def _joined(vertices: Float, faces: Int) -> tuple[Int, Int] | Bool:
     """Pairs of corners (3 face + corner) that are one vertex: those at both ends of edges across
-    which two triangles are joined."""
+    which two triangles are joined; or the triangles (m,) at edges of which that cannot be said."""
     edges, count, index = edges_of(faces)
-    if (count % 2).any():
-        return None
     order = np.argsort(index, kind="stable")
     starts = np.concatenate([[0], np.cumsum(count)[:-1]])
-    first, second = order[starts[count == 2]], order[starts[count == 2] + 1]
-    for e in np.nonzero(count > 2)[0]:
+    first, second = [order[starts[count == 2]]], [order[starts[count == 2] + 1]]
+    failed = count % 2 == 1
+    for e in np.nonzero((count > 2) & ~failed)[0]:
         sides = order[starts[e] : starts[e] + count[e]]
         pairs = _around(vertices, faces, edges[e], sides)
         if pairs is None:
-            return None
-        first = np.concatenate([first, pairs[0]])
-        second = np.concatenate([second, pairs[1]])
-    return _ends(faces, first, second)
+            failed[e] = True
+        else:
+            first.append(pairs[0])
+            second.append(pairs[1])
+    if failed.any():
+        return np.asarray(failed[index].reshape(-1, 3).any(1))
+    return _ends(faces, np.concatenate(first), np.concatenate(second))
 
 
 def _ends(faces: Int, first: Int, second: Int) -> tuple[Int, Int]:
