@@ -88,22 +88,26 @@ def repair(
     done += closed
     if closed:
         faces = oriented(faces)
-    at = vertices[faces[0, 0]]
-    for _ in range(_TRIES):
+    at, replaced = vertices[faces[0, 0]], 0
+    for rings in range(_TRIES):
         apart = taken_apart(vertices, faces, size)
         if isinstance(apart, tuple):
+            if replaced:
+                many = number(replaced, "triangle")
+                done.append(f"replaced {many} at edges that have more than two, near {place(at)}")
             v, f, told = one_solid(*apart[:2], size, where, fill_cavities)
             return v, f, done + apart[2] + told
         # Triangles that are joined to others in no sensible way give place to ones that are.
-        at = vertices[faces[apart][0]].mean(0)
+        gone = apart
+        at = vertices[faces[gone][0]].mean(0)
+        for _ in range(rings):
+            gone = np.asarray(np.isin(faces, faces[gone]).any(1))
+        replaced += int(gone.sum())
         try:
-            v, f, closed = close_holes(vertices, faces[~apart], size, where)
+            vertices, faces, _ = close_holes(vertices, faces[~gone], size, where)
         except BodyError:
             break
-        many = number(int(apart.sum()), "triangle")
-        done.append(f"removed {many} at edges that have more than two, near {place(at)}")
-        done += closed
-        vertices, faces = v, oriented(f)
+        faces = oriented(faces)
     why = f"edges have more than two faces, one near {place(at)}"
     v, f, told = remade_solid(vertices, faces, size, where, why, fill_cavities)
     return v, f, done + told
