@@ -11,8 +11,8 @@ import numpy as np
 from ...core.errors import BodyError
 from ...core.mesh import Surface
 from ..kernels import inner_shells, occ
-from .meshes.shells import DEBRIS, cavity_text, refused_cavities
-from .meshes.words import place
+from .repair.shells import DEBRIS, cavity_text, refused_cavities
+from .repair.words import place
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from ...core.errors import BodyError
 from ...core.files import write_json
 from ...core.mesh import Surface
 from .child_process import Failure, end_with_parent, finished
-from .file_kind import kind_of_file
+from .meshes.file_kind import kind_of_file
 
 _TASK, _SURFACE, _RESULT, _SOLID = "task.json", "surface.npz", "result.json", "solid.brep"
 _TESSELLATION = 1e-3  # of the body's size

@@ -9,13 +9,13 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.errors import BodyError
 from ...core.mesh import Surface
-from .file_kind import kind_of_file
-from .meshes.cleaning import cleaned
-from .meshes.holes import close_holes
+from .meshes.file_kind import kind_of_file
 from .meshes.mesh_files import IN_MM, read_triangles
-from .meshes.sheets import taken_apart
-from .meshes.solid import one_solid, oriented, remade_solid
-from .meshes.words import number, place
+from .repair.cleaning import cleaned
+from .repair.holes import close_holes
+from .repair.sheets import taken_apart
+from .repair.solid import one_solid, oriented, remade_solid
+from .repair.words import number, place
 
 _TRIES = 4
 

@@ -16,8 +16,8 @@ from ...core.errors import BodyError
 from ...core.files import free_path
 from ...core.mesh import Surface
 from ...geometry.bodies.body import SIZES
-from ...geometry.bodies.file_kind import kind_of_file
 from ...geometry.bodies.foreign_body import read_foreign
+from ...geometry.bodies.meshes.file_kind import kind_of_file
 from ...geometry.bodies.meshes.mesh_files import KINDS
 from .starting_devices import put_device
 

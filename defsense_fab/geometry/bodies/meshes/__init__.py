@@ -1,1 +1,1 @@
-"""Triangle meshes of any origin: read from files, and made into closed surfaces."""
+"""Files of triangles and tetrahedra: told apart, and read."""

@@ -50,9 +50,14 @@ def one_solid(
         mesh, told = _uncrossed((vertices, shell.faces), size, where)
         sound.append(mesh)
         done += told
-    mesh, told = _united(sound, kept, where) if len(pairs) else (_together(sound), [])
-    done += told
+    mesh = _united(sound, where)
     shells = shells_of(*mesh, size)
+    if len(kept) > len(shells):
+        overlap = sum(_volume(m) for m in sound) - _volume(mesh)
+        done.append(
+            f"united {len(kept)} shells that overlapped by {max(overlap, 0.0):.3g} mm3 or touched,"
+            f" one around {place(kept[-1].middle)}"
+        )
     if len(shells) > 1:  # shells that are united, and surfaces made anew, may have closed some in
         nobody = np.zeros((0, 2), np.int64)
         shells, more = without_cavities(shells, nested(mesh[0], shells, nobody), where, fill)
@@ -60,7 +65,7 @@ def one_solid(
     pieces, told = one_piece(shells, where)
     mesh = _compact(mesh[0], pieces[0].faces)
     mesh, more = _without_slivers(mesh, size)
-    if told or len(pairs):
+    if len(kept) > 1:
         _check(mesh, size, where)
     return *mesh, done + told + more
 
@@ -138,15 +143,11 @@ def _too_far(where: str, why: str, far: float) -> str:
     )
 
 
-def _united(meshes: list[_Mesh], shells: list[Shell], where: str) -> tuple[_Mesh, list[str]]:
-    """Overlapping shells as one."""
-    solids = [_manifold(m, where) for m in meshes]
-    whole = m3.Manifold.batch_boolean(solids, m3.OpType.Add)
-    overlap = sum(s.volume() for s in solids) - whole.volume()
-    return _arrays(whole), [
-        f"united {len(shells)} shells that overlapped by {overlap:.3g} mm3, one around"
-        f" {place(shells[-1].middle)}"
-    ]
+def _united(meshes: list[_Mesh], where: str) -> _Mesh:
+    """Shells that overlap or have a part of a face in common as one."""
+    if len(meshes) == 1:
+        return meshes[0]
+    return _arrays(m3.Manifold.batch_boolean([_manifold(m, where) for m in meshes], m3.OpType.Add))
 
 
 def _manifold(mesh: _Mesh, where: str) -> Any:
@@ -161,16 +162,6 @@ def _manifold(mesh: _Mesh, where: str) -> Any:
 def _arrays(solid: Any) -> _Mesh:
     mesh = solid.to_mesh64()
     return np.array(mesh.vert_properties, float)[:, :3], np.array(mesh.tri_verts, np.int64)
-
-
-def _together(meshes: list[_Mesh]) -> _Mesh:
-    if len(meshes) == 1:
-        return meshes[0]
-    offsets = np.cumsum([0] + [len(v) for v, _ in meshes[:-1]])
-    return (
-        np.concatenate([v for v, _ in meshes]),
-        np.concatenate([f + o for (_, f), o in zip(meshes, offsets, strict=True)]),
-    )
 
 
 def _without_slivers(mesh: _Mesh, size: float) -> tuple[_Mesh, list[str]]:

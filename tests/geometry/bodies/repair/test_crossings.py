@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.defective_bodies import creature
-from defsense_fab.geometry.bodies.meshes.crossings import crossing_pairs
+from defsense_fab.geometry.bodies.repair.crossings import crossing_pairs
 
 
 def by_vtk(v, f):

@@ -15,7 +15,7 @@ from benchmarks.defective_bodies import (
 )
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.mesh_repair import repair
-from defsense_fab.geometry.bodies.meshes.crossings import crossing_pairs
+from defsense_fab.geometry.bodies.repair.crossings import crossing_pairs
 from tests.conftest import box_surface
 
 DETAIL = {"genus": 4, "overlap": 4}  # faceted so finely that they are their round originals
@@ -136,6 +136,14 @@ def test_boxes_that_overlap_are_united():
     sound(v, f)
     assert volume_of(v, f) == pytest.approx(8600)
     assert done[0].startswith("united 2 shells that overlapped by 600 mm3")
+
+
+def test_a_box_on_a_larger_one_is_one_body():
+    other = shell([10, 10, 6], np.array([20.0, 10, 13]), False)
+    v, f, done = repair(*together((BOX.vertices, BOX.faces), other), "x")
+    sound(v, f)
+    assert volume_of(v, f) == pytest.approx(8600)
+    assert "united 2 shells" in done[0]
 
 
 def test_boxes_that_share_a_wall_are_one():
