@@ -108,6 +108,10 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             f" ({data['mesh']['tets']} tets) keeps signals within {_percent(chosen['reached'])};"
             f" {chosen['asked']:.2%} was asked"
         ])  # fmt: skip
+    if "body" in data["made"]:
+        repairs = data.get("body", {}).get("repairs", [])
+        # STL has no common vertices: to merge them is no repair.
+        say(f"body: {line}" for line in repairs if not line.startswith("merged"))
     if data.get("mesh", {}).get("note"):
         say([f"note: {data['mesh']['note']}"])
     say(f"note: {w}" for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", []))

@@ -199,6 +199,7 @@ def summary(folder: Path) -> dict[str, Any]:
     """The build's numbers as one record, from the files that are there."""
     out: dict[str, Any] = {"build": str(folder)}
     for key, path in (
+        ("body", "body/body.json"),
         ("mesh", "mesh.json"),
         ("simulation", "fields/index.json"),
         ("layout", "layout.json"),
