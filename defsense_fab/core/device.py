@@ -29,7 +29,8 @@ class BaySpec:
 @dataclass(frozen=True)
 class BodySpec:
     """Where the body comes from; `scale` turns a mesh's unit into mm; the connector `bay` that is
-    cut into it; `time_limit` of a script, s."""
+    cut into it; `time_limit` of a script or of reading a file, s; whether cavities are to be
+    filled."""
 
     kind: BodyKind
     path: Path
@@ -37,6 +38,7 @@ class BodySpec:
     scale: float = 1.0
     bay: BaySpec | None = None
     time_limit: float = 600.0
+    fill_cavities: bool = False
 
 
 @dataclass(frozen=True)

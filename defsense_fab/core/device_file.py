@@ -159,12 +159,11 @@ def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
         if isinstance(value, int | float) and not isinstance(value, bool) and not is_number(value):
             t.fail("parameters", f"{name} must be a finite number, not {value!r}")
     scale = t.number("scale", 1.0, low=0) if kind == "mesh" else 1.0
-    limit = BodySpec.time_limit
-    if kind == "script":
-        limit = t.number("time_limit", limit, low=0)
+    limit = t.number("time_limit", BodySpec.time_limit, low=0)
+    fill = t.boolean("fill_cavities", False)
     bay = _bay(t.table("bay")) if t.has("bay") else None
     t.done()
-    return BodySpec(kind, path, parameters, scale, bay, limit)
+    return BodySpec(kind, path, parameters, scale, bay, limit, fill)
 
 
 def _bay(t: Table) -> BaySpec:

@@ -16,6 +16,7 @@ from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
 from .child_process import Failure, finished
 from .connector_bay import recess
+from .foreign_body import read_mesh_body, read_step_body
 from .script_process import RESULT, SOLIDS, TASK
 from .source_files import SourceFile
 
@@ -59,32 +60,20 @@ def load_body(spec: BodySpec) -> Body:
 
 
 def _load(spec: BodySpec) -> Body:
-    sources: tuple[SourceFile, ...] = (SourceFile.now(spec.path),)
-    if spec.kind == "mesh":
-        from .mesh_repair import read_mesh
-
-        surface, repairs = read_mesh(spec.path, spec.scale, SIZES)
-        return Body(surface, surface.volume, None, repairs, sources=sources)
     if spec.kind == "script":
         solids, sources = _run_script(spec)
-    from ..kernels import occ
+        from .cad_solid import cad_solid
 
-    if spec.kind == "step":
-        solids = occ.read_step(spec.path)
-    if len(solids) != 1:
-        raise BodyError(
-            f"{spec.path}: gives {len(solids)} solids, one is needed; fuse them or remove the rest"
-        )
-    size = occ.size(solids[0])
-    if not SIZES[0] <= size <= SIZES[1]:
-        raise BodyError(
-            f"{spec.path}: the body is {size:.3g} mm across; lengths are in mm: check its units"
-        )
-    surface = occ.tessellate(solids[0], TESSELLATION)
-    volume = occ.volume(solids[0])
-    if volume <= 0:
-        raise BodyError(f"{spec.path}: the solid's volume is {volume:.3g} mm^3; turn its faces")
-    return Body(surface, volume, solids[0], sources=sources)
+        made = cad_solid(
+            solids, str(spec.path), SIZES, TESSELLATION, False, spec.fill_cavities
+        )  # fmt: skip
+        return Body(made.surface, made.volume, made.solid, made.repairs, sources=sources)
+    sources = (SourceFile.now(spec.path),)
+    if spec.kind == "mesh":
+        read = read_mesh_body(spec.path, spec.scale, SIZES, spec.fill_cavities, spec.time_limit)
+    else:
+        read = read_step_body(spec.path, SIZES, TESSELLATION, spec.fill_cavities, spec.time_limit)
+    return Body(read.surface, read.volume, read.solid, read.repaired, sources=sources)
 
 
 def _run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:

@@ -1,14 +1,19 @@
-"""A body from a file of which nothing is known: read in a process of its own.
+"""A body from a file, read in a process of its own.
 
-Readers of CAD and mesh files are native code, which a broken file may end or keep for ever.
+Readers of CAD and mesh files are native code, which a broken file may end or keep for ever, and
+which may ask for any amount of memory.
 """
 
 from __future__ import annotations
 
 import json
+import resource
 import sys
+import threading
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,69 +21,147 @@ from ...core.errors import BodyError
 from ...core.files import write_json
 from ...core.mesh import Surface
 from .child_process import Failure, end_with_parent, finished
+from .meshes.file_kind import kind_of_file
 
-_TASK, _SURFACE, _RESULT = "task.json", "surface.npz", "result.json"
+_TASK, _SURFACE, _RESULT, _SOLID = "task.json", "surface.npz", "result.json", "solid.brep"
 _TESSELLATION = 1e-3  # of the body's size
+_ANY_SIZE = (1e-6, 1e9)
+#: Of the process that reads, bytes: what a file asks for beyond it is refused.
+MOST_MEMORY = 8 * 2**30
 
 
 @dataclass(frozen=True)
-class ForeignBody:
-    """The `surface` in the file's unit; whether the file tells its unit (`in_mm`); what was
-    `repaired`."""
+class FileBody:
+    """The body of a file: its `surface`, the enclosed `volume` (exact of STEP), its `solid` where
+    that was asked for and it is CAD; whether the file tells its unit (`in_mm`), else both are in
+    the file's; what was `repaired`."""
 
     surface: Surface
+    volume: float
     in_mm: bool
     repaired: tuple[str, ...]
+    solid: Any = None
 
 
-def read_foreign(path: Path, limit: float = 120.0) -> ForeignBody:
-    """The body in a STEP or mesh file. Raises BodyError where it is not one closed solid, and where
-    reading takes more than `limit` s."""
+def read_foreign(path: Path, limit: float = 120.0) -> FileBody:
+    """The body in a STEP or mesh file of which nothing is known, in its unit, with its cavities
+    filled. Raises BodyError where it is not one closed solid, and where reading takes more than
+    `limit` s; it names the file without its folder."""
+    task = {
+        "step": path.suffix.lower() in (".step", ".stp"), "scale": 1.0, "sizes": _ANY_SIZE,
+        "tolerance": _TESSELLATION, "relative": True, "fill_cavities": True,
+    }  # fmt: skip
+    return _read(path, path.name, task, limit, False, "simplify the body: the file is too large or"
+                 " too complicated")  # fmt: skip
+
+
+def read_step_body(
+    path: Path, sizes: tuple[float, float], tolerance: float, fill_cavities: bool, limit: float
+) -> FileBody:
+    """The solid of a STEP file, with facets no further than `tolerance` mm from it. Raises
+    BodyError as `cad_solid` does, and where reading takes more than `limit` s."""
+    kind = _kind(path)
+    if kind not in (".step", None):
+        raise BodyError(
+            f'{path}: is no STEP file but {kind[1:].upper()}; write mesh = "{path.name}" under'
+            " [body]"
+        )
+    task = {
+        "step": True, "sizes": sizes, "tolerance": tolerance, "relative": False,
+        "fill_cavities": fill_cavities,
+    }  # fmt: skip
+    # Both processes need the CAD kernel, which takes seconds to load: this one meanwhile.
+    loading = threading.Thread(target=import_module, args=("..kernels.brep", __package__))
+    loading.start()
+    try:
+        return _read(path, str(path), task, limit, True)
+    finally:
+        loading.join()
+
+
+def read_mesh_body(
+    path: Path, scale: float, sizes: tuple[float, float], fill_cavities: bool, limit: float
+) -> FileBody:
+    """The surface in a file of a mesh times `scale`, repaired. Raises BodyError as `read_mesh`
+    does, and where reading takes more than `limit` s."""
+    task = {"step": False, "scale": scale, "sizes": sizes, "fill_cavities": fill_cavities}
+    return _read(path, str(path), task, limit, False)
+
+
+def _kind(path: Path) -> str | None:
+    try:
+        return kind_of_file(path.read_bytes())
+    except OSError as error:
+        raise BodyError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _read(
+    path: Path,
+    shown: str,
+    task: dict[str, Any],
+    limit: float,
+    solid: bool,
+    slow: str = "simplify the body, or raise [body] time_limit in device.toml",
+) -> FileBody:
     failure = Failure(
         BodyError,
-        f"{path.name}: reading it",
+        f"{shown}: reading it",
         "write the file again from the program that made it",
-        "simplify the body: the file is too large or too complicated",
+        slow,
     )
 
     def give(folder: Path) -> None:
-        write_json(folder / _TASK, {"path": str(path.absolute())})
+        write_json(folder / _TASK, task | {"path": str(path.absolute()), "solid": solid})
 
     with finished(__name__, give, _RESULT, limit, failure) as folder:
         made = json.loads((folder / _RESULT).read_text(encoding="utf-8"))
         if "refused" in made:
-            raise BodyError(made["refused"])
+            raise BodyError(made["refused"].replace(str(path.absolute()), shown))
         with np.load(folder / _SURFACE) as data:
             surface = Surface(data["vertices"], data["faces"])
-    return ForeignBody(surface, made["in_mm"], tuple(made["repaired"]))
+        body = None
+        if solid:
+            from ..kernels import brep
+
+            body = brep.read_brep(folder / _SOLID)[0]
+    return FileBody(surface, made["volume"], made["in_mm"], tuple(made["repaired"]), body)
 
 
 def _main(folder: Path) -> None:
     end_with_parent()
-    path = Path(json.loads((folder / _TASK).read_text(encoding="utf-8"))["path"])
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    task = json.loads((folder / _TASK).read_text(encoding="utf-8"))
+    path = Path(task["path"])
     try:
-        surface, repaired = _read(path)
+        result = _made(path, task, folder)
     except BodyError as error:
-        write_json(folder / _RESULT, {"refused": str(error).replace(str(path), path.name)})
-        return
+        result = {"refused": str(error)}
+    except MemoryError:
+        result = {"refused": f"{path}: reading it takes more than {MOST_MEMORY / 2**30:.0f} GB of"
+                             " memory; simplify the body"}  # fmt: skip
+    write_json(folder / _RESULT, result)
+
+
+def _made(path: Path, task: dict[str, Any], folder: Path) -> dict[str, Any]:
+    sizes = (task["sizes"][0], task["sizes"][1])
+    if not task["step"]:
+        from .mesh_repair import read_mesh, tells_unit
+
+        surface, repaired = read_mesh(path, task["scale"], sizes, task["fill_cavities"])
+        volume, in_mm = surface.volume, tells_unit(path)
+    else:
+        from ..kernels import brep, occ
+        from .cad_solid import cad_solid
+
+        cad = cad_solid(
+            occ.read_step(path), str(path), sizes, task["tolerance"], task["relative"],
+            task["fill_cavities"],
+        )  # fmt: skip
+        surface, volume, repaired, in_mm = cad.surface, cad.volume, cad.repairs, True
+        if task["solid"]:
+            brep.write_brep([cad.solid], folder / _SOLID)
     np.savez(folder / _SURFACE, vertices=surface.vertices, faces=surface.faces)
-    in_mm = path.suffix.lower() in (".step", ".3mf")
-    write_json(folder / _RESULT, {"in_mm": in_mm, "repaired": list(repaired)})
-
-
-def _read(path: Path) -> tuple[Surface, tuple[str, ...]]:
-    if path.suffix.lower() != ".step":
-        from .mesh_repair import read_mesh
-
-        return read_mesh(path, 1.0, (1e-6, 1e9))
-    from ..kernels import occ
-
-    solids = occ.read_step(path)
-    if len(solids) != 1:
-        raise BodyError(
-            f"{path}: gives {len(solids)} solids, one is needed; fuse them or remove the rest"
-        )
-    return occ.tessellate(solids[0], _TESSELLATION * occ.size(solids[0])), ()
+    return {"volume": volume, "repaired": list(repaired), "in_mm": in_mm}
 
 
 if __name__ == "__main__":

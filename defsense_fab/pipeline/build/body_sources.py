@@ -14,7 +14,10 @@ from ..artifacts.session_manifest import FILE, OLD_FILE
 
 _FILE = "body/sources.json"
 #: CAD kernels open these unseen: all that lie with a script are taken for read.
-_CAD = {".step", ".stp", ".brep", ".stl", ".obj", ".ply", ".3mf", ".dxf", ".svg"}
+_CAD = {
+    ".step", ".stp", ".brep", ".stl", ".obj", ".ply", ".off", ".3mf", ".glb", ".gltf", ".msh",
+    ".vtu", ".mesh", ".dxf", ".svg",
+}  # fmt: skip
 #: Of files that a body is made from.
 SUFFIXES = {".py", *_CAD}
 _BUILDS = ("build", ".build-next", ".build-old")

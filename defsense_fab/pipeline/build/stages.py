@@ -62,6 +62,7 @@ def _body_inputs(d: Device) -> Any:
         sorted(d.body.parameters.items()),
         d.body.scale,
         plain(d.body.bay),
+        *(["cavities filled"] if d.body.fill_cavities else []),
     )
 
 

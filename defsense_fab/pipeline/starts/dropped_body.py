@@ -16,8 +16,9 @@ from ...core.errors import BodyError
 from ...core.files import free_path
 from ...core.mesh import Surface
 from ...geometry.bodies.body import SIZES
-from ...geometry.bodies.file_kind import kind_of_file
 from ...geometry.bodies.foreign_body import read_foreign
+from ...geometry.bodies.meshes.file_kind import kind_of_file
+from ...geometry.bodies.meshes.mesh_files import KINDS
 from .starting_devices import put_device
 
 #: Units of meshes, and mm in each; those that programs write more often first.
@@ -59,8 +60,8 @@ def look_at_file(name: str, content: bytes) -> DroppedBody:
     shown = safe_name(name)
     if suffix is None:
         raise BodyError(
-            f"{shown}: is neither STEP nor a mesh (STL, OBJ, PLY, 3MF) by what is in it; export"
-            " the body as one of these"
+            f"{shown}: is neither STEP nor a mesh by what is in it; export the body as STEP,"
+            f" {KINDS}"
         )
     with tempfile.TemporaryDirectory(prefix="defsense-") as folder:
         path = Path(folder) / f"{shown}{suffix}"
@@ -103,11 +104,13 @@ def device_text(
     """device.toml as a person would begin it: the body held at one end of its longest axis, moved
     at the other; no poses and cords yet."""
     step = dropped.suffix == ".step"
+    filled = any(line.startswith("filled ") for line in dropped.repaired)
     scale = UNITS[unit]
     lines = [
         "schema = 1", f"name = {_quoted(name)}", "",
         "[body]", f"{'step' if step else 'mesh'} = {_quoted(file)}",
-        *([f"scale = {scale:g}  # of the unit of the file: {unit}"] if scale != 1 else []), "",
+        *([f"scale = {scale:g}  # of the unit of the file: {unit}"] if scale != 1 else []),
+        *(["fill_cavities = true  # what is closed cannot be made"] if filled else []), "",
         "[material]", f"name = {_quoted(material)}", "",
         "[mesh]", f"edge_length = {_short(edge_length):g}", "",
         *_regions(scale * dropped.surface.vertices, edge_length), "",

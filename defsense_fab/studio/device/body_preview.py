@@ -23,7 +23,8 @@ def body_of(device: Device) -> tuple[object, ...]:
     """What the body is made from: another one is another body."""
     spec = device.body
     bay = None if spec.bay is None else (tuple(spec.bay.at), spec.bay.size)
-    return (spec.kind, spec.path, tuple(sorted(spec.parameters.items())), spec.scale, bay)
+    parameters = tuple(sorted(spec.parameters.items()))
+    return (spec.kind, spec.path, parameters, spec.scale, bay, spec.fill_cavities)
 
 
 class BodyPreview:

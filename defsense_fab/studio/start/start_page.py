@@ -11,6 +11,7 @@ from typing import Any
 
 from ...core.device_file import load_device
 from ...core.errors import DefsenseError
+from ...geometry.bodies.meshes.mesh_files import KINDS
 from ...pipeline.starts.dropped_body import look_at_file, safe_name
 from ...pipeline.starts.starting_devices import STARTS, StartingDevice, begin_with
 from ...runtime.view.upload_limit import MOST
@@ -22,7 +23,7 @@ _PICTURE = (
     '<img alt="{title}" src="data:image/png;base64,{data}" style="display: block; width: 70%;'
     ' margin: 0.6em auto 0.3em; border-radius: 4px">'
 )
-_UPLOAD = f"Your own body (STEP, STL, OBJ, PLY, 3MF; up to {MOST // 2**20} MB)"
+_UPLOAD = f"Your own body (STEP or a mesh: {KINDS}; up to {MOST // 2**20} MB)"
 
 
 class StartPage:

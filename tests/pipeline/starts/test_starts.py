@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from fnmatch import fnmatch
 
 import numpy as np
@@ -95,6 +96,14 @@ def test_a_dropped_step_has_its_own_unit(tmp_path):
     begin_from(dropped(suffix=".step"), tmp_path, "grip", "mm", "tango-plus", 6.0)
     spec = load_device(tmp_path, complete=False).body
     assert (spec.kind, spec.path.name) == ("step", "my-bar.step")
+
+
+def test_a_dropped_body_whose_cavity_is_filled_says_so_in_its_device(tmp_path):
+    filled = replace(dropped(), repaired=("filled a closed cavity of 120 mm3 around (1, 2, 3)",))
+    begin_from(filled, tmp_path / "a", "grip", "mm", "tango-plus", 6.0)
+    assert load_device(tmp_path / "a", complete=False).body.fill_cavities
+    begin_from(dropped(), tmp_path / "b", "grip", "mm", "tango-plus", 6.0)
+    assert not load_device(tmp_path / "b", complete=False).body.fill_cavities
 
 
 def test_what_is_no_device_is_not_written(tmp_path):

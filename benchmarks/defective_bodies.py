@@ -1,0 +1,312 @@
+"""Organic bodies with the defects that meshes come with, each beside the body that was meant.
+
+`python -m benchmarks.defective_bodies [--detail 4]` repairs each and measures the result against
+what was meant, by other means than the repair's own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Defective:
+    """A body of about 100 mm: its triangles as they came, and the volume (mm3) and the surface that
+    was meant, of which `None` where only the volume is known."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    volume: float
+    meant: tuple[np.ndarray, np.ndarray] | None = None
+
+
+def _sphere(detail: int) -> tuple[np.ndarray, np.ndarray]:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=detail, radius=1.0)
+    return np.array(ball.vertices, float), np.array(ball.faces, np.int64)
+
+
+def creature(detail: int) -> tuple[np.ndarray, np.ndarray]:
+    """A head with two ears and a nose, from a sphere."""
+    v, f = _sphere(detail)
+    out = np.ones(len(v))
+    for way, height, width in (((0.6, 0, 0.8), 0.7, 0.35), ((-0.6, 0, 0.8), 0.7, 0.35),
+                               ((0, 1, 0), 0.4, 0.3), ((0, -0.2, -1), 0.3, 0.6)):  # fmt: skip
+        d = np.asarray(way) / np.linalg.norm(way)
+        out += height * np.exp(-(((v - d) ** 2).sum(1)) / width**2)
+    out += 0.03 * np.sin(9 * v[:, 0]) * np.sin(8 * v[:, 1]) * np.sin(7 * v[:, 2])
+    return 35 * v * out[:, None], f
+
+
+def volume_of(v: np.ndarray, f: np.ndarray) -> float:
+    a, b, c = (v[f[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def _ring(f: np.ndarray, vertex: int, times: int = 1) -> np.ndarray:
+    """The triangles around a vertex."""
+    own = np.array([vertex])
+    for _ in range(times):
+        own = np.unique(f[np.isin(f, own).any(1)])
+    return np.nonzero(np.isin(f, own).all(1))[0]
+
+
+def crossings(detail: int, seed: int) -> Defective:
+    """Single vertices dragged sideways, over the triangles beside them."""
+    v, f = creature(detail)
+    clean, rng = v.copy(), np.random.default_rng(seed)
+    for k in rng.choice(len(v), 3, replace=False):
+        ring = np.setdiff1d(f[_ring(f, k)], [k])
+        other = clean[rng.choice(ring)]
+        v[k] = clean[k] + 1.8 * (other - clean[k])
+    return Defective(v, f, volume_of(clean, f), (clean, f))
+
+
+def folds(detail: int, seed: int) -> Defective:
+    """Neighbours that changed places."""
+    v, f = creature(detail)
+    clean, rng = v.copy(), np.random.default_rng(seed)
+    for row in f[rng.choice(len(f), 5, replace=False)]:
+        v[row[:2]] = v[row[1::-1]]
+    return Defective(v, f, volume_of(clean, f), (clean, f))
+
+
+def open_edges(detail: int, seed: int) -> Defective:
+    """Missing triangles and patches, two holes that meet, edges with a vertex on one side only,
+    turned triangles, no common vertices."""
+    v, f = creature(detail)
+    clean, rng = (v.copy(), f.copy()), np.random.default_rng(seed)
+    keep = np.ones(len(f), bool)
+    for k in rng.choice(len(v), 4, replace=False):
+        keep[np.isin(f, k).any(1)] = False
+    corner = _ring(f, int(rng.integers(len(v))))
+    keep[corner[[0, len(corner) // 2]]] = False
+    f = f[keep]
+    split = f[rng.choice(len(f), 6, replace=False)]
+    middle = (v[split[:, 0]] + v[split[:, 1]]) / 2
+    new = len(v) + np.arange(6)
+    rest = f[~(f[:, None] == split[None]).all(2).any(1)]
+    f = np.concatenate([rest, np.stack([split[:, 0], new, split[:, 2]], 1),
+                        np.stack([new, split[:, 1], split[:, 2]], 1)])  # fmt: skip
+    v = np.concatenate([v, middle])
+    turn = rng.random(len(f)) < 0.3
+    f[turn] = f[turn][:, ::-1]
+    return Defective(v[f].reshape(-1, 3), np.arange(3 * len(f)).reshape(-1, 3),
+                     volume_of(*clean), clean)  # fmt: skip
+
+
+def slivers(detail: int, seed: int) -> Defective:
+    """Needles and caps: triangles of no height, some doubled, some with a corner twice."""
+    v, f = creature(detail)
+    clean, rng = (v.copy(), f.copy()), np.random.default_rng(seed)
+    chosen = f[rng.choice(len(f), 20, replace=False)]
+    new, rows = [], []
+    for k, (a, b, c) in enumerate(chosen):  # a vertex all but on the edge a, b
+        new.append(v[a] + 0.4 * (v[b] - v[a]) + 1e-7 * (v[c] - v[a]))
+        n = len(v) + k
+        rows += [(a, b, n), (b, c, n), (c, a, n)]
+    rest = f[~(f[:, None] == chosen[None]).all(2).any(1)]
+    f = np.concatenate([rest, np.array(rows), rest[:9], rest[:3][:, [0, 0, 1]]])
+    return Defective(np.concatenate([v, new]), f, volume_of(*clean), clean)
+
+
+def _torus(big: float, small: float, detail: int) -> tuple[np.ndarray, np.ndarray]:
+    import trimesh
+
+    n = 6 * 2**detail // 4
+    ring = trimesh.creation.torus(big, small, major_sections=2 * n, minor_sections=n)
+    return np.array(ring.vertices, float), np.array(ring.faces, np.int64)
+
+
+def genus(detail: int, seed: int) -> Defective:
+    """Four rings and a ball that overlap, as shells of their own."""
+    rng = np.random.default_rng(seed)
+    ball, f = _sphere(detail)
+    meshes = [(30 * ball, f)]
+    solids: list[Callable[[np.ndarray], np.ndarray]] = [lambda p: (p**2).sum(1) < 900]
+    for k in range(4):
+        angle = k * np.pi / 2 + 0.1 * rng.random()
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0],
+                         [0, 0, 1.0]])  # fmt: skip
+        v, g = _torus(14, 5, detail)
+        meshes.append(((v + np.array([36.0, 0, 0])) @ turn.T, g))
+
+        def ring(p: np.ndarray, turn: np.ndarray = turn) -> np.ndarray:
+            q = p @ turn - np.array([36.0, 0, 0])
+            return (np.hypot(q[:, 0], q[:, 1]) - 14) ** 2 + q[:, 2] ** 2 < 25
+
+        solids.append(ring)
+    n = 140
+    wide, high = np.linspace(-56, 56, n), np.linspace(-31, 31, n)
+    grid = np.stack(np.meshgrid(wide, wide, high, indexing="ij"), -1).reshape(-1, 3)
+    cell = (112 / (n - 1)) ** 2 * (62 / (n - 1))
+    volume = sum(
+        np.any([s(part) for s in solids], axis=0).sum() for part in np.array_split(grid, 40)
+    )
+    return Defective(*_joined(meshes), float(volume * cell))
+
+
+def inner_shells(detail: int, seed: int) -> Defective:
+    """A cavity, a solid within the solid, and crumbs."""
+    v, f = creature(detail)
+    rng = np.random.default_rng(seed)
+    ball, g = _sphere(2)
+    meshes = [(v, f), (6 * ball + [8, 0, 0], g[:, ::-1]), (4 * ball - [9, 0, 0], g)]
+    meshes += [(0.5 * ball + 45 + 30 * rng.random(3), g) for _ in range(3)]
+    return Defective(*_joined(meshes), volume_of(v, f), (v, f))
+
+
+def non_manifold(detail: int, seed: int) -> Defective:
+    """Fins, an inner wall, a corner that two sheets have, and an edge with four triangles."""
+    v, f = creature(detail)
+    clean, rng = (v.copy(), f.copy()), np.random.default_rng(seed)
+    tips, rows = [], []
+    for k, (a, b, _c) in enumerate(f[rng.choice(len(f), 4, replace=False)]):
+        tips.append(1.2 * (v[a] + v[b]) / 2)
+        rows.append((a, b, len(v) + k))
+    v = np.concatenate([v, tips])
+    f = np.concatenate([f, rows])
+    # A small pyramid on two triangles' common edge, and one on a corner.
+    centers = np.argsort(-clean[0][:, 2])[[len(clean[0]) // 2, len(clean[0]) // 3]]
+    a, b = centers[0], np.setdiff1d(clean[1][_ring(clean[1], centers[0])], centers[0])[0]
+    out = (v[a] + v[b]) / 2
+    out = out / np.linalg.norm(out)
+    side = np.cross(v[b] - v[a], out)
+    side = 1.5 * side / np.linalg.norm(side)
+    n = len(v)
+    middle = (v[a] + v[b]) / 2
+    v = np.concatenate([v, [middle + 2 * out + side, middle + 2 * out - side]])
+    tent = np.array([(a, b, n), (b, a, n + 1), (a, n, n + 1), (b, n + 1, n)])
+    f = np.concatenate([f, tent])
+    return Defective(v, f, volume_of(*clean), clean)
+
+
+def overlap(detail: int, seed: int) -> Defective:
+    """One tube bent so far that its ends go through each other."""
+    rng = np.random.default_rng(seed)
+    v, f = _sphere(detail)
+    v = v * np.array([8, 8, 70.0])
+    angle = v[:, 2] / 20 + 0.01 * rng.random()
+    radius = 20 + v[:, 0]
+    bent = np.stack([radius * np.cos(angle), v[:, 1], radius * np.sin(angle)], axis=1)
+    n = 140
+    low, high = bent.min(0) - 1, bent.max(0) + 1
+    axes = [np.linspace(low[i], high[i], n) for i in range(3)]
+    x, y, z = (g.ravel() for g in np.meshgrid(*axes, indexing="ij"))
+    r, turn = np.hypot(x, z), np.arctan2(z, x)
+    inside = np.zeros(len(x), bool)
+    for k in (-1, 0, 1):
+        along = 20 * (turn + 2 * np.pi * k)
+        inside |= ((r - 20) / 8) ** 2 + (y / 8) ** 2 + (along / 70) ** 2 < 1
+    cell = np.prod((high - low) / (n - 1))
+    return Defective(bent, f, float(inside.sum() * cell))
+
+
+def everything(detail: int, seed: int) -> Defective:
+    """Crossings, holes, slivers, crumbs at once, as a soup."""
+    v, f = creature(detail)
+    clean, rng = (v.copy(), f.copy()), np.random.default_rng(seed)
+    for row in f[rng.choice(len(f), 3, replace=False)]:
+        v[row[:2]] = v[row[1::-1]]
+    keep = rng.random(len(f)) > 0.002
+    ball, g = _sphere(1)
+    v, f = _joined([(v, f[keep]), (0.8 * ball + [60, 0, 0], g)])
+    return Defective(v[f].reshape(-1, 3), np.arange(3 * len(f)).reshape(-1, 3),
+                     volume_of(*clean), clean)  # fmt: skip
+
+
+BODIES: dict[str, Callable[[int, int], Defective]] = {
+    "crossings": crossings, "folds": folds, "open edges": open_edges, "slivers": slivers,
+    "genus": genus, "inner shells": inner_shells, "non-manifold": non_manifold,
+    "overlap": overlap, "everything": everything,
+}  # fmt: skip
+
+
+def _joined(meshes: list) -> tuple[np.ndarray, np.ndarray]:
+    offsets = np.cumsum([0] + [len(v) for v, _ in meshes[:-1]])
+    return (
+        np.concatenate([v for v, _ in meshes]),
+        np.concatenate([f + o for (_, f), o in zip(meshes, offsets, strict=True)]),
+    )
+
+
+def exact_winding(v: np.ndarray, f: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Winding numbers by solid angles (Van Oosterom & Strackee 1983), one by one."""
+    out = np.zeros(len(points))
+    for i, p in enumerate(points):
+        a, b, c = (v[f[:, k]] - p for k in range(3))
+        la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+        top = np.einsum("ij,ij->i", a, np.cross(b, c))
+        low = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+        out[i] = np.arctan2(top, low).sum() / (2 * np.pi)
+    return out
+
+
+def sampled_distance(a: tuple, b: tuple, count: int = 20000) -> float:
+    """The largest distance of points spread over `a` from the triangles `b`, by VTK."""
+    import trimesh
+    import vtk
+    from vtk.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+
+    points = trimesh.sample.sample_surface(trimesh.Trimesh(*a, process=False), count, seed=1)[0]
+    points = np.concatenate([points, a[0][np.unique(a[1])]])
+    other = vtk.vtkPolyData()
+    corners, cells = vtk.vtkPoints(), vtk.vtkCellArray()
+    corners.SetData(numpy_to_vtk(np.ascontiguousarray(b[0], float), deep=True))
+    rows = np.column_stack([np.full(len(b[1]), 3), b[1]]).astype(np.int64)
+    cells.ImportLegacyFormat(numpy_to_vtkIdTypeArray(rows.ravel(), deep=True))
+    other.SetPoints(corners)
+    other.SetPolys(cells)
+    distance = vtk.vtkImplicitPolyDataDistance()
+    distance.SetInput(other)
+    found = vtk.vtkDoubleArray()
+    distance.FunctionValue(numpy_to_vtk(points, deep=True), found)
+    return float(np.abs(vtk_to_numpy(found)).max())
+
+
+def main() -> None:
+    from defsense_fab.geometry.bodies.mesh_repair import repair
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--detail", type=int, default=4)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only")
+    options = parser.parse_args()
+    for name, make in BODIES.items():
+        if options.only and name != options.only:
+            continue
+        body = make(options.detail, options.seed)
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_utime
+        try:
+            v, f, done = repair(body.vertices, body.faces, name, fill_cavities=True)
+        except Exception as error:
+            print(f"{name}: {len(body.faces)} triangles: REFUSED {type(error).__name__}: {error}")
+            continue
+        seconds = resource.getrusage(resource.RUSAGE_SELF).ru_utime - before
+        edges = np.unique(np.sort(f[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0,
+                          return_counts=True)[1]  # fmt: skip
+        rng = np.random.default_rng(0)
+        points = rng.uniform(v.min(0), v.max(0), (200, 3))
+        winding = exact_winding(v, f, points)
+        off = np.abs(winding - np.round(winding)).max()
+        whole = sorted({int(w) for w in np.round(winding)})
+        print(f"{name}: {len(body.faces)} -> {len(f)} triangles, {seconds:.1f} CPU s, closed"
+              f" {bool((edges == 2).all())}, winding numbers {whole} within {off:.1g}, volume"
+              f" {100 * (volume_of(v, f) / body.volume - 1):+.3f} %, from what came"
+              f" {sampled_distance((v, f), (body.vertices, body.faces)):.3g} mm")  # fmt: skip
+        if body.meant is not None:
+            print(f"    from what was meant {sampled_distance((v, f), body.meant):.3g} mm, back"
+                  f" {sampled_distance(body.meant, (v, f)):.3g} mm")  # fmt: skip
+        for line in done:
+            print("   ", line)
+    print(f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:.0f} MB")
+
+
+if __name__ == "__main__":
+    main()

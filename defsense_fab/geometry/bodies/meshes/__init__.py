@@ -1,0 +1,1 @@
+"""Files of triangles and tetrahedra: told apart, and read."""

@@ -1,0 +1,127 @@
+"""Files of meshes: every kind, its unit, and what names other files, claims too much, or lies."""
+
+import json
+import struct
+
+import meshio
+import numpy as np
+import pytest
+
+from defsense_fab.core.device import BodySpec
+from defsense_fab.core.errors import BodyError
+from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.geometry.bodies.mesh_repair import read_mesh
+from defsense_fab.geometry.bodies.meshes.file_kind import kind_of_file
+from tests.conftest import box_surface
+
+BOX = box_surface([0, 0, 0], [40, 20, 10])
+SIZES = (1.0, 1e4)
+
+
+def off(surface, head="OFF"):
+    rows = [head, f"{len(surface.vertices)} {len(surface.faces)} 0"]
+    rows += ["{} {} {}".format(*v) for v in surface.vertices]
+    rows += ["3 {} {} {}".format(*f) for f in surface.faces]
+    return "\n".join(rows).encode()
+
+
+def gltf(surface, uri=None):
+    """The tree and the buffer of a scene of one mesh in m with y upwards."""
+    x, y, z = 1e-3 * surface.vertices.T
+    points = np.stack([x, z, -y], axis=1).astype("<f4")
+    indices = surface.faces.astype("<u4").tobytes()
+    data = points.tobytes() + indices
+    tree = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3",
+             "min": points.min(0).tolist(), "max": points.max(0).tolist()},
+            {"bufferView": 1, "componentType": 5125, "count": 3 * len(surface.faces),
+             "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteLength": points.nbytes},
+                        {"buffer": 0, "byteOffset": points.nbytes, "byteLength": len(indices)}],
+        "buffers": [{"byteLength": len(data)} | ({"uri": uri} if uri else {})],
+    }  # fmt: skip
+    return json.dumps(tree).encode(), data
+
+
+def glb(surface):
+    tree, data = gltf(surface)
+    tree += b" " * (-len(tree) % 4)
+    chunks = struct.pack("<I4s", len(tree), b"JSON") + tree
+    chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def test_off_is_read_whatever_its_name(tmp_path):
+    path = tmp_path / "box.obj"
+    path.write_bytes(b"# by hand\n" + off(BOX))
+    assert kind_of_file(path.read_bytes()) == ".off"
+    surface, told = read_mesh(path, 2.0, SIZES)
+    assert surface.volume == pytest.approx(8 * 8000)
+    assert told == ("read as OFF, which the file is in spite of its name",)
+
+
+def test_glb_comes_in_mm_with_z_upwards(tmp_path):
+    path = tmp_path / "box.glb"
+    path.write_bytes(glb(BOX))
+    surface, told = read_mesh(path, 1.0, SIZES)
+    assert surface.bounds == pytest.approx(BOX.bounds, abs=1e-5)
+    assert surface.volume == pytest.approx(8000)
+    assert told[0].startswith("took metres with y upwards")
+    assert read_mesh(path, 2.0, SIZES)[0].volume == pytest.approx(8 * 8000)
+
+
+def test_gltf_that_names_other_files_is_told_so(tmp_path):
+    path = tmp_path / "box.gltf"
+    path.write_bytes(gltf(BOX, "/dev/zero")[0])
+    with pytest.raises(BodyError, match="names another file, '/dev/zero', which is not read"):
+        read_mesh(path, 1.0, SIZES)
+
+
+@pytest.mark.parametrize("kind", ["msh", "vtu", "mesh"])
+def test_of_tetrahedra_the_boundary_is_taken(kind, tmp_path):
+    """Of two that share a face, one turned inside out."""
+    points = np.array([[0, 0, 0], [30, 0, 0], [0, 30, 0], [0, 0, 30], [30, 30, 30]], float)
+    tets = np.array([[0, 1, 2, 3], [4, 1, 2, 3]])
+    path = tmp_path / f"a.{kind}"
+    formats = {"msh": "gmsh", "vtu": "vtu", "mesh": "medit"}
+    meshio.write(path, meshio.Mesh(points, [("tetra", tets)]), formats[kind])
+    assert kind_of_file(path.read_bytes()) == f".{kind}"
+    surface, _ = read_mesh(path, 1.0, SIZES)
+    assert len(surface.faces) == 6
+    assert surface.volume == pytest.approx(4500 + 9000)
+
+
+def test_a_damaged_vtu_does_not_end_the_program(tmp_path):
+    """Its reader calls sys.exit."""
+    path = tmp_path / "a.vtu"
+    path.write_text('<VTKFile type="UnstructuredGrid"><UnstructuredGrid/></VTKFile>')
+    with pytest.raises(BodyError, match="cannot be read as VTU"):
+        read_mesh(path, 1.0, SIZES)
+
+
+@pytest.mark.parametrize("what", ["stl", "ply", "off"])
+def test_billions_of_triangles_that_are_not_there_are_refused(what, tmp_path):
+    path = tmp_path / f"a.{what}"
+    content = {
+        "stl": b"\0" * 80 + struct.pack("<I", 2**32 - 1) + b"\0" * 500,
+        "ply": b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\n"
+        b"property float x\nproperty float y\nproperty float z\nelement face 4000000000\n"
+        b"property list uchar int vertex_indices\nend_header\n" + b"\0" * 100,
+        "off": b"OFF\n4000000000 4000000000 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+    }[what]
+    path.write_bytes(content)
+    with pytest.raises(BodyError, match=rf"a\.{what}: "):
+        read_mesh(path, 1.0, SIZES)
+
+
+def test_step_and_mesh_are_told_apart(tmp_path):
+    (tmp_path / "a.stl").write_bytes(b"ISO-10303-21;\nHEADER;\nENDSEC;\n")
+    with pytest.raises(BodyError, match=r'is a STEP file; write step = "a\.stl"'):
+        read_mesh(tmp_path / "a.stl", 1.0, SIZES)
+    (tmp_path / "a.step").write_bytes(off(BOX))
+    with pytest.raises(BodyError, match=r'is no STEP file but OFF; write mesh = "a\.step"'):
+        load_body(BodySpec("step", tmp_path / "a.step"))

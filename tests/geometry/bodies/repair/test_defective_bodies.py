@@ -1,0 +1,185 @@
+"""Organic bodies with defects: repaired to what was meant, measured by other means."""
+
+import re
+
+import numpy as np
+import pytest
+
+from benchmarks.defective_bodies import (
+    BODIES,
+    Defective,
+    creature,
+    exact_winding,
+    sampled_distance,
+    volume_of,
+)
+from defsense_fab.core.errors import BodyError
+from defsense_fab.geometry.bodies.mesh_repair import repair
+from defsense_fab.geometry.bodies.repair.crossings import crossing_pairs
+from tests.conftest import box_surface
+
+DETAIL = {"genus": 4, "overlap": 4}  # faceted so finely that they are their round originals
+BOX = box_surface([0, 0, 0], [40, 20, 10])
+
+
+def sound(v, f):
+    """Closed and turned outward, every corner of one sheet, nothing crossed, winding numbers 0
+    and 1."""
+    directed = f[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    edges, count = np.unique(directed, axis=0, return_counts=True)
+    assert (count == 1).all()
+    assert (np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)[1] == 2).all()
+    assert not len(crossing_pairs(v, f))
+    points = np.random.default_rng(0).uniform(v.min(0) - 2, v.max(0) + 2, (60, 3))
+    winding = exact_winding(v, f, points)
+    assert np.abs(winding - np.round(winding)).max() < 1e-6
+    assert set(np.round(winding)) == {0, 1}
+
+
+def told_move(done):
+    """The largest of the distances that were told."""
+    return max(
+        float(x) for line in done for x in re.findall(r"moved (?:at most )?([\d.e-]+) mm", line)
+    )
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow) if n in ("folds", "overlap", "genus") else n
+     for n in BODIES if n not in ("crossings", "everything")],
+)  # fmt: skip
+def test_defects_are_repaired(name):
+    body = BODIES[name](DETAIL.get(name, 3), 2)
+    v, f, done = repair(body.vertices, body.faces, name, fill_cavities=True)
+    sound(v, f)
+    assert volume_of(v, f) == pytest.approx(body.volume, rel=0.01)
+    assert done
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_crossings_move_the_surface_no_further_than_is_told(seed):
+    body = BODIES["crossings"](3, seed)
+    v, f, done = repair(body.vertices, body.faces, "x")
+    sound(v, f)
+    assert volume_of(v, f) == pytest.approx(body.volume, rel=0.01)
+    told = told_move(done)
+    assert sampled_distance((v, f), (body.vertices, body.faces), 5000) <= 1.05 * told
+    assert told < 0.01 * np.linalg.norm(np.ptp(v, axis=0))
+    place = re.search(r"in \d places?: \((.*?)\)", " ".join(done))[1]
+    at = np.array([float(x) for x in place.split(",")])
+    assert np.linalg.norm(body.vertices - at, axis=1).min() < 10
+
+
+@pytest.mark.slow
+def test_everything_at_once():
+    body = BODIES["everything"](3, 0)
+    v, f, _ = repair(body.vertices, body.faces, "x")
+    sound(v, f)
+    assert volume_of(v, f) == pytest.approx(body.volume, rel=0.01)
+
+
+def test_a_missing_triangle_is_told_as_a_hole_with_its_place():
+    v, f, done = repair(BOX.vertices, BOX.faces[1:], "box")
+    sound(v, f)
+    assert volume_of(v, f) == pytest.approx(8000)
+    assert len(done) == 1
+    assert re.match(r"closed 1 hole, \d+(\.\d+)? mm wide with 3 edges, near \(", done[0])
+
+
+def shell(size, at, inward):
+    half = np.array(size) / 2
+    box = box_surface(at - half, at + half)
+    return box.vertices, box.faces[:, ::-1] if inward else box.faces
+
+
+def together(*meshes):
+    offsets = np.cumsum([0] + [len(v) for v, _ in meshes[:-1]])
+    faces = [f + o for (_, f), o in zip(meshes, offsets, strict=True)]
+    return np.concatenate([v for v, _ in meshes]), np.concatenate(faces)
+
+
+def test_a_cavity_is_told_as_one_and_filled_where_it_is_to_be():
+    v, f = together((BOX.vertices, BOX.faces), shell([6, 5, 4], np.array([20.0, 10, 5]), True))
+    told = r"closed cavity of 120 mm3 around \(20, 10, 5\)"
+    with pytest.raises(BodyError, match=rf"box: a {told} .* cannot be made.*fill_cavities = true"):
+        repair(v, f, "box")
+    v, f, done = repair(v, f, "box", fill_cavities=True)
+    assert volume_of(v, f) == pytest.approx(8000)
+    assert re.match(rf"filled a {told}", done[0])
+
+
+def test_a_cavity_of_a_body_that_is_inside_out_is_one():
+    v, f = together((BOX.vertices, BOX.faces), shell([6, 5, 4], np.array([20.0, 10, 5]), True))
+    with pytest.raises(BodyError, match="closed cavity of 120 mm3"):
+        repair(v, f[:, ::-1], "box")
+
+
+def test_pieces_are_told_with_sizes_and_places_and_crumbs_dropped():
+    other = shell([4, 4, 4], np.array([80.0, 0, 0]), False)
+    v, f = together((BOX.vertices, BOX.faces), other)
+    with pytest.raises(
+        BodyError, match=r"2 separate pieces: 8e\+03 mm3 around \(20, 10, 5\); 64 mm3 around \(80, "
+    ):
+        repair(v, f, "x")
+    crumb = shell([1, 1, 1], np.array([80.0, 0, 0]), False)
+    v, f, done = repair(*together((BOX.vertices, BOX.faces), crumb), "x")
+    assert volume_of(v, f) == pytest.approx(8000)
+    assert done == [
+        "dropped 1 small piece apart from the body, 1 mm3 together, the largest near (80, 0, 0)"
+    ]
+
+
+def test_boxes_that_overlap_are_united():
+    other = shell([20, 10, 6], np.array([40.0, 10, 5]), False)  # half of it outside
+    v, f, done = repair(*together((BOX.vertices, BOX.faces), other), "x")
+    sound(v, f)
+    assert volume_of(v, f) == pytest.approx(8600)
+    assert done[0].startswith("united 2 shells that overlapped by 600 mm3")
+
+
+def test_a_box_on_a_larger_one_is_one_body():
+    other = shell([10, 10, 6], np.array([20.0, 10, 13]), False)
+    v, f, done = repair(*together((BOX.vertices, BOX.faces), other), "x")
+    sound(v, f)
+    assert volume_of(v, f) == pytest.approx(8600)
+    assert "united 2 shells" in done[0]
+
+
+def test_boxes_that_share_a_wall_are_one():
+    """Of each, a face is inside of the other's outline: an inner wall once they are merged."""
+    a, b = box_surface([0, 0, 0], [10, 10, 10]), box_surface([10, 0, 0], [25, 10, 10])
+    v, f, done = repair(*together((a.vertices, a.faces), (b.vertices, b.faces)), "x")
+    sound(v, f)
+    assert volume_of(v, f) == pytest.approx(2500)
+    assert any("inner walls" in line for line in done)
+
+
+def test_a_body_that_touches_itself_at_an_edge_is_drawn_apart():
+    """A ring of cubes, of which the first and the last have one edge in common."""
+    cubes = {(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (1, 2), (0, 1)} - {(1, 1)}
+    v, f, faces = [], [], {}
+    for x, y in cubes:
+        box = box_surface([10 * x, 10 * y, 0], [10 * x + 10, 10 * y + 10, 10])
+        for face in box.faces:
+            key = tuple(sorted(map(tuple, box.vertices[face].round(6).tolist())))
+            faces.setdefault(key, []).append(box.vertices[face])
+    walls = {k: c for k, c in faces.items() if len(c) == 1}
+    for corners in walls.values():
+        f.append([len(v), len(v) + 1, len(v) + 2])
+        v += corners[0].tolist()
+    v, f, done = repair(np.array(v), np.array(f), "ring")
+    sound(v, f)
+    assert volume_of(v, f) == pytest.approx(1000 * len(cubes), rel=0.01)
+    assert any(line.startswith("took sheets apart") for line in done)
+    assert told_move(done) < 0.03
+
+
+def test_a_body_in_order_is_left_as_it_is():
+    v, f = creature(3)
+    got_v, got_f, done = repair(v, f, "x")
+    assert done == []
+    order = np.lexsort(v.T[::-1])
+    assert (got_v == v[order]).all()
+    assert len(got_f) == len(f)
+    assert isinstance(BODIES["folds"](2, 0), Defective)
