@@ -17,7 +17,7 @@ def test_no_triangle_is_left_out_that_a_ray_meets():
     )  # fmt: skip
     rng = np.random.default_rng(1)
     for _ in range(40):
-        start, d = rng.normal(size=3) * 8, rng.normal(size=3)
+        start, d = rng.uniform(-9, 9, 3), rng.normal(size=3)
         d /= np.linalg.norm(d)
         rate, room = normals @ d, offsets - normals @ start
         leaves = (room[rate > 1e-9] / rate[rate > 1e-9]).min()
