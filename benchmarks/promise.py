@@ -28,8 +28,8 @@ from defsense_fab.core.default_states import agree, opposite
 from defsense_fab.core.device import Device
 from defsense_fab.core.device_file import load_device
 from defsense_fab.decoding.decoders import fit_decoder
-from defsense_fab.geometry.bodies.region_conforming import conform
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.region_conforming import conform
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.material import Material, split
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh

@@ -18,8 +18,8 @@ import numpy as np
 from benchmarks.independent import faults
 from defsense_fab.core.device_file import load_device
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.geometry.bodies.region_conforming import conform
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.region_conforming import conform
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.material import (
     Material,
     neo_hookean,

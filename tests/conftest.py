@@ -11,7 +11,7 @@ from benchmarks.grid import grid_of_tets
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import Sensor
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 
 # The same examples on every run: what fails once in twenty runs says nothing of the change at hand.
 # `--hypothesis-profile=random` looks for others.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.sensing.response import Response

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -20,6 +21,9 @@ from pathlib import Path
 from typing import IO
 
 from ...core.errors import DefsenseError
+
+#: Between calls of `on_wait`, s.
+_EVERY = 2.0
 
 
 @dataclass(frozen=True)
@@ -41,17 +45,18 @@ def finished(
     limit: float,
     failure: Failure,
     relay: bool = False,
+    on_wait: Callable[[], None] | None = None,
 ) -> Iterator[Path]:
     """Run `python -m module FOLDER` and yield FOLDER, a temporary one that then holds `result`.
 
     `give` writes what the module needs into the folder beforehand. With `relay` what the module
-    prints goes to standard error. Raises the failure's error where no `result` is left, or where
-    the module takes more than `limit` s.
+    prints goes to standard error; `on_wait` is called every few seconds meanwhile. Raises the
+    failure's error where no `result` is left, or where the module takes more than `limit` s.
     """
     with tempfile.TemporaryDirectory(prefix="defsense-") as name:
         folder = Path(name)
         give(folder)
-        code, said = _run(module, folder, limit, failure, relay)
+        code, said = _run(module, folder, limit, failure, relay, on_wait)
         if not (folder / result).exists():
             why = f"signal {-code}" if code < 0 else f"exit code {code}"
             if -code == signal.SIGKILL:
@@ -61,7 +66,14 @@ def finished(
         yield folder
 
 
-def _run(module: str, folder: Path, limit: float, failure: Failure, relay: bool) -> tuple[int, str]:
+def _run(
+    module: str,
+    folder: Path,
+    limit: float,
+    failure: Failure,
+    relay: bool,
+    on_wait: Callable[[], None] | None,
+) -> tuple[int, str]:
     """The exit code, and the last line that was printed."""
     process = subprocess.Popen(
         [sys.executable, "-P", "-u", "-m", module, str(folder)],
@@ -79,7 +91,7 @@ def _run(module: str, folder: Path, limit: float, failure: Failure, relay: bool)
     reader = threading.Thread(target=_read, args=(process.stdout, last, relay), daemon=True)
     reader.start()
     try:
-        code = process.wait(limit)
+        code = _ended(process, limit, on_wait)
     except subprocess.TimeoutExpired:
         raise failure.error(
             f"{failure.who} did not end within {limit:g} s and was stopped; {failure.slow}"
@@ -93,6 +105,17 @@ def _run(module: str, folder: Path, limit: float, failure: Failure, relay: bool)
         if not reader.is_alive():
             process.stdout.close()
     return code, last[0] if last else ""
+
+
+def _ended(process: subprocess.Popen[str], limit: float, on_wait: Callable[[], None] | None) -> int:
+    """The exit code. Raises TimeoutExpired after `limit` s."""
+    until = time.monotonic() + limit
+    while on_wait is not None and until - time.monotonic() > _EVERY:
+        try:
+            return process.wait(_EVERY)
+        except subprocess.TimeoutExpired:
+            on_wait()
+    return process.wait(max(until - time.monotonic(), 0.0))
 
 
 def _read(stream: IO[str], last: deque[str], relay: bool) -> None:

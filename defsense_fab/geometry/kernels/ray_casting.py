@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import weakref
+from collections import deque
+
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Float, Int
 from ...core.mesh import Surface
 
 
@@ -12,7 +15,8 @@ def hits(origin: Float, direction: Float, surface: Surface) -> Float:
     """Distances (k,) mm, ascending, from `origin` (3,) along `direction` (3,) to the facets that
     the ray meets, edges shared by two facets once (Moeller & Trumbore 1997)."""
     d = direction / np.linalg.norm(direction)
-    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
+    near = _balls_of(surface).met(origin, d)
+    a, b, c = (surface.vertices[surface.faces[near, i]] for i in range(3))
     e1, e2 = b - a, c - a
     h = np.cross(d, e2)
     det = np.einsum("ij,ij->i", e1, h)
@@ -26,6 +30,38 @@ def hits(origin: Float, direction: Float, surface: Surface) -> Float:
     hit = ok & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (t > -1e-9)
     found = np.sort(t[hit])
     return np.asarray(found[np.diff(found, prepend=-np.inf) > 1e-6])
+
+
+class _Balls:
+    """A ball around each triangle: most are far from a ray, and are left out by that."""
+
+    def __init__(self, surface: Surface) -> None:
+        corners = surface.vertices[surface.faces]
+        self._middle = corners.mean(axis=1)
+        radius = np.linalg.norm(corners - self._middle[:, None], axis=2).max(axis=1)
+        self._squared = (self._middle**2).sum(axis=1)
+        size = float(np.abs(surface.vertices).max())
+        self._reach, self._margin = radius**2 * (1 + 1e-6), 1e-9 * (1 + size) ** 2
+
+    def met(self, origin: Float, d: Float) -> Int:
+        """The triangles whose balls meet the line through `origin` along the unit vector `d`."""
+        along = self._middle @ d - origin @ d
+        squared = self._squared - 2 * (self._middle @ origin) + origin @ origin
+        margin = self._margin + 1e-9 * float(origin @ origin)
+        return np.flatnonzero(squared - along**2 <= self._reach + margin)
+
+
+#: Of the surfaces asked about last, by their identity; rays come by the thousand.
+_KNOWN: deque[tuple[weakref.ref[Surface], _Balls]] = deque(maxlen=4)
+
+
+def _balls_of(surface: Surface) -> _Balls:
+    for known, balls in tuple(_KNOWN):
+        if known() is surface:
+            return balls
+    balls = _Balls(surface)
+    _KNOWN.append((weakref.ref(surface), balls))
+    return balls
 
 
 def way_out(start: Float, out: Float, body: Surface, most: float) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 from ...core.arrays import Bool
 from ...core.errors import StorageError
 from ...core.mesh import TetMesh
-from ...geometry.bodies.tetrahedra import FTETWILD
+from ...geometry.bodies.meshing.ways import FTETWILD, MeshedSurface
 from . import typed_json
 from .build_folder import BUILD_AGAIN
 from .vtu_file import read_vtu
@@ -44,7 +44,9 @@ class Accuracy:
 class MeshRecord:
     """`mesh.json`: hash of the mesh; edge length (mm), None before poses are known; counts;
     smallest dihedral angle (degrees); boundary deviation (mm); relative change of volume; which
-    `mesher` made it (that of all builds before it was told), and a `note` on that, or none."""
+    `mesher` made it (that of all builds before it was told), and a `note` on that, or none; the
+    `way` it was made, sentences on those `tried` before it in vain, and the `surface` that was
+    meshed where it was not the body's own."""
 
     SCHEMA: ClassVar[int] = 1
 
@@ -58,6 +60,9 @@ class MeshRecord:
     accuracy: Accuracy | None = None
     mesher: str = FTETWILD
     note: str = ""
+    way: str = ""
+    tried: tuple[str, ...] = ()
+    surface: MeshedSurface | None = None
 
 
 def save_mesh(folder: Path, mesh: TetMesh, regions: dict[str, Bool], record: MeshRecord) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
+from dataclasses import asdict, fields
 from importlib.metadata import version
 from pathlib import Path
 from zipfile import BadZipFile
@@ -14,10 +16,11 @@ from platformdirs import user_cache_path
 from ...core.errors import StorageError
 from ...core.files import digest, replacing
 from ...core.mesh import Surface, TetMesh
-from ...geometry.bodies.tetrahedra import Tetrahedra
+from ...geometry.bodies.meshing.tetrahedra import Tetrahedra
+from ...geometry.bodies.meshing.ways import MeshedSurface
 
 #: Raised when meshes of the same body are to be made anew.
-VERSION = 2
+VERSION = 3
 #: Oldest meshes go when there are more.
 KEPT = 100
 
@@ -35,14 +38,27 @@ def _path(surface: Surface, edge_length: float) -> Path:
     return folder() / f"{key}.npz"
 
 
+def _told(made: Tetrahedra) -> str:
+    """All but the mesh, as JSON."""
+    told = {f.name: getattr(made, f.name) for f in fields(made) if f.name != "mesh"}
+    return json.dumps(told | {"surface": asdict(made.surface) if made.surface else None})
+
+
+def _made(mesh: TetMesh, told: str) -> Tetrahedra:
+    """Raises ValueError, KeyError, TypeError for what is not written by `_told`."""
+    read = json.loads(told)
+    surface = MeshedSurface(**read.pop("surface")) if read["surface"] else read.pop("surface")
+    return Tetrahedra(mesh, surface=surface, **read | {"tried": tuple(read["tried"])})
+
+
 def recall(surface: Surface, edge_length: float) -> Tetrahedra | None:
     """The mesh of this surface and edge length (mm), where one was made on this machine."""
     path = _path(surface, edge_length)
     try:
         with path.open("rb") as file, np.load(file) as data:
-            made = Tetrahedra(TetMesh(data["nodes"], data["tets"]), str(data["mesher"]))
+            made = _made(TetMesh(data["nodes"], data["tets"]), str(data["told"]))
         os.utime(path)
-    except (OSError, EOFError, ValueError, KeyError, BadZipFile):
+    except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile):
         return None  # none, or not readable: it is made anew
     return made
 
@@ -53,7 +69,7 @@ def remember(surface: Surface, edge_length: float, made: Tetrahedra) -> None:
     with contextlib.suppress(OSError, StorageError):
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary:
-            np.savez(temporary, nodes=made.mesh.nodes, tets=made.mesh.tets, mesher=made.mesher)
+            np.savez(temporary, nodes=made.mesh.nodes, tets=made.mesh.tets, told=_told(made))
         meshes = sorted(path.parent.glob("*.npz"), key=lambda p: -p.stat().st_mtime)
         for old in meshes[KEPT:]:
             old.unlink(missing_ok=True)

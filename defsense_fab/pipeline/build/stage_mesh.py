@@ -9,9 +9,12 @@ import numpy as np
 
 from ...core.device import Device
 from ...core.errors import DeviceError
-from ...core.mesh import TetMesh
-from ...geometry.bodies.region_conforming import conform
-from ...geometry.bodies.tetrahedra import FTETWILD, Tetrahedra, quality, tetrahedralise
+from ...core.mesh import Surface, TetMesh
+from ...geometry.bodies import region_contents
+from ...geometry.bodies.meshing.mesh_quality import quality
+from ...geometry.bodies.meshing.region_conforming import conform
+from ...geometry.bodies.meshing.tetrahedra import Tetrahedra, tetrahedralise
+from ...geometry.bodies.meshing.ways import FTETWILD
 from ..artifacts import mesh_lock, mesh_store
 from ..artifacts.body import load_surface
 from ..artifacts.mesh import Accuracy, DensityTrial, MeshRecord, save_mesh
@@ -22,6 +25,7 @@ from .stages import Report
 def run(device: Device, folder: Path, report: Report) -> None:
     """Make the tetrahedra, at the density that was asked for."""
     surface = load_surface(folder)
+    _check_regions(device, surface)
     locked = mesh_lock.read(device.source)
     used: dict[float, Tetrahedra] = {}
 
@@ -61,18 +65,14 @@ def run(device: Device, folder: Path, report: Report) -> None:
     for name, inside in tags.items():
         if not inside.any():
             raise DeviceError(
-                f"device.toml: regions.{name}: contains no nodes of the mesh; move or enlarge it,"
-                " or use a smaller [mesh] edge_length"
+                f"device.toml: regions.{name}: contains no nodes of the mesh, being smaller than"
+                " its edges; enlarge it, or use a smaller [mesh] edge_length"
             )
     found = asdict(quality(mesh, surface))
     taken = used[edge_length] if edge_length else next(iter(used.values()))
-    note = ""
-    if not taken.repeatable:
-        note = f"{mesh_lock.FILE} keeps the mesh, made by fTetWild, which repeats none"
-        note += f": {taken.why}" if taken.why else ""
     record = MeshRecord(
         hash=mesh.digest, edge_length=edge_length, accuracy=accuracy, mesher=taken.mesher,
-        note=note, **found,
+        note=_note(taken), way=taken.way, tried=taken.tried, surface=taken.surface, **found,
     )  # fmt: skip
     save_mesh(folder, mesh, tags, record)
     kept = {
@@ -84,6 +84,41 @@ def run(device: Device, folder: Path, report: Report) -> None:
         mesh_lock.write(device.source, kept)
         report(0.9, f"{mesh_lock.FILE} keeps the mesh, which cannot be made again: it belongs to"
                     " the device as device.toml does")  # fmt: skip
+
+
+def _note(made: Tetrahedra) -> str:
+    """What a reader of the report should know of how the mesh was made."""
+    notes = []
+    if made.surface:
+        s = made.surface
+        notes.append(
+            f"The mesh has a surface of {s.triangles:,} triangles instead of the body's {s.of:,},"
+            f" at most {s.deviation:.2g} mm from it; the parts keep the body's own surface."
+        )
+    if not made.repeatable:
+        why = "made by fTetWild, which repeats none"
+        if made.mesher != FTETWILD:
+            why = "made after a mesher was stopped for want of time, as may not happen elsewhere"
+        notes.append(f"{mesh_lock.FILE} keeps the mesh, {why}.")
+    if made.tried:
+        notes.append(f"It was made by {made.way}. Tried before: {'; '.join(made.tried)}.")
+    return " ".join(notes)
+
+
+def _check_regions(device: Device, surface: Surface) -> None:
+    """Before anything is meshed. Raises DeviceError for a region that holds nothing of the body."""
+    for name, shape in device.regions.items():
+        if region_contents.holds_body(shape, surface):
+            continue
+        poses = [
+            p.name for p in device.poses if name in p.fixed or name in [h.region for h in p.handles]
+        ]
+        used = f" (used by the pose{'s' * (len(poses) > 1)} {', '.join(poses)})" if poses else ""
+        raise DeviceError(
+            f"device.toml: regions.{name}: holds nothing of the body{used}: it is"
+            f" {region_contents.where(shape)}, and the body lies {region_contents.place(surface)};"
+            " move it to where the body is"
+        )
 
 
 def _known(error: float) -> float | None:

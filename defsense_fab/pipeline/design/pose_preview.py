@@ -12,8 +12,8 @@ from ...core.device import Device, MaterialSpec, Pose
 from ...core.errors import DeviceError, MeshingError
 from ...core.mesh import Surface, TetMesh
 from ...core.regions import Shape
-from ...geometry.bodies.region_conforming import conform
-from ...geometry.bodies.tetrahedra import tetrahedralise
+from ...geometry.bodies.meshing.region_conforming import conform
+from ...geometry.bodies.meshing.tetrahedra import tetrahedralise
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces
 from ...mechanics.loading.boundary_conditions import BoundaryConditions

@@ -8,7 +8,7 @@ from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh, repair
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.geometry.kernels import occ
 from defsense_fab.geometry.kernels.export import write_3mf, write_stl
 

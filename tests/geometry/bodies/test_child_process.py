@@ -14,7 +14,7 @@ import pytest
 from defsense_fab.core.device import BodySpec
 from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.geometry.bodies.body import load_body
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 
 BOX = "import build123d as bd\nimport helper\ndef body(): return bd.Box(helper.SIZE, 10, 10)\n"
 #: Writes its process's number, starts another process, and sleeps.

@@ -1,23 +1,29 @@
 """Meshes are kept by body and edge length, and a cache that fails does no harm."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.tetrahedra import NETGEN, Tetrahedra
+from defsense_fab.geometry.bodies.meshing.tetrahedra import Tetrahedra
+from defsense_fab.geometry.bodies.meshing.ways import NETGEN, MeshedSurface
 from defsense_fab.pipeline.artifacts import mesh_store
 
 
 @pytest.fixture
 def made(bar_mesh):
-    return Tetrahedra(bar_mesh, NETGEN)
+    laid = MeshedSurface(100, 30_000, 0.4, 0.2)
+    return Tetrahedra(bar_mesh, NETGEN, "Netgen on triangles", laid, ("Netgen: failed",))
 
 
 def test_a_mesh_comes_back_for_the_same_body_only(bar, made, tmp_path, monkeypatch):
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path))
     assert mesh_store.recall(bar, 10.0) is None
     mesh_store.remember(bar, 10.0, made)
-    assert mesh_store.recall(bar, 10.0).mesh.digest == made.mesh.digest
+    back = mesh_store.recall(bar, 10.0)
+    assert back.mesh.digest == made.mesh.digest
+    assert replace(back, mesh=made.mesh) == made
     same = Surface(bar.vertices + 1e-9, bar.faces)
     assert mesh_store.recall(same, 10.0).mesh.digest == made.mesh.digest
     assert mesh_store.recall(bar, 9.0) is None

@@ -195,7 +195,7 @@ def test_a_second_build_does_nothing(copy, capsys):
         (
             "tip = { box = [[140, -16, -16], [151, 16, 16]] }",
             "tip = { box = [[240, -16, -16], [251, 16, 16]] }",
-            "regions.tip: contains no nodes",
+            "regions.tip: holds nothing of the body",
         ),
         ("[140, -16, -16]", "[5, -16, -16]", "overlap"),
         ("[36, 0]", "[36, 17]", "leaves the body"),
@@ -284,7 +284,7 @@ def test_a_recorded_session_leaves_every_stage_up_to_date(copy, capsys):
 def test_ctrl_c_still_works_after_meshing(bar):
     import signal
 
-    from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+    from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 
     # Background jobs of a shell begin with the signal ignored.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -10,8 +10,8 @@ import pytest
 
 from defsense_fab.cli.main import main
 from defsense_fab.core.device_file import load_device
-from defsense_fab.geometry.bodies.region_conforming import conform
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.region_conforming import conform
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.pipeline.build import mesh_density

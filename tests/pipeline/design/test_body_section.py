@@ -5,7 +5,7 @@ import pytest
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import LayoutError
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.pipeline.design.body_section import BodySection, Quantity, directions_along

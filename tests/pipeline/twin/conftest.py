@@ -8,8 +8,8 @@ import pytest
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.path_sampling import arc_lengths
 from defsense_fab.core.prediction import Prediction
-from defsense_fab.geometry.bodies.region_conforming import conform
-from defsense_fab.geometry.bodies.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.region_conforming import conform
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.pipeline.artifacts.body import BodyRecord, save_body
 from defsense_fab.pipeline.artifacts.layout import (
     BandRecord,

@@ -17,8 +17,8 @@ from ....core.errors import CaptureError, DeviceError
 from ....core.files import digest, replacing, storage_errors
 from ....core.mesh import TetMesh
 from ....core.progress import Progress, silent
-from ....geometry.bodies.region_conforming import conform
-from ....geometry.bodies.tetrahedra import tetrahedralise
+from ....geometry.bodies.meshing.region_conforming import conform
+from ....geometry.bodies.meshing.tetrahedra import tetrahedralise
 from ....mechanics.elements.material import Material, split
 from ....mechanics.elements.point_location import PointLocator
 from ....mechanics.elements.tet10 import QuadraticMesh

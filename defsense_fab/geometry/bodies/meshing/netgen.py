@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float, Int
-from .child_process import end_with_parent
+from ....core.arrays import Float, Int
+from ..child_process import end_with_parent
 
 IN, OUT = "surface.npz", "mesh.npz"
 _STL, _SIZES = "surface.stl", "sizes.txt"
@@ -21,7 +21,8 @@ _STL, _SIZES = "surface.stl", "sizes.txt"
 
 def main(folder: str) -> None:
     """Read vertices, faces, largest edge (mm), and edges (k,) mm wanted at points (k, 3); write
-    nodes and tets, or the error, or what is missing of Netgen itself."""
+    nodes and tets, or the error, or what is missing of Netgen itself. With `fill` the triangles
+    given stay, and only their inside is meshed."""
     end_with_parent()
     os.chdir(folder)
     found: dict[str, Any]
@@ -33,11 +34,15 @@ def main(folder: str) -> None:
         Path("unfinished.npz").replace(OUT)
         return
     with np.load(IN) as given:
-        _write_stl(given["vertices"], given["faces"])
+        vertices, faces = given["vertices"], given["faces"]
         _write_sizes(given["points"], given["edges"])
-        largest = float(given["edge_length"])
+        largest, fill = float(given["edge_length"]), "fill" in given
     try:
-        mesh = STLGeometry(_STL).GenerateMesh(maxh=largest, meshsizefilename=_SIZES)
+        if fill:
+            mesh = _filled(vertices, faces, largest)
+        else:
+            _write_stl(vertices, faces)
+            mesh = STLGeometry(_STL).GenerateMesh(maxh=largest, meshsizefilename=_SIZES)
         found = {
             "nodes": np.array([p.p for p in mesh.Points()]).reshape(-1, 3),
             "tets": np.array(
@@ -50,6 +55,26 @@ def main(folder: str) -> None:
         found = {"error": "out of memory"}
     np.savez("unfinished.npz", **found)
     Path("unfinished.npz").replace(OUT)
+
+
+def _filled(vertices: Float, faces: Int, largest: float) -> Any:
+    """Netgen's mesh with these triangles as its surface."""
+    from netgen.meshing import (
+        Element2D,
+        FaceDescriptor,
+        Mesh,
+        MeshingParameters,
+        MeshPoint,
+        Pnt,
+    )
+
+    mesh = Mesh(dim=3)
+    face = mesh.Add(FaceDescriptor(bc=1, domin=1, domout=0, surfnr=1))
+    points = [mesh.Add(MeshPoint(Pnt(*map(float, p)))) for p in vertices]
+    for corners in faces:
+        mesh.Add(Element2D(face, [points[i] for i in corners]))
+    mesh.GenerateVolumeMesh(mp=MeshingParameters(maxh=largest))
+    return mesh
 
 
 def _write_stl(vertices: Float, faces: Int) -> None:

@@ -1,5 +1,7 @@
 """Meshes of bodies: the same every time, true to the surface, and kept where they cannot be."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,10 +9,13 @@ from hypothesis import strategies as st
 
 from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies import tetrahedra
-from defsense_fab.geometry.bodies.boundary_fit import facet_gaps, fit_boundary
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
-from defsense_fab.geometry.bodies.tetrahedra import FTETWILD, NETGEN, quality, tetrahedralise
+from defsense_fab.geometry.bodies.meshing import mesh_quality, netgen, tetrahedra
+from defsense_fab.geometry.bodies.meshing.boundary_fit import facet_gaps, fit_boundary
+from defsense_fab.geometry.bodies.meshing.mesh_quality import quality
+from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch, run, tidy
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.ways import FTETWILD, NETGEN, ways
 from tests.places import DEVICES
 
 
@@ -60,8 +65,7 @@ def test_the_boundary_of_a_coarse_ball_is_fitted():
     the facets are fitted."""
     surface = ball(20.0)
     task = {"edge_length": 8.0, "points": np.zeros((0, 3)), "edges": []}
-    nodes, tets = tetrahedra._run(tetrahedra.netgen, "Netgen", surface, task, 60.0)
-    raw = tetrahedra._tidy(nodes, tets)
+    raw = run(netgen, surface, task, Watch(60.0, print, "Netgen", 1.0, "nothing"))
     fitted = fit_boundary(raw, surface)
     assert raw.volumes.sum() / surface.volume < 0.97
     assert fitted.volumes.sum() == pytest.approx(surface.volume, rel=5e-3)
@@ -87,23 +91,64 @@ def test_no_tet_turns_over_while_the_boundary_is_fitted(seed):
     )
     middle = np.append(surface.vertices, np.zeros((1, 3)), axis=0)
     tets = np.column_stack([surface.faces, np.full(len(surface.faces), len(middle) - 1)])
-    mesh = fit_boundary(tetrahedra._tidy(middle, tets), far)
+    mesh = fit_boundary(tidy(middle, tets), far)
     assert mesh.volumes.min() > 0
+
+
+def only(monkeypatch, mesher):
+    """Leave the ways of one mesher; the others fail."""
+
+    def planned(surface, edge_length):
+        def fails(_):
+            raise MeshingError("nothing was made; repair it")
+
+        return [
+            w if w.mesher == mesher else replace(w, make=fails) for w in ways(surface, edge_length)
+        ]
+
+    monkeypatch.setattr(tetrahedra, "ways", planned)
 
 
 @pytest.mark.slow
 def test_what_netgen_cannot_mesh_goes_to_ftetwild(bar, monkeypatch):
-    def fails(*_):
-        raise MeshingError("Netgen failed: nothing was made")
-
-    monkeypatch.setattr(tetrahedra, "_by_netgen", fails)
+    only(monkeypatch, FTETWILD)
     said = []
     made = tetrahedralise(bar, 14.0, said.append)
     assert made.mesher == FTETWILD
     assert not made.repeatable
-    assert "Netgen failed" in said[-1]
-    assert made.why == "Netgen failed: nothing was made"
+    assert made.tried == ("Netgen on the surface: nothing was made",)
+    assert any("Netgen on the surface: nothing was made" in line for line in said)
     assert made.mesh.volumes.sum() == pytest.approx(bar.volume, rel=5e-3)
+
+
+def test_when_every_way_fails_all_of_them_are_told(blob, monkeypatch):
+    only(monkeypatch, "none")
+    with pytest.raises(MeshingError) as told:
+        tetrahedralise(blob, 9.0)
+    for way in ways(blob, 9.0):
+        assert f"{way.says}: nothing was made" in str(told.value)
+    assert "edge_length" in str(told.value)
+    assert "mesh editor" in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_a_time_limit_is_kept_and_told(blob):
+    with pytest.raises(MeshingError, match=r"raise \[mesh\] time_limit \(0.001 s\)"):
+        tetrahedralise(blob, 9.0, time_limit=1e-3)
+
+
+def test_a_mesh_after_one_that_was_stopped_may_be_another_elsewhere(bar, monkeypatch):
+    """How far a mesher comes within a time depends on the machine."""
+
+    def planned(surface, edge_length):
+        first = ways(surface, edge_length)[0]
+        return [replace(first, share=1e-9), first]
+
+    monkeypatch.setattr(tetrahedra, "ways", planned)
+    made = tetrahedralise(bar, 14.0)
+    assert made.stopped
+    assert not made.repeatable
+    assert "did not end within" in made.tried[0]
 
 
 def test_a_netgen_that_cannot_be_imported_is_told(bar, monkeypatch, tmp_path):
@@ -116,8 +161,8 @@ def test_a_netgen_that_cannot_be_imported_is_told(bar, monkeypatch, tmp_path):
 
 
 def test_a_mesh_that_is_not_sound_is_refused(bar, monkeypatch):
-    monkeypatch.setattr(tetrahedra, "_SHARPEST", 60.0)
+    made = tetrahedralise(bar, 12.0)
+    assert made.mesher == NETGEN
+    monkeypatch.setattr(mesh_quality, "_SHARPEST", 60.0)
     with pytest.raises(MeshingError, match=r"has an angle of .* degrees"):
-        tetrahedra._by_netgen(bar, 12.0, 60.0)
-    monkeypatch.undo()
-    assert tetrahedralise(bar, 12.0).mesher == NETGEN
+        mesh_quality.checked(made.mesh, bar, 12.0)

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags_array, eye_array
 from scipy.sparse.linalg import spsolve
 
-from ...core.arrays import Float
-from ...core.mesh import Surface, TetMesh
+from ....core.arrays import Float
+from ....core.mesh import Surface, TetMesh
 
 #: Barycentric coordinates at which a facet is compared with the surface: a quadrature that is exact
 #: for what the surface rises above it, to second order.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .child_process import end_with_parent
+from ..child_process import end_with_parent
 
 IN, OUT = "surface.npz", "mesh.npz"
 

@@ -1,0 +1,241 @@
+"""Bodies to parts: seconds, memory and quality, beside Netgen alone and fTetWild alone.
+
+    python -m benchmarks.bodies                       # all bodies
+    python -m benchmarks.bodies armadillo flat --limit 300
+    python -m benchmarks.bodies --file bunny.obj --scale 1500 --until mesh
+    python -m benchmarks.bodies --defective           # those of benchmarks.defective_bodies
+
+Each body is read, meshed and built up to the parts with a standard device (two bends of its ends
+along its longest axis, two cords) by a process of its own with a time limit and an empty cache of
+meshes; both meshers on their own get the surface as it was read and the same edge length, each in
+a process of its own, too. Seconds are those of the processor, with child processes; memory is the
+largest of one process. Where PrusaSlicer is installed (`prusa-slicer`), it slices the first part.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.organic_bodies import BODIES, write_stl
+from benchmarks.organic_device import write_device
+from benchmarks.stages import cpu
+from defsense_fab.core.mesh import Surface
+
+ALONE = ("netgen", "ftetwild")
+
+
+def memory() -> float:
+    """GB of this process or of its largest child."""
+    used = [resource.getrusage(w) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return max(u.ru_maxrss for u in used) / 1e6
+
+
+def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
+    """Reads, meshes and builds the body in `folder`."""
+    from defsense_fab.core.device_file import load_device
+    from defsense_fab.geometry.bodies.body import SIZES
+    from defsense_fab.geometry.bodies.mesh_repair import read_mesh
+    from defsense_fab.pipeline.build.build import build
+
+    begun = cpu()
+    (file,) = folder.glob("body.*")
+    surface, repairs = read_mesh(file, scale, SIZES)
+    out: dict[str, Any] = {"triangles": len(surface.faces), "repairs": list(repairs)}
+    out["read"] = cpu() - begun
+    write_device(folder, file, surface, scale)
+    device = load_device(folder)
+    marks: dict[str, float] = {}
+    begun = cpu()
+
+    def progress(stage: str, fraction: float, message: str) -> None:
+        marks[stage] = cpu()
+        if fraction == 0.0:
+            print(f"    {stage}", file=sys.stderr, flush=True)
+
+    def seen() -> dict[str, Any]:
+        ends = [begun, *marks.values()]
+        took = dict(zip(marks, np.diff(ends).tolist(), strict=True))
+        return out | {"stages": took, "whole": cpu() - begun, "memory": memory()}
+
+    try:
+        where = build(device, until, progress).folder
+    except Exception as error:  # what a user would see, or a fault of this project
+        return seen() | {"error": f"{type(error).__name__}: {error}"}
+    record = json.loads((where / "mesh.json").read_text())
+    kept = ("tets", "min_dihedral", "boundary_deviation", "volume_change", "way", "tried")
+    out |= {key: record[key] for key in kept} | {"edge_length": record["edge_length"]}
+    return seen()
+
+
+def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
+    """The surface as read, to one mesher as it comes."""
+    from defsense_fab.core.device_file import load_device
+    from defsense_fab.geometry.bodies.body import SIZES
+    from defsense_fab.geometry.bodies.mesh_repair import read_mesh
+    from defsense_fab.geometry.bodies.meshing import ftetwild, netgen
+    from defsense_fab.geometry.bodies.meshing.mesh_quality import quality
+    from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch, run
+
+    (file,) = folder.glob("body.*")
+    surface, _ = read_mesh(file, scale, SIZES)
+    edge = load_device(folder).mesh.edge_length
+    size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
+    more: dict[str, Any] = {"points": np.zeros((0, 3)), "edges": []}
+    module = netgen if mesher == "netgen" else ftetwild
+    if mesher == "ftetwild":
+        more = {"epsilon": min(1e-3, 0.02 * edge / size)}
+    begun = cpu()
+    watch = Watch(1e9, lambda _: None, mesher, 1.0, "nothing")
+    try:
+        mesh = run(module, surface, {"edge_length": edge} | more, watch)
+    except Exception as error:
+        return {"error": str(error).partition(";")[0], "whole": cpu() - begun}
+    found = quality(mesh, surface)
+    return {
+        "whole": cpu() - begun,
+        "tets": found.tets,
+        "min_dihedral": found.min_dihedral,
+        "volume_change": found.volume_change,
+        "memory": memory(),
+    }
+
+
+def in_process(arguments: list[str], folder: Path, limit: float) -> dict[str, Any]:
+    """The same by a fresh process, which is ended with its children after `limit` s."""
+    environment = os.environ | {"DEFSENSE_CACHE": str(folder / "meshes"), "OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "benchmarks.bodies", *arguments, "--one", str(folder)],
+        env=environment, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        said, _ = process.communicate(timeout=limit)
+        return dict(json.loads(said.splitlines()[-1]))
+    except subprocess.TimeoutExpired:
+        process.kill()  # its children end with it
+        process.communicate()
+        return {"error": f"not done within {limit:g} s"}
+    except (IndexError, ValueError):
+        return {"error": f"ended with exit code {process.returncode}"}
+
+
+def sliced(folder: Path) -> str:
+    """What PrusaSlicer says to the first part; that there is none."""
+    program = shutil.which("prusa-slicer")
+    parts = sorted((folder / "build" / "parts" / "print").glob("*.stl"))
+    if program is None or not parts:
+        return "no slicer" if program is None else "no parts"
+    target = folder / "part.gcode"
+    done = subprocess.run(
+        [program, "--export-gcode", "--output", str(target), str(parts[0])],
+        capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    bad = [s for s in (done.stdout + done.stderr).splitlines() if "error" in s.lower()]
+    if done.returncode or bad or not target.exists():
+        return f"refused: {(bad or [done.stderr.strip()])[-1][:80]}"
+    layers = target.read_text(errors="replace").count(";LAYER_CHANGE")
+    return f"sliced, {layers} layers"
+
+
+def told(name: str, ours: dict[str, Any], others: dict[str, dict[str, Any]], slicer: str) -> str:
+    """Lines of the table."""
+    head = f"{name}: {ours.get('triangles', 0):,} triangles, read {ours.get('read', 0):.1f} s"
+    if "whole" in ours:
+        stages = ", ".join(f"{k} {v:.1f}" for k, v in ours["stages"].items())
+        head += f", whole {ours['whole']:.1f} s ({stages}), {ours['memory']:.2f} GB"
+    lines = [head]
+    if "tets" in ours:
+        lines.append(
+            f"    {ours['way']}, edges {ours['edge_length']:.1f} mm: {ours['tets']} tets, least"
+            f" angle {ours['min_dihedral']:.1f}, {ours['boundary_deviation']:.2f} mm off, volume"
+            f" {100 * ours['volume_change']:+.2f} %; {slicer}"
+        )
+        lines += [f"    before: {t}" for t in ours["tried"]]
+    if "error" in ours:
+        lines.append(f"    REFUSED: {ours['error']}")
+    for mesher, found in others.items():
+        text = found.get("error") or (
+            f"{found['tets']} tets, least angle {found['min_dihedral']:.2f}, volume"
+            f" {100 * found['volume_change']:+.2f} %, {found['memory']:.2f} GB"
+        )
+        lines.append(f"    {mesher} alone: {found.get('whole', float('nan')):.1f} s, {text}")
+    return "\n".join(lines)
+
+
+def defective() -> dict[str, Callable[[Path], None]]:
+    """Writers of the bodies of `benchmarks.defective_bodies`, by name."""
+
+    def write(path: Path, make: Callable[[int, int], Any]) -> None:
+        made = make(4, 0)
+        write_stl(Surface(made.vertices, made.faces), path)
+
+    makers = import_module("benchmarks.defective_bodies").BODIES
+    return {name: partial(write, make=make) for name, make in makers.items()}
+
+
+def sources(options: argparse.Namespace) -> dict[str, Callable[[Path], Path]]:
+    """What writes each body into a folder, and gives the file."""
+    out: dict[str, Callable[[Path], Path]] = {}
+    for path in options.file:
+        out[path.stem] = lambda f, p=path: Path(shutil.copy(p, f / f"body{p.suffix}"))
+    if options.defective:
+        for name, write in defective().items():
+            out[name] = lambda f, w=write: (w(f / "body.stl"), f / "body.stl")[1]
+    for name, make in BODIES.items() if not out else ():
+        if not options.bodies or name in options.bodies:
+            out[name] = lambda f, m=make: (write_stl(m(), f / "body.stl"), f / "body.stl")[1]
+    return out
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("bodies", nargs="*", help=f"of {', '.join(BODIES)}")
+    parser.add_argument("--file", type=Path, nargs="+", default=[], help="bodies of your own")
+    parser.add_argument("--scale", type=float, default=1.0, help="of those, to mm")
+    parser.add_argument("--defective", action="store_true")
+    parser.add_argument("--until", default="fabricate")
+    parser.add_argument("--limit", type=float, default=900.0, help="s, of each process")
+    parser.add_argument("--ours", action="store_true", help="without the meshers alone")
+    parser.add_argument("--one", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--mesher", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one:
+        one = options.one
+        found = (
+            alone(one, options.mesher, options.scale)
+            if options.mesher
+            else built(one, options.until, options.scale)
+        )
+        print(json.dumps(found))
+        return
+    same = ["--until", options.until, "--scale", str(options.scale)]
+    for name, write in sources(options).items():
+        with tempfile.TemporaryDirectory() as made:
+            folder = Path(made) / "device"
+            folder.mkdir()
+            write(folder)
+            ours = in_process(same, folder, options.limit)
+            others = {}
+            if not options.ours and (folder / "device.toml").exists():
+                for mesher in ALONE:
+                    others[mesher] = in_process([*same, "--mesher", mesher], folder, options.limit)
+            print(told(name, ours, others, sliced(folder)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

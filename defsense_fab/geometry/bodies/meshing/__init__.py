@@ -1,0 +1,1 @@
+"""A closed surface to tetrahedra, by several ways, until one is sound."""

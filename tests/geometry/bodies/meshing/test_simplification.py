@@ -1,0 +1,128 @@
+"""Fine surfaces become simple within what is told; CAD and coarse ones are left alone."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.bodies.meshing.mesh_quality import quality
+from defsense_fab.geometry.bodies.meshing.remeshing import _split, remeshed
+from defsense_fab.geometry.bodies.meshing.simplification import (
+    is_creased,
+    is_fine,
+    pairs,
+    simplified,
+)
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
+from defsense_fab.geometry.bodies.meshing.voxel_surface import voxel_surface
+from defsense_fab.geometry.bodies.meshing.ways import NETGEN
+
+
+def surface(mesh):
+    return Surface(np.array(mesh.vertices), np.array(mesh.faces, np.int64))
+
+
+def closed(made):
+    """Whether every edge belongs to two triangles, once in each direction."""
+    return trimesh.Trimesh(made.vertices, made.faces, process=False).is_watertight
+
+
+def away(points, other):
+    """Distances (mm) from points to a surface, by VTK."""
+    import pyvista
+
+    cloud = pyvista.PolyData(points)
+    body = pyvista.PolyData.from_regular_faces(other.vertices, other.faces)
+    return np.abs(cloud.compute_implicit_distance(body)["implicit_distance"])
+
+
+def furthest(a, b):
+    """From points spread over one surface to the other."""
+    return away(a.scatter(3000, np.random.default_rng(0)), b).max()
+
+
+@pytest.fixture(scope="module")
+def bean():
+    """A bent, bumpy body of 20,480 triangles, 100 mm long."""
+    made = surface(trimesh.creation.icosphere(5))
+    v = made.vertices * [50, 16, 16] * (1 + 0.01 * np.sin(12 * made.vertices).sum(1, keepdims=True))
+    v[:, 2] += v[:, 0] ** 2 / 120
+    return Surface(v, made.faces)
+
+
+def test_a_fine_surface_is_simplified_within_what_is_told(bean):
+    assert is_fine(bean, 6.0)
+    made = simplified(bean, 6.0)
+    assert len(made.surface.faces) < 0.6 * len(bean.faces)
+    assert closed(made.surface)
+    assert 0 < made.deviation <= made.tolerance == pytest.approx(0.3)
+    assert furthest(made.surface, bean) <= 1.05 * made.deviation
+
+
+@pytest.mark.slow
+def test_the_mesh_of_a_fine_body_has_laid_triangles_and_is_repeatable(bean):
+    made = tetrahedralise(bean, 6.0)
+    assert made.way == "Netgen on triangles laid afresh"
+    assert made.mesher == NETGEN
+    assert made.repeatable
+    assert made.surface.of == len(bean.faces)
+    assert made.surface.deviation <= made.surface.tolerance
+    found = quality(made.mesh, bean)
+    assert found.min_dihedral > 5
+    assert abs(found.volume_change) < 2e-3
+    assert furthest(made.mesh.boundary(), bean) < 0.2 * 6.0
+    assert tetrahedralise(bean, 6.0).mesh.digest == made.mesh.digest
+
+
+def test_triangles_laid_afresh_are_even_and_lie_on_the_surface(bean):
+    laid = remeshed(bean, 6.0)
+    assert closed(laid)
+    corners = laid.vertices[laid.faces]
+    sides = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2)
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    assert np.median(area / (sides**2).mean(1) * 2 / np.sqrt(3)) > 0.8  # 1: equilateral
+    assert sides.max() < 2.2 * 6.0
+    assert away(laid.vertices, bean).max() < 1e-4
+
+
+def test_a_coarse_surface_is_split_without_gaps():
+    ball = surface(trimesh.creation.icosphere(1, 30))
+    v, f = _split(ball.vertices, ball.faces, 5.0)
+    made = Surface(v, f)
+    assert closed(made)
+    assert made.volume == pytest.approx(ball.volume)
+    corners = v[f]
+    assert np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max() <= 5.0
+
+
+def test_sharp_edges_and_long_triangles_are_no_fine_surface():
+    box = trimesh.creation.box((40, 30, 20))
+    assert is_creased(surface(box))
+    fine = surface(box.subdivide_to_size(0.6).process(validate=True))
+    assert len(fine.faces) > 20_000
+    assert is_creased(fine)
+    assert not is_fine(fine, 8.0)
+    assert simplified(fine, 8.0).surface is fine
+
+
+def test_noise_is_no_sharp_edge(bean):
+    rng = np.random.default_rng(3)
+    rough = Surface(bean.vertices + rng.normal(scale=0.05, size=bean.vertices.shape), bean.faces)
+    assert not is_creased(rough)
+    assert is_fine(rough, 6.0)
+
+
+def test_a_grid_of_distances_gives_a_closed_surface_of_a_holed_one(bean):
+    holed = Surface(bean.vertices, bean.faces[300:])
+    made = voxel_surface(holed, 6.0)
+    assert closed(made)
+    assert made.volume == pytest.approx(bean.volume, rel=0.02)
+
+
+def test_pairs_name_both_triangles():
+    faces = np.array([[0, 1, 2], [2, 1, 3]])
+    a, b, left, right = pairs(faces)
+    assert (a[0], b[0], left[0], right[0]) == (1, 2, 0, 1)
+    assert len(a) == 1

@@ -1,0 +1,33 @@
+"""Regions that hold nothing of a body are known from its surface."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.regions import Box, Cylinder, HalfSpace, Sphere
+from defsense_fab.geometry.bodies.region_contents import holds_body, place, where
+
+V = np.array
+
+
+@pytest.mark.parametrize(
+    ("shape", "held"),
+    [
+        (Box(V([140.0, -9, -9]), V([160.0, 9, 9])), True),
+        (Box(V([240.0, -9, -9]), V([251.0, 9, 9])), False),
+        (HalfSpace(V([145.0, 0, 0]), V([1.0, 0, 0])), True),
+        (HalfSpace(V([155.0, 0, 0]), V([1.0, 0, 0])), False),
+        (Sphere(V([75.0, 0, 0]), 0.5), True),  # inside, far from every corner
+        (Sphere(V([75.0, 60, 0]), 3.0), False),
+        (Cylinder(V([30.0, -90, 0]), V([30.0, 90, 0]), 0.5), True),
+        (Cylinder(V([30.0, 90, 0]), V([30.0, 190, 0]), 0.5), False),
+    ],
+)
+def test_what_a_region_holds(bar, shape, held):
+    assert holds_body(shape, bar) == held
+
+
+def test_places_are_told_in_words(bar):
+    assert place(bar).startswith("from (")
+    assert "half space from (0, 0, 12) on towards (0, 0, -1)" in where(
+        HalfSpace(V([0, 0, 12.0]), V([0, 0, -1.0]))
+    )
