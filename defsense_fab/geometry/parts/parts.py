@@ -22,7 +22,7 @@ from .division import SMALL, Division, divide, plan
 from .part_contacts import Contact, contacts
 from .part_labels import Label
 from .part_names import names as names_of
-from .print_bed import FOOTHOLD, footing, resting
+from ..printing.print_bed import FOOTHOLD, footing, resting
 from .records import Made, Part, Rules
 
 
@@ -79,7 +79,7 @@ def make_parts(
     report(0.4, "checking")
     made = Made(
         tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(flats),
-        tuple(channels), (), (), removed, body_volume,
+        tuple(channels), (), (), removed, body_volume, division.leaves,
     )  # fmt: skip
     found = inspection.inspect(made, pieces, surface, rules)
     made = replace(made, checks=(*walls, *found))

@@ -57,7 +57,8 @@ class Part:
 class Made:
     """The parts, in the order of their numbers, and how they are held together. Cuts come in the
     order in which the body was divided: it is closed in the opposite one. `cut_out` is the volume
-    of all that was removed, mm^3."""
+    of all that was removed, mm^3; `bare` are the parts without channels, sockets and numbers
+    (manifold3d)."""
 
     parts: tuple[Part, ...]
     cuts: tuple[Cut, ...]
@@ -70,3 +71,4 @@ class Made:
     warnings: tuple[str, ...]
     cut_out: float
     body_volume: float
+    bare: tuple[Any, ...] = ()

@@ -13,7 +13,7 @@ from ...core.mesh import Surface
 from ...core.prediction import Prediction
 from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.export import write_3mf, write_stl
-from ...geometry.parts.print_bed import PlacedPart, arrange, laid
+from ...geometry.printing.print_bed import PlacedPart, arrange, laid
 from ...geometry.parts.records import Made
 from ..artifacts.body import load_body_record, load_solid, load_surface
 from ..artifacts.layout import LayoutRecord, load_layout

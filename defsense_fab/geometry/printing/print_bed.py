@@ -64,17 +64,20 @@ def laid(surface: Surface, down: Float) -> Surface:
     from scipy.spatial import ConvexHull
 
     flat = vertices[:, :2]
-    hull = flat[ConvexHull(flat).vertices]
-    edges = np.roll(hull, -1, axis=0) - hull
-    turns = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 7))
-    sizes = np.array([np.ptp(hull @ _turn(a), axis=0) for a in turns])
-    best = turns[int(np.round(sizes.prod(axis=1), 3).argmin())]
-    xy = flat @ _turn(best)
+    xy = flat @ _turn(least_turn(flat[ConvexHull(flat).vertices]))
     if np.ptp(xy[:, 0]) < np.ptp(xy[:, 1]):
         xy = xy @ _turn(np.pi / 2)
     out = np.column_stack([xy, vertices[:, 2]])
     low, high = out.min(0), out.max(0)
     return Surface(out - [*((low + high)[:2] / 2), low[2]], surface.faces)
+
+
+def least_turn(hull: Float) -> float:
+    """The angle by which the rectangle around a convex outline (k, 2) of least area is turned."""
+    edges = np.roll(hull, -1, axis=0) - hull
+    turns = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 7))
+    sizes = np.array([np.ptp(hull @ _turn(a), axis=0) for a in turns])
+    return float(turns[int(np.round(sizes.prod(axis=1), 3).argmin())])
 
 
 def _turn(angle: float) -> Float:
