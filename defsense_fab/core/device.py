@@ -190,8 +190,8 @@ class FabricationSpec:
     `kind` is "print" or "cast" in printed moulds, `line`, `layer` and `hole` what the printer lays
     and the least hole that stays open, `spacing` what parts keep on its bed, mm, `supports` whether
     parts need them: "no", "yes" or all "inside" of hollows; `copies` of the device on the plates;
-    walls of moulds (`mould_wall`, mm), and the linear `shrinkage` of what is cast, where it is given
-    (None: as the silicone's row has it)."""
+    walls of moulds (`mould_wall`, mm), and the linear `shrinkage` of what is cast, where it is
+    given (None: as the silicone's row has it)."""
 
     process: str
     clearance: float

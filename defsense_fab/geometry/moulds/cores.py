@@ -50,9 +50,7 @@ def faces(made: Made, index: int) -> list[Face]:
     cores: list[list[Any]] = [[] for _ in ordered]
     for hollow in (bare ^ hollows).decompose() if hollows is not None else []:
         corners = triangle_kernel.to_surface(hollow).vertices
-        meets = [
-            k for k, (n, o, _) in enumerate(ordered) if ((corners - o) @ n).max() > -_TOUCHES
-        ]
+        meets = [k for k, (n, o, _) in enumerate(ordered) if ((corners - o) @ n).max() > -_TOUCHES]
         if meets:
             cores[max(meets, key=lambda k: _opening(hollow, *ordered[k][:2]))].append(hollow)
         elif hollow.volume() > _CRUMB:

@@ -1,5 +1,5 @@
-"""What a mould needs besides its cavity: keys that align its pieces, room for screws, a hole to pour
-through and vents for the air."""
+"""What a mould needs besides its cavity: keys that align its pieces, holes for screws, one to pour
+through, and vents for the air."""
 
 from __future__ import annotations
 
@@ -66,9 +66,7 @@ def joined(
         low = low - m3.Manifold.batch_boolean(cut_low, m3.OpType.Add)
     if cut_high:
         high = high - m3.Manifold.batch_boolean(cut_high, m3.OpType.Add)
-    return Joint(
-        upright(high, axes, origin), upright(low, axes, origin), len(keys), len(screws)
-    )
+    return Joint(upright(high, axes, origin), upright(low, axes, origin), len(keys), len(screws))
 
 
 def _cone(foot: float, height: float, x: float, y: float, opens: Float, play: float) -> Any:

@@ -101,7 +101,7 @@ def keyed(name: str, count: int) -> Check:
     return Check(f"mould of {name}: keys and screws", count, 0, "", "", "" if count else told)
 
 
-def thin(name: str, pieces: Sequence[MouldPiece], rules: MouldRules) -> list[Check]:
+def thin(pieces: Sequence[MouldPiece], rules: MouldRules) -> list[Check]:
     """How much of each piece's cores is thinner than two lines in the layers that it is printed
     in: of a layer, what is lost when its outline is opened by that width."""
     out = []
@@ -133,6 +133,4 @@ def thin(name: str, pieces: Sequence[MouldPiece], rules: MouldRules) -> list[Che
 def _lying(piece: MouldPiece) -> Any:
     axes = frame(-piece.down)
     surface = piece.surface
-    return triangle_kernel.to_manifold(
-        Surface(surface.vertices @ axes, surface.faces), piece.name
-    )
+    return triangle_kernel.to_manifold(Surface(surface.vertices @ axes, surface.faces), piece.name)

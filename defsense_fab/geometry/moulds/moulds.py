@@ -98,7 +98,7 @@ def _made(
         )
         for k, (name, solid, way) in enumerate(zip(names, solids, ways, strict=True))
     )
-    checks += inspection.thin(part.name, pieces, rules)
+    checks += inspection.thin(pieces, rules)
     checks.append(inspection.cavity(part.name, float(cast.volume()), part))
     checks.append(inspection.keyed(part.name, keys))
     return Mould(
@@ -147,9 +147,7 @@ def _divided(
         above, rest = rest.split_by_plane(face.normal.tolist(), face.height)
         lids.append(above)
     shell = rest - bare
-    shell = shell - triangle_kernel.union(
-        [through(bare, f.normal, f.origin, 0.5) for f in sides]
-    )
+    shell = shell - triangle_kernel.union([through(bare, f.normal, f.origin, 0.5) for f in sides])
     free = 0.0
     if hollows is not None:
         ends = [bare.translate((rules.play * way).tolist()) for way in mouths(made)]
@@ -181,9 +179,7 @@ def _merged(face: Face, opening: Opening, sides: Sequence[Face]) -> bool:
     )
 
 
-def _shells(
-    shell: Any, lids: list[Any], sides: Sequence[Face], opening: Opening
-) -> list[Any]:
+def _shells(shell: Any, lids: list[Any], sides: Sequence[Face], opening: Opening) -> list[Any]:
     """The shell's pieces, with the lids that come off as they do: those are None afterwards."""
     if opening.plane is None:
         pieces = [shell]

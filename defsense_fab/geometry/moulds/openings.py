@@ -1,8 +1,8 @@
 """The directions in which the shell of a mould comes off the skin of its part.
 
-The lids over a part's faces come off along the faces' normals. What is left of the mould, its shell,
-has to come off the part's skin: in one piece where some direction lets it, or in two that open in
-opposite directions. A soft part stretches over a small undercut.
+The lids over a part's faces come off along the faces' normals. What is left of the mould, its
+shell, has to come off the part's skin: in one piece where some direction lets it, or in two that
+open in opposite directions. A soft part stretches over a small undercut.
 """
 
 from __future__ import annotations
@@ -120,16 +120,16 @@ def shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRule
     where = xyz(best.at) if best.at is not None else "its skin"
     raise FabricationError(
         f"{name} cannot be cast: however its mould is divided, the part would be strained by"
-        f" {best.strain:.0%} of its thickness near {where} as it is taken out, and {rules.strain:.0%}"
-        " is taken as safe; let a cord's plane pass through the widest place there, add a cord, or"
-        " choose a process that prints"
+        f" {best.strain:.0%} of its thickness near {where} as it is taken out, and"
+        f" {rules.strain:.0%} is taken as safe; let a cord's plane pass through the widest place"
+        " there, add a cord, or choose a process that prints"
     )
 
 
 def _candidates(skin: Skin, faces: Sequence[Face]) -> list[Float]:
     """Directions, those first into which the least of the skin looks back: of equal ones those that
     save a piece, by opening where another face's lid does."""
-    own = [f.normal for f in faces[1:]]
+    own = [_widest(skin.normals), *(f.normal for f in faces[1:])]
     mean = np.sum([f.normal for f in faces], axis=0)
     plain = [-faces[0].normal, -mean / max(float(np.linalg.norm(mean)), 1e-9)]
     around = np.linalg.svd(skin.points - skin.points.mean(0), full_matrices=False)[2]
@@ -142,6 +142,20 @@ def _candidates(skin: Skin, faces: Sequence[Face]) -> list[Float]:
     allowed = [k for k, d in enumerate(every) if d @ faces[0].normal < 0.5]
     order = sorted(allowed, key=lambda k: (round(back[k], 2), k))
     return [every[k] for k in order]
+
+
+def _widest(normals: Float) -> Float:
+    """The direction that all of the skin looks into as far as it can: a linear program for the
+    largest least component."""
+    rows = np.unique(np.round(normals, 3), axis=0)
+    done = linprog(
+        [0, 0, 0, -1],
+        A_ub=np.column_stack([-rows, np.ones(len(rows))]),
+        b_ub=np.zeros(len(rows)),
+        bounds=[(-1, 1)] * 3 + [(None, None)],
+        method="highs",
+    )
+    return _unit(np.asarray(done.x[:3])) if done.status == 0 else -np.eye(3)[2]
 
 
 def _unit(vector: Float) -> Float:
@@ -168,7 +182,9 @@ def _pair(skin: Skin, direction: Float) -> Opening:
     local = skin.points @ axes
     middle = local.mean(axis=0)
     plane = _between(local - middle, only_up, only_down)
-    above = (local - middle)[:, 2] > np.column_stack([np.ones(len(local)), (local - middle)[:, :2]]) @ plane
+    above = (local - middle)[:, 2] > np.column_stack(
+        [np.ones(len(local)), (local - middle)[:, :2]]
+    ) @ plane
     depths = np.where(above, up, down)
     strain, at = skin.strain(depths)
     normal = _unit(axes @ np.array([-plane[1], -plane[2], 1.0]))

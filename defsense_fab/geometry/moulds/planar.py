@@ -8,8 +8,8 @@ import manifold3d as m3
 import numpy as np
 
 from ...core.arrays import Float
-from ..kernels.cutting_tools import frame
 from ..kernels import triangle_kernel
+from ..kernels.cutting_tools import frame
 from ..parts.part_contacts import inside
 from .records import Face
 

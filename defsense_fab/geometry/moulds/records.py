@@ -12,7 +12,7 @@ from ..parts.check import Check
 
 @dataclass(frozen=True)
 class MouldRules:
-    """Sizes of a mould, mm: `wall` between cavity and outside where nothing is screwed, `rim` around
+    """Sizes of a mould, mm: `wall` between cavity and outside where nothing is screwed, `rim` round
     the cavity where pieces meet, `play` between them, the printer's `line`; linear `shrinkage` of
     what is cast, and by how much of its thickness it may be strained as it is taken out."""
 
@@ -21,7 +21,7 @@ class MouldRules:
     play: float = 0.15
     line: float = 0.4
     shrinkage: float = 0.0
-    strain: float = 0.2
+    strain: float = 0.1
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,13 @@ from ..bodies.connector_bay import without_bay
 from ..channels.cord_channels import channels_of
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, Tool
+from ..printing.print_bed import FOOTHOLD, footing, resting
 from . import alignment_pins, inspection, part_labels, tag_seats
 from .channel_openings import ChannelOpening
 from .division import SMALL, Division, divide, plan
 from .part_contacts import Contact, contacts
 from .part_labels import Label
 from .part_names import names as names_of
-from ..printing.print_bed import FOOTHOLD, footing, resting
 from .records import Made, Part, Rules
 
 
