@@ -26,6 +26,7 @@ _OFF = 0.03  # mm, of points from the skin
 _DEEP = 0.05  # mm, of an undercut that facets may make
 _STEPS = 14
 _TRIED = 8
+_LEVEL = 0.005  # of a normal's component: as good as along the skin
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,7 @@ def shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRule
     tried = _candidates(skin, faces)
     found: list[Opening] = []
     for direction in tried[:_TRIED]:
+        assert np.linalg.norm(direction) > 0.99
         strain, at = skin.strain(skin.depths(direction))
         found.append(Opening((direction,), None, strain, at))
         if strain == 0:
@@ -129,7 +131,7 @@ def shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRule
 def _candidates(skin: Skin, faces: Sequence[Face]) -> list[Float]:
     """Directions, those first into which the least of the skin looks back: of equal ones those that
     save a piece, by opening where another face's lid does."""
-    own = [_widest(skin.normals), *(f.normal for f in faces[1:])]
+    own = [*_widest(skin.normals), *(f.normal for f in faces[1:])]
     mean = np.sum([f.normal for f in faces], axis=0)
     plain = [-faces[0].normal, -mean / max(float(np.linalg.norm(mean)), 1e-9)]
     around = np.linalg.svd(skin.points - skin.points.mean(0), full_matrices=False)[2]
@@ -137,25 +139,26 @@ def _candidates(skin: Skin, faces: Sequence[Face]) -> list[Float]:
     plain += [_unit(a + b) for a, b in zip(skin.normals[:60], skin.normals[60:120], strict=True)]
     plain += [-f.normal for f in faces[1:]]
     every = [*own, *plain]
-    back = [float(np.clip(-(skin.normals @ d) - 0.017, 0, None).sum()) for d in every]
+    back = [float(np.clip(-(skin.normals @ d) - _LEVEL, 0, None).sum()) for d in every]
     # A lid's own way into the mould is the way in which nothing else may come.
     allowed = [k for k, d in enumerate(every) if d @ faces[0].normal < 0.5]
     order = sorted(allowed, key=lambda k: (round(back[k], 2), k))
     return [every[k] for k in order]
 
 
-def _widest(normals: Float) -> Float:
-    """The direction that all of the skin looks into as far as it can: a linear program for the
-    largest least component."""
+def _widest(normals: Float) -> list[Float]:
+    """The direction that none of the skin looks back from, and that it looks along the most, by a
+    linear program; none where there is no such direction."""
     rows = np.unique(np.round(normals, 3), axis=0)
     done = linprog(
-        [0, 0, 0, -1],
-        A_ub=np.column_stack([-rows, np.ones(len(rows))]),
-        b_ub=np.zeros(len(rows)),
-        bounds=[(-1, 1)] * 3 + [(None, None)],
+        -normals.mean(axis=0),
+        A_ub=-rows,
+        b_ub=np.full(len(rows), _LEVEL),
+        bounds=[(-1, 1)] * 3,
         method="highs",
     )
-    return _unit(np.asarray(done.x[:3])) if done.status == 0 else -np.eye(3)[2]
+    found = done.status == 0 and np.linalg.norm(done.x) > 0.5
+    return [_unit(np.asarray(done.x))] if found else []
 
 
 def _unit(vector: Float) -> Float:

@@ -21,6 +21,16 @@ class Place:
     turned: bool
 
 
+@dataclass(frozen=True)
+class _Way:
+    """A way of laying: the order, what is liked of a place (its corner, and what it leaves beside
+    and behind), and whether rectangles are turned where they need not be."""
+
+    order: Callable[[float, float], float]
+    rule: Callable[[float, float, float, float], tuple[float, ...]]
+    turning: bool
+
+
 @dataclass
 class _Plate:
     """What is free of a plate: rectangles as large as they can be, which may overlap."""
@@ -28,15 +38,20 @@ class _Plate:
     free: list[_Rectangle]
     used: float = field(default=0.0)
 
-    def best(self, wide: float, deep: float) -> tuple[tuple[float, ...], _Rectangle, bool] | None:
-        """The place that leaves the shortest rest beside the rectangle, and nearest the front."""
+    def best(self, wide: float, deep: float, way: _Way) -> tuple[_Rectangle, bool] | None:
+        """The place that a rule likes best, as it is or turned."""
         found = [
-            ((min(w - a, h - b), max(w - a, h - b), y, x), (x, y, a, b), turned)
+            ((*way.rule(x, y, w - a, h - b), y, x), turned, (x, y, a, b))
             for x, y, w, h in self.free
             for a, b, turned in ((wide, deep, False), (deep, wide, True))
             if a <= w + _CLOSE and b <= h + _CLOSE
+            # Turned only where it must be, if the way is so.
+            if way.turning or not turned or wide > w + _CLOSE or deep > h + _CLOSE
         ]
-        return min(found, key=lambda f: (f[0], f[2])) if found else None
+        if not found:
+            return None
+        _, turned, placed = min(found)
+        return placed, turned
 
     def take(self, placed: _Rectangle) -> None:
         x, y, w, h = placed
@@ -79,29 +94,43 @@ _ORDERS: tuple[Callable[[float, float], float], ...] = (
     lambda w, d: min(w, d),
     lambda w, d: w + d,
 )
+#: What is liked of a place: the shortest rest, the shortest long rest, the front left corner.
+_RULES: tuple[Callable[[float, float, float, float], tuple[float, ...]], ...] = (
+    lambda _x, _y, w, h: (min(w, h), max(w, h)),
+    lambda _x, _y, w, h: (max(w, h), min(w, h)),
+    lambda x, y, _w, _h: (y + x, x),
+)
+_WAYS = tuple(_Way(o, r, t) for t in (True, False) for r in _RULES for o in _ORDERS)
+_MANY = 80  # rectangles, for which only the first ways are tried
 
 
 def pack(sizes: Mapping[str, tuple[float, float]], bed: tuple[float, float]) -> dict[str, Place]:
-    """Places for rectangles (width, depth, mm) that each fit the bed: of several orders the one
-    with the fewest plates, and of those the one whose last plate holds the least."""
-    tried = [
-        _laid(sorted(sizes, key=lambda n: (-order(*sizes[n]), n)), sizes, bed) for order in _ORDERS
-    ]
-    return min(tried, key=lambda t: (len(t[0]), t[0][-1].used if t[0] else 0.0))[1]
+    """Places for rectangles (width, depth, mm) that each fit the bed: of several ways of laying
+    the one with the fewest plates, and of those the one whose last plate holds the least."""
+    least = least_plates(sizes, bed)
+    best: tuple[tuple[int, float], dict[str, Place]] = ((0, 0.0), {})
+    for k, way in enumerate(_WAYS if len(sizes) <= _MANY else _WAYS[: len(_ORDERS)]):
+        plates, places = _laid(sizes, bed, way)
+        found = (len(plates), plates[-1].used if plates else 0.0)
+        if k == 0 or found < best[0]:
+            best = (found, places)
+        if best[0][0] <= least:
+            break
+    return best[1]
 
 
 def _laid(
-    names: list[str], sizes: Mapping[str, tuple[float, float]], bed: tuple[float, float]
+    sizes: Mapping[str, tuple[float, float]], bed: tuple[float, float], way: _Way
 ) -> tuple[list[_Plate], dict[str, Place]]:
     plates: list[_Plate] = []
     out: dict[str, Place] = {}
-    for name in names:
+    for name in sorted(sizes, key=lambda n: (-way.order(*sizes[n]), n)):
         for k in range(len(plates) + 1):
             if k == len(plates):
                 plates.append(_Plate([(0.0, 0.0, *bed)]))
-            found = plates[k].best(*sizes[name])
+            found = plates[k].best(*sizes[name], way)
             if found is not None:
-                _, placed, turned = found
+                placed, turned = found
                 plates[k].take(placed)
                 out[name] = Place(k, placed[0], placed[1], turned)
                 break

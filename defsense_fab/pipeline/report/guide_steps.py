@@ -59,7 +59,10 @@ def _preparation(device: Device, manifest: Manifest) -> list[GuideStep]:
     plates = ", ".join(p.file for p in manifest.plates)
     printing = [
         f"Print {plates} ({device.fabrication.process}, {device.material.name}): parts lie on a cut"
-        " face where they have one to lie on; grooves and sockets need no support.",
+        " face where they have one to lie on; grooves and sockets need no support."
+        if manifest.casting is None
+        else f"Print the moulds: {plates} ({device.fabrication.process}).",
+        *manifest.advice,
         "A part's number is engraved in a face that vanishes in the device, where there is room.",
     ]
     if manifest.pins:
@@ -74,8 +77,10 @@ def _preparation(device: Device, manifest: Manifest) -> list[GuideStep]:
     ]
     cords.append("A piece that differs by more than 10 % is of another batch: change"
                  " ohm_per_mm in the cord's table.")  # fmt: skip
+    cast = [GuideStep("Cast the parts", manifest.casting.steps)] if manifest.casting else []
     return [
         GuideStep("Print", tuple(printing)),
+        *cast,
         GuideStep("Cut the cords and crimp their wires", tuple(cords)),
     ]
 

@@ -131,13 +131,13 @@ def test_one_pours_at_the_top_and_air_leaves_there(made, moulds):
         assert len(mould.vents) >= 2
 
 
-def ball_with_holes(ways):
-    """A ball of 24 mm, and straight holes through it along some axes, at different heights."""
+def ball_with_holes(holes):
+    """A ball of 24 mm, and straight holes through it: an axis, a place and a height each."""
     body = trimesh.creation.icosphere(subdivisions=3, radius=24)
-    for k, way in enumerate(ways):
-        hole = trimesh.creation.cylinder(4, 80, sections=32)
+    for way, (x, y, z) in holes:
+        hole = trimesh.creation.cylinder(4, 80, sections=24)
         turn = trimesh.geometry.align_vectors([0, 0, 1], way)
-        turn[2, 3] = -2 - 12 * k
+        turn[:3, 3] = x, y, z
         hole.apply_transform(turn)
         body = body.difference(hole, engine="manifold")
     return Surface(np.asarray(body.vertices, float), np.asarray(body.faces, np.int64))
@@ -160,7 +160,8 @@ def test_a_round_part_that_is_cut_off_centre_takes_a_shell_of_two_pieces():
 
 
 def test_holes_that_no_mould_leaves_are_refused_with_their_place():
-    body = ball_with_holes([[1, 0, 0], [0, 1, 0]])
+    across = [([1, 0, 0], (0, y, -2)) for y in (-10, 10)]
+    body = ball_with_holes(across + [([0, 1, 0], (x, 0, -14)) for x in (-8, 8)])
     made = make_parts(body, over_the_middle(), replace(RULES, pockets=None))
     with pytest.raises(FabricationError, match=r"1-bottom cannot be cast: .* near \(.*, -?\d+"):
         make_moulds(made, MouldRules())
