@@ -388,6 +388,8 @@ def _fabrication(t: Table) -> FabricationSpec:
         t.fail("copies", f"must be at most {MOST_COPIES}, not {spec.copies}")
     if spec.shrinkage is not None and spec.shrinkage > 0.1:
         t.fail("shrinkage", f"is a share of the length, as in 0.002, not {spec.shrinkage:g}")
+    if spec.kind == "cast" and spec.limit_cuts:
+        t.fail("limit_cuts", "parts that wrap round the end of a cut cannot be cast; remove it")
     for key in ("mould_wall", "shrinkage"):
         if t.has(key) and spec.kind != "cast":
             t.fail(key, f"is for moulds, and process {spec.process!r} prints the parts themselves")

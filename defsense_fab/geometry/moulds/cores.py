@@ -2,44 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+import manifold3d as m3
 import numpy as np
 
 from ...core.arrays import Float, xyz
 from ...core.errors import FabricationError
 from ..kernels import triangle_kernel
+from ..kernels.cutting_tools import frame
+from ..parts.part_contacts import Contact
 from ..parts.records import Made
-from .planar import flat
+from .planar import flat, upright
 from .records import Face
 
 _ABOVE = 0.02  # mm, by which a part may stand over the plane of one of its faces
 _TOUCHES = 1e-3  # mm, from a face
+_WIDE = 0.3  # mm, of a notch that is one
 _CRUMB = 0.3  # mm^3, of a hollow that reaches no face: rounding of facets
 
 
 def faces(made: Made, index: int) -> list[Face]:
     """Of the part with this index, the largest first.
 
-    Raises FabricationError for a part that wraps round one of its faces, or has a hollow that opens
-    into none.
+    Raises FabricationError for a part without faces, or with a hollow that opens into none.
     """
     part, bare = made.parts[index], made.bare[index]
     found: dict[int, tuple[Float, Float, float]] = {}
+    meeting: dict[int, list[Contact]] = {}
     for contact in made.contacts:
         if index in (contact.lower, contact.upper):
             out = contact.plane.normal if contact.lower == index else -contact.plane.normal
             area = found[contact.cut][2] if contact.cut in found else 0.0
+            meeting.setdefault(contact.cut, []).append(contact)
             found[contact.cut] = (out, contact.plane.origin, area + contact.area)
-    vertices = triangle_kernel.to_surface(bare).vertices
-    for normal, origin, _ in found.values():
-        over = (vertices - origin) @ normal
-        if over.max() > _ABOVE:
-            raise FabricationError(
-                f"{part.name} cannot be cast: it wraps round the end of a cut near"
-                f" {xyz(vertices[int(over.argmax())])}, and no mould opens there; set limit_cuts ="
-                " false in [fabrication], move that cord's plane, or choose a process that prints"
-            )
     if not found:
         raise FabricationError(
             f"{part.name} cannot be cast: it has no face in which it meets another part, for the"
@@ -60,17 +57,55 @@ def faces(made: Made, index: int) -> list[Face]:
                 " nothing in the mould could leave it; set strain_relief = false or remove"
                 " [body.bay], or choose a process that prints"
             )
-    return [
-        Face(n, o, area, triangle_kernel.union(own) if own else None)
-        for (n, o, area), own in zip(ordered, cores, strict=True)
-    ]
+    which = sorted(found, key=lambda cut: -found[cut][2])
+    return [_face(bare, *ordered[k], cores[k], meeting[cut]) for k, cut in enumerate(which)]
+
+
+def _face(
+    bare: Any,
+    normal: Float,
+    origin: Float,
+    area: float,
+    core: Sequence[Any],
+    meeting: Sequence[Contact],
+) -> Face:
+    """The face, its core united with the notch in which the face lies, where there is one."""
+    over = (triangle_kernel.to_surface(bare).vertices - origin) @ normal
+    if over.max() <= _ABOVE:
+        return Face(normal, origin, area, triangle_kernel.union(core) if core else None)
+    axes = frame(normal)
+    local = flat(bare, axes, origin)
+    floor = local.slice(-_ABOVE) - local.slice(_ABOVE)
+    floor = floor.offset(-_WIDE).offset(_WIDE)
+    met = triangle_kernel.union(
+        [
+            flat(upright(m3.Manifold.extrude(c.section, 1.0), c.plane.axes, c.plane.origin), axes,
+                 origin)
+            for c in meeting
+        ]
+    ).project()  # fmt: skip
+    own = [p for p in floor.decompose() if (p ^ met).area() > _WIDE]
+    if not own:
+        return Face(normal, origin, area, triangle_kernel.union(core) if core else None)
+    high = float(over.max())
+    notch = m3.Manifold.batch_boolean(
+        [m3.Manifold.extrude(p, high + _TOUCHES).translate([0, 0, -_TOUCHES]) for p in own],
+        m3.OpType.Add,
+    )
+    notch = upright(notch, axes, origin)
+    filled = triangle_kernel.union([*core, notch - bare])
+    return Face(normal, origin + high * normal, area, filled, notch)
 
 
 def _opening(hollow: Any, normal: Float, origin: Float) -> float:
     """Area, mm^2, with which a hollow opens into a face."""
-    from ..kernels.cutting_tools import frame
-
     return float(flat(hollow, frame(normal), origin).slice(-2 * _TOUCHES).area())
+
+
+def filled(bare: Any, sides: Sequence[Face]) -> Any:
+    """The part without hollows, notches over its faces filled."""
+    notches = [f.notch for f in sides if f.notch is not None]
+    return triangle_kernel.union([bare, *notches]) if notches else bare
 
 
 def hollows_of(made: Made, index: int) -> Any:

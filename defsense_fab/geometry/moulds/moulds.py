@@ -23,13 +23,16 @@ from ..kernels.cutting_tools import frame
 from ..parts.records import Made
 from ..printing.print_bed import least_turn
 from . import inspection
-from .cores import faces, hollows_of, mouths
+from .cores import faces, filled, hollows_of, mouths
 from .fittings import fed, joined
 from .openings import Opening, shell_opening, skin_of
 from .planar import over_core, through, widened
 from .records import Face, Mould, MouldPiece, MouldRules
 
 _ROUND = 2e-4  # mm
+#: Of a part's volume, what a piece of the shell may pass through: of a part that is stretched over
+#: an undercut, and of one in two half shells.
+_EASED, _FACETS = 0.05, 2e-4
 _PARALLEL = 0.9998  # cosine of directions that are taken for one
 
 
@@ -52,7 +55,7 @@ def _mould(made: Made, index: int, rules: MouldRules) -> Mould:
     all of them pass each other."""
     part, bare = made.parts[index], made.bare[index]
     sides = faces(made, index)
-    skin = skin_of(triangle_kernel.to_surface(bare), sides)
+    skin = skin_of(triangle_kernel.to_surface(filled(bare, sides)), sides)
     opening = shell_opening(part.name, skin, sides, rules)
     problem: FabricationError | None = None
     for order in itertools.permutations(range(len(sides))):
@@ -68,22 +71,25 @@ def _made(
     made: Made, index: int, sides: Sequence[Face], opening: Opening, rules: MouldRules
 ) -> Mould:
     part, bare = made.parts[index], made.bare[index]
-    surface = triangle_kernel.to_surface(bare)
+    whole = filled(bare, sides)
+    surface = triangle_kernel.to_surface(whole)
     hollows = hollows_of(made, index)
     cast = bare if hollows is None else bare - hollows
     block = _block(surface.vertices, sides, rules)
-    lids, shell, free = _divided(made, index, block, sides, hollows, rules)
+    lids, shell, free = _divided(made, whole, block, sides, hollows, rules)
     shells = _shells(shell, lids, sides, opening)
     own = [f for f in sides if not _merged(f, opening, sides)]
     lids = [lid for lid in lids if lid is not None]
-    whole = sum(float(s.volume()) for s in (*lids, *shells, cast))
-    checks = [inspection.adds_up(part.name, whole, float(block.volume()), free)]
+    total = sum(float(s.volume()) for s in (*lids, *shells, cast))
+    checks = [inspection.adds_up(part.name, total, float(block.volume()), free)]
     feed = fed(part.name, lids[0], cast, sides[0].normal, sides[0].origin)
     solids, keys = _fitted([feed.lid, *lids[1:], *shells], own, opening, rules)
     names = _names(part.name, len(lids), len(shells))
     solids = [_whole(s, n) for s, n in zip(solids, names, strict=True)]
     ways = [*(f.normal for f in own), *opening.directions]
-    eased = 0.05 * float(cast.volume()) if opening.strain else 0.0
+    # Halves of a round part meet beside its widest line by what facets are wide.
+    eased = _EASED if opening.strain else _FACETS if opening.plane else 0.0
+    eased *= float(cast.volume())
     checks += inspection.opens(
         part.name, solids, ways, cast, [0.0] * len(lids) + [eased] * len(shells)
     )
@@ -137,11 +143,10 @@ def _block(vertices: Float, sides: Sequence[Face], rules: MouldRules) -> Any:
 
 
 def _divided(
-    made: Made, index: int, block: Any, sides: Sequence[Face], hollows: Any, rules: MouldRules
+    made: Made, bare: Any, block: Any, sides: Sequence[Face], hollows: Any, rules: MouldRules
 ) -> tuple[list[Any], Any, float]:
     """A lid for each face, with its cores, and the shell around the part; the volume, mm^3, that is
     left free at the ends of cores so that lids can be closed."""
-    bare = made.bare[index]
     rest, lids = block, []
     for face in sides:
         above, rest = rest.split_by_plane(face.normal.tolist(), face.height)

@@ -26,6 +26,7 @@ _OFF = 0.03  # mm, of points from the skin
 _DEEP = 0.05  # mm, of an undercut that facets may make
 _STEPS = 14
 _TRIED = 8
+_WHOLE = 0.99  # length of a direction that is one
 _LEVEL = 0.005  # of a normal's component: as good as along the skin
 
 
@@ -107,7 +108,6 @@ def shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRule
     tried = _candidates(skin, faces)
     found: list[Opening] = []
     for direction in tried[:_TRIED]:
-        assert np.linalg.norm(direction) > 0.99
         strain, at = skin.strain(skin.depths(direction))
         found.append(Opening((direction,), None, strain, at))
         if strain == 0:
@@ -138,7 +138,7 @@ def _candidates(skin: Skin, faces: Sequence[Face]) -> list[Float]:
     plain += [*np.eye(3), *-np.eye(3), *around, *-around, *skin.normals[:60]]
     plain += [_unit(a + b) for a, b in zip(skin.normals[:60], skin.normals[60:120], strict=True)]
     plain += [-f.normal for f in faces[1:]]
-    every = [*own, *plain]
+    every = [d for d in (*own, *plain) if np.linalg.norm(d) > _WHOLE]  # sums may vanish
     back = [float(np.clip(-(skin.normals @ d) - _LEVEL, 0, None).sum()) for d in every]
     # A lid's own way into the mould is the way in which nothing else may come.
     allowed = [k for k, d in enumerate(every) if d @ faces[0].normal < 0.5]
@@ -149,11 +149,11 @@ def _candidates(skin: Skin, faces: Sequence[Face]) -> list[Float]:
 def _widest(normals: Float) -> list[Float]:
     """The direction that none of the skin looks back from, and that it looks along the most, by a
     linear program; none where there is no such direction."""
-    rows = np.unique(np.round(normals, 3), axis=0)
+    rows = np.unique(np.round(normals, 8), axis=0)
     done = linprog(
         -normals.mean(axis=0),
         A_ub=-rows,
-        b_ub=np.full(len(rows), _LEVEL),
+        b_ub=np.full(len(rows), 1e-7),
         bounds=[(-1, 1)] * 3,
         method="highs",
     )

@@ -27,12 +27,16 @@ class MouldRules:
 @dataclass(frozen=True)
 class Face:
     """A face in which a part meets others: its outward `normal` (3,), a point of it (3,) mm, its
-    area, mm^2, and what is hollowed out of the part there, as a manifold3d solid."""
+    area, mm^2, and what is hollowed out of the part there, as a manifold3d solid.
+
+    Where the part wraps round the face, the `notch` over it is filled, the point lies as high as
+    the part goes, and the notch is of the core, too."""
 
     normal: Float
     origin: Float
     area: float
     core: Any
+    notch: Any = None
 
     @property
     def height(self) -> float:
