@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull
 
 from ...core.arrays import Float, xyz
 from ...core.errors import FabricationError
+from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
 from ..parts.records import Made
@@ -29,7 +30,7 @@ from .openings import Opening, shell_opening, skin_of
 from .planar import over_core, through, widened
 from .records import Face, Mould, MouldPiece, MouldRules
 
-_ROUND = 2e-4  # mm
+_ROUND = 2e-3  # mm, far below what a printer resolves
 #: Of a part's volume, what a piece of the shell may pass through: of a part that is stretched over
 #: an undercut, and of one in two half shells.
 _EASED, _FACETS = 0.05, 2e-4
@@ -71,12 +72,12 @@ def _made(
     made: Made, index: int, sides: Sequence[Face], opening: Opening, rules: MouldRules
 ) -> Mould:
     part, bare = made.parts[index], made.bare[index]
-    whole = filled(bare, sides)
-    surface = triangle_kernel.to_surface(whole)
+    closed = filled(bare, sides)
+    surface = triangle_kernel.to_surface(closed)
     hollows = hollows_of(made, index)
     cast = bare if hollows is None else bare - hollows
     block = _block(surface.vertices, sides, rules)
-    lids, shell, free = _divided(made, whole, block, sides, hollows, rules)
+    lids, shell, free = _divided(made, closed, block, sides, hollows, rules)
     shells = _shells(shell, lids, sides, opening)
     own = [f for f in sides if not _merged(f, opening, sides)]
     lids = [lid for lid in lids if lid is not None]
@@ -85,7 +86,7 @@ def _made(
     feed = fed(part.name, lids[0], cast, sides[0].normal, sides[0].origin)
     solids, keys = _fitted([feed.lid, *lids[1:], *shells], own, opening, rules)
     names = _names(part.name, len(lids), len(shells))
-    solids = [_whole(s, n) for s, n in zip(solids, names, strict=True)]
+    solids = [whole(s, n) for s, n in zip(solids, names, strict=True)]
     ways = [*(f.normal for f in own), *opening.directions]
     # Halves of a round part meet beside its widest line by what facets are wide.
     eased = _EASED if opening.strain else _FACETS if opening.plane else 0.0
@@ -232,10 +233,14 @@ def _names(part: str, lids: int, shells: int) -> list[str]:
     return [*several("lid", lids), *several("cup", shells)]
 
 
-def _whole(solid: Any, name: str) -> Any:
-    """The piece without crumbs. Raises FabricationError where it falls apart."""
-    rounded = solid.as_original().simplify(_ROUND)  # slivers would be pieces in single precision
-    found = sorted(rounded.decompose(), key=lambda p: -float(p.volume()))
+def whole(solid: Any, name: str) -> Any:
+    """The piece as one solid, without the slivers that would be solids of their own in single
+    precision. Raises FabricationError where it falls apart."""
+    surface = triangle_kernel.to_surface(solid.as_original().simplify(_ROUND))
+    rounded = Surface(surface.vertices.astype(np.float32).astype(float), surface.faces)
+    found = sorted(
+        triangle_kernel.to_manifold(rounded, name).decompose(), key=lambda p: -float(p.volume())
+    )
     if len(found) > 1 and found[1].volume() > inspection.CRUMB:
         at = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(found[1])))
         raise FabricationError(

@@ -117,8 +117,9 @@ def plan(
 
     A plane cuts only those pieces through which its cords run, and of what it would cut off only
     what a cord touches. Orders of cuts are compared, and cuts that go through with those that end
-    a little beyond their cords (only these with `limit`, none with `through`), by how many parts result and how far
-    channels (of `radius` mm) run along the faces of others' cuts, with less than `wall` mm between.
+    a little beyond their cords (only these with `limit`, none with `through`), by how many parts
+    result and how far channels (of `radius` mm) run along the faces of others' cuts, with less than
+    `wall` mm between.
     The lid of a limited cut is `play` mm smaller than what was cut off.
     """
     own = coincident([c.sensor.plane for c in channels])

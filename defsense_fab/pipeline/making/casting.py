@@ -9,7 +9,9 @@ from ...core.arrays import xyz
 from ...core.device import Device
 from ...core.mesh import Surface
 from ...core.silicone import Silicone, silicone
+from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.export import write_stl
+from ...geometry.moulds.moulds import whole
 from ...geometry.moulds.records import Mould, MouldRules
 from ...geometry.printing.print_bed import laid
 from ..artifacts.manifest import BillItem, Casting, MouldPieceRecord, MouldRecord
@@ -36,8 +38,12 @@ def shrinkage(device: Device) -> float:
 
 
 def lying(moulds: Sequence[Mould]) -> dict[str, Surface]:
-    """Every piece as it is printed."""
-    return {p.name: laid(p.surface, p.down) for m in moulds for p in m.pieces}
+    """Every piece as it is printed, closed in single precision as it lies."""
+    out = {}
+    for piece in (p for m in moulds for p in m.pieces):
+        solid = triangle_kernel.to_manifold(laid(piece.surface, piece.down), piece.name)
+        out[piece.name] = triangle_kernel.printable(whole(solid, piece.name), piece.name)
+    return out
 
 
 def write_moulds(
