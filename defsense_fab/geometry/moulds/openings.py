@@ -21,7 +21,7 @@ from ..kernels import ray_casting
 from ..kernels.cutting_tools import frame
 from .records import Face, MouldRules
 
-_POINTS = 700
+_POINTS, _WAYS = 600, 150
 _OFF = 0.03  # mm, of points from the skin
 _DEEP = 0.05  # mm, of an undercut that facets may make
 _STEPS = 14
@@ -97,6 +97,12 @@ def skin_of(part: Surface, faces: Sequence[Face]) -> Skin:
     which = rng.choice(np.flatnonzero(free), _POINTS, p=area[free] / area[free].sum())
     a, b = np.sqrt(rng.random(_POINTS)), rng.random(_POINTS)
     weights = np.stack([1 - a, a * (1 - b), a * b], axis=1)
+    # A narrow strip that looks elsewhere may be missed by chance: the largest facet of each way.
+    large = np.flatnonzero(free)[np.argsort(-area[free], kind="stable")]
+    ways = np.round(outward[large] / area[large, None], 1)
+    first = large[np.sort(np.unique(ways, axis=0, return_index=True)[1])][:_WAYS]
+    which = np.concatenate([which, first])
+    weights = np.concatenate([weights, np.full((len(first), 3), 1 / 3)])
     normals = outward[which] / area[which, None]
     points = np.einsum("nk,nkd->nd", weights, corners[which]) + _OFF * normals
     return Skin(part, points, normals)

@@ -133,7 +133,7 @@ def test_one_pours_at_the_top_and_air_leaves_there(made, moulds):
 
 def ball_with_holes(holes):
     """A ball of 24 mm, and straight holes through it: an axis, a place and a height each."""
-    body = trimesh.creation.icosphere(subdivisions=3, radius=24)
+    body = trimesh.creation.icosphere(subdivisions=2, radius=24)
     for way, (x, y, z) in holes:
         hole = trimesh.creation.cylinder(4, 80, sections=24)
         turn = trimesh.geometry.align_vectors([0, 0, 1], way)
