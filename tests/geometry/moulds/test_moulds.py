@@ -148,6 +148,7 @@ def over_the_middle():
     return [cord("one", [0, 0, 1], [0, 0, 16], [1, 0, 0], points)]
 
 
+@pytest.mark.slow
 def test_a_round_part_that_is_cut_off_centre_takes_a_shell_of_two_pieces():
     made = make_parts(ball_with_holes([]), over_the_middle(), replace(RULES, pockets=None))
     low, high = make_moulds(made, MouldRules())
@@ -159,6 +160,7 @@ def test_a_round_part_that_is_cut_off_centre_takes_a_shell_of_two_pieces():
     assert low.pieces[1].opens == pytest.approx(-low.pieces[2].opens)
 
 
+@pytest.mark.slow
 def test_holes_that_no_mould_leaves_are_refused_with_their_place():
     across = [([1, 0, 0], (0, y, -2)) for y in (-10, 10)]
     body = ball_with_holes(across + [([0, 1, 0], (x, 0, -14)) for x in (-8, 8)])
