@@ -5,12 +5,16 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ..core.errors import DeviceError
 from .device import device_arguments, overrides
+from .options import numbers, within
 from .output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
+    from ..core.device import Device
     from .options import Commands
 
 _STAGES = {
@@ -33,13 +37,22 @@ def add(commands: Commands) -> None:
             examples=[f"defsense {name} fixtures/devices/bar --set width=32"],
         )
         device_arguments(sub)
+        if name in ("build", "fabricate", "report"):
+            sub.add_argument(
+                "--copies", type=int, metavar="N",
+                help="devices on the plates, in place of [fabrication] copies",
+            )  # fmt: skip
+            sub.add_argument(
+                "--bed", metavar="X,Y,Z",
+                help="of the printer, mm, in place of [fabrication] bed",
+            )  # fmt: skip
         sub.set_defaults(until=until, run=_build)
 
 
 def _build(options: argparse.Namespace) -> int:
     from ..core.device_file import load_device
 
-    device = load_device(options.folder, overrides(options.set))
+    device = _as_asked(load_device(options.folder, overrides(options.set)), options)
     from ..pipeline.build.build import build, summary
 
     with silent_stdout(), progress_bars(options) as progress:
@@ -51,6 +64,25 @@ def _build(options: argparse.Namespace) -> int:
         else:
             _show(data, options)
     return 0
+
+
+def _as_asked(device: Device, options: argparse.Namespace) -> Device:
+    """With the copies and the bed of the command line. Raises DeviceError for what cannot be."""
+    from ..core.device_file import MOST_COPIES
+
+    f = device.fabrication
+    copies, bed = getattr(options, "copies", None), getattr(options, "bed", None)
+    if copies is not None:
+        within("--copies", copies, 1, MOST_COPIES)
+        f = replace(f, copies=copies)
+    if bed is not None:
+        sizes = numbers("--bed", bed)
+        if len(sizes) != 3 or not all(30 <= n <= 5000 for n in sizes):
+            raise DeviceError(
+                f"--bed {bed}: give width, depth and height, 30 to 5000 mm each, as in 220,220,250"
+            )
+        f = replace(f, bed=(sizes[0], sizes[1], sizes[2]))
+    return replace(device, fabrication=f)
 
 
 def _percent(error: float | None) -> str:
@@ -90,6 +122,26 @@ def _weighed(trials: list[dict[str, Any]]) -> list[str]:
         for t in trials
     ]
     return [f"layouts weighed, unseen states as built: {'; '.join(dict.fromkeys(said))}"]
+
+
+def _plates(manifest: dict[str, Any]) -> list[str]:
+    """How much there is to print, and to cast."""
+    plates, copies = len(manifest["plates"]), manifest.get("copies", 1)
+    things = sum(len(p["parts"]) for p in manifest["plates"])
+    said = [
+        f"plates: {plates} with {things} pieces"
+        + (f" of {copies} devices" if copies > 1 else "")
+        + f" (by their areas at least {manifest.get('least_plates', 1)})"
+    ]
+    cast = manifest.get("casting")
+    if cast:
+        pieces = sum(len(m["pieces"]) for m in manifest["moulds"])
+        said.append(
+            f"moulds: {len(manifest['moulds'])} in {pieces}"
+            f" pieces; mix {cast['mass_a']:.0f} g of A and {cast['mass_b']:.0f} g of B of"
+            f" {cast['silicone']}"
+        )
+    return said
 
 
 def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
@@ -154,6 +206,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
             ohm = (f"{c[key]:.0f}" for key in ("resistance_before", "resistance"))
             table.add_row(c["sensor"], f"{c['cut_length']:.0f}", *ohm)
         out.print(table)
+        say(_plates(manifest))
         say(f"note: {w}" for w in manifest["warnings"])
     where = f"{folder}/report.html" if options.until == "report" else folder
     following = {

@@ -62,6 +62,28 @@ def add(commands: Commands, bars: Bars) -> None:
     )
     _common(sub)
     sub.set_defaults(run=_coupon)
+    sub = steps.add_parser(
+        "clearance",
+        help="write the clearance that the coupon showed into a device",
+        description="Write [fabrication] clearance into DIR/device.toml, whose comments and order"
+        " stay, or remove it, so that the process's counts again.",
+        examples=[
+            "defsense calibrate clearance my-device --fits 0.25",
+            "defsense calibrate clearance my-device --reset",
+        ],
+    )
+    sub.add_argument("folder", type=Path, metavar="DIR", help="the folder of device.toml")
+    which = sub.add_mutually_exclusive_group(required=True)
+    which.add_argument(
+        "--fits", type=float, metavar="MM",
+        help="the least number on the coupon at which the cord slides and the peg goes in",
+    )  # fmt: skip
+    which.add_argument(
+        "--reset", action="store_true", help="remove the clearance: the process's counts again"
+    )
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=_clearance)
     calibrate_record.add(steps)
     _add_fit(steps, bars)
 
@@ -201,9 +223,33 @@ def _coupon(options: argparse.Namespace) -> int:
         sys.stdout.write(
             f"Look at: {options.folder}\n"
             "Next:    print the plate twice and the peg once; close the plates over a piece of cord"
-            " and find the least number at which it slides and the peg goes in by hand; write it to"
-            " device.toml as [fabrication] clearance\n"
+            " and find the least number at which it slides and the peg goes in by hand; then:"
+            " defsense calibrate clearance DIR --fits NUMBER\n"
         )
+    return 0
+
+
+def _clearance(options: argparse.Namespace) -> int:
+    from ..pipeline.calibrate.clearance import write_clearance
+
+    found = write_clearance(options.folder, options.fits)
+    now, process = found.fabrication.clearance, found.fabrication.process
+    undo = "--reset" if found.written is None else f"--fits {found.written:g}"
+    if options.json:
+        data = {
+            "file": str(found.file), "process": process, "was": found.was,
+            "written_before": found.written, "clearance": now,
+        }  # fmt: skip
+        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        return 0
+    before = "of the process" if found.written is None else "as written"
+    after = f"of process {process}" if found.now is None else "written"
+    sys.stdout.write(
+        f"{found.file}: [fabrication] clearance is {now:g} mm ({after}); it was {found.was:g} mm"
+        f" ({before})\n"
+        f"Undo:    defsense calibrate clearance {options.folder} {undo}\n"
+        f"Next:    defsense build {options.folder}, which makes channels and sockets anew\n"
+    )
     return 0
 
 

@@ -176,6 +176,8 @@ class CordSpec:
 CONVERTERS = {"arduino": (1023, 16), "ads1115": (40000, 1)}
 #: A cord slides in its channel between ends that hold it, or is glued into it all along.
 ASSEMBLIES = ("held", "bonded")
+#: Parts are printed, or cast in moulds that are printed.
+PROCESS_KINDS = ("print", "cast")
 
 
 @dataclass(frozen=True)
@@ -185,7 +187,13 @@ class FabricationSpec:
     to what their cords need; whether wires leave their pockets by a bend (`strain_relief`; None:
     where that costs little accuracy), and their `wire_diameter`; `marker_seats`, how many flats for
     tags of `marker_size` mm; the `assembly` of the cords (ASSEMBLIES), and by how much of its
-    length a held one is stretched as it is laid (`prestretch`; None: as much as it needs)."""
+    length a held one is stretched as it is laid (`prestretch`; None: as much as it needs).
+
+    `kind` is "print" or "cast" in printed moulds, `line`, `layer` and `hole` what the printer lays
+    and the least hole that stays open, `spacing` what parts keep on its bed, mm, `supports` whether
+    parts need them: "no", "yes" or all "inside" of hollows; `copies` of the device on the plates;
+    walls of moulds (`mould_wall`, mm), and the linear `shrinkage` of what is cast, where it is
+    given (None: as the silicone's row has it)."""
 
     process: str
     clearance: float
@@ -200,6 +208,15 @@ class FabricationSpec:
     marker_size: float = 10.0
     assembly: str = ASSEMBLIES[0]
     prestretch: float | None = None
+    kind: str = PROCESS_KINDS[0]
+    line: float = 0.4
+    layer: float = 0.2
+    hole: float = 0.0
+    spacing: float = 5.0
+    supports: str = "no"
+    copies: int = 1
+    mould_wall: float = 5.0
+    shrinkage: float | None = None
 
 
 #: What the optimiser may change of a cord's plane: where it lies and how it is turned, or where it

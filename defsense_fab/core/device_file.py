@@ -32,10 +32,12 @@ from .material_table import read_material
 from .pose_file import read_poses, read_states
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from .response import ResponseSpec, read_measured, read_response
+from .silicone import silicone
 from .toml_table import Table, is_number, load_toml, parse_toml
 
 SCHEMA = 1
 DEVICE = "device.toml"
+MOST_COPIES = 100
 #: Width, height and depth of a connector bay, mm: a row of header pins or a JST-XH of 4 ways.
 BAY = (14.0, 7.0, 8.0)
 
@@ -110,6 +112,14 @@ def _read(top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool
 
 def _agree(top: Table, body: BodySpec, cord: CordSpec, f: FabricationSpec) -> None:
     """What one table asks of another."""
+    material = top.table("material")
+    name = material.data.get("name")
+    if f.kind == "cast" and name in read_rows("materials.csv") and not silicone(str(name)):
+        material.fail(
+            "name",
+            f"[fabrication] process {f.process!r} casts silicone, and {name!r} is none; there is:"
+            f" {', '.join(read_rows('silicones.csv'))}",
+        )
     if body.bay and not f.pockets:
         top.table("fabrication").fail("pockets", "wires to the connector bay begin in pockets")
     if f.pockets and f.wire_diameter >= cord.ferrule_diameter:
@@ -309,7 +319,7 @@ def _fabrication(t: Table) -> FabricationSpec:
         clearance=t.number("clearance", float(row["clearance"]), low=-1e-9),
         wall=t.number("wall", float(row["wall"]), low=0),
         lead=t.number("lead", 20.0, low=-1e-9),
-        bed=(float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"])),
+        bed=_bed(t, row),
         pockets=t.boolean("pockets", True),
         limit_cuts=t.boolean("limit_cuts", False),
         strain_relief=t.boolean("strain_relief", True) if t.has("strain_relief") else None,
@@ -318,12 +328,40 @@ def _fabrication(t: Table) -> FabricationSpec:
         marker_size=t.number("marker_size", 10.0, low=0),
         assembly=t.string("assembly", ASSEMBLIES[0]),
         prestretch=t.size("prestretch") if t.has("prestretch") else None,
+        kind=row["kind"],
+        line=float(row["line"]),
+        layer=float(row["layer"]),
+        hole=float(row["hole"]),
+        spacing=float(row["spacing"]),
+        supports=row["supports"],
+        copies=_count(t, "copies") or 1,
+        mould_wall=t.number("mould_wall", FabricationSpec.mould_wall, low=2),
+        shrinkage=t.size("shrinkage") if t.has("shrinkage") else None,
     )
+    if spec.copies > MOST_COPIES:
+        t.fail("copies", f"must be at most {MOST_COPIES}, not {spec.copies}")
+    if spec.shrinkage is not None and spec.shrinkage > 0.1:
+        t.fail("shrinkage", f"is a share of the length, as in 0.002, not {spec.shrinkage:g}")
+    if spec.kind == "cast" and spec.limit_cuts:
+        t.fail("limit_cuts", "parts that wrap round the end of a cut cannot be cast; remove it")
+    for key in ("mould_wall", "shrinkage"):
+        if t.has(key) and spec.kind != "cast":
+            t.fail(key, f"is for moulds, and process {spec.process!r} prints the parts themselves")
     t.choice("assembly", spec.assembly, ASSEMBLIES, "assembly")
     if max(spec.lead, spec.clearance, spec.wall) > 1000:
         t.fail(None, "clearance, wall and lead are in mm; one is more than 1000")
     t.done()
     return spec
+
+
+def _bed(t: Table, row: Mapping[str, str]) -> tuple[float, float, float]:
+    """The bed that is stated, or that of the process, mm."""
+    if not t.has("bed"):
+        return float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"])
+    x, y, z = t.vector("bed").tolist()
+    if not 30 <= min(x, y, z) <= max(x, y, z) <= 5000:
+        t.fail("bed", "is width, depth and height of what the printer makes, 30 to 5000 mm each")
+    return x, y, z
 
 
 def _sensors(top: Table) -> tuple[Sensor, ...]:

@@ -111,13 +111,15 @@ def plan(
     wall: float,
     play: float,
     limit: bool = False,
+    through: bool = False,
 ) -> Plan:
     """The cuts that divide the body into few parts that print well.
 
     A plane cuts only those pieces through which its cords run, and of what it would cut off only
     what a cord touches. Orders of cuts are compared, and cuts that go through with those that end
-    a little beyond their cords (only these with `limit`), by how many parts result and how far
-    channels (of `radius` mm) run along the faces of others' cuts, with less than `wall` mm between.
+    a little beyond their cords (only these with `limit`, none with `through`), by how many parts
+    result and how far channels (of `radius` mm) run along the faces of others' cuts, with less than
+    `wall` mm between.
     The lid of a limited cut is `play` mm smaller than what was cut off.
     """
     own = coincident([c.sensor.plane for c in channels])
@@ -126,7 +128,7 @@ def plan(
     margin = 2 * radius + 2 * wall + _PIN
     rough = body.simplify(_ROUGH)  # good enough to compare plans on
     tried: list[tuple[float, float, float | None, Sequence[int]]] = []
-    for m in (margin,) if limit else (None, margin):
+    for m in (margin,) if limit else (None,) if through else (None, margin):
         known: dict[tuple[int, int], _Opened] = {}
         for order in cut_orders(len(planes)):
             made = _cut(rough, planes, threads, own, order, m, play, known)

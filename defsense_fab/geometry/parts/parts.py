@@ -17,13 +17,13 @@ from ..bodies.standing import standing
 from ..channels.cord_channels import channels_of
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, Tool
+from ..printing.print_bed import FOOTHOLD, footing, resting
 from . import alignment_pins, inspection, part_labels, tag_seats
 from .channel_openings import ChannelOpening
 from .division import SMALL, Division, divide, plan
 from .part_contacts import Contact, contacts
 from .part_labels import Label
 from .part_names import names as names_of
-from .print_bed import FOOTHOLD, footing, resting
 from .records import Made, Part, Rules
 
 
@@ -59,7 +59,7 @@ def make_parts(
         body = triangle_kernel.without(body, flattening)
         surface = triangle_kernel.to_surface(body)
     radius, inner = rules.channel / 2, rules.inner_wall
-    planned = plan(body, channels, radius, inner, rules.clearance, rules.limit)
+    planned = plan(body, channels, radius, inner, rules.clearance, rules.limit, rules.through)
     grazing = planned.grazes(channels, radius, inner)
     division, names = _named(divide(body, channels, planned), surface)
     report(0.25, "pins and numbers")
@@ -80,7 +80,7 @@ def make_parts(
     report(0.4, "checking")
     made = Made(
         tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(flats),
-        tuple(channels), (), (), removed, body_volume,
+        tuple(channels), (), (), removed, body_volume, division.leaves,
     )  # fmt: skip
     found = inspection.inspect(made, pieces, surface, rules)
     made = replace(made, checks=(*walls, *found))

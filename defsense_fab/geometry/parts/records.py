@@ -22,7 +22,8 @@ class Rules:
     """What the cord and the printing process ask for, mm: diameters of the `cord` and its
     `channel`, `clearance` of pins on the diameter, least `wall` to the skin;
     whether to `limit` cuts to what their cords need; the `pockets` at cords' ends, or None;
-    how many `seats` for square tags of `tag` mm the skin gets."""
+    how many `seats` for square tags of `tag` mm the skin gets; whether every cut goes `through`, as
+    moulds of the parts ask for."""
 
     cord: float
     channel: float
@@ -32,6 +33,7 @@ class Rules:
     pockets: Pockets | None = None
     seats: int = 0
     tag: float = 10.0
+    through: bool = False
 
     @property
     def inner_wall(self) -> float:
@@ -57,7 +59,8 @@ class Part:
 class Made:
     """The parts, in the order of their numbers, and how they are held together. Cuts come in the
     order in which the body was divided: it is closed in the opposite one. `cut_out` is the volume
-    of all that was removed, mm^3."""
+    of all that was removed, mm^3; `bare` are the parts without channels, sockets and numbers
+    (manifold3d)."""
 
     parts: tuple[Part, ...]
     cuts: tuple[Cut, ...]
@@ -70,3 +73,4 @@ class Made:
     warnings: tuple[str, ...]
     cut_out: float
     body_volume: float
+    bare: tuple[Any, ...] = ()

@@ -173,9 +173,61 @@ class TagSeat:
 
 
 @dataclass(frozen=True)
+class MouldPieceRecord:
+    """A printed piece of a mould: its files beside the manifest (`stl` around the part in the
+    device's frame, `print` as it lies on the bed), the direction (3,) in which it comes off, volume
+    mm^3."""
+
+    name: str
+    stl: str
+    print: str
+    opens: Float
+    volume: float
+
+
+@dataclass(frozen=True)
+class MouldRecord:
+    """The mould of a part: its pieces in the order in which they come off; `up` (3,) points up as
+    it is filled through `pour` (3,) mm, air leaving by `vents` (v, 3) mm; volumes of the cavity and
+    of the whole block, mm^3; by how much of its thickness the part is strained as it is taken out,
+    and where (3,) mm."""
+
+    part: str
+    pieces: tuple[MouldPieceRecord, ...]
+    up: Float
+    pour: Float
+    vents: Float
+    cavity: float
+    block: float
+    strain: float
+    strained_at: Float | None = None
+
+
+@dataclass(frozen=True)
+class Casting:
+    """What the silicone of all moulds and copies comes to: what the cavities hold and what is
+    mixed, mm^3; grams of A and B; minutes that it can be poured, hours until it is taken out, where
+    they are known; `steps`, sentences in the order of the work."""
+
+    silicone: str
+    shrinkage: float
+    volume: float
+    mixed: float
+    mass_a: float
+    mass_b: float
+    pot_life: float | None
+    cure: float | None
+    steps: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Manifest:
     """`parts/manifest.json`; `prediction` is that for the cords as they are built in, `held` at
-    their ends or `bonded` into their grooves (`assembly_of_cords`); volumes mm^3."""
+    their ends or `bonded` into their grooves (`assembly_of_cords`); volumes mm^3.
+
+    `advice` are sentences on how to print; `copies` of the device lie on the plates, of which the
+    areas ask for at least `least_plates`. Of cast parts, `moulds` and `casting`: what is printed
+    are the moulds then, and a part's `print` is its `stl`."""
 
     SCHEMA: ClassVar[int] = 4
 
@@ -194,6 +246,11 @@ class Manifest:
     removed_volume: float
     body_volume: float
     warnings: tuple[str, ...]
+    advice: tuple[str, ...] = ()
+    copies: int = 1
+    least_plates: int = 1
+    moulds: tuple[MouldRecord, ...] = ()
+    casting: Casting | None = None
 
 
 def save_manifest(folder: Path, manifest: Manifest) -> None:

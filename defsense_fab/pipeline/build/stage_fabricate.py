@@ -11,10 +11,11 @@ import numpy as np
 from ...core.device import Device
 from ...core.mesh import Surface
 from ...core.prediction import Prediction
-from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.export import write_3mf, write_stl
-from ...geometry.parts.print_bed import PlacedPart, arrange, laid
+from ...geometry.moulds.moulds import make_moulds
 from ...geometry.parts.records import Made
+from ...geometry.printing.print_bed import laid
+from ...geometry.splitting.long_parts import split_long
 from ..artifacts.body import load_body_record, load_solid, load_surface
 from ..artifacts.layout import LayoutRecord, load_layout
 from ..artifacts.manifest import (
@@ -23,19 +24,18 @@ from ..artifacts.manifest import (
     JoinStep,
     Manifest,
     PartRecord,
-    PinRecord,
-    Plate,
     Socket,
     TagSeat,
     save_manifest,
 )
-from ..design.as_built import as_made, fabricate, with_relief
+from ..design.as_built import as_made, fabricate, rules, with_relief
 from ..design.design_task import load_task
+from ..making import casting
+from ..making.plates import LYING, on_plates, pin_kinds, write_pins, write_plates
+from ..making.print_advice import print_advice
 from .cut_list import bill, cut_list
 from .stages import Report
 
-#: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
-LYING = "print"
 _ANSWERS = {
     "same": "the same as in tension",
     "half": "half of that in tension",
@@ -70,19 +70,21 @@ def write(
     prediction: Prediction,
 ) -> None:
     """Leave the parts in `folder`/parts; `prediction` is that of the cords as they are built in."""
-    flat = {p.name: laid(p.surface, p.down) for p in made.parts}
-    pins = _pins(made)
-    names = [n for name, (_, count, _) in pins.items() for n in _copies(name, count)]
-    loose = {n: pins[n.split("_")[0]][0] for n in names}
-    placed = arrange({**flat, **loose}, device.fabrication.bed, device.fabrication.process)
+    cast = device.fabrication.kind == "cast"
+    if not cast:
+        split = split_long(made, device.fabrication.bed, rules(device))
+        made = replace(split.made, warnings=(*made.warnings, *split.notes))
+    moulds = make_moulds(made, casting.mould_rules(device)) if cast else []
+    flat = casting.lying(moulds) if cast else {p.name: laid(p.surface, p.down) for p in made.parts}
+    pins = pin_kinds(made)
+    placed, bound = on_plates(device, flat, pins)
     out = folder / "parts"
     out.mkdir()
     (out / LYING).mkdir()
     for part in made.parts:
         write_stl(part.surface, out / f"{part.name}.stl")
-        write_stl(flat[part.name], out / LYING / f"{part.name}.stl")
-    for name, (surface, _, _) in pins.items():
-        write_stl(surface, out / LYING / f"{name}.stl")
+        if not cast:
+            write_stl(flat[part.name], out / LYING / f"{part.name}.stl")
     solids = {p.name: p.solid for p in made.parts if p.solid is not None}
     if solids:
         from ...geometry.kernels import occ
@@ -91,46 +93,36 @@ def write(
             occ.write_step(solid, out / f"{name}.step", name)
         occ.write_assembly(solids, out / "assembly.step", device.name)
     write_3mf({p.name: p.surface for p in made.parts}, out / "assembly.3mf", device.name)
-    plates = _write_plates(placed, out, device.name)
-    manifest = _manifest(device, made, pins, plates, layout, cords, prediction)
+    manifest = _manifest(device, made, pins, layout, cords, prediction)
+    manifest = replace(
+        manifest,
+        pins=write_pins(pins, out),
+        plates=write_plates(placed, out, device.name),
+        advice=tuple(print_advice(device)),
+        copies=device.fabrication.copies,
+        least_plates=bound,
+    )
+    if cast:
+        silicone = casting.casting(device, moulds)
+        manifest = replace(
+            manifest,
+            moulds=casting.write_moulds(moulds, flat, out, LYING),
+            casting=silicone,
+            bill=(*casting.bill_items(device, moulds, silicone), *manifest.bill[1:]),
+            checks=(*manifest.checks, *(c for m in moulds for c in m.checks)),
+            warnings=(
+                *manifest.warnings,
+                *casting.notes(device, moulds),
+                *(c.note for m in moulds for c in m.checks if c.note),
+            ),
+        )
     save_manifest(folder, manifest)
-
-
-def _pins(made: Made) -> dict[str, tuple[Surface, int, dict[str, float]]]:
-    """Every kind of loose pin: its surface, how many are needed, its sizes."""
-    kinds: dict[str, tuple[Surface, int, dict[str, float]]] = {}
-    for pin in made.pins:
-        name = f"pin-{pin.diameter:g}x{pin.length:.1f}"
-        if name in kinds:
-            surface, count, sizes = kinds[name]
-            kinds[name] = (surface, count + 1, sizes)
-        else:
-            solid = triangle_kernel.union([triangle_kernel.solid_of(t) for t in pin.shape])
-            sizes = {"diameter": pin.diameter, "length": pin.length}
-            kinds[name] = (triangle_kernel.printable(solid, name), 1, sizes)
-    return kinds
-
-
-def _copies(name: str, count: int) -> list[str]:
-    return [f"{name}_{k + 1}" for k in range(count)]
-
-
-def _write_plates(placed: Mapping[str, PlacedPart], out: Path, title: str) -> tuple[Plate, ...]:
-    plates = []
-    count = 1 + max(p.plate for p in placed.values())
-    for k in range(count):
-        on = {n: p.surface for n, p in placed.items() if p.plate == k}
-        file = "plate.3mf" if count == 1 else f"plate-{k + 1}.3mf"
-        write_3mf(on, out / file, title, together=False)
-        plates.append(Plate(file, {n: s.bounds for n, s in on.items()}))
-    return tuple(plates)
 
 
 def _manifest(
     device: Device,
     made: Made,
     pins: Mapping[str, tuple[Surface, int, Mapping[str, float]]],
-    plates: tuple[Plate, ...],
     layout: LayoutRecord,
     cords: tuple[CutCord, ...],
     prediction: Prediction,
@@ -138,12 +130,11 @@ def _manifest(
     return Manifest(
         device=device.name,
         unit="mm",
-        parts=tuple(_part(made, i) for i in range(len(made.parts))),
-        pins=tuple(
-            PinRecord(n, f"{LYING}/{n}.stl", count, **sizes)
-            for n, (_, count, sizes) in pins.items()
+        parts=tuple(
+            _part(made, i, device.fabrication.kind == "cast") for i in range(len(made.parts))
         ),
-        plates=plates,
+        pins=(),
+        plates=(),
         cords=cords,
         bill=bill(device, made, cords, {n: count for n, (_, count, _) in pins.items()}),
         assembly=_assembly(made),
@@ -211,7 +202,7 @@ def _warnings(device: Device, layout: LayoutRecord) -> list[str]:
     return warnings
 
 
-def _part(made: Made, i: int) -> PartRecord:
+def _part(made: Made, i: int, cast: bool) -> PartRecord:
     part = made.parts[i]
     step, volume = None, None
     if part.solid is not None:
@@ -220,9 +211,9 @@ def _part(made: Made, i: int) -> PartRecord:
         step, volume = f"{part.name}.step", occ.volume(part.solid)
     return PartRecord(
         name=part.name,
-        number=i + 1,
+        number=int(part.name.split("-")[0]),
         stl=f"{part.name}.stl",
-        print=f"{LYING}/{part.name}.stl",
+        print=f"{part.name}.stl" if cast else f"{LYING}/{part.name}.stl",
         step=step,
         volume=part.volume,
         bbox=part.surface.bounds,

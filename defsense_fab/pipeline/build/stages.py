@@ -6,13 +6,13 @@ import json
 import os
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
 from ...core.blas_threads import one_blas_thread
-from ...core.device import Device, Sensor
+from ...core.device import Device, FabricationSpec, Sensor
 from ...core.files import digest
 from ..artifacts import mesh_lock
 from . import body_sources
@@ -91,6 +91,16 @@ def plain(value: Any) -> Any:
     return plain(vars(value)) if hasattr(value, "__dataclass_fields__") else value
 
 
+def _of_the_parts(f: FabricationSpec) -> FabricationSpec:
+    """What cords depend on: not on plates and moulds."""
+    alike = FabricationSpec(f.process, f.clearance, f.wall, f.lead, (0.0, 0.0, 0.0))
+    only = (
+        "bed", "kind", "line", "layer", "hole", "spacing", "supports", "copies", "mould_wall",
+        "shrinkage",
+    )  # fmt: skip
+    return replace(f, **{name: getattr(alike, name) for name in only})
+
+
 def _runner(name: str) -> Callable[[Device, Path, Report, Watch | None], None]:
     """`run` of the module `stage_<name>`, imported when it is called: CAD and VTK are heavy. Only
     the search for cords can be watched."""
@@ -149,7 +159,7 @@ STAGES = (
                 d.decoder,
                 d.prefer,
                 d.converter,
-                d.fabrication,
+                _of_the_parts(d.fabrication),
             )
         ),
         _runner("optimize"),

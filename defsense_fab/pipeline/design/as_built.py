@@ -49,6 +49,7 @@ def rules(device: Device, bay: Prism | None = None) -> Rules:
         else None,
         f.marker_seats,
         f.marker_size,
+        f.kind == "cast",
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane
 from defsense_fab.core.device import Sensor
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
@@ -22,16 +22,9 @@ from defsense_fab.geometry.parts.part_contacts import contacts
 from defsense_fab.geometry.parts.part_names import names
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import Rules
+from tests.geometry.parts.cords import cord
 
 RULES = Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
-
-
-def cord(name, normal, origin, x_axis, points):
-    points = np.array(points, float)
-    plane = Plane.from_normal(
-        np.array(origin, float), np.array(normal, float), np.array(x_axis, float)
-    )
-    return Sensor(name, plane, Hermite(points, catmull_rom(points)))
 
 
 def crossing():

@@ -17,7 +17,7 @@ from defsense_fab.core.errors import FabricationError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.kernels.export import write_stl
-from defsense_fab.geometry.parts.print_bed import laid
+from defsense_fab.geometry.printing.print_bed import laid
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.pipeline.design.as_built import fabricate
 from defsense_fab.pipeline.design.design_task import limits

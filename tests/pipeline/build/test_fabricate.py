@@ -264,7 +264,7 @@ def test_a_part_that_no_bed_holds_is_refused(cube, made, layout):
     device, _ = cube
     small = replace(device, fabrication=replace(device.fabrication, bed=(25.0, 25.0, 25.0)))
     with pytest.raises(
-        FabricationError, match=r"\d-[a-z-]+ measures .* does not fit the bed of fdm"
+        FabricationError, match=r"\d-[a-z-]+ measures .* which the bed \(25 x 25 x 25 mm\)"
     ):
         write(small, made, Path("/nonexistent"), layout, (), layout.prediction)
 

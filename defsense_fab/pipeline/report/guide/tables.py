@@ -28,18 +28,23 @@ def guide_tables(manifest: Manifest) -> tuple[GuideTable, ...]:
 
 def _parts(manifest: Manifest) -> GuideTable:
     where = {n: p.file for p in manifest.plates for n in p.parts}
+    lying = {n: bounds for p in manifest.plates for n, bounds in p.parts.items()}
+    pieces = [q for m in manifest.moulds for q in m.pieces]  # of cast parts, in place of them
     rows = [
         (
-            p.name,
-            "1",
-            " x ".join(f"{b - a:.1f}" for a, b in zip(*p.bbox, strict=True)),
-            f"{p.volume / 1000:.1f}",
-            where[p.name],
+            name,
+            str(manifest.copies if not pieces else 1),
+            " x ".join(f"{b - a:.1f}" for a, b in zip(*box, strict=True)),
+            f"{volume / 1000:.1f}",
+            where[name],
         )
-        for p in manifest.parts
+        for name, box, volume in (
+            [(q.name, lying[q.name], q.volume) for q in pieces]
+            or [(p.name, p.bbox, p.volume) for p in manifest.parts]
+        )
     ]
     rows += [
-        (p.name, str(p.count), f"{p.diameter:g} x {p.length:.1f}", "",
+        (p.name, str(p.count * manifest.copies), f"{p.diameter:g} x {p.length:.1f}", "",
          where[f"{p.name}_1"])
         for p in manifest.pins
     ]  # fmt: skip

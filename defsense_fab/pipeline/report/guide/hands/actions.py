@@ -11,6 +11,7 @@ class Kind(StrEnum):
     """What is done."""
 
     PRINT = "print"
+    CAST = "cast"
     TRY_PINS = "try pins"
     CUT = "cut cord"
     CRIMP = "crimp"

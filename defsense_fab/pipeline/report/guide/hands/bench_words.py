@@ -12,9 +12,13 @@ from .words import ENDS, Words, called, limits
 def print_parts(w: Words, _: Action) -> list[str]:
     """What comes off the printer."""
     plates = ", ".join(p.file for p in w.manifest.plates)
+    process = w.device.fabrication.process
+    if w.manifest.casting is not None:
+        return [f"Print the moulds: {plates} ({process}).", *w.manifest.advice]
     out = [
-        f"Print {plates} ({w.device.fabrication.process}, {w.device.material.name}): parts lie on a"
-        " cut face where they have one to lie on; grooves and sockets need no support."
+        f"Print {plates} ({process}, {w.device.material.name}): parts lie on a"
+        " cut face where they have one to lie on; grooves and sockets need no support.",
+        *w.manifest.advice,
     ]
     if w.manifest.parts:
         out.append(
@@ -22,6 +26,11 @@ def print_parts(w: Words, _: Action) -> list[str]:
             " room."
         )
     return out
+
+
+def cast_parts(w: Words, _: Action) -> list[str]:
+    """What is poured, and taken out."""
+    return [] if w.manifest.casting is None else list(w.manifest.casting.steps)
 
 
 def try_pins(_w: Words, _: Action) -> list[str]:

@@ -106,7 +106,11 @@ class _Plan:
         )  # fmt: skip
 
     def _print(self) -> None:
-        self._add(Kind.PRINT, makes={("printed",)})
+        if self._manifest.casting is None:
+            self._add(Kind.PRINT, makes={("printed",)})
+        else:
+            self._add(Kind.PRINT, makes={("moulds printed",)})
+            self._add(Kind.CAST, needs={("moulds printed",)}, makes={("printed",)})
         if self._manifest.pins:
             self._add(Kind.TRY_PINS, needs={("printed",)}, makes={("pins tried",)})
 

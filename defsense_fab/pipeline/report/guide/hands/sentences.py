@@ -11,6 +11,7 @@ from .words import Words
 
 _SAID: Mapping[Kind, Callable[[Words, Action], list[str]]] = {
     Kind.PRINT: bench.print_parts,
+    Kind.CAST: bench.cast_parts,
     Kind.TRY_PINS: bench.try_pins,
     Kind.CUT: bench.cut,
     Kind.CRIMP: bench.crimp,

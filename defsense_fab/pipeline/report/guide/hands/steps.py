@@ -121,7 +121,7 @@ def guide_steps(
 
 def _group(action: Action) -> tuple[str, int | None]:
     """Which step an action belongs to."""
-    if action.kind in (Kind.PRINT, Kind.TRY_PINS, Kind.CONNECT):
+    if action.kind in (Kind.PRINT, Kind.CAST, Kind.TRY_PINS, Kind.CONNECT):
         return action.kind.value, None
     if action.joint is None:
         return ("cords" if action.kind in _BENCH and not action.late else "thread"), None
@@ -157,7 +157,8 @@ def _title(what: str, joint: int | None, found: Sequence[Action], manifest: Mani
             verb = "Go on with"
         return f"{verb} {sides(manifest.assembly[joint])}"
     return {
-        "print": "Print",
+        "print": "Print" if manifest.casting is None else "Print the moulds",
+        "cast": "Cast the parts",
         "try pins": "Try the pins",
         "cords": "Cut the cords and crimp their wires",
         "thread": f"Put in {_cords(found)}",

@@ -6,7 +6,7 @@ import pytest
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.geometry.parts.print_bed import arrange, footing, laid, resting
+from defsense_fab.geometry.printing.print_bed import arrange, footing, laid, resting
 from tests.conftest import box_surface
 
 BED = (220.0, 220.0, 250.0)

@@ -13,6 +13,7 @@ from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
+from .packing import pack
 
 #: First layer that holds a part on the bed, mm^2.
 FOOTHOLD = 20.0
@@ -64,17 +65,20 @@ def laid(surface: Surface, down: Float) -> Surface:
     from scipy.spatial import ConvexHull
 
     flat = vertices[:, :2]
-    hull = flat[ConvexHull(flat).vertices]
-    edges = np.roll(hull, -1, axis=0) - hull
-    turns = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 7))
-    sizes = np.array([np.ptp(hull @ _turn(a), axis=0) for a in turns])
-    best = turns[int(np.round(sizes.prod(axis=1), 3).argmin())]
-    xy = flat @ _turn(best)
+    xy = flat @ _turn(least_turn(flat[ConvexHull(flat).vertices]))
     if np.ptp(xy[:, 0]) < np.ptp(xy[:, 1]):
         xy = xy @ _turn(np.pi / 2)
     out = np.column_stack([xy, vertices[:, 2]])
     low, high = out.min(0), out.max(0)
     return Surface(out - [*((low + high)[:2] / 2), low[2]], surface.faces)
+
+
+def least_turn(hull: Float) -> float:
+    """The angle by which the rectangle around a convex outline (k, 2) of least area is turned."""
+    edges = np.roll(hull, -1, axis=0) - hull
+    turns = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 7))
+    sizes = np.array([np.ptp(hull @ _turn(a), axis=0) for a in turns])
+    return float(turns[int(np.round(sizes.prod(axis=1), 3).argmin())])
 
 
 def _turn(angle: float) -> Float:
@@ -84,35 +88,58 @@ def _turn(angle: float) -> Float:
 
 
 def arrange(
-    parts: Mapping[str, Surface], bed: tuple[float, float, float], printer: str
+    parts: Mapping[str, Surface],
+    bed: tuple[float, float, float],
+    printer: str,
+    gap: float = GAP,
 ) -> dict[str, PlacedPart]:
-    """Parts that lie as they are printed, on as many plates as they need, in rows from the front.
+    """Parts that lie as they are printed, on as few plates as they need, `gap` mm apart and from
+    the bed's edge.
 
     Raises FabricationError for a part that no plate holds.
     """
     turned = {name: _fitting(name, s, bed, printer) for name, s in parts.items()}
-    sizes = {name: np.ptp(s.bounds, axis=0)[:2] for name, s in turned.items()}
+    room = (bed[0] - gap, bed[1] - gap)  # every rectangle brings the gap on two of its sides
+    sizes = footprints(turned, gap)
+    alone = [n for n, s in sizes.items() if not _holds(room, s)]  # nearer to the edge than the gap
+    places = pack({n: s for n, s in sizes.items() if n not in alone}, room)
+    plates = 1 + max((p.plate for p in places.values()), default=-1)
     out: dict[str, PlacedPart] = {}
-    plate, x, y, row = 0, GAP, GAP, 0.0
-    for name in sorted(turned, key=lambda n: -sizes[n][1]):
-        wide, deep = sizes[name]
-        if x > GAP and x + wide + GAP > bed[0]:
-            x, y, row = GAP, y + row + GAP, 0.0
-        if y > GAP and y + deep + GAP > bed[1]:
-            plate, x, y, row = plate + 1, GAP, GAP, 0.0
-        if x + wide + GAP > bed[0] or y + deep + GAP > bed[1]:  # alone, nearer than GAP to the edge
-            plate += any(p.plate == plate for p in out.values())
-            middle = np.array([bed[0] / 2, bed[1] / 2, 0.0])
-            x, y, row = bed[0], GAP, bed[1]
+    for name, surface in turned.items():
+        vertices = surface.vertices
+        if name in alone:
+            plate = plates + alone.index(name)
+            corner = (np.array(bed[:2]) - np.ptp(vertices[:, :2], axis=0)) / 2
         else:
-            middle = np.array([x + wide / 2, y + deep / 2, 0.0])
-            x, row = x + wide + GAP, max(row, deep)
-        s = turned[name]
-        out[name] = PlacedPart(plate, Surface(s.vertices + middle, s.faces))
+            place = places[name]
+            plate, corner = place.plate, np.array([place.x + gap, place.y + gap])
+            if place.turned:
+                vertices = np.column_stack([vertices[:, :2] @ _turn(np.pi / 2), vertices[:, 2]])
+        shift = np.append(corner - vertices[:, :2].min(axis=0), 0.0)
+        out[name] = PlacedPart(plate, Surface(vertices + shift, surface.faces))
     return out
 
 
-def _fitting(name: str, surface: Surface, bed: tuple[float, float, float], printer: str) -> Surface:
+def footprints(parts: Mapping[str, Surface], gap: float) -> dict[str, tuple[float, float]]:
+    """Width and depth of every part with the gap to its neighbours, mm."""
+    out = {}
+    for name, surface in parts.items():
+        x, y = np.ptp(surface.bounds, axis=0)[:2]
+        out[name] = (float(x) + gap, float(y) + gap)
+    return out
+
+
+def _holds(room: tuple[float, float], size: tuple[float, float]) -> bool:
+    (a, b), (x, y) = sorted(room), sorted(size)
+    return x <= a + 1e-9 and y <= b + 1e-9
+
+
+def fits(surface: Surface, bed: tuple[float, float, float]) -> bool:
+    """Whether the bed holds a part that lies as it is printed, turned as it may be."""
+    return _on_bed(surface, bed) is not None
+
+
+def _on_bed(surface: Surface, bed: tuple[float, float, float]) -> Surface | None:
     """The surface as it is, or turned about the vertical until the bed holds it."""
     for angle in np.radians([0, 90, *range(3, 90, 3)]):
         xy = surface.vertices[:, :2] @ _turn(angle)
@@ -120,9 +147,17 @@ def _fitting(name: str, surface: Surface, bed: tuple[float, float, float], print
         if x <= bed[0] and y <= bed[1] and surface.vertices[:, 2].max() <= bed[2]:
             xy -= (xy.min(0) + xy.max(0)) / 2
             return Surface(np.column_stack([xy, surface.vertices[:, 2]]), surface.faces)
+    return None
+
+
+def _fitting(name: str, surface: Surface, bed: tuple[float, float, float], printer: str) -> Surface:
+    """The surface so that the bed holds it. Raises FabricationError."""
+    found = _on_bed(surface, bed)
+    if found is not None:
+        return found
     x, y, z = np.ptp(surface.bounds, axis=0)
     raise FabricationError(
         f"{name} measures {x:.0f} x {y:.0f} x {z:.0f} mm as it is printed and does not fit the bed"
         f" of {printer} ({bed[0]:g} x {bed[1]:g} x {bed[2]:g} mm): divide it by one more cord"
-        " plane, make the body smaller, or choose another process"
+        " plane, make the body smaller, or state another [fabrication] bed or process"
     )

@@ -1,0 +1,1 @@
+"""Moulds in which parts are cast."""

@@ -1,0 +1,1 @@
+"""Parts that are too long for a printer's bed, in pieces."""

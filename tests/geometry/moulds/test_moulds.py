@@ -1,0 +1,169 @@
+"""Moulds: closed, open without undercut, and they hold what they are to hold."""
+
+from dataclasses import replace
+
+import igl
+import numpy as np
+import pytest
+import trimesh
+
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.channels.channel_ends import Pockets
+from defsense_fab.geometry.kernels import ray_casting
+from defsense_fab.geometry.kernels.cutting_tools import frame
+from defsense_fab.geometry.moulds.inspection import opens
+from defsense_fab.geometry.moulds.moulds import make_moulds
+from defsense_fab.geometry.moulds.openings import depth_in
+from defsense_fab.geometry.moulds.records import MouldRules
+from defsense_fab.geometry.parts.parts import make_parts
+from defsense_fab.geometry.parts.records import Rules
+from tests.geometry.parts.cords import cord
+
+RULES = Rules(2.0, 2.2, 0.15, 1.5, pockets=Pockets(2.75, 7.0))
+SHRINKAGE = 0.004
+WAVE = [[2, 0], [10, 0], [50, 5], [100, -3], [140, 0], [148, 0]]
+
+
+def slanted():
+    """Two planes that are neither parallel nor at right angles: parts between them are wedges."""
+    return [
+        cord("flat", [0, 0, 1], [0, -5, 4], [1, 0, 0], WAVE),
+        cord("slanted", [0, 0.9, 0.436], [0, 6, 0], [1, 0, 0],
+             [[2, 8], [10, 8], [60, 8], [140, 7], [148, 7]]),
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(bar):
+    return make_parts(bar, slanted(), RULES)
+
+
+@pytest.fixture(scope="module")
+def moulds(made):
+    return make_moulds(made, MouldRules(shrinkage=SHRINKAGE))
+
+
+def mesh_of(surface):
+    return trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+
+
+def enlarged(part):
+    return Surface(part.surface.vertices / (1 - SHRINKAGE), part.surface.faces)
+
+
+def inside(surface, points):
+    return np.asarray(igl.fast_winding_number(surface.vertices, surface.faces, points)) > 0.5
+
+
+def test_every_part_has_a_mould_of_few_closed_pieces(made, moulds):
+    assert [m.part for m in moulds] == [p.name for p in made.parts]
+    assert all(2 <= len(m.pieces) <= 4 for m in moulds)
+    assert min(len(m.pieces) for m in moulds) == 2  # one face: a cup and its lid
+    for mould in moulds:
+        for piece in mould.pieces:
+            mesh = mesh_of(piece.surface)
+            assert mesh.is_watertight
+            assert mesh.is_winding_consistent
+            assert mesh.volume > 0
+            assert mesh.body_count == 1
+
+
+def test_the_cavity_is_the_part_less_its_shrinkage(made, moulds):
+    """By points of the block, of which each is in one piece, in the cavity, or in the play between
+    pieces: kernels and construction are out of it."""
+    rng = np.random.default_rng(5)
+    for part, mould in list(zip(made.parts, moulds, strict=True))[:2]:
+        assert mould.cavity * (1 - SHRINKAGE) ** 3 == pytest.approx(part.volume, rel=1e-3)
+        solids = [enlarged(part), *(p.surface for p in mould.pieces)]
+        low = np.min([s.bounds[0] for s in solids], axis=0)
+        high = np.max([s.bounds[1] for s in solids], axis=0)
+        points = rng.uniform(low, high, (10_000, 3))
+        owners = np.sum([inside(s, points) for s in solids], axis=0)
+        assert (owners > 1).mean() < 2e-4
+        whole = sum(mesh_of(s).volume for s in solids)
+        assert mould.block * 0.98 < whole < mould.block
+        # What is left are holes for screws, pouring and air, and the play around keys and cores.
+        box = np.prod(high - low)
+        assert (owners > 0).mean() * box == pytest.approx(whole, rel=0.04)
+
+
+def test_pieces_come_off_without_passing_through_the_part(made, moulds):
+    """Rays from each piece's surface along its way meet the part nowhere."""
+    rng = np.random.default_rng(6)
+    for part, mould in zip(made.parts, moulds, strict=True):
+        cast = enlarged(part)
+        assert mould.strain == 0
+        for piece in mould.pieces:
+            points = piece.surface.scatter(400, rng)
+            near = depth_in(cast, points) == 0
+            for step in (0.5, 2.0, 8.0, 40.0):
+                assert depth_in(cast, points[near] + step * piece.opens).max() < 0.08
+            start = points[near][:15] + 0.05 * piece.opens
+            for origin in start:
+                met = ray_casting.hits(origin, piece.opens, cast)
+                # A ray that grazes the wall beside which a core slides goes in and out at once.
+                assert len(met) < 2 or np.ptp(met) < 0.6 or len(met) % 2 == 1
+
+
+def test_a_piece_that_locks_is_found(made, moulds):
+    """The check itself: along another way the same pieces do not come off."""
+    from defsense_fab.geometry.kernels import triangle_kernel
+
+    mould = moulds[0]
+    solids = [triangle_kernel.to_manifold(p.surface, p.name) for p in mould.pieces]
+    cast = triangle_kernel.to_manifold(enlarged(made.parts[0]), "part")
+    across = frame(mould.pieces[0].opens)[:, 0]
+    with pytest.raises(FabricationError, match=r"lock near|does not open"):
+        opens(
+            "x", solids, [across, *(p.opens for p in mould.pieces[1:])], cast, [0.0] * len(solids)
+        )
+
+
+def test_one_pours_at_the_top_and_air_leaves_there(made, moulds):
+    for part, mould in zip(made.parts, moulds, strict=True):
+        top = (enlarged(part).vertices @ mould.up).max()
+        for hole in (mould.pour, *mould.vents):
+            assert hole @ mould.up == pytest.approx(top, abs=0.01)
+            # Open from the cavity to the outside: no piece is in the way.
+            line = hole + np.linspace(-0.2, 30, 60)[:, None] * mould.up
+            assert not any(inside(p.surface, line).any() for p in mould.pieces)
+        assert len(mould.vents) >= 2
+
+
+def ball_with_holes(holes):
+    """A ball of 24 mm, and straight holes through it: an axis, a place and a height each."""
+    body = trimesh.creation.icosphere(subdivisions=2, radius=24)
+    for way, (x, y, z) in holes:
+        hole = trimesh.creation.cylinder(4, 80, sections=24)
+        turn = trimesh.geometry.align_vectors([0, 0, 1], way)
+        turn[:3, 3] = x, y, z
+        hole.apply_transform(turn)
+        body = body.difference(hole, engine="manifold")
+    return Surface(np.asarray(body.vertices, float), np.asarray(body.faces, np.int64))
+
+
+def over_the_middle():
+    points = [[-14, 0], [-9, 0], [0, 2], [9, 0], [14, 0]]
+    return [cord("one", [0, 0, 1], [0, 0, 16], [1, 0, 0], points)]
+
+
+@pytest.mark.slow
+def test_a_round_part_that_is_cut_off_centre_takes_a_shell_of_two_pieces():
+    made = make_parts(ball_with_holes([]), over_the_middle(), replace(RULES, pockets=None))
+    low, high = make_moulds(made, MouldRules())
+    assert [p.name for p in low.pieces] == [
+        "mould-1-bottom-lid", "mould-1-bottom-cup-1", "mould-1-bottom-cup-2",
+    ]  # fmt: skip
+    assert len(high.pieces) == 2
+    assert low.strain < 0.05
+    assert low.pieces[1].opens == pytest.approx(-low.pieces[2].opens)
+
+
+@pytest.mark.slow
+def test_holes_that_no_mould_leaves_are_refused_with_their_place():
+    across = [([1, 0, 0], (0, y, -2)) for y in (-10, 10)]
+    body = ball_with_holes(across + [([0, 1, 0], (x, 0, -14)) for x in (-8, 8)])
+    made = make_parts(body, over_the_middle(), replace(RULES, pockets=None))
+    with pytest.raises(FabricationError, match=r"1-bottom cannot be cast: .* near \(.*, -?\d+"):
+        make_moulds(made, MouldRules())

@@ -1,0 +1,112 @@
+"""Parts longer than the bed, in pieces."""
+
+from dataclasses import replace
+
+import igl
+import numpy as np
+import pytest
+import trimesh
+
+from defsense_fab.core.errors import FabricationError
+from defsense_fab.geometry.channels.channel_ends import Pockets
+from defsense_fab.geometry.kernels import occ, triangle_kernel
+from defsense_fab.geometry.parts.parts import make_parts
+from defsense_fab.geometry.parts.records import Rules
+from defsense_fab.geometry.printing.print_bed import fits, laid
+from defsense_fab.geometry.splitting.long_parts import split_long
+from tests.geometry.parts.cords import cord
+
+RULES = Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
+BED = (90.0, 90.0, 100.0)
+WAVE = [[2, 0], [10, 0], [50, 5], [100, -3], [140, 0], [148, 0]]
+
+
+@pytest.fixture(scope="module")
+def made(bar):
+    import build123d as bd
+
+    solid = occ.solids_of(bd.Pos(75, 0, 0) * bd.Box(150, 30, 30))[0]
+    return make_parts(
+        bar, [cord("flat", [0, 0, 1], [0, -5, 4], [1, 0, 0], WAVE)], RULES, solid=solid
+    )
+
+
+@pytest.fixture(scope="module")
+def split(made):
+    return split_long(made, BED, RULES)
+
+
+def test_pieces_fit_the_bed_are_closed_and_add_up(made, split):
+    after = split.made
+    assert [p.name for p in after.parts] == ["1-bottom-a", "1-bottom-b", "2-top-a", "2-top-b"]
+    for part in after.parts:
+        assert fits(laid(part.surface, part.down), BED)
+        mesh = trimesh.Trimesh(part.surface.vertices, part.surface.faces, process=False)
+        assert mesh.is_watertight
+        assert mesh.body_count == 1
+        assert occ.volume(part.solid) == pytest.approx(part.volume, rel=2e-3)
+    total = sum(p.volume for p in after.parts) + after.cut_out
+    assert total == pytest.approx(after.body_volume, rel=1e-5)
+    dowels = [p for p in after.pins if len(after.cuts[after.contacts[p.contact].cut].cords) == 0]
+    assert len(dowels) == 4
+    sockets = sum(2 * np.pi * d.socket**2 / 4 * d.depth for d in dowels)
+    gone = sum(p.volume for p in made.parts) - sum(p.volume for p in after.parts)
+    assert gone == pytest.approx(sockets, rel=0.01)
+
+
+def test_two_dowels_of_different_thickness_join_what_was_cut_first(split):
+    made = split.made
+    assert [c.sides for c in made.cuts] == [((0, 1), (2, 3)), ((0,), (1,)), ((2,), (3,))]
+    for k in (1, 2):  # cuts are closed in the opposite order: these before that of the cord
+        own = [p for p in made.pins if made.contacts[p.contact].cut == k]
+        assert sorted(p.diameter for p in own)[0] < sorted(p.diameter for p in own)[1]
+        halves = [made.parts[i] for side in made.cuts[k].sides for i in side]
+        for pin in own:  # a rod through the joint is in no solid
+            line = pin.center + np.linspace(-0.95, 0.95, 9)[:, None] * pin.depth * pin.axis
+            for half in halves:
+                inside = igl.fast_winding_number(half.surface.vertices, half.surface.faces, line)
+                assert not (np.asarray(inside) > 0.5).any()
+    assert all("join them first" in note and "dowels" in note for note in split.notes)
+    assert "1-bottom-a and 1-bottom-b" in split.notes[0]
+
+
+def test_no_pin_pocket_or_number_is_cut_and_the_groove_goes_on(made, split):
+    after = split.made
+    for cut in after.cuts[1:]:
+        normal, height = cut.plane.normal, cut.plane.origin @ cut.plane.normal
+        for pin in made.pins:
+            assert abs(pin.center @ normal - height) > pin.socket / 2 + 1
+        for channel in made.channels:
+            for end in channel.ends:
+                assert abs(end.mouth @ normal - height) > end.pocket + 1
+    channel = after.channels[0]
+    thread = triangle_kernel.tube(channel.line, channel.sensor.plane.normal, 2.0)
+    for part in after.parts:
+        common = triangle_kernel.to_manifold(part.surface, part.name) ^ thread
+        assert common.volume() < 0.02
+
+
+def test_every_pin_and_number_belongs_to_the_piece_it_is_in(split):
+    made = split.made
+    for pin in made.pins:
+        contact = made.contacts[pin.contact]
+        for i, way in ((contact.lower, -1.0), (contact.upper, 1.0)):
+            low, high = made.parts[i].surface.bounds
+            tip = pin.center + 0.5 * way * pin.axis
+            assert (tip > low - 1e-3).all()
+            assert (tip < high + 1e-3).all()
+    for label in made.labels:
+        low, high = made.parts[label.part].surface.bounds
+        assert (label.center > low - 1).all()
+        assert (label.center < high + 1).all()
+
+
+def test_what_fits_is_left_as_it_is_and_what_is_too_wide_is_refused(made):
+    same = split_long(made, (220.0, 220.0, 250.0), RULES)
+    assert same.made is made
+    assert not same.notes
+    with pytest.raises(FabricationError, match=r"1-bottom measures 150 x 30 x 19 mm .* 30 mm wide"):
+        split_long(made, (25.0, 25.0, 100.0), RULES)
+    thin = replace(RULES, wall=14.0)
+    with pytest.raises(FabricationError, match="no room for two dowels"):
+        split_long(made, BED, thin)
