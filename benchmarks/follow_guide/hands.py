@@ -32,6 +32,7 @@ class Hands:
         self._pins = [bool(s["pins"]) for s in manifest["assembly"]]
         self._cords = cords_of(manifest, layout, parts)
         self._piece = {name: k for k, name in enumerate(parts)}
+        self._cast_parts = manifest.get("casting") is not None
         self._bonded = manifest["assembly_of_cords"] == "bonded"
         self._ferrule, self._most = ferrule, most
         self._done: set[tuple[Any, ...]] = set()
@@ -76,6 +77,10 @@ class Hands:
     # Each action is a method: what it needs first, then what it makes of the work piece.
 
     def _print(self, *_: Any) -> None:
+        self._done.add(("moulds",) if self._cast_parts else ("printed",))
+
+    def _cast(self, *_: Any) -> None:
+        self._need(("moulds",) in self._done, "parts are cast before their moulds are printed")
         self._done.add(("printed",))
 
     def _try_pins(self, *_: Any) -> None:
