@@ -15,7 +15,7 @@ Z_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 Y_UP = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])
 
 _LOW = 0.03  # of the height: how far above the lowest point a body is taken to touch the ground
-_MORE, _LEAST = 2.0, 0.04  # shares of the ground that a standing body covers
+_MORE, _LEAST, _LITTLE = 2.0, 0.04, 0.1  # shares of the ground that a standing body covers
 _TALL = 1.3  # of its other sizes
 _LONG = 1.5  # of its width, from where a body is seen from its long side
 
@@ -25,9 +25,9 @@ def standing(surface: Surface) -> Float:
 
     Up is z, as in CAD and printing, unless the shape says that it is y: the body would stand on its
     lowest points along y (its centre above them), and these cover a far larger share of its outline
-    from there than they do along z; or, where it would stand on neither, it is by far longest along
-    y. Front is where y is low, or z high with y up; a body that is much deeper than wide from there
-    is seen from its other side."""
+    from there than they do along z; or they cover little along both, and it is longest along y.
+    Front is where y is low, or z high with y up; a body that is much deeper than wide from there is
+    seen from its other side."""
     points = surface.vertices[np.unique(surface.faces)]
     frame = Y_UP if _stands_on_y(points, _middle(surface)) else Z_UP
     wide, _, deep = np.abs(frame) @ np.ptp(points, axis=0)
@@ -39,9 +39,9 @@ def standing(surface: Surface) -> Float:
 
 def _stands_on_y(points: Float, middle: Float) -> bool:
     along_y, along_z = (_footing(points, middle, axis) for axis in (1, 2))
-    if along_y == along_z == 0:
-        x, y, z = np.ptp(points, axis=0)
-        return bool(y > _TALL * max(x, z))
+    x, y, z = np.ptp(points, axis=0)
+    if max(along_y, along_z) < _LITTLE and y > _TALL * max(x, z):
+        return True
     return bool(along_y > _LEAST + _MORE * along_z)
 
 

@@ -8,19 +8,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.arrays import Float
+from ..bodies.standing import Z_UP
 
-#: Words from low to high coordinate, for axes x, y, z; seen from the front, which looks along +y.
-_WORDS = (("left", "right"), ("front", "back"), ("bottom", "top"))
+#: Words from low to high along what is to the right, up, and away from the viewer.
+_WORDS = (("left", "right"), ("bottom", "top"), ("front", "back"))
 _STEPS = {2: "{low} {high}", 3: "{low} middle {high}", 4: "{low} lower-middle upper-middle {high}"}
 _SAME = 0.08  # of the body's size: parts nearer than this are on one level
 
 
-def names(centers: Sequence[Float], bounds: Float) -> list[str]:
+def names(centers: Sequence[Float], bounds: Float, frame: Float = Z_UP) -> list[str]:
     """A name for each part's centre of mass (3,) mm in a body with `bounds` (2, 3) mm: its number,
-    counted from the bottom up, and where it lies, as in "3-top-left"."""
-    points = np.array(centers).reshape(-1, 3)
-    order = sorted(range(len(points)), key=lambda i: tuple(np.round(points[i][[2, 1, 0]], 3)))
-    words = [_levels(points[:, axis], float(np.ptp(bounds[:, axis])), axis) for axis in (2, 1, 0)]
+    counted from the bottom up, and where it lies for who sees the body as `frame` (3, 3) says
+    (`geometry.bodies.standing`), as in "3-top-left"."""
+    seen = frame * np.array([[1.0], [1], [-1]])
+    points = np.array(centers).reshape(-1, 3) @ seen.T
+    size = np.abs(frame) @ np.ptp(bounds, axis=0)
+    rank = np.round(points[:, [1, 2, 0]], 3)
+    order = sorted(range(len(points)), key=lambda i: tuple(rank[i]))
+    words = [_levels(points[:, axis], float(size[axis]), axis) for axis in (1, 2, 0)]
     rows = list(zip(*words, strict=True))
     out = [""] * len(points)
     for n, i in enumerate(order):

@@ -13,6 +13,7 @@ from ...core.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.connector_bay import without_bay
+from ..bodies.standing import standing
 from ..channels.cord_channels import channels_of
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, Tool
@@ -118,7 +119,7 @@ def _one_solid(body: Any) -> None:
 def _named(division: Division, surface: Surface) -> tuple[Division, list[str]]:
     """The parts in the order of their numbers, with their names."""
     centers = [triangle_kernel.centroid(triangle_kernel.to_surface(p)) for p in division.parts]
-    names = names_of(centers, surface.bounds)
+    names = names_of(centers, surface.bounds, standing(surface))
     order = sorted(range(len(names)), key=lambda i: int(names[i].split("-")[0]))
     index = np.argsort(order).tolist()
 

@@ -15,7 +15,7 @@ from ...decoding.unseen import MEANING
 from ...geometry.bodies.standing import standing
 from ..artifacts.body import load_surface
 from ..artifacts.fields import field_path, load_index
-from ..artifacts.layout import LayoutRecord, load_layout
+from ..artifacts.layout import load_layout
 from ..artifacts.manifest import load_manifest
 from ..artifacts.mesh import load_mesh_record, load_region_nodes
 from ..artifacts.part_files import load_parts
@@ -25,13 +25,13 @@ from ..report.guide.guide import assembly_guide
 from ..report.guide.guide_file import write_guide_file
 from ..report.guide.pdf import write_pdf
 from ..report.html import write_page
-from ..report.pictures import color_bar
-from ..report.pictures.errors import error_map
 from ..report.pictures.front import front
+from ..report.pictures.poses import color_bar
+from ..report.pictures.poses.errors import error_map
+from ..report.pictures.poses.sections import sections
+from ..report.pictures.poses.strain import PLANES, StrainField, strain_sections
 from ..report.pictures.routing import routing
-from ..report.pictures.sections import sections
-from ..report.pictures.strain import StrainField, strain_sections
-from ..report.surface_errors import state_words, surface_errors
+from ..report.surface_errors import SurfaceErrors, state_words, surface_errors
 from .stages import Report
 
 _MOST = 99.5  # per cent of the strain in a state: the end of the scale, but for few places
@@ -62,7 +62,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     write_guide_file(guide, folder / "guide.json")
     images["parts"] = guide.exploded
     images["front"] = front(layout.weighed)
-    images["poses"] = _poses(device, folder, layout, frame, report)
+    images["poses"] = _poses(device, folder, surface_errors(folder, layout), frame, report)
     write_page(
         folder / "report.html",
         "report",
@@ -74,16 +74,15 @@ def run(device: Device, folder: Path, report: Report) -> None:
         meaning=MEANING,
         images=images,
         colors=COLORS,
-        max=max,
+        size=np.abs(frame[[0, 2, 1]]) @ np.ptp(surface.bounds, axis=0),
     )
 
 
 def _poses(
-    device: Device, folder: Path, layout: LayoutRecord, frame: Float, report: Report
+    device: Device, folder: Path, found: SurfaceErrors, frame: Float, report: Report
 ) -> list[dict[str, Any]]:
     """Strain and error of each pose and mixture that was designed for, at its fullest, and of the
     held-out state that is sensed worst: pictures, and what is said of them."""
-    found = surface_errors(folder, layout)
     regions = load_region_nodes(folder)
     fields = {i: _field(folder, found.names[i]) for i in found.shown}
     strained = color_bar.scale(
@@ -107,19 +106,20 @@ def _poses(
             {
                 "name": name,
                 "seen": not found.held_out[i],
-                "strain": strain_sections(
-                    field, rest, found.moved[i], planes, name, frame, strained
-                ),
+                "strain": strain_sections(field, rest, found.moved[i], planes, frame, strained),
                 "error": error_map(
                     Surface(found.rest + found.moved[i], found.faces),
                     found.error[i],
-                    name,
                     frame,
                     missed,
                 ),
                 "mean_error": found.mean(i),
                 "moved": float(np.linalg.norm(found.moved[i], axis=1).max()),
-                "planes": planes,
+                "peak": planes.peak,
+                "cuts": [
+                    f"{letter} {plane.words()}"
+                    for (letter, _), plane in zip(PLANES, planes.all, strict=True)
+                ],
                 "handles": handles,
                 "largest_strain": 100 * float(field.strain.max()),
             }

@@ -11,6 +11,7 @@ from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device import Sensor
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
+from defsense_fab.geometry.bodies.standing import Y_UP
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.kernels.cutting_tools import Number, cylinder
@@ -375,6 +376,16 @@ def test_parts_are_named_by_where_they_lie():
     assert names(octants, bounds)[7] == "8-top-back-right"
     assert names([[50, 15, 20]], bounds) == ["1-whole"]
     assert len(set(names(np.random.default_rng(0).random((30, 3)) * 40, bounds))) == 30
+
+
+def test_left_and_top_are_those_of_who_sees_the_body_standing():
+    """With y up and z to the viewer; and of a long body that is seen from its side, along -x."""
+    bounds = np.array([[0, 0, 0], [40, 100, 30.0]])
+    assert names([[20, 80, 15], [20, 20, 15]], bounds, Y_UP) == ["2-top", "1-bottom"]
+    assert names([[10, 50, 5], [10, 50, 25]], bounds, Y_UP) == ["2-back", "1-front"]
+    along_y = np.array([[0, 1.0, 0], [0, 0, 1], [1, 0, 0]])
+    assert names([[20, 10, 15], [20, 90, 15]], bounds, along_y) == ["1-left", "2-right"]
+    assert names([[5, 50, 15], [35, 50, 15]], bounds, along_y) == ["2-back", "1-front"]
 
 
 STRAIGHT = [[2, 0], [10, 0], [50, 0], [100, 0], [140, 0], [148, 0]]

@@ -11,12 +11,12 @@ from ....core.arrays import Float
 from . import dimensions
 from .panels import WIDTH, Panel, arranged
 from .scene import Scene, Shot
-from .sheet import SMALL, SOFT, TEXT, Sheet, extent
+from .sheet import SMALL, SOFT, Sheet, extent
 from .views import View
 
 #: Pixels below a panel: its axes, and beside them from where it is seen.
-FOOT = 58.0
-_AXES = 52.0
+FOOT = 62.0
+_AXES = 58.0
 _LETTERS = SMALL - 2
 _HEIGHT = 760  # pixels of a picture at most
 
@@ -38,20 +38,19 @@ Footer = Callable[[Sheet, float, float, float], None]
 
 def picture(
     seen: Sequence[Seen],
-    title: str = "",
     footer: tuple[float, Footer] | None = None,
     width: float = WIDTH,
     height: float = _HEIGHT,
+    least: float = 0.6,
 ) -> str:
-    """Up to three views side by side or below each other, at one scale, as a PNG in a
-    data URI: with a title, and `footer`'s drawing in so many pixels below."""
+    """Up to three views side by side or below each other, at one scale, as a PNG in a data URI,
+    with `footer`'s drawing in so many pixels below; at least `least` of the `width`."""
     panels = [_panel(s) for s in seen]
-    head = 1.7 * TEXT if title else 0.0
     foot = footer[0] if footer else 0.0
-    plan = arranged(panels, width - 8, height - head - foot)
-    wide = max(plan.size[0] + 8, 0.6 * width, extent(title, TEXT, bold=True)[0] + 16)
-    sheet = Sheet(wide, plan.size[1] + head + foot + 4)
-    shift = np.array([(wide - plan.size[0]) / 2, head])
+    plan = arranged(panels, width - 8, height - foot)
+    wide = max(plan.size[0] + 8, least * width)
+    sheet = Sheet(wide, plan.size[1] + foot + 4)
+    shift = np.array([(wide - plan.size[0]) / 2, 0.0])
     for one, panel, corner, room in zip(seen, panels, plan.corners, plan.rooms, strict=True):
         left, top, right, bottom = panel.rim
         inside = room - [left + right, top + bottom]
@@ -66,8 +65,6 @@ def picture(
             _dimensions(sheet, shot, at, one.sizes)
     if footer:
         footer[1](sheet, 0.0, sheet.size[1] - foot, float(sheet.size[0]))
-    if title:
-        sheet.text((6, head / 2), title, TEXT, anchor="lm", bold=True)
     return sheet.uri()
 
 

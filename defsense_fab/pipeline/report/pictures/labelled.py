@@ -16,6 +16,7 @@ from .views import View
 
 _HEIGHT = 620
 _SMALL_SHOT = 260  # pixels: enough to see how much of each part shows
+_CLEAR = 0.5  # of what a part shows on average: enough of the least for the first view to be taken
 _ENOUGH = 0.6  # of the best view's: how much of its least visible part the first has to show
 
 
@@ -62,10 +63,13 @@ def picture(
 def clearest(scene: Scene, views: Sequence[View], names: Sequence[str]) -> View:
     """Of some views the first that shows of every named thing about as much as any of them does of
     the one that it shows least."""
-    least = []
+    least: list[float] = []
     for view in views:
         scene.shot(view, _SMALL_SHOT, _SMALL_SHOT)
         seen = scene.seen()
-        least.append(min(float(seen[n].sum()) for n in names))
+        shown = [float(seen[n].sum()) for n in names]
+        if not least and min(shown) >= _CLEAR * sum(shown) / len(shown):
+            return view
+        least.append(min(shown))
     enough = _ENOUGH * max(least)
-    return next(v for v, shown in zip(views, least, strict=True) if shown >= enough)
+    return next(v for v, some in zip(views, least, strict=True) if some >= enough)

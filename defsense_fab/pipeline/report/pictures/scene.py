@@ -24,7 +24,7 @@ from .views import View
 
 _MARGIN = 3  # pixels around all that is drawn
 _EDGE = 30  # degrees between facets, from which on their edge is drawn
-_CHAIN = 0.15  # of a body's size: the least length of edges that hang together, to be drawn
+_CHAIN = 0.2  # of a body's size: over which edges have to hang together, to be drawn
 _LINE = "#3c4a54"
 _WHITE = 252  # of 255: what is darker is taken to be drawn
 _LOOK = ("color", "ambient", "diffuse", "lighting", "opacity")
@@ -102,7 +102,7 @@ class Scene:
     def colored(self, mesh: Any, scalars: str, colors: str, top: float, lit: bool = True) -> None:
         """A pyvista mesh coloured by one of its arrays from 0 to `top`; where it is `lit`, shades
         are faint, so that colours can be compared with the bar."""
-        shading = {"ambient": 0.7, "diffuse": 0.35} if lit else {"lighting": False}
+        shading = {"ambient": 0.8, "diffuse": 0.25} if lit else {"lighting": False}
         self.mesh(
             mesh,
             np.asarray(mesh.points, float),
@@ -223,8 +223,11 @@ def _long_edges(mesh: Any) -> Any:
     shape = (len(points), len(points))
     graph = sparse.coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape)
     piece = csgraph.connected_components(graph, directed=False)[1][pairs[:, 0]]
-    length = np.bincount(piece, np.linalg.norm(np.diff(points[pairs], axis=1)[:, 0], axis=1))
-    kept = length[piece] > _CHAIN * np.linalg.norm(np.ptp(np.asarray(mesh.points), axis=0))
+    low, high = (np.full((piece.max() + 1, 3), s * np.inf) for s in (1, -1))
+    np.minimum.at(low, piece, points[pairs].min(1))
+    np.maximum.at(high, piece, points[pairs].max(1))
+    size = np.linalg.norm(np.ptp(np.asarray(mesh.points), axis=0))
+    kept = np.linalg.norm(high - low, axis=1)[piece] > _CHAIN * size
     if not kept.any():
         return None
     lines = np.column_stack([np.full(kept.sum(), 2), pairs[kept]])

@@ -18,6 +18,7 @@ INK, SOFT = "#1b262c", "#52616b"
 TEXT, SMALL = 22, 19
 #: Letters and colours of the axes, which also those tell apart who see red and green alike.
 AXES = (("x", "#d55e00"), ("y", "#009e73"), ("z", "#0072b2"))
+_APART = 13  # pixels between the letters of axes
 #: A place or a size: two numbers, pixels.
 Place = Any
 _FINE = 3  # lines are drawn so much finer, and then smoothed
@@ -93,23 +94,28 @@ class Sheet:
         (x, y), (w, h) = at, size
         ImageDraw.Draw(self._image).rectangle((x, y, x + w - 1, y + h - 1), fill=color)
 
-    def axes(self, view: View, corner: Place, size: float = 52.0) -> None:
+    def axes(self, view: View, corner: Place, size: float = 58.0) -> None:
         """The axes of the rest frame in a square of `size` pixels with its top left at `corner`; of
         one that points at the eye or away from it only the letter is drawn, at its foot."""
         ways = view.flat(np.eye(3)) * [1, -1]
         low = np.minimum(ways.min(0), 0)
         span = float(np.maximum(np.ptp(np.vstack([ways, [0, 0]]), axis=0).max(), 1e-9))
-        length = (size - 22) / span
-        foot = np.asarray(corner, float) + 11 - low * length
+        length = (size - 32) / span
+        foot = np.asarray(corner, float) + 16 - low * length
+        letters: list[Any] = []
+        away = ways.sum(0)  # from the foot, where the others are
         for (letter, color), way in zip(AXES, ways, strict=True):
             tip = foot + length * way
             seen = float(np.linalg.norm(way))
             if seen < 0.15:
                 self.dot(foot, color, 4)
-                place = foot + np.array([-10 if low[0] > -0.1 else 11, 11])
+                place = foot - 13 * away / max(float(np.linalg.norm(away)), 1e-9)
             else:
                 self.line([foot, tip], color, 3)
                 place = tip + 9 * way / seen
+            while any(np.hypot(*(place - other)) < _APART for other in letters):
+                place = place + (way if seen > 1e-6 else away) / max(seen, 1e-6)
+            letters.append(place)
             self.text(place, letter, 17, color, bold=True)
 
     def png(self) -> bytes:

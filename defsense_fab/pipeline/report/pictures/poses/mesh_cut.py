@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from ....core.arrays import Float, Int
+from .....core.arrays import Float, Int
 
 #: Eight linear tets in a quadratic one, by the numbers that VTK gives its nodes.
 _EIGHT = np.array([[0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 7, 9, 8],

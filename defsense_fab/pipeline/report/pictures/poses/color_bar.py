@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .sheet import INK, SMALL, Sheet
+from ..sheet import INK, SMALL, Sheet, extent
 
 #: Scales whose lightness rises or falls evenly, so that those who tell few colours apart, and
 #: printers without colour, show their order too.
@@ -49,10 +49,13 @@ def draw(sheet: Sheet, one: Scale, x: float, y: float, width: float) -> None:
     sheet.text((x + width / 2, y + SMALL * 0.8), one.title, SMALL)
     sheet.paste(bar, (x, top))
     count = round(one.top / one.step)
+    widest = extent(f"≥ {one.top - one.step:.6g}", SMALL)[0]
+    every = 1 if width / count > 1.1 * widest else 2  # numbers that do not touch
     for k in range(count + 1):
         at = x + width * k / count
         words = f"{k * one.step:.6g}"
         if k == count and one.beyond:
-            words = f"{words} and more"
+            words = f"≥ {words}"
         sheet.line([(at, top + _THICK), (at, top + _THICK + 6)], INK, 1.2)
-        sheet.text((at, top + _THICK + 8 + SMALL / 2), words, SMALL)
+        if k % every == 0 or (k == count and every == 1):
+            sheet.text((at, top + _THICK + 8 + SMALL / 2), words, SMALL)

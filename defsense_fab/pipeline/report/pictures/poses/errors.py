@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from ....core.arrays import Float
-from ....core.mesh import Surface
-from . import body_views, color_bar, views
+from .....core.arrays import Float
+from .....core.mesh import Surface
+from .. import body_views, views
+from ..scene import Scene, poly
+from ..sheet import Sheet
+from . import color_bar
 from .color_bar import Scale
-from .scene import Scene, poly
-from .sheet import Sheet
 
 #: Pixels of a picture that stands beside another.
 WIDTH, HEIGHT = 820, 660
 
 
-def error_map(surface: Surface, error: Float, name: str, frame: Float, scale: Scale) -> str:
+def error_map(surface: Surface, error: Float, frame: Float, scale: Scale) -> str:
     """The deformed surface from two opposite sides, coloured by the error (mm) at its vertices
     (n,); PNG as a data URI."""
     mesh = poly(surface, most=len(surface.faces))
@@ -22,10 +23,10 @@ def error_map(surface: Surface, error: Float, name: str, frame: Float, scale: Sc
         scene.colored(mesh, "error", scale.colors, scale.top)
         return body_views.picture(
             [body_views.Seen(scene, v) for v in (views.three_quarter(frame), views.behind(frame))],
-            title=name,
             footer=(color_bar.HEIGHT, _bar(scale)),
             width=WIDTH,
             height=HEIGHT,
+            least=1.0,
         )
 
 

@@ -1,0 +1,1 @@
+"""Pictures of the body in its poses: its strain, and by how much it is told wrongly."""
