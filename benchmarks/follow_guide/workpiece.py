@@ -52,7 +52,8 @@ class Cord:
 
     @property
     def held(self) -> bool:
-        return self.record["prestretch"] is not None
+        """Whether it is to be stretched between its ends."""
+        return bool(self.record["prestretch"])
 
     def end(self, which: int) -> dict[str, Any]:
         found: dict[str, Any] = self.record["ends"][which]
