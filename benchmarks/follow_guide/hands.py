@@ -7,38 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from .workpiece import STEP, Cord, cords_of
+from .state import State
+from .workpiece import STEP, Cord
 
 ENDS = {"start": 0, "end": 1}
 OPEN = 15.0  # mm, by which a joint is opened at least to lay and to glue
 GRIP = 5.0  # mm, to hold something by
 
 
-class Hands:
+class Hands(State):
     """Call `do` with each action of `guide.json` in turn, then `finish`; `complaints` has what
     could not be done, with the number of its step."""
-
-    def __init__(
-        self,
-        manifest: dict[str, Any],
-        layout: dict[str, Any],
-        parts: dict[str, Any],
-        ferrule: float,
-        most: float,
-    ) -> None:
-        """Parts' triangles (m, 3, 3) by name; length of a ferrule, mm; most strain of a cord."""
-        self._joints = [tuple(set(side) for side in s["join"]) for s in manifest["assembly"]]
-        self._laid_in = [set(s["cords"]) for s in manifest["assembly"]]
-        self._pins = [bool(s["pins"]) for s in manifest["assembly"]]
-        self._cords = cords_of(manifest, layout, parts)
-        self._piece = {name: k for k, name in enumerate(parts)}
-        self._cast_parts = manifest.get("casting") is not None
-        self._bonded = manifest["assembly_of_cords"] == "bonded"
-        self._ferrule, self._most = ferrule, most
-        self._done: set[tuple[Any, ...]] = set()
-        self._number, self._time = 0, 0
-        self._closed_at: dict[int, int] = {}
-        self.complaints: list[str] = []
 
     def do(self, number: int, action: dict[str, Any]) -> None:
         self._number, self._time = number, self._time + 1
@@ -50,29 +29,6 @@ class Hands:
         cord = self._cords.get(action.get("cord", ""))
         end = ENDS.get(action.get("end", ""), 0)
         method(action, cord, end, action.get("joint"))
-
-    def _no(self, text: str) -> None:
-        self.complaints.append(f"step {self._number}: {text}")
-
-    def _need(self, holds: Any, text: str) -> None:
-        if not holds:
-            self._no(text)
-
-    def _covered(self, line: Any) -> Any:
-        return np.array([
-            a is not None and b is not None and self._piece[a] == self._piece[b]
-            for a, b in line.pairs
-        ])  # fmt: skip
-
-    def _enclosed(self, cord: Cord, end: int) -> bool:
-        """Whether an end lies in a closed joint, and is not pulled out."""
-        k = -1 if end else 0
-        return bool(cord.line.laid[k] and self._covered(cord.line)[k] and not cord.out[end])
-
-    def _whole(self, cord: Cord) -> bool:
-        """Whether all of a cord lies where it will."""
-        pieces = {self._piece[n] for pair in cord.line.pairs for n in pair if n}
-        return bool(cord.line.laid.all() and self._covered(cord.line).all() and len(pieces) == 1)
 
     # Each action is a method: what it needs first, then what it makes of the work piece.
 
@@ -154,12 +110,6 @@ class Hands:
         self._need(strain <= self._most, f"{c.name} is stretched by {strain:.0%}")
         c.stretched = True
 
-    def _anchored(self, c: Cord, end: int) -> bool:
-        """Whether an end cannot slide out of its place."""
-        if c.end(end)["joint"] == "free":
-            return c.end_set[end]
-        return bool(c.crimped[end] and c.line.laid[-1 if end else 0])
-
     def _glue_end(self, _: Any, c: Cord, end: int, __: Any) -> None:
         self._need(c.line.laid[-1 if end else 0], f"an end of {c.name} is glued before it is laid")
         if not c.let_in[end]:
@@ -185,13 +135,6 @@ class Hands:
         self._need(not closed, f"a wire of {c.name} is laid in a closed joint")
         self._need(("connected",) not in self._done, f"a wire of {c.name} is on the board already")
         line.laid |= here
-
-    def _inner(self, j: int) -> list[int]:
-        """The joints inside of one side of a joint."""
-        return [
-            i for i, (a, b) in enumerate(self._joints)
-            if i != j and any(a | b <= side for side in self._joints[j])
-        ]  # fmt: skip
 
     def _glue_joint(self, _: Any, __: Any, ___: Any, j: int) -> None:
         self._need(("dry", j) in self._done, f"joint {j} is glued before it was tried dry")
@@ -263,19 +206,6 @@ class Hands:
                 hangs = (c.cut or 0.0) - self._to_mouth(c, e) - OPEN
                 self._need(hangs >= GRIP, f"{c.name} is too short to hang out of joint {j}")
 
-    def _stuck(self, c: Cord, part: slice) -> bool:
-        """Whether glue that has set holds a bonded cord in some of its places."""
-        for i, (low, high) in enumerate(self._joints):
-            if ("set", i) in self._done and c.line.between(low, high)[part].any():
-                return True
-        return False
-
-    def _to_mouth(self, c: Cord, end: int) -> float:
-        """From the cord's first end to the mouth of the other one, mm, as it lies."""
-        other = c.end(1 - end)
-        hidden = other["pocket"] - self._ferrule / 2 if other["joint"] == "pocket" else 0.0
-        return float(c.record["channel_length"]) - hidden + float(other["lead"])
-
     def _let_set(self, _: Any, __: Any, ___: Any, j: int) -> None:
         self._need(("glued", j) in self._done, f"joint {j} sets before it is glued")
         self._done.add(("set", j))
@@ -283,9 +213,6 @@ class Hands:
             if self._whole(c) and all(c.crimped) and self._in_place(c):
                 since = self._closed_at.get(j, 0)
                 self._need(c.measured > since, f"{c.name} is not measured after joint {j}")
-
-    def _in_place(self, c: Cord) -> bool:
-        return c.stretched or any(c.let_in) or not c.held
 
     def _pull_out(self, _: Any, c: Cord, end: int, __: Any) -> None:
         self._need(self._whole(c), f"{c.name} is pulled out before its joints are closed")

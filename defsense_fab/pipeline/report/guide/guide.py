@@ -11,7 +11,7 @@ from ....core.mesh import Surface
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import Manifest
 from ..pictures.parts import exploded
-from .hands.plan import LEAST_OPEN, strained
+from .hands.cord_facts import LEAST_OPEN, strained
 from .hands.steps import GuideStep, Joint, guide_steps, order_of, shifts
 from .hands.words import called
 from .joint_pictures import Pictures

@@ -15,7 +15,7 @@ from ....core.path_sampling import arc_lengths, resample
 from ....geometry.kernels.plane_section import plane_section
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import CutCord, Manifest
-from .hands.plan import BATCH, anchored_later
+from .hands.cord_facts import BATCH, anchored_later
 from .hands.steps import Joint
 from .hands.words import ENDS, called
 

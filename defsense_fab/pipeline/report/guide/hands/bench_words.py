@@ -5,7 +5,7 @@ from __future__ import annotations
 from .....core.device import Device
 from ....artifacts.manifest import CutCord
 from .actions import Action, Expected
-from .plan import BATCH, LAID, anchored_later
+from .cord_facts import BATCH, LAID, anchored_later
 from .words import ENDS, Words, called, limits
 
 

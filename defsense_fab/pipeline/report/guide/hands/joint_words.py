@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ....artifacts.manifest import CutCord
 from .actions import Action
-from .plan import anchored_later, joint_of, sliding, strained, wet_until
+from .cord_facts import anchored_later, joint_of, sliding, strained, wet_until
 from .words import ENDS, Words, called, first, named, pin_letters, sides
 
 

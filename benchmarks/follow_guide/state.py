@@ -1,0 +1,88 @@
+"""The state of the work while hands follow a guide."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .workpiece import Cord, cords_of
+
+
+class State:
+    """What was done so far, and what holds because of it; `complaints` has what could not be done,
+    with the number of its step."""
+
+    def __init__(
+        self,
+        manifest: dict[str, Any],
+        layout: dict[str, Any],
+        parts: dict[str, Any],
+        ferrule: float,
+        most: float,
+    ) -> None:
+        """Parts' triangles (m, 3, 3) by name; length of a ferrule, mm; most strain of a cord."""
+        self._joints = [tuple(set(side) for side in s["join"]) for s in manifest["assembly"]]
+        self._laid_in = [set(s["cords"]) for s in manifest["assembly"]]
+        self._pins = [bool(s["pins"]) for s in manifest["assembly"]]
+        self._cords = cords_of(manifest, layout, parts)
+        self._piece = {name: k for k, name in enumerate(parts)}
+        self._cast_parts = manifest.get("casting") is not None
+        self._bonded = manifest["assembly_of_cords"] == "bonded"
+        self._ferrule, self._most = ferrule, most
+        self._done: set[tuple[Any, ...]] = set()
+        self._number, self._time = 0, 0
+        self._closed_at: dict[int, int] = {}
+        self.complaints: list[str] = []
+
+    def _no(self, text: str) -> None:
+        self.complaints.append(f"step {self._number}: {text}")
+
+    def _need(self, holds: Any, text: str) -> None:
+        if not holds:
+            self._no(text)
+
+    def _covered(self, line: Any) -> Any:
+        return np.array([
+            a is not None and b is not None and self._piece[a] == self._piece[b]
+            for a, b in line.pairs
+        ])  # fmt: skip
+
+    def _enclosed(self, cord: Cord, end: int) -> bool:
+        """Whether an end lies in a closed joint, and is not pulled out."""
+        k = -1 if end else 0
+        return bool(cord.line.laid[k] and self._covered(cord.line)[k] and not cord.out[end])
+
+    def _whole(self, cord: Cord) -> bool:
+        """Whether all of a cord lies where it will."""
+        pieces = {self._piece[n] for pair in cord.line.pairs for n in pair if n}
+        return bool(cord.line.laid.all() and self._covered(cord.line).all() and len(pieces) == 1)
+
+    def _anchored(self, c: Cord, end: int) -> bool:
+        """Whether an end cannot slide out of its place."""
+        if c.end(end)["joint"] == "free":
+            return c.end_set[end]
+        return bool(c.crimped[end] and c.line.laid[-1 if end else 0])
+
+    def _inner(self, j: int) -> list[int]:
+        """The joints inside of one side of a joint."""
+        return [
+            i for i, (a, b) in enumerate(self._joints)
+            if i != j and any(a | b <= side for side in self._joints[j])
+        ]  # fmt: skip
+
+    def _stuck(self, c: Cord, part: slice) -> bool:
+        """Whether glue that has set holds a bonded cord in some of its places."""
+        for i, (low, high) in enumerate(self._joints):
+            if ("set", i) in self._done and c.line.between(low, high)[part].any():
+                return True
+        return False
+
+    def _to_mouth(self, c: Cord, end: int) -> float:
+        """From the cord's first end to the mouth of the other one, mm, as it lies."""
+        other = c.end(1 - end)
+        hidden = other["pocket"] - self._ferrule / 2 if other["joint"] == "pocket" else 0.0
+        return float(c.record["channel_length"]) - hidden + float(other["lead"])
+
+    def _in_place(self, c: Cord) -> bool:
+        return c.stretched or any(c.let_in) or not c.held
