@@ -16,7 +16,7 @@ from .views import View
 
 _HEIGHT = 620
 _SMALL_SHOT = 260  # pixels: enough to see how much of each part shows
-_CLEAR = 0.5  # of what a part shows on average: enough of the least for the first view to be taken
+_CLEAR = 0.7  # of what a part shows on average: enough of the least for the first view to be taken
 _ENOUGH = 0.6  # of the best view's: how much of its least visible part the first has to show
 
 
