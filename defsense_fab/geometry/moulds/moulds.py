@@ -98,7 +98,7 @@ def _made(
     pieces = tuple(
         MouldPiece(
             name,
-            triangle_kernel.printable(solid.scale([factor] * 3), name),
+            triangle_kernel.printable(whole(solid.scale([factor] * 3), name), name),
             way,
             # Cores and cavities up.
             way if k < len(lids) else way if len(shells) > 1 and k == len(lids) else -ways[0],
