@@ -57,8 +57,8 @@ def tetrahedralise(
     for k, way in enumerate(plan):
         limit = min(way.share * time_limit, until - time.monotonic())
         if limit <= 0:
-            tried.append(f"{way.says}: no time was left")
-            continue
+            tried.append(f"no time was left for {', '.join(w.says for w in plan[k:])}")
+            break
         otherwise = f"{plan[k + 1].says} is tried" if k + 1 < len(plan) else "nothing else"
         watch = Watch(limit, tell, way.says, way.usual, otherwise)
         tell(f"{way.says}, usually {way.usual:.0f} s" + _after(tried))
