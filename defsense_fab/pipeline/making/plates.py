@@ -45,21 +45,21 @@ def on_plates(
     """
     f = device.fabrication
     again = f.copies if f.kind == "print" else 1
-    things = {
+    pieces = {
         name if k == 0 else f"{name}_{k + 1}": surface
         for k in range(again)
         for name, surface in lying.items()
     }
     for name, (surface, count, _) in pins.items():
-        things |= {f"{name}_{k + 1}": surface for k in range(count * f.copies)}
+        pieces |= {f"{name}_{k + 1}": surface for k in range(count * f.copies)}
     bound = least_plates(
-        footprints(things, f.spacing), (f.bed[0] - f.spacing, f.bed[1] - f.spacing)
+        footprints(pieces, f.spacing), (f.bed[0] - f.spacing, f.bed[1] - f.spacing)
     )
-    return arrange(things, f.bed, f.process, f.spacing), bound
+    return arrange(pieces, f.bed, f.process, f.spacing), bound
 
 
 def write_plates(placed: Mapping[str, PlacedPart], out: Path, title: str) -> tuple[Plate, ...]:
-    """A 3MF file for each plate, each thing on it an item that a slicer can move."""
+    """A 3MF file for each plate, each piece on it an item that a slicer can move."""
     plates = []
     count = 1 + max(p.plate for p in placed.values())
     for k in range(count):

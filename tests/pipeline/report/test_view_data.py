@@ -68,14 +68,14 @@ def test_joints_open_along_their_normals_and_cords_go_with_the_parts_beside_them
     first = reach * np.array([[0, -1, 0], [0, 1, 0], [0, 0, 0]])
     second = reach * np.array([[0, 0, -1], [0, 0, -1], [0, 0, 1]])
     assert ways == pytest.approx(np.array([first, second]), abs=1e-4)
-    things = {t["name"]: t for t in read.told["things"]}
-    level = read.points(things["level"]["opened"], 2)
+    followers = {t["name"]: t for t in read.told["followers"]}
+    level = read.points(followers["level"]["opened"], 2)
     assert level[0] == pytest.approx(np.tile([0, reach, 0], (level.shape[1], 1)) / 2, abs=0.02)
     assert level[1] == pytest.approx(0, abs=0.02)  # between top and back
-    upright = read.points(things["upright"]["opened"], 2)
+    upright = read.points(followers["upright"]["opened"], 2)
     assert upright[0] == pytest.approx(0, abs=0.02)
     assert upright[1] == pytest.approx(np.tile([0, 0, -reach], (upright.shape[1], 1)), abs=0.02)
-    seat = read.points(things["tag 3"]["opened"], 2)
+    seat = read.points(followers["tag 3"]["opened"], 2)
     assert seat[1] == pytest.approx(np.tile([0, 0, reach], (4, 1)), abs=0.02)
 
 
@@ -85,7 +85,7 @@ def test_all_that_moves_is_where_the_poses_take_it(bar, scene):
     surface = read.told["surface"]
     rest = read.points(surface["places"])[0] + middle_of(bar)
     moved = read.points(surface["moved"], len(names))
-    cord = next(t for t in read.told["things"] if t["kind"] == "cord")
+    cord = next(t for t in read.told["followers"] if t["kind"] == "cord")
     path = read.points(cord["places"])[0] + middle_of(bar)
     carried = read.points(cord["moved"], len(names))
     weights = dict(zip(bar.found.names, bar.found.weights, strict=True))
@@ -114,7 +114,7 @@ def test_a_device_of_one_part_has_nothing_to_open(bar):
     whole = replace(bar, manifest=replace(bar.manifest, assembly=(), pins=()))
     told = whole.scene().told
     assert told["joints"] == []
-    assert {t["kind"] for t in told["things"]} == {"cord", "wire", "seat"}
+    assert {t["kind"] for t in told["followers"]} == {"cord", "wire", "seat"}
 
 
 def test_names_stay_words_whatever_they_are(scene, bar):

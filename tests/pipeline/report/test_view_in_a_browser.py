@@ -184,7 +184,7 @@ def test_keys_turn_open_and_play(page):
 
 
 def test_kinds_are_shown_and_hidden(page):
-    kinds = "defsenseView.stage.things.filter(t => t.mesh.visible).map(t => t.kind)"
+    kinds = "defsenseView.stage.followers.filter(t => t.mesh.visible).map(t => t.kind)"
     assert set(page.js(kinds)) == {"cord", "wire", "pin", "seat"}
     page.page.get_by_role("checkbox", name="cords").uncheck()
     page.page.get_by_label("marker seats").uncheck()
@@ -193,7 +193,7 @@ def test_kinds_are_shown_and_hidden(page):
     page.page.get_by_label("marker seats").check()
 
 
-def test_few_things_are_drawn_and_nothing_while_nothing_changes(page):
+def test_few_calls_are_drawn_and_nothing_while_nothing_changes(page):
     page.page.wait_for_timeout(300)
     frames = page.js("defsenseView.frames")
     page.page.wait_for_timeout(300)

@@ -34,7 +34,7 @@ class Drawing:
 
     view: View
     focus: tuple[Float, float] | None = None
-    things: list[Callable[[Scene], None]] = field(default_factory=list)
+    shapes: list[Callable[[Scene], None]] = field(default_factory=list)
     labels: list[tuple[Float | str, str]] = field(default_factory=list)
     legend: dict[str, str] = field(default_factory=dict)
 
@@ -45,22 +45,22 @@ class Drawing:
         it is seen."""
         moved = surface if shift is None else Surface(surface.vertices + shift, surface.faces)
         if self.focus is None:
-            self.things.append(lambda scene: scene.solid(moved, _pale(color), name=name))
+            self.shapes.append(lambda scene: scene.solid(moved, _pale(color), name=name))
             return
         at, far = self.focus
         flat = self.view.flat(moved.vertices - at)
         near = at + np.clip(flat, -far, far) @ np.stack([self.view.right, self.view.up])
-        self.things.append(
+        self.shapes.append(
             lambda scene: scene.mesh(poly(moved), near, color=_pale(color), split_sharp_edges=True)
         )
 
     def rod(self, line: Float, radius: float, color: str) -> None:
         """A round rod along a line (p, 3) mm."""
-        self.things.append(lambda scene: scene.tube(line, color, radius))
+        self.shapes.append(lambda scene: scene.tube(line, color, radius))
 
     def cylinder(self, middle: Float, along: Float, radius: float, long: float, color: str) -> None:
         """A cylinder around its middle (3,) mm."""
-        self.things.append(lambda scene: scene.cylinder(middle, along, 2 * radius, long, color))
+        self.shapes.append(lambda scene: scene.cylinder(middle, along, 2 * radius, long, color))
 
     def ball(self, middle: Float, radius: float, color: str) -> None:
         """A drop, say of glue."""
@@ -78,7 +78,7 @@ class Drawing:
 
     def _mesh(self, mesh: Any, color: str) -> None:
         points = np.asarray(mesh.points, float)
-        self.things.append(lambda scene: scene.mesh(mesh, points, color=color))
+        self.shapes.append(lambda scene: scene.mesh(mesh, points, color=color))
 
     def label(self, at: Float | str, text: str) -> None:
         """A text in a column beside the picture, with a line to `at`: a place (3,) mm, or a part's
@@ -90,8 +90,8 @@ class Drawing:
         from PIL import Image
 
         with Scene() as scene:
-            for thing in self.things:
-                thing(scene)
+            for shape in self.shapes:
+                shape(scene)
             shot = scene.shot(self.view, _WIDTH, _MOST)
             named = any(isinstance(at, str) for at, _ in self.labels)
             masks = scene.seen() if named else {}

@@ -20,8 +20,9 @@ _MOST = 96  # points of a cord
 
 @dataclass(frozen=True)
 class Follower:
-    """A thing of a kind with a name; the middle line (p, 3) mm of a tube of a `radius` mm, or the
-    corners (4, 3) mm of a flat one, whose radius is 0; what is told of it, label and value."""
+    """What moves along with parts, of a kind with a name; the middle line (p, 3) mm of a tube of a
+    `radius` mm, or the corners (4, 3) mm of a flat one, whose radius is 0; what is told of it,
+    label and value."""
 
     kind: str
     name: str

@@ -52,7 +52,7 @@ def followed(
 
 
 def _evened(follower: Follower, near: Float) -> Float:
-    """Shares (p, parts): of a thing that bends they change little by little, of others not."""
+    """Shares (p, parts): of what bends they change little by little, of others not."""
     if not follower.bends:
         return np.broadcast_to(near.mean(axis=0), near.shape)
     at = arc_lengths(follower.points)

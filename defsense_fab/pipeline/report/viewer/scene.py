@@ -55,10 +55,10 @@ def scene(
     size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
     paths = pose_paths(found)
     states = np.unique(np.concatenate([p.states for p in paths]))
-    things = followers(device, layout, manifest)
+    following = followers(device, layout, manifest)
     ways = openings(manifest.assembly, [p.name for p in manifest.parts], size)
     light = simplified(parts, size)
-    points = np.concatenate([f.points for f in things])
+    points = np.concatenate([f.points for f in following])
     gone = moved_points(load_mesh(folder), points, found.fields.displacements[states])
     lengths = _Lengths(packed, middle, size, found.moved[states], gone)
     told = {
@@ -71,7 +71,7 @@ def scene(
             {"join": s.join, "cords": s.cords, "ways": _rounded(w)}
             for s, w in zip(manifest.assembly, ways, strict=True)
         ],
-        "things": _things(lengths, things, followed(things, parts, ways), gone),
+        "followers": _followers(lengths, following, followed(following, parts, ways), gone),
         "surface": _surface(lengths, found, states),
         "states": _states(folder, found, states),
         "poses": [_pose(p, states) for p in paths],
@@ -110,10 +110,10 @@ def _part(lengths: _Lengths, part: PartRecord, surface: Surface, k: int) -> dict
     }
 
 
-def _things(
-    lengths: _Lengths, things: Sequence[Follower], opened: Sequence[Float], gone: Float
+def _followers(
+    lengths: _Lengths, following: Sequence[Follower], opened: Sequence[Float], gone: Float
 ) -> list[dict[str, Any]]:
-    pieces = np.split(gone, np.cumsum([len(f.points) for f in things])[:-1], axis=1)
+    pieces = np.split(gone, np.cumsum([len(f.points) for f in following])[:-1], axis=1)
     return [
         {
             "kind": f.kind,
@@ -125,7 +125,7 @@ def _things(
             "opened": lengths.ways(o),
             "moved": lengths.ways(m),
         }
-        for k, (f, o, m) in enumerate(zip(things, opened, pieces, strict=True))
+        for k, (f, o, m) in enumerate(zip(following, opened, pieces, strict=True))
     ]
 
 

@@ -15,11 +15,7 @@ def print_parts(w: Words, _: Action) -> list[str]:
     process = w.device.fabrication.process
     if w.manifest.casting is not None:
         return [f"Print the moulds: {plates} ({process}).", *w.manifest.advice]
-    out = [
-        f"Print {plates} ({process}, {w.device.material.name}): parts lie on a"
-        " cut face where they have one to lie on; grooves and sockets need no support.",
-        *w.manifest.advice,
-    ]
+    out = [f"Print {plates} ({process}, {w.device.material.name}).", *w.manifest.advice]
     if w.manifest.parts:
         out.append(
             "A part's number is engraved in a face that vanishes in the device, where there is"

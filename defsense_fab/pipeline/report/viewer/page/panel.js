@@ -71,13 +71,13 @@ class Panel {
     this.frame = requestAnimationFrame(frame);
   }
 
-  pick(thing) {
-    this.picked = thing;
-    this.stage.mark(thing);
+  pick(follower) {
+    this.picked = follower;
+    this.stage.mark(follower);
     this.get("names").querySelectorAll("button").forEach((button) =>
-      button.setAttribute("aria-pressed", String(Boolean(thing) && button.thing === thing)));
+      button.setAttribute("aria-pressed", String(Boolean(follower) && button.follower === follower)));
     this.get("picked").replaceChildren();
-    if (thing) this._tellPicked();
+    if (follower) this._tellPicked();
   }
 
   _poses() {
@@ -140,7 +140,7 @@ class Panel {
   _shown() {
     const row = this.get("shown");
     const there = Object.keys(KINDS).filter((kind) =>
-      kind === "body" || this.told.things.some((thing) => thing.kind === kind));
+      kind === "body" || this.told.followers.some((follower) => follower.kind === kind));
     for (const kind of there) {
       this._box(row, KINDS[kind], KIND_COLORS[kind], true, (on) => {
         this.stage.hidden[on ? "delete" : "add"](kind);
@@ -162,15 +162,15 @@ class Panel {
   }
 
   _names() {
-    const { parts, things } = this.stage;
-    for (const thing of [...parts, ...things.filter((each) => each.kind === "cord")]) {
+    const { parts, followers } = this.stage;
+    for (const follower of [...parts, ...followers.filter((each) => each.kind === "cord")]) {
       const button = document.createElement("button"), dot = document.createElement("i");
       button.type = "button";
-      button.thing = thing;
-      dot.style.background = thing.kind === "part" ? paler(thing.told.color) : thing.told.color;
-      dot.classList.toggle("v3-round", thing.kind === "cord");
-      button.append(dot, thing.told.name);
-      button.addEventListener("click", () => this.pick(this.picked === thing ? null : thing));
+      button.follower = follower;
+      dot.style.background = follower.kind === "part" ? paler(follower.told.color) : follower.told.color;
+      dot.classList.toggle("v3-round", follower.kind === "cord");
+      button.append(dot, follower.told.name);
+      button.addEventListener("click", () => this.pick(this.picked === follower ? null : follower));
       this.get("names").append(button);
     }
   }
@@ -180,7 +180,7 @@ class Panel {
     const title = document.createElement("strong"), list = document.createElement("dl");
     const facts = [...told.facts];
     if (kind === "cord") {
-      const cord = this.stage.things.indexOf(this.picked);
+      const cord = this.stage.followers.indexOf(this.picked);
       facts.push(["as shown", `${Math.round(this.stage.resistances()[cord])} Ω`]);
     }
     title.textContent = kind === "surface" ? told.name : `${told.name} (${KIND_WORDS[kind]})`;

@@ -9,12 +9,12 @@ class Stage {
     this.scene = new THREE.Scene();
     this.eye = new Eye(canvas, scene.told, () => this.draw());
     this.parts = scene.told.parts.map((part, k) => new Part(part, k, scene));
-    this.things = scene.told.things.map((thing) => new Thing(thing, scene));
+    this.followers = scene.told.followers.map((follower) => new Follower(follower, scene));
     this.body = new Body(scene);
     this.hidden = new Set();
     this.state = { open: 0, pose: null, amount: 1, colors: "error", read: "hidden", through: false };
     this._light();
-    for (const thing of [...this.parts, ...this.things]) this.scene.add(thing.mesh);
+    for (const follower of [...this.parts, ...this.followers]) this.scene.add(follower.mesh);
     this.scene.add(this.body.mesh, this.body.read);
     this.resize();
     this.apply();
@@ -37,10 +37,10 @@ class Stage {
     if (posed) {
       const weights = this.weights();
       this.body.pose(weights, colors);
-      this.things.forEach((thing) => thing.pose(weights));
+      this.followers.forEach((follower) => follower.pose(weights));
     } else {
       const shares = this.shares(open);
-      for (const thing of [...this.parts, ...this.things]) thing.open(shares);
+      for (const follower of [...this.parts, ...this.followers]) follower.open(shares);
     }
     const bodyShown = !this.hidden.has("body");
     for (const part of this.parts) this._see(part.mesh, !posed && bodyShown, through);
@@ -49,7 +49,7 @@ class Stage {
     this.body.read.material.wireframe = read === "over";
     const beside = posed && read === "beside";
     this.body.read.position.copy(beside ? this._beside() : new THREE.Vector3());
-    for (const thing of this.things) thing.mesh.visible = !this.hidden.has(thing.kind);
+    for (const follower of this.followers) follower.mesh.visible = !this.hidden.has(follower.kind);
   }
 
   // How far each joint is open: that which is closed last opens first.
@@ -114,16 +114,16 @@ class Stage {
     this.scene.updateMatrixWorld(); // the last change may not have been drawn yet
     const ray = new THREE.Raycaster();
     ray.setFromCamera(place, this.eye.camera);
-    const all = [...this.things, ...this.parts, this.body].filter((thing) => thing.mesh.visible);
-    const hits = ray.intersectObjects(all.map((thing) => thing.mesh));
-    const owner = (hit) => all.find((thing) => thing.mesh === hit.object);
+    const all = [...this.followers, ...this.parts, this.body].filter((follower) => follower.mesh.visible);
+    const hits = ray.intersectObjects(all.map((follower) => follower.mesh));
+    const owner = (hit) => all.find((follower) => follower.mesh === hit.object);
     const inside = this.state.through && hits.find((hit) => owner(hit).kind === "cord");
     return hits.length ? owner(inside || hits[0]) : null;
   }
 
-  mark(thing) {
-    for (const each of [...this.parts, ...this.things]) {
-      each.mesh.material.emissive.set(each === thing ? "#5a5a5a" : "#000000");
+  mark(follower) {
+    for (const each of [...this.parts, ...this.followers]) {
+      each.mesh.material.emissive.set(each === follower ? "#5a5a5a" : "#000000");
     }
     this.draw();
   }

@@ -40,7 +40,7 @@ class Part {
 }
 
 // A cord, wire, pin or marker seat.
-class Thing {
+class Follower {
   constructor(told, scene) {
     const { arrays } = scene, { step, joints, states } = scene.told;
     const sheets = (place, count) =>
