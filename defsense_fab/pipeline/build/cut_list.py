@@ -82,6 +82,24 @@ def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
     return tuple(out)
 
 
+def behind(cords: Sequence[CutCord], joints: int) -> tuple[CutCord, ...]:
+    """The same rows where so many joints are closed before all that the cords lie in."""
+
+    def ended(end: CordEnd) -> CordEnd:
+        wire = replace(end.wire, joints=tuple(j + joints for j in end.wire.joints))
+        return replace(end, wire=wire, after=None if end.after is None else end.after + joints)
+
+    return tuple(
+        replace(
+            cord,
+            ends=(ended(cord.ends[0]), ended(cord.ends[1])),
+            stretches=tuple(replace(s, joint=s.joint + joints) for s in cord.stretches),
+            drawn=tuple((j + joints, at) for j, at in cord.drawn),
+        )
+        for cord in cords
+    )
+
+
 def _joints(made: Made) -> list[Sides]:
     """What each joint brings together, in the order of assembly: the cuts backwards."""
     return [(frozenset(c.sides[0]), frozenset(c.sides[1])) for c in reversed(made.cuts)]

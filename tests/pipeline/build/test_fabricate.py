@@ -11,7 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.follow_guide.__main__ import follow
+from benchmarks.follow_guide.__main__ import follow, followed
+from benchmarks.follow_guide.hands import Hands
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import DeviceError, FabricationError
 from defsense_fab.core.prediction import Prediction
@@ -32,7 +33,8 @@ from defsense_fab.pipeline.build.stage_fabricate import write
 from defsense_fab.pipeline.design import as_built
 from defsense_fab.pipeline.design.as_built import fabricate, rules
 from defsense_fab.pipeline.report.guide.guide import assembly_guide
-from defsense_fab.pipeline.report.guide.guide_file import write_guide_file
+from defsense_fab.pipeline.report.guide.guide_file import plain_steps, write_guide_file
+from defsense_fab.pipeline.report.guide.hands.steps import guide_steps
 from defsense_fab.pipeline.report.guide.pdf import write_pdf
 from defsense_fab.pipeline.report.html import write_page
 from defsense_fab.sensing.built_cord import BuiltCord
@@ -267,6 +269,32 @@ def test_a_part_that_no_bed_holds_is_refused(cube, made, layout):
         FabricationError, match=r"\d-[a-z-]+ measures .* which the bed \(25 x 25 x 25 mm\)"
     ):
         write(small, made, Path("/nonexistent"), layout, (), layout.prediction)
+
+
+def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_path):
+    """Pieces are joined before all else, so that every joint of a cord comes later by as many."""
+    device, _ = cube
+    made = replace(made, parts=tuple(replace(p, solid=None) for p in made.parts))
+    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
+    cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
+    small = replace(device, fabrication=replace(device.fabrication, bed=(58.0, 58.0, 100.0)))
+    write(small, made, tmp_path, layout, cords, layout.prediction)
+    manifest = load_manifest(tmp_path)
+    pieces = len(manifest.assembly) - len(made.cuts)
+    assert pieces > 0
+    for cord in manifest.cords:
+        for stretch in cord.stretches:
+            assert cord.sensor in manifest.assembly[stretch.joint].cords
+    parts = {p.name: load_part(tmp_path / "parts" / p.stl) for p in manifest.parts}
+    steps = plain_steps(guide_steps(small, manifest, parts))
+    hands = Hands(
+        json.loads((tmp_path / "parts" / "manifest.json").read_text()),
+        typed_json.to_json(layout),
+        {n: s.vertices[s.faces] for n, s in parts.items()},
+        small.cord.ferrule_length,
+        small.cord.max_strain,
+    )
+    assert followed({"steps": steps}, hands) == []
 
 
 @pytest.mark.parametrize(
