@@ -165,36 +165,38 @@ def _wire(
 def bill(
     device: Device, made: Made, cords: Sequence[CutCord], pins: Mapping[str, int]
 ) -> tuple[BillItem, ...]:
-    """Bill of materials: what, how much, and what for."""
+    """Bill of materials of all copies: what, how much, and what for; `pins` of one device."""
+    copies = device.fabrication.copies
+    of = f" for {copies} devices" if copies > 1 else ""
     wires = [e.wire for c in cords for e in c.ends]
-    solid = sum(p.volume for p in made.parts) / 1000
+    solid = copies * sum(p.volume for p in made.parts) / 1000
     rows = [
         BillItem(
             f"{device.material.name}, printed",
             f"{solid:.0f} cm3",
-            f"{len(made.parts)} parts, about {solid * device.material.density:.0f} g if"
+            f"{copies * len(made.parts)} parts{of}, about {solid * device.material.density:.0f} g if"
             " printed solid, as the prediction assumes",
         ),
         BillItem(
             f"cord {device.cord.name}, {device.cord.diameter:g} mm",
-            f"{sum(c.cut_length for c in cords):.0f} mm",
-            f"{len(cords)} pieces, see the cut list",
+            f"{copies * sum(c.cut_length for c in cords):.0f} mm",
+            f"{copies * len(cords)} pieces{of}, see the cut list",
         ),
         BillItem(
             f"ferrule, {device.cord.ferrule_diameter:g} mm outside,"
             f" {device.cord.ferrule_length:g} mm long",
-            str(2 * len(cords)),
+            str(2 * copies * len(cords)),
             "crimped onto cord and wire at both ends of every cord",
         ),
         BillItem(
             f"stranded wire, {device.fabrication.wire_diameter:g} mm outside",
-            f"{sum(w.length + OUTSIDE for w in wires):.0f} mm",
-            f"{len(wires)} pieces from the ferrules to the read-out, {OUTSIDE:g} mm of each"
+            f"{copies * sum(w.length + OUTSIDE for w in wires):.0f} mm",
+            f"{copies * len(wires)} pieces from the ferrules to the read-out, {OUTSIDE:g} mm of each"
             " outside of the body",
         ),
     ]
     rows += [
-        BillItem(f"{name}, printed", str(count), "loose pins between parts")
+        BillItem(f"{name}, printed", str(copies * count), "loose pins between parts")
         for name, count in pins.items()
     ]
     for value in sorted({c.reference_resistor for c in cords}):
@@ -202,13 +204,13 @@ def bill(
         rows.append(
             BillItem(
                 f"resistor {value:g} ohm, 1 %",
-                str(count),
+                str(copies * count),
                 "reference of the voltage divider of "
                 + ", ".join(c.sensor for c in cords if c.reference_resistor == value),
             )
         )
     if len(made.parts) > 1:
-        area = sum(c.area for c in made.contacts) / 100
+        area = copies * sum(c.area for c in made.contacts) / 100
         rows.append(
             BillItem(
                 "flexible glue",

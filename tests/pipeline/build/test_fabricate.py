@@ -28,7 +28,7 @@ from defsense_fab.pipeline.artifacts.layout import (
 )
 from defsense_fab.pipeline.artifacts.manifest import load_manifest
 from defsense_fab.pipeline.artifacts.part_files import load_part
-from defsense_fab.pipeline.build.cut_list import cut_list
+from defsense_fab.pipeline.build.cut_list import bill, cut_list
 from defsense_fab.pipeline.build.stage_fabricate import write
 from defsense_fab.pipeline.design import as_built
 from defsense_fab.pipeline.design.as_built import fabricate, rules
@@ -175,6 +175,20 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
     for word in ("silicone-shore-30a", "rubber-2mm", "ferrule", "wire", "pin-", "resistor", "glue"):
         assert word in items
     assert device.fabrication.pockets
+
+
+def test_the_bill_is_that_of_all_copies(cube, made):
+    """As the plates and the silicone are."""
+    device, _ = cube
+    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
+    cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
+    three = replace(device, fabrication=replace(device.fabrication, copies=3))
+    amounts = [
+        [float(b.amount.split()[0]) for b in bill(d, made, cords, {"pin-5x11.9": 4})]
+        for d in (device, three)
+    ]
+    assert amounts[1] == pytest.approx(3 * np.array(amounts[0]), rel=0.02)
+    assert amounts[1][2] == 18  # ferrules
 
 
 @pytest.mark.parametrize(
