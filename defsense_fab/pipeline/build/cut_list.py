@@ -174,8 +174,8 @@ def bill(
         BillItem(
             f"{device.material.name}, printed",
             f"{solid:.0f} cm3",
-            f"{copies * len(made.parts)} parts{of}, about {solid * device.material.density:.0f} g if"
-            " printed solid, as the prediction assumes",
+            f"{copies * len(made.parts)} parts{of}, about {solid * device.material.density:.0f} g"
+            " if printed solid, as the prediction assumes",
         ),
         BillItem(
             f"cord {device.cord.name}, {device.cord.diameter:g} mm",
@@ -191,8 +191,8 @@ def bill(
         BillItem(
             f"stranded wire, {device.fabrication.wire_diameter:g} mm outside",
             f"{copies * sum(w.length + OUTSIDE for w in wires):.0f} mm",
-            f"{copies * len(wires)} pieces from the ferrules to the read-out, {OUTSIDE:g} mm of each"
-            " outside of the body",
+            f"{copies * len(wires)} pieces from the ferrules to the read-out, {OUTSIDE:g} mm of"
+            " each outside of the body",
         ),
     ]
     rows += [
@@ -213,9 +213,12 @@ def bill(
         area = copies * sum(c.area for c in made.contacts) / 100
         rows.append(
             BillItem(
-                "flexible glue",
+                "silicone glue" if device.fabrication.kind == "cast" else "flexible glue",
                 f"{area:.0f} cm2 of faces",
-                f"one that stays as soft as {device.material.name}",
+                f"the silicone itself, or a glue for cured {device.material.name}: others do not"
+                " hold on it"
+                if device.fabrication.kind == "cast"
+                else f"one that stays as soft as {device.material.name}",
             )
         )
     return tuple(rows)
