@@ -48,6 +48,7 @@ def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
         between = cord.length + cord.series
         unstretched = cord.length / (1 + (cord.prestretch or 0.0)) + cord.series
         lies = _lies(channel.inside, channel, device.channel_diameter, made, joints, k)
+        lies = held_by(lies, [max(e.pocket - ferrule, 0.0) for e in channel.ends])
         drawn = closed_later(lies, joints)
         ends = tuple(_end(e, channel, device, made, joints, k) for e in channel.ends)
         late, after = last_end(lies, drawn, ends)
@@ -120,6 +121,17 @@ def _lies(
     normal = channel.sensor.plane.normal
     parts = [p.surface for p in made.parts]
     return stretches(line, normal, diameter / 2, parts, joints, within)
+
+
+def held_by(lies: Sequence[Stretch], empty: Sequence[float]) -> tuple[Stretch, ...]:
+    """The stretches that a cord's ferrules reach, up to its mouths: behind a ferrule, at either end
+    so many mm are `empty` but for the wire that leaves by a bend."""
+    out = list(lies)
+    while len(out) > 1 and out[0].stop <= empty[0]:
+        out[:2] = [replace(out[1], start=out[0].start)]
+    while len(out) > 1 and out[-1].stop - out[-1].start <= empty[1]:
+        out[-2:] = [replace(out[-2], stop=out[-1].stop)]
+    return tuple(out)
 
 
 def last_end(

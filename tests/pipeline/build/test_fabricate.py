@@ -18,6 +18,7 @@ from defsense_fab.core.errors import DeviceError, FabricationError
 from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.channels.cord_channels import channels_of
+from defsense_fab.geometry.channels.cord_stretches import Stretch
 from defsense_fab.pipeline.artifacts import typed_json
 from defsense_fab.pipeline.artifacts.layout import (
     BandRecord,
@@ -28,7 +29,7 @@ from defsense_fab.pipeline.artifacts.layout import (
 )
 from defsense_fab.pipeline.artifacts.manifest import load_manifest
 from defsense_fab.pipeline.artifacts.part_files import load_part
-from defsense_fab.pipeline.build.cut_list import bill, cut_list
+from defsense_fab.pipeline.build.cut_list import bill, cut_list, held_by
 from defsense_fab.pipeline.build.stage_fabricate import write
 from defsense_fab.pipeline.design import as_built
 from defsense_fab.pipeline.design.as_built import fabricate, rules
@@ -175,6 +176,18 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
     for word in ("silicone-shore-30a", "rubber-2mm", "ferrule", "wire", "pin-", "resistor", "glue"):
         assert word in items
     assert device.fabrication.pockets
+
+
+def test_an_end_lies_in_the_joint_of_its_ferrule():
+    """Not in the one that only its wire reaches, behind the ferrule."""
+    lies = [Stretch(2, (1, 3), 0.0, 3.0), Stretch(0, (4, 5), 3.0, 43.0),
+            Stretch(1, (2, 3), 43.0, 44.5)]  # fmt: skip
+    found = held_by(lies, (0.0, 4.0))
+    assert [(s.joint, s.start, s.stop) for s in found] == [(2, 0.0, 3.0), (0, 3.0, 44.5)]
+    (only,) = held_by(lies, (4.0, 4.0))
+    assert (only.joint, only.start, only.stop) == (0, 0.0, 44.5)
+    assert held_by(lies, (0.0, 0.0)) == tuple(lies)
+    assert held_by(lies[:1], (9.0, 9.0)) == tuple(lies[:1])
 
 
 def test_the_bill_is_that_of_all_copies(cube, made):

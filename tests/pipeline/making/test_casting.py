@@ -71,6 +71,12 @@ def test_every_process_is_read_and_advises():
         assert silicone(name).shrinkage < 0.01
 
 
+def test_a_process_that_somebody_added_gets_the_advice_that_is_true_of_all():
+    tpu = device('process = "fdm-tpu"', 'name = "tpu-85a"')
+    own = replace(tpu, fabrication=replace(tpu.fabrication, process="belt-tpu"))
+    assert print_advice(own) == print_advice(tpu)[:1]
+
+
 @pytest.mark.parametrize(
     ("fabrication", "material", "message"),
     [
