@@ -38,8 +38,8 @@ class PartsScene:
             )
 
     def show(self, step: GuideStep | None, number: int, apart: float) -> None:
-        """All parts, or a step and its `number` in the guide, from 0 on; `apart` from 0 to 1. Before
-        the first joint there are parts alone, behind the last the device."""
+        """All parts, or a step and its `number` in the guide, from 0 on; `apart` from 0 to 1.
+        Before the first joint there are parts alone, behind the last the device."""
         self.hide()
         joint = None if step is None else step.joint
         joined = step is not None and any(s.joint for s in self._built.steps[:number])
