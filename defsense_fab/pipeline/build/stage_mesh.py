@@ -76,9 +76,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     )  # fmt: skip
     save_mesh(folder, mesh, tags, record)
     kept = {
-        mesh_lock.key(surface, edge): made
-        for edge, made in used.items()
-        if not made.repeatable
+        mesh_lock.key(surface, edge): made for edge, made in used.items() if not made.repeatable
     }
     if kept.keys() - locked.keys():
         mesh_lock.write(device.source, kept)
