@@ -10,19 +10,19 @@ from ....core.arrays import Float
 from ....core.path_sampling import arc_lengths, resample
 from ..pictures import views
 from ..pictures.views import View
+from .device_drawing import ARROW, CORD, GLUE, OUT, DeviceDrawing
 from .drawing import Drawing
 from .hands.actions import Action, Kind
 from .hands.bench_words import pulled, reach_of
 from .hands.steps import GuideStep, Joint, Passage, Scene
 from .hands.words import ENDS, called
-from .things import ARROW, CORD, GLUE, OUT, Things
 
 _STEEP = 0.8  # of a direction's length, upwards
 _NEAR = 55.0  # mm, around an end that is shown
 
 
 @dataclass(frozen=True)
-class Pictures(Things):
+class Pictures(DeviceDrawing):
     """Makes the pictures of one device."""
 
     def of(self, step: GuideStep, passage: Passage) -> str | None:

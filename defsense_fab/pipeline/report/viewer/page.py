@@ -15,7 +15,7 @@ from .scene import Scene
 
 #: The script, in the order in which its files need each other.
 _SCRIPT = (
-    "unpack.js", "keyframes.js", "color_maps.js", "tube.js", "camera.js", "things.js", "stage.js",
+    "unpack.js", "keyframes.js", "color_maps.js", "tube.js", "camera.js", "objects.js", "stage.js",
     "panel.js", "main.js",
 )  # fmt: skip
 

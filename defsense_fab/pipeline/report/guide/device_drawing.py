@@ -27,7 +27,7 @@ OUT = 24.0
 
 
 @dataclass(frozen=True)
-class Things:
+class DeviceDrawing:
     """Draws what one device is made of, its parts by name."""
 
     device: Device
