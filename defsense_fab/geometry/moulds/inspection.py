@@ -98,7 +98,8 @@ def keyed(name: str, count: int) -> Check:
         f"the mould of {name} has no room for keys between two of its pieces: align their outsides"
         " and hold them with tape"
     )
-    return Check(f"mould of {name}: keys and screws", count, 0, "", "", "" if count else told)
+    said = f"mould of {name}: keys and screws"
+    return Check(said, count, 1, "in all", "", "" if count else told, at_least=True)
 
 
 def thin(pieces: Sequence[MouldPiece], rules: MouldRules) -> list[Check]:

@@ -15,6 +15,9 @@ import numpy as np
 from ...core.errors import StorageError
 from ...core.files import digest, replacing
 from ...core.mesh import Surface, TetMesh
+from ...geometry.bodies.meshing.tetrahedra import Tetrahedra
+from ...geometry.bodies.meshing.ways import FTETWILD
+from .mesh_store import made_as, told
 
 FILE = "device.mesh"
 
@@ -31,30 +34,38 @@ def content(device: Path) -> str | None:
     return digest(path) if path.exists() else None
 
 
-def read(device: Path) -> dict[str, TetMesh]:
-    """The meshes by key; none where the folder has no such file. Raises StorageError."""
+def read(device: Path) -> dict[str, Tetrahedra]:
+    """The meshes by key, with what made them; none where the folder has no such file. Raises
+    StorageError."""
     path = device / FILE
     try:
         with path.open("rb") as file, np.load(file) as data:
             names = sorted({name.rpartition("/")[0] for name in data.files})
-            return {
-                name: TetMesh(data[f"{name}/nodes"], data[f"{name}/tets"].astype(np.int64))
-                for name in names
-            }
+            out = {}
+            for name in names:
+                mesh = TetMesh(data[f"{name}/nodes"], data[f"{name}/tets"].astype(np.int64))
+                known = f"{name}/told" in data.files  # of files from before, fTetWild's all
+                out[name] = (
+                    made_as(mesh, str(data[f"{name}/told"]))
+                    if known
+                    else Tetrahedra(mesh, FTETWILD)
+                )
+            return out
     except FileNotFoundError:
         return {}
-    except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
+    except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
         raise StorageError(
             f"{path}: cannot be read as meshes ({error}); restore it, or delete it to have the body"
             " meshed anew"
         ) from None
 
 
-def write(device: Path, meshes: Mapping[str, TetMesh]) -> None:
+def write(device: Path, meshes: Mapping[str, Tetrahedra]) -> None:
     """Keep these meshes and no others. Raises StorageError."""
     arrays = {}
-    for name, mesh in sorted(meshes.items()):
-        arrays[f"{name}/nodes"] = mesh.nodes
-        arrays[f"{name}/tets"] = mesh.tets.astype(np.int32)
+    for name, made in sorted(meshes.items()):
+        arrays[f"{name}/nodes"] = made.mesh.nodes
+        arrays[f"{name}/tets"] = made.mesh.tets.astype(np.int32)
+        arrays[f"{name}/told"] = np.array(told(made))
     with replacing(device / FILE) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]

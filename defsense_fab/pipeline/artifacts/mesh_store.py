@@ -38,15 +38,15 @@ def _path(surface: Surface, edge_length: float) -> Path:
     return folder() / f"{key}.npz"
 
 
-def _told(made: Tetrahedra) -> str:
+def told(made: Tetrahedra) -> str:
     """All but the mesh, as JSON."""
-    told = {f.name: getattr(made, f.name) for f in fields(made) if f.name != "mesh"}
-    return json.dumps(told | {"surface": asdict(made.surface) if made.surface else None})
+    rest = {f.name: getattr(made, f.name) for f in fields(made) if f.name != "mesh"}
+    return json.dumps(rest | {"surface": asdict(made.surface) if made.surface else None})
 
 
-def _made(mesh: TetMesh, told: str) -> Tetrahedra:
-    """Raises ValueError, KeyError, TypeError for what is not written by `_told`."""
-    read = json.loads(told)
+def made_as(mesh: TetMesh, words: str) -> Tetrahedra:
+    """Raises ValueError, KeyError, TypeError for what is not written by `told`."""
+    read = json.loads(words)
     surface = MeshedSurface(**read.pop("surface")) if read["surface"] else read.pop("surface")
     return Tetrahedra(mesh, surface=surface, **read | {"tried": tuple(read["tried"])})
 
@@ -56,7 +56,7 @@ def recall(surface: Surface, edge_length: float) -> Tetrahedra | None:
     path = _path(surface, edge_length)
     try:
         with path.open("rb") as file, np.load(file) as data:
-            made = _made(TetMesh(data["nodes"], data["tets"]), str(data["told"]))
+            made = made_as(TetMesh(data["nodes"], data["tets"]), str(data["told"]))
         os.utime(path)
     except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile):
         return None  # none, or not readable: it is made anew
@@ -69,7 +69,7 @@ def remember(surface: Surface, edge_length: float, made: Tetrahedra) -> None:
     with contextlib.suppress(OSError, StorageError):
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary:
-            np.savez(temporary, nodes=made.mesh.nodes, tets=made.mesh.tets, told=_told(made))
+            np.savez(temporary, nodes=made.mesh.nodes, tets=made.mesh.tets, told=told(made))
         meshes = sorted(path.parent.glob("*.npz"), key=lambda p: -p.stat().st_mtime)
         for old in meshes[KEPT:]:
             old.unlink(missing_ok=True)

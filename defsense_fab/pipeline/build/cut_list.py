@@ -48,6 +48,7 @@ def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
         between = cord.length + cord.series
         unstretched = cord.length / (1 + (cord.prestretch or 0.0)) + cord.series
         lies = _lies(channel.inside, channel, device.channel_diameter, made, joints, k)
+        lies = held_by(lies, [max(e.pocket - ferrule, 0.0) for e in channel.ends])
         drawn = closed_later(lies, joints)
         ends = tuple(_end(e, channel, device, made, joints, k) for e in channel.ends)
         late, after = last_end(lies, drawn, ends)
@@ -82,6 +83,24 @@ def cut_list(device: Device, made: Made, built: Scored) -> tuple[CutCord, ...]:
     return tuple(out)
 
 
+def behind(cords: Sequence[CutCord], joints: int) -> tuple[CutCord, ...]:
+    """The same rows where so many joints are closed before all that the cords lie in."""
+
+    def ended(end: CordEnd) -> CordEnd:
+        wire = replace(end.wire, joints=tuple(j + joints for j in end.wire.joints))
+        return replace(end, wire=wire, after=None if end.after is None else end.after + joints)
+
+    return tuple(
+        replace(
+            cord,
+            ends=(ended(cord.ends[0]), ended(cord.ends[1])),
+            stretches=tuple(replace(s, joint=s.joint + joints) for s in cord.stretches),
+            drawn=tuple((j + joints, at) for j, at in cord.drawn),
+        )
+        for cord in cords
+    )
+
+
 def _joints(made: Made) -> list[Sides]:
     """What each joint brings together, in the order of assembly: the cuts backwards."""
     return [(frozenset(c.sides[0]), frozenset(c.sides[1])) for c in reversed(made.cuts)]
@@ -102,6 +121,17 @@ def _lies(
     normal = channel.sensor.plane.normal
     parts = [p.surface for p in made.parts]
     return stretches(line, normal, diameter / 2, parts, joints, within)
+
+
+def held_by(lies: Sequence[Stretch], empty: Sequence[float]) -> tuple[Stretch, ...]:
+    """The stretches that a cord's ferrules reach, up to its mouths: behind a ferrule, at either end
+    so many mm are `empty` but for the wire that leaves by a bend."""
+    out = list(lies)
+    while len(out) > 1 and out[0].stop <= empty[0]:
+        out[:2] = [replace(out[1], start=out[0].start)]
+    while len(out) > 1 and out[-1].stop - out[-1].start <= empty[1]:
+        out[-2:] = [replace(out[-2], stop=out[-1].stop)]
+    return tuple(out)
 
 
 def last_end(
@@ -147,36 +177,38 @@ def _wire(
 def bill(
     device: Device, made: Made, cords: Sequence[CutCord], pins: Mapping[str, int]
 ) -> tuple[BillItem, ...]:
-    """Bill of materials: what, how much, and what for."""
+    """Bill of materials of all copies: what, how much, and what for; `pins` of one device."""
+    copies = device.fabrication.copies
+    of = f" for {copies} devices" if copies > 1 else ""
     wires = [e.wire for c in cords for e in c.ends]
-    solid = sum(p.volume for p in made.parts) / 1000
+    solid = copies * sum(p.volume for p in made.parts) / 1000
     rows = [
         BillItem(
             f"{device.material.name}, printed",
             f"{solid:.0f} cm3",
-            f"{len(made.parts)} parts, about {solid * device.material.density:.0f} g if"
-            " printed solid, as the prediction assumes",
+            f"{copies * len(made.parts)} parts{of}, about {solid * device.material.density:.0f} g"
+            " if printed solid, as the prediction assumes",
         ),
         BillItem(
             f"cord {device.cord.name}, {device.cord.diameter:g} mm",
-            f"{sum(c.cut_length for c in cords):.0f} mm",
-            f"{len(cords)} pieces, see the cut list",
+            f"{copies * sum(c.cut_length for c in cords):.0f} mm",
+            f"{copies * len(cords)} pieces{of}, see the cut list",
         ),
         BillItem(
             f"ferrule, {device.cord.ferrule_diameter:g} mm outside,"
             f" {device.cord.ferrule_length:g} mm long",
-            str(2 * len(cords)),
+            str(2 * copies * len(cords)),
             "crimped onto cord and wire at both ends of every cord",
         ),
         BillItem(
             f"stranded wire, {device.fabrication.wire_diameter:g} mm outside",
-            f"{sum(w.length + OUTSIDE for w in wires):.0f} mm",
-            f"{len(wires)} pieces from the ferrules to the read-out, {OUTSIDE:g} mm of each"
-            " outside of the body",
+            f"{copies * sum(w.length + OUTSIDE for w in wires):.0f} mm",
+            f"{copies * len(wires)} pieces from the ferrules to the read-out, {OUTSIDE:g} mm of"
+            " each outside of the body",
         ),
     ]
     rows += [
-        BillItem(f"{name}, printed", str(count), "loose pins between parts")
+        BillItem(f"{name}, printed", str(copies * count), "loose pins between parts")
         for name, count in pins.items()
     ]
     for value in sorted({c.reference_resistor for c in cords}):
@@ -184,18 +216,21 @@ def bill(
         rows.append(
             BillItem(
                 f"resistor {value:g} ohm, 1 %",
-                str(count),
+                str(copies * count),
                 "reference of the voltage divider of "
                 + ", ".join(c.sensor for c in cords if c.reference_resistor == value),
             )
         )
     if len(made.parts) > 1:
-        area = sum(c.area for c in made.contacts) / 100
+        area = copies * sum(c.area for c in made.contacts) / 100
         rows.append(
             BillItem(
-                "flexible glue",
+                "silicone glue" if device.fabrication.kind == "cast" else "flexible glue",
                 f"{area:.0f} cm2 of faces",
-                f"one that stays as soft as {device.material.name}",
+                f"the silicone itself, or a glue for cured {device.material.name}: others do not"
+                " hold on it"
+                if device.fabrication.kind == "cast"
+                else f"one that stays as soft as {device.material.name}",
             )
         )
     return tuple(rows)

@@ -33,7 +33,7 @@ from ..design.design_task import load_task
 from ..making import casting
 from ..making.plates import LYING, on_plates, pin_kinds, write_pins, write_plates
 from ..making.print_advice import print_advice
-from .cut_list import bill, cut_list
+from .cut_list import behind, bill, cut_list
 from .stages import Report
 
 _ANSWERS = {
@@ -69,10 +69,12 @@ def write(
     cords: tuple[CutCord, ...],
     prediction: Prediction,
 ) -> None:
-    """Leave the parts in `folder`/parts; `prediction` is that of the cords as they are built in."""
+    """Leave the parts in `folder`/parts; `cords` are those of the parts before long ones are split,
+    `prediction` is that of the cords as they are built in."""
     cast = device.fabrication.kind == "cast"
     if not cast:
         split = split_long(made, device.fabrication.bed, rules(device))
+        cords = behind(cords, len(split.made.cuts) - len(made.cuts))  # pieces are joined first
         made = replace(split.made, warnings=(*made.warnings, *split.notes))
     moulds = make_moulds(made, casting.mould_rules(device)) if cast else []
     flat = casting.lying(moulds) if cast else {p.name: laid(p.surface, p.down) for p in made.parts}

@@ -32,7 +32,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     def make(edge_length: float) -> TetMesh:
         key = mesh_lock.key(surface, edge_length)
         if key in locked:
-            made: Tetrahedra | None = Tetrahedra(locked[key], FTETWILD)
+            made: Tetrahedra | None = locked[key]
         else:
             made = mesh_store.recall(surface, edge_length)
         if made is None:
@@ -76,9 +76,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     )  # fmt: skip
     save_mesh(folder, mesh, tags, record)
     kept = {
-        mesh_lock.key(surface, edge): made.mesh
-        for edge, made in used.items()
-        if not made.repeatable
+        mesh_lock.key(surface, edge): made for edge, made in used.items() if not made.repeatable
     }
     if kept.keys() - locked.keys():
         mesh_lock.write(device.source, kept)

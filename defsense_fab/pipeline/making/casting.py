@@ -113,7 +113,10 @@ def _steps(
 ) -> list[str]:
     """What the maker does, in its order."""
     copies = device.fabrication.copies
-    times = f" for {copies} devices, cast one after the other" if copies > 1 else ""
+    times, mixed = "", mixed / copies
+    masses = (masses[0] / copies, masses[1] / copies)
+    if copies > 1:
+        times = f", for each of the {copies} devices anew: they are cast one after the other"
     out = [
         "Brush a thin film of a release agent for silicone onto every face of the moulds that the"
         " silicone or another piece touches, and let it dry; silicone does not stick to PLA or"
@@ -131,7 +134,7 @@ def _steps(
         )
     else:
         out.append(
-            f"Mix {mixed:.0f} cm3, 10 % more than the moulds hold{times}, in the ratio on the can;"
+            f"Mix {mixed:.0f} cm3 in the ratio on the can, 10 % more than the moulds hold{times};"
             f" {sum(masses):.0f} g by a density of {device.material.density:g} g/cm3."
         )
     pour = known and known.pot_life
@@ -156,6 +159,11 @@ def _steps(
     out.append(
         "Cut the stubs of funnel and vents off flush with the face, and the thin skins at the ends"
         " of the grooves and along the seams."
+    )
+    out.append(
+        "Only silicone holds on cured silicone: where these steps say glue, take a silicone glue"
+        " (such as Sil-Poxy) or a little of the same silicone, on faces wiped clean of release"
+        " agent with alcohol."
     )
     return out
 

@@ -12,7 +12,7 @@ _KINDS = {
 def print_advice(device: Device) -> list[str]:
     """Sentences for the maker, the most important first."""
     f = device.fabrication
-    kind = _KINDS[f.process.split("-")[0]]
+    kind = _KINDS.get(f.process.split("-")[0])  # of a row that somebody added, maybe none
     if f.kind == "cast":
         return _moulds(device)
     walls = round(f.wall / f.line)
@@ -45,7 +45,7 @@ def print_advice(device: Device) -> list[str]:
             "Wash grooves and sockets with a syringe and blow them out before the parts are cured:"
             " resin that stays in them cures there.",
         ]
-    else:
+    elif kind == "powder":
         out += [
             "Orientation is free in powder; ask the service to blow powder out of grooves, pockets"
             " and sockets, and tell it not to infiltrate or smooth the parts by vapour: that"

@@ -38,12 +38,12 @@ class PartsScene:
             )
 
     def show(self, step: GuideStep | None, number: int, apart: float) -> None:
-        """All parts, or a step and its `number` in the guide; `apart` from 0 to 1."""
+        """All parts, or a step and its `number` in the guide, from 0 on; `apart` from 0 to 1.
+        Before the first joint there are parts alone, behind the last the device."""
         self.hide()
         joint = None if step is None else step.joint
-        cords = (
-            () if step is None or number == 0 else tuple(s.name for s in self._built.layout.sensors)
-        )
+        joined = step is not None and any(s.joint for s in self._built.steps[:number])
+        cords = () if not joined else tuple(s.name for s in self._built.layout.sensors)
         if joint is None:
             self._ways = (
                 dict(self._built.apart) if not cords else {n: np.zeros(3) for n in self._parts}

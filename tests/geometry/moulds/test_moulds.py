@@ -69,6 +69,14 @@ def test_every_part_has_a_mould_of_few_closed_pieces(made, moulds):
             assert mesh.body_count == 1
 
 
+def test_checks_of_sound_moulds_hold(moulds):
+    """What the guide prints beside its limit."""
+    for check in (c for m in moulds for c in m.checks):
+        assert check.holds, check
+        if "keys" in check.name:
+            assert not check.note
+
+
 def test_the_cavity_is_the_part_less_its_shrinkage(made, moulds):
     """By points of the block, of which each is in one piece, in the cavity, or in the play between
     pieces: kernels and construction are out of it."""

@@ -11,12 +11,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.follow_guide.__main__ import follow
+from benchmarks.follow_guide.__main__ import follow, followed
+from benchmarks.follow_guide.hands import Hands
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import DeviceError, FabricationError
 from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.channels.cord_channels import channels_of
+from defsense_fab.geometry.channels.cord_stretches import Stretch
 from defsense_fab.pipeline.artifacts import typed_json
 from defsense_fab.pipeline.artifacts.layout import (
     BandRecord,
@@ -27,12 +29,13 @@ from defsense_fab.pipeline.artifacts.layout import (
 )
 from defsense_fab.pipeline.artifacts.manifest import load_manifest
 from defsense_fab.pipeline.artifacts.part_files import load_part
-from defsense_fab.pipeline.build.cut_list import cut_list
+from defsense_fab.pipeline.build.cut_list import bill, cut_list, held_by
 from defsense_fab.pipeline.build.stage_fabricate import write
 from defsense_fab.pipeline.design import as_built
 from defsense_fab.pipeline.design.as_built import fabricate, rules
 from defsense_fab.pipeline.report.guide.guide import assembly_guide
-from defsense_fab.pipeline.report.guide.guide_file import write_guide_file
+from defsense_fab.pipeline.report.guide.guide_file import plain_steps, write_guide_file
+from defsense_fab.pipeline.report.guide.hands.steps import guide_steps
 from defsense_fab.pipeline.report.guide.pdf import write_pdf
 from defsense_fab.pipeline.report.html import write_page
 from defsense_fab.sensing.built_cord import BuiltCord
@@ -175,6 +178,32 @@ def test_the_cut_list_counts_every_millimetre(cube, manifest):
     assert device.fabrication.pockets
 
 
+def test_an_end_lies_in_the_joint_of_its_ferrule():
+    """Not in the one that only its wire reaches, behind the ferrule."""
+    lies = [Stretch(2, (1, 3), 0.0, 3.0), Stretch(0, (4, 5), 3.0, 43.0),
+            Stretch(1, (2, 3), 43.0, 44.5)]  # fmt: skip
+    found = held_by(lies, (0.0, 4.0))
+    assert [(s.joint, s.start, s.stop) for s in found] == [(2, 0.0, 3.0), (0, 3.0, 44.5)]
+    (only,) = held_by(lies, (4.0, 4.0))
+    assert (only.joint, only.start, only.stop) == (0, 0.0, 44.5)
+    assert held_by(lies, (0.0, 0.0)) == tuple(lies)
+    assert held_by(lies[:1], (9.0, 9.0)) == tuple(lies[:1])
+
+
+def test_the_bill_is_that_of_all_copies(cube, made):
+    """As the plates and the silicone are."""
+    device, _ = cube
+    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
+    cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
+    three = replace(device, fabrication=replace(device.fabrication, copies=3))
+    amounts = [
+        [float(b.amount.split()[0]) for b in bill(d, made, cords, {"pin-5x11.9": 4})]
+        for d in (device, three)
+    ]
+    assert amounts[1] == pytest.approx(3 * np.array(amounts[0]), rel=0.02)
+    assert amounts[1][2] == 18  # ferrules
+
+
 @pytest.mark.parametrize(
     ("loss", "length", "bends"), [(1.04, 30.0, 6), (1.06, 30.0, 0), (1.0, 19.0, 0)]
 )
@@ -267,6 +296,32 @@ def test_a_part_that_no_bed_holds_is_refused(cube, made, layout):
         FabricationError, match=r"\d-[a-z-]+ measures .* which the bed \(25 x 25 x 25 mm\)"
     ):
         write(small, made, Path("/nonexistent"), layout, (), layout.prediction)
+
+
+def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_path):
+    """Pieces are joined before all else, so that every joint of a cord comes later by as many."""
+    device, _ = cube
+    made = replace(made, parts=tuple(replace(p, solid=None) for p in made.parts))
+    signals = np.array([[0, 0, 0], [0.44, -0.19, 0.1]])
+    cords = cut_list(device, made, SimpleNamespace(cords=built(made), signals=signals))
+    small = replace(device, fabrication=replace(device.fabrication, bed=(58.0, 58.0, 100.0)))
+    write(small, made, tmp_path, layout, cords, layout.prediction)
+    manifest = load_manifest(tmp_path)
+    pieces = len(manifest.assembly) - len(made.cuts)
+    assert pieces > 0
+    for cord in manifest.cords:
+        for stretch in cord.stretches:
+            assert cord.sensor in manifest.assembly[stretch.joint].cords
+    parts = {p.name: load_part(tmp_path / "parts" / p.stl) for p in manifest.parts}
+    steps = plain_steps(guide_steps(small, manifest, parts))
+    hands = Hands(
+        json.loads((tmp_path / "parts" / "manifest.json").read_text()),
+        typed_json.to_json(layout),
+        {n: s.vertices[s.faces] for n, s in parts.items()},
+        small.cord.ferrule_length,
+        small.cord.max_strain,
+    )
+    assert followed({"steps": steps}, hands) == []
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,17 +27,27 @@ class UnusableMesherError(MeshingError):
 
 @dataclass(frozen=True)
 class Watch:
-    """What a run may take (`limit`, s), and who is told of it: `doing` says what it is, `usual` how
-    long it takes on a machine that is free (s), `otherwise` what is done when it fails."""
+    """What all runs of a way may take together (`limit`, s, since it was `begun`), and who is told
+    of it: `doing` says what it is, `usual` how long it takes on a machine that is free (s),
+    `otherwise` what is done when it fails."""
 
     limit: float
     tell: Callable[[str], None]
     doing: str
     usual: float
     otherwise: str
+    begun: float = field(default_factory=time.monotonic)
 
-    def passed(self, seconds: float) -> None:
+    def left(self) -> float:
+        """Of the limit, s. Raises MeshingError where there is nothing."""
+        left = self.limit - (time.monotonic() - self.begun)
+        if left <= 0:
+            raise MeshingError(f"the mesher did not end within {self.limit:g} s, or did not begin")
+        return left
+
+    def passed(self) -> None:
         """Tell that the run goes on."""
+        seconds = time.monotonic() - self.begun
         text = f"{self.doing}: {seconds:.0f} s, usually {self.usual:.0f} s"
         if seconds > _LONG * self.usual:
             text += (
@@ -51,18 +61,14 @@ def run(mesher: ModuleType, surface: Surface, task: Mapping[str, Any], watch: Wa
     """The tets that a mesher makes. Raises MeshingError, UnusableMesherError."""
     name = "Netgen" if mesher is netgen else "fTetWild"
     failure = Failure(MeshingError, name, "", "")
-    begun = time.monotonic()
 
     def give(folder: Path) -> None:
         faces = np.asarray(surface.faces, np.int32)
         np.savez(folder / mesher.IN, vertices=surface.vertices, faces=faces, **task)
 
-    def waiting() -> None:
-        watch.passed(time.monotonic() - begun)
-
     with (
         finished(
-            mesher.__name__, give, mesher.OUT, watch.limit, failure, on_wait=waiting
+            mesher.__name__, give, mesher.OUT, watch.left(), failure, on_wait=watch.passed
         ) as folder,
         np.load(folder / mesher.OUT) as made,
     ):

@@ -96,8 +96,9 @@ class Drawing:
             named = any(isinstance(at, str) for at, _ in self.labels)
             masks = scene.seen() if named else {}
         width, height = shot.size
-        left, right = self._placed(shot, masks)
-        tall = max(height, _LEAST, *(int(_LINE * (1 + _rows(side))) for side in (left, right)))
+        placed = self._placed(shot, masks)
+        tall = max(height, _LEAST, *(int(_LINE * (1 + _rows(side))) for side in placed))
+        left, right = (_spread(side, height, (tall - height) / 2) for side in placed)
         columns = _COLUMN if self.labels else 0
         key = _LINE + _EDGE if self.legend else 0
         page = Image.new("RGB", (width + 2 * columns, tall + key), "white")
@@ -110,7 +111,7 @@ class Drawing:
         return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
 
     def _placed(self, shot: Shot, seen: Mapping[str, Bool]) -> tuple[list[Any], list[Any]]:
-        """Labels of the left and the right column, (row's middle in pixels, text lines, anchor),
+        """Labels of the left and the right column, (x and y of the anchor in pixels, text lines),
         those whose places are more to the left in the left one."""
         width, height = shot.size
         spots = []
@@ -128,18 +129,21 @@ class Drawing:
         for full, other, which in ((0, 1, -1), (1, 0, 0)):
             while sum(len(s[2]) * _LINE + _BETWEEN for s in sides[full]) > max(height, _LEAST):
                 sides[other].append(sides[full].pop(which))
-        return _spread(sides[0], height), _spread(sides[1], height)
+        return sides
 
 
-def _spread(side: Sequence[tuple[float, float, list[str]]], height: int) -> list[Any]:
-    """Rows beside their places, moved apart where they would overlap."""
+def _spread(
+    side: Sequence[tuple[float, float, list[str]]], height: int, spare: float = 0.0
+) -> list[Any]:
+    """Rows (middle in pixels, text lines, anchor) beside their places, moved apart where they would
+    overlap, into the `spare` room above and below a picture's `height` where they need it."""
     some = sorted(side, key=lambda s: s[1])
     high = [_LINE * len(text) + _BETWEEN for _, _, text in some]
     feet: list[float] = []
     for (_, y, _), tall in zip(some, high, strict=True):
-        feet.append(max(feet[-1] if feet else 0.0, y - tall / 2) + tall)
+        feet.append(max(feet[-1] if feet else -spare, y - tall / 2) + tall)
     # Pushed beyond the foot, they move up again.
-    over = height - _LINE / 2
+    over = height + spare - _LINE / 2
     for k in range(len(feet) - 1, -1, -1):
         feet[k] = min(feet[k], over)
         over = feet[k] - high[k]
@@ -150,7 +154,7 @@ def _spread(side: Sequence[tuple[float, float, list[str]]], height: int) -> list
 
 
 def _rows(side: Sequence[Any]) -> float:
-    return sum(len(text) + _BETWEEN / _LINE for _, text, _ in side)
+    return sum(len(text) + _BETWEEN / _LINE for _, _, text in side)
 
 
 def _wrapped(text: str) -> list[str]:

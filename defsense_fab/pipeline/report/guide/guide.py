@@ -64,7 +64,8 @@ def assembly_guide(
     steps, problem = guide_steps(device, manifest, parts), order_of(manifest)[1]
     return Guide(
         title=f"{device.name}: assembly guide",
-        intro=f"{len(manifest.parts)} parts, {len(manifest.cords)} cords. All lengths in mm.",
+        intro=f"{len(manifest.parts)} parts, {len(manifest.cords)} cords. All lengths in mm."
+        + _of_copies(manifest.copies),
         warnings=(
             *manifest.warnings,
             *_overstretched(device, manifest),
@@ -88,6 +89,15 @@ def assembly_guide(
             for found in [_face(number, step.joint, device, layout, manifest, parts)]
             if found is not None
         ),
+    )
+
+
+def _of_copies(copies: int) -> str:
+    if copies == 1:
+        return ""
+    return (
+        f" Plates and bill are for {copies} devices, the cut list and the steps for each of them:"
+        " cut and do everything as often."
     )
 
 

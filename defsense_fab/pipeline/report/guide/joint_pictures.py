@@ -10,7 +10,7 @@ from ....core.arrays import Float
 from ....core.path_sampling import arc_lengths, resample
 from ..pictures import views
 from ..pictures.views import View
-from .components import ARROW, CORD, GLUE, OUT, Components
+from .device_drawing import ARROW, CORD, GLUE, OUT, DeviceDrawing
 from .drawing import Drawing
 from .hands.actions import Action, Kind
 from .hands.bench_words import pulled, reach_of
@@ -22,7 +22,7 @@ _NEAR = 55.0  # mm, around an end that is shown
 
 
 @dataclass(frozen=True)
-class Pictures(Components):
+class Pictures(DeviceDrawing):
     """Makes the pictures of one device."""
 
     def of(self, step: GuideStep, passage: Passage) -> str | None:

@@ -1,5 +1,6 @@
 """Meshes of bodies: the same every time, true to the surface, and kept where they cannot be."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,13 @@ def test_the_boundary_of_a_coarse_ball_is_fitted():
     assert np.sqrt((after**2).mean()) < 0.7 * np.sqrt((before**2).mean())
     inside = np.setdiff1d(np.arange(len(raw.nodes)), raw.boundary().faces)
     np.testing.assert_array_equal(fitted.nodes[inside], raw.nodes[inside])
+
+
+def test_the_second_run_of_a_way_has_what_the_first_left(bar):
+    task = {"edge_length": 20.0, "points": np.zeros((0, 3)), "edges": []}
+    watch = Watch(60.0, print, "Netgen", 1.0, "nothing", time.monotonic() - 61.0)
+    with pytest.raises(MeshingError, match="did not end within 60 s, or did not begin"):
+        run(netgen, bar, task, watch)
 
 
 def test_flat_faces_stay_flat(bar, bar_mesh):

@@ -67,6 +67,22 @@ def test_labels_are_moved_apart_and_stay_inside():
     assert spans[-1][1] <= 400
 
 
+@pytest.mark.parametrize(("count", "thick"), [(10, 4.0), (14, 10.0), (60, 200.0)])
+def test_no_label_of_a_flat_body_is_cut_off(count, thick, monkeypatch):
+    drawing = Drawing(FRONT)
+    drawing.part(block(np.zeros(3), np.array([200.0, 10, thick])), "#00798c")
+    for k in range(count):
+        drawing.label(np.array([200.0 * k / (count - 1), 0.0, 0.0]), f"place {k}")
+    written = []
+    monkeypatch.setattr(module, "_write", lambda *given: written.append(given))
+    drawing.png()
+    ((page, left, right, _, _, top),) = written
+    rows = [y + top for y, _, _ in (*left, *right)]
+    assert len(rows) == count
+    assert min(rows) >= module._LINE / 2
+    assert max(rows) <= page.height - module._LINE / 2
+
+
 def test_a_focus_shows_what_is_near():
     near = Drawing(FRONT, (np.zeros(3), 20.0))
     near.part(block(np.zeros(3), np.array([500.0, 50, 50])), "#00798c")

@@ -90,7 +90,8 @@ def stretch(w: Words, action: Action) -> list[str]:
     later = strained(cord)
     if later:
         out += (
-            f" Until the joint of step {named([str(w.numbers[j]) for j in later])} is closed, it is"
+            f" Until the joint of step"
+            f" {named([str(n) for n in sorted(w.numbers[j] for j in later)])} is closed, it is"
             " stretched by as much more as that is open: open it like a book, and no further than"
             " you need."
         )

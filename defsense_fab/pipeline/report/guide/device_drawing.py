@@ -1,4 +1,4 @@
-"""The components of a device as pictures of its assembly show them: parts, pins, cords, wires."""
+"""The things of a device as pictures of its assembly show them: parts, pins, cords, wires."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .drawing import Drawing
 from .hands.steps import Joint
 from .hands.words import ENDS, called
 
-#: Colours of components.
+#: Colours of things.
 CORD, WIRE, FERRULE = "#161616", "#c1121f", "#c9a227"
 THICK, MIDDLE, THIN = "#e76f51", "#f4d35e", "#3a86ff"
 GLUE, ARROW = "#2a9d3a", "#f77f00"
@@ -27,7 +27,7 @@ OUT = 24.0
 
 
 @dataclass(frozen=True)
-class Components:
+class DeviceDrawing:
     """Draws what one device is made of, its parts by name."""
 
     device: Device
