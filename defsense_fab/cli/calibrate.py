@@ -38,11 +38,14 @@ def add(commands: Commands, bars: Bars) -> None:
         ("length", 150.0, "of the specimen"),
         ("thickness", 15.0, "of the specimen"),
         ("width", 20.0, "of the specimen"),
-        ("offset", 2.0, "of the outer cords from bottom and top"),
     ):
         sub.add_argument(
             f"--{name}", type=float, default=default, metavar="MM", help=f"{text} ({default:g})"
         )
+    sub.add_argument(
+        "--offset", type=float, metavar="MM",
+        help="of the outer cords from bottom and top (2, or what leaves two lines of skin)",
+    )  # fmt: skip
     sub.add_argument(
         "--radii", metavar="R,R,...", help="of the jigs' surfaces, mm (75,87.5,...,250)"
     )
@@ -257,6 +260,8 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from ..pipeline.calibrate.specimen_files import OFFSET
+
     console = Console()
     table = Table(title="strain of the cords, %")
     for column in ("jig", "neutral radius, mm", *data["channels"]):
@@ -267,6 +272,12 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
     console.print(table)
     for warning in data["warnings"]:
         console.print(f"warning: {warning}", highlight=False, markup=False, soft_wrap=True)
+    if data["offset"] != OFFSET:
+        console.print(
+            f"note: the outer cords lie {data['offset']:g} mm from bottom and top: give 'defsense"
+            f" calibrate fit' of a table of your own --offset {data['offset']:g}",
+            highlight=False, markup=False, soft_wrap=True,
+        )  # fmt: skip
     console.print(
         f"Look at: {options.folder}\nNext:    print the halves in the device's material and the"
         " jigs in a rigid one; glue the cords into their grooves all along, and the halves",

@@ -34,6 +34,8 @@ _ROUND = 2e-3  # mm, far below what a printer resolves
 #: Of a part's volume, what a piece of the shell may pass through: of a part that is stretched over
 #: an undercut, and of one in two half shells.
 _EASED, _FACETS = 0.05, 2e-4
+#: Orders in which lids are taken off that are tried; each costs seconds.
+_MOST_ORDERS = 24
 _PARALLEL = 0.9998  # cosine of directions that are taken for one
 
 
@@ -59,7 +61,8 @@ def _mould(made: Made, index: int, rules: MouldRules) -> Mould:
     skin = skin_of(triangle_kernel.to_surface(filled(bare, sides)), sides)
     opening = shell_opening(part.name, skin, sides, rules)
     problem: FabricationError | None = None
-    for order in itertools.permutations(range(len(sides))):
+    orders = itertools.permutations(range(len(sides)))
+    for order in itertools.islice(orders, _MOST_ORDERS):
         try:
             return _made(made, index, [sides[k] for k in order], opening, rules)
         except FabricationError as error:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 FILE = "specimen.json"
 _ROUNDING = 1e-6  # mm
 
+#: Of the outer cords from bottom and top, mm: the paper's.
+OFFSET = 2.0
 #: What points up on the bed: jigs lie on their side, halves on their outer one.
 UP = {"specimen-right": (0, -1, 0)}
 
@@ -29,7 +31,7 @@ def write_specimen(
     length: float = 150.0,
     thickness: float = 15.0,
     width: float = 20.0,
-    offset: float = 2.0,
+    offset: float | None = None,
     radii: Sequence[float] = RADII,
     cord: str = "rubber-2mm",
     process: str = "fdm-tpu",
@@ -37,6 +39,8 @@ def write_specimen(
 ) -> PrintFiles:
     """Write STL (as they lie on the bed) and STEP files of the specimen's halves, a jig for each
     radius and a flat one, and `specimen.json` with the strain of each cord on each of them. All mm.
+    Without an `offset` the outer cords lie 2 mm from bottom and top, as in the paper, or as much
+    more as leaves the process its two lines of skin.
 
     Raises FabricationError for parts that cannot be or that the process's bed does not hold.
     """
@@ -47,7 +51,13 @@ def write_specimen(
     good = all(np.isfinite(r) and r > 0 for r in radii)
     if not radii or not good or len({f"{r:g}" for r in radii}) < len(radii):
         raise FabricationError("jigs: give different radii above zero, in mm")
-    spec = Specimen(length, thickness, width, offset, diameter + clearance, clearance)
+    # The cords fill their channels and are glued to them all along: two lines suffice around them,
+    # and the paper's specimen has no more.
+    channel, least = diameter + clearance, printer.inner_wall
+    enough = float(np.ceil(10 * (least + channel / 2 - _ROUNDING)) / 10)
+    if offset is None:
+        offset = max(OFFSET, enough)
+    spec = Specimen(length, thickness, width, offset, channel, clearance)
     solids: dict[str, Any] = {}
     for n, radius in enumerate([None, *sorted(radii)]):
         name = "jig-flat" if radius is None else f"jig-{radius:g}"
@@ -58,11 +68,8 @@ def write_specimen(
     prints = {n: Print.of(n, solid, UP.get(n, (0, 1, 0))) for n, solid in solids.items()}
     printer.check({n: one.size for n, one in prints.items()})
     warnings = []
-    # The cords fill their channels and are glued to them all along: two lines suffice around them,
-    # and the paper's specimen has no more.
-    skin, least = offset - spec.channel_diameter / 2, printer.inner_wall
+    skin = offset - channel / 2
     if skin < least - _ROUNDING:
-        enough = np.ceil(10 * (least + spec.channel_diameter / 2 - _ROUNDING)) / 10
         warnings.append(
             f"the outer channels leave a skin of {skin:.2f} mm, less than the {least:.2f} mm of two"
             f" lines of {process}, and may break through; --offset {enough:.1f} leaves them"
@@ -85,6 +92,7 @@ def _describe(spec: Specimen, radii: Sequence[float], warnings: list[str]) -> di
         "length": spec.length,
         "thickness": spec.thickness,
         "width": spec.width,
+        "offset": spec.offset,
         "channel_diameter": spec.channel_diameter,
         "channels": dict(zip(("inner", "neutral", "outer"), spec.heights, strict=True)),
         "jigs": jigs,

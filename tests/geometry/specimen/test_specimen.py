@@ -125,6 +125,9 @@ def test_what_was_not_chosen_brings_no_warning(no_parts, tmp_path, process, cord
     """The paper's offset of 2 mm, on its printer above all."""
     found = write_specimen(tmp_path, process=process, cord=cord)
     assert found["warnings"] == []
+    skin = found["offset"] - found["channel_diameter"] / 2
+    assert skin >= 2 * float(read_rows("printers.csv")[process]["line"]) - 1e-6
+    assert found["offset"] == 2 or process not in ("fdm-tpu", "polyjet")
 
 
 def test_a_skin_that_is_too_thin_is_told_with_an_offset_that_is_not(no_parts, tmp_path):

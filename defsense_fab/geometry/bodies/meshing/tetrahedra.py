@@ -68,9 +68,11 @@ def tetrahedralise(
             mesh = checked(mesh, surface, edge_length)
         except UnusableMesherError:
             raise
-        except MeshingError as error:
+        except (MeshingError, RuntimeError, ValueError, MemoryError) as error:
+            # Native libraries raise whatever they do; the next way does without them.
             stopped |= time.monotonic() - begun >= limit
-            tried.append(f"{way.says}: {str(error).partition(';')[0]}")
+            why = "out of memory" if isinstance(error, MemoryError) else str(error)
+            tried.append(f"{way.says}: {' '.join(why.split()).partition(';')[0]}")
         else:
             return Tetrahedra(mesh, way.mesher, way.says, meshed, tuple(tried), stopped)
     raise MeshingError(_advice(tried, time.monotonic() >= until, edge_length, time_limit))

@@ -140,6 +140,21 @@ def test_when_every_way_fails_all_of_them_are_told(blob, monkeypatch):
     assert "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize("error", [RuntimeError("bad\nfacet"), ValueError("x"), MemoryError()])
+def test_what_a_library_raises_leads_to_the_next_way(bar, monkeypatch, error):
+    planned = ways(bar, 14.0)
+
+    def fail(watch):
+        raise error
+
+    first = replace(planned[0], make=fail)
+    monkeypatch.setattr(tetrahedra, "ways", lambda *_: [first, *planned])
+    made = tetrahedralise(bar, 14.0)
+    assert made.mesher == planned[0].mesher
+    assert len(made.tried) == 1
+    assert "\n" not in made.tried[0]
+
+
 def test_a_time_limit_is_kept_and_told(blob):
     with pytest.raises(MeshingError, match=r"raise \[mesh\] time_limit \(0.001 s\)"):
         tetrahedralise(blob, 9.0, time_limit=1e-3)
