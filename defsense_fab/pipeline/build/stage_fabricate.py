@@ -33,6 +33,7 @@ from ..design.design_task import load_task
 from ..making import casting
 from ..making.plates import LYING, on_plates, pin_kinds, write_pins, write_plates
 from ..making.print_advice import print_advice
+from ..report.guide.hands.cord_facts import overstretched
 from .cut_list import behind, bill, cut_list
 from .stages import Report
 
@@ -149,7 +150,12 @@ def _manifest(
         removed_volume=made.cut_out,
         body_volume=made.body_volume,
         assembly_of_cords=device.fabrication.assembly,
-        warnings=(*made.warnings, *_warnings(device, layout), *_too_long(device, cords)),
+        warnings=(
+            *made.warnings,
+            *_warnings(device, layout),
+            *_too_long(device, cords),
+            *overstretched(cords, device.cord.max_strain),
+        ),
     )
 
 

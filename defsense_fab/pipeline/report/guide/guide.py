@@ -11,9 +11,7 @@ from ....core.mesh import Surface
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import Manifest
 from ..pictures.parts import exploded
-from .hands.cord_facts import LEAST_OPEN, strained
 from .hands.steps import GuideStep, Joint, guide_steps, order_of, shifts
-from .hands.words import called
 from .joint_pictures import Pictures
 from .tables import GuideTable, guide_checks, guide_tables
 from .templates import Face, Strip, face, strips
@@ -68,7 +66,6 @@ def assembly_guide(
         + _of_copies(manifest.copies),
         warnings=(
             *manifest.warnings,
-            *_overstretched(device, manifest),
             *([] if problem is None else [problem]),
         ),
         exploded=exploded(parts, shifts(manifest, parts), frame),
@@ -99,22 +96,6 @@ def _of_copies(copies: int) -> str:
         f" Plates and bill are for {copies} devices, the cut list and the steps for each of them:"
         " cut and do everything as often."
     )
-
-
-def _overstretched(device: Device, manifest: Manifest) -> list[str]:
-    """Cords that a joint stretches too far as long as it is open for work."""
-    out = []
-    for cord in manifest.cords:
-        pull = cord.between_ferrules - cord.unstretched + LEAST_OPEN
-        strain = pull / cord.unstretched
-        if strained(cord) and strain > device.cord.max_strain:
-            out.append(
-                f"{called(cord.sensor)} is held at both ends while a joint that it passes through"
-                f" is still open: {LEAST_OPEN:.0f} mm stretch it by {strain:.0%}, more than"
-                f" its {device.cord.max_strain:.0%}; strain_relief = false in [fabrication] lets"
-                " one of its ends wait"
-            )
-    return out
 
 
 def _face(
