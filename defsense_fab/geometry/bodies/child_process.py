@@ -94,7 +94,8 @@ def _run(
         code = _ended(process, limit, on_wait)
     except subprocess.TimeoutExpired:
         raise failure.error(
-            f"{failure.who} did not end within {limit:g} s and was stopped; {failure.slow}"
+            f"{failure.who} did not end within {round(limit, 2):g} s and was stopped;"
+            f" {failure.slow}"
         ) from None
     finally:
         with contextlib.suppress(ProcessLookupError, PermissionError):  # what it started ends, too

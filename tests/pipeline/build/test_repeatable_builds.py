@@ -27,7 +27,7 @@ def device(tmp_path):
             assert old in text
             text = text.replace(old, new)
         (folder / "device.toml").write_text(
-            text[: text.index("[[sensors]]")] + "[design]\nsensors = 2\n"
+            text[: text.index("[[sensors]]")] + '[design]\nsensors = 2\ndecoder = "affine"\n'
         )
         return folder
 

@@ -42,7 +42,9 @@ class Watch:
         """Of the limit, s. Raises MeshingError where there is nothing."""
         left = self.limit - (time.monotonic() - self.begun)
         if left <= 0:
-            raise MeshingError(f"the mesher did not end within {self.limit:g} s, or did not begin")
+            raise MeshingError(
+                f"the mesher did not end within {round(self.limit, 2):g} s, or did not begin"
+            )
         return left
 
     def passed(self) -> None:
