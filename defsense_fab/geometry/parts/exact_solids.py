@@ -3,7 +3,8 @@ kernels on each other."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -28,8 +29,20 @@ def solid_parts(
     `solid` is the body's, `own` what is cut out of each part besides the channels. Raises
     FabricationError where OpenCascade fails or its parts differ from the facets'.
     """
-    try:
+    with _errors():
         return _solid_parts(solid, made, division, own, rules)
+
+
+def carved(solid: Any, tools: Sequence[Tool]) -> Any:
+    """A TopoDS_Solid with tools cut out of it. Raises FabricationError where OpenCascade fails."""
+    with _errors():
+        return occ.without(solid, tools)
+
+
+@contextmanager
+def _errors() -> Iterator[None]:
+    try:
+        yield
     except FabricationError:
         raise
     except Exception as error:  # OCP's own exceptions carry no common base
@@ -65,9 +78,15 @@ def _solid_parts(
         piece, volume, _ = left.pop(int(np.argmin(near)))
         _agree(part.name, volume, bare[k], made.body_volume)
         finished = occ.without(piece, own[k])
-        _agree(part.name, occ.volume(finished), part.volume, made.body_volume)
+        agree(part.name, finished, part.volume, made.body_volume)
         out[k] = replace(part, solid=finished)
     return out
+
+
+def agree(name: str, solid: Any, faceted: float, body: float) -> None:
+    """Raises FabricationError where a TopoDS_Solid does not have the volume of its facets, mm^3, to
+    a share of it and of that of the `body`."""
+    _agree(name, occ.volume(solid), faceted, body)
 
 
 def _agree(name: str, exact: float, faceted: float, body: float) -> None:

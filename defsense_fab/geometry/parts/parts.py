@@ -14,13 +14,15 @@ from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.connector_bay import without_bay
 from ..bodies.standing import standing
-from ..channels.cord_channels import channels_of
+from ..channels.cord_channels import Channel, channels_of
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, Tool
 from ..printing.print_bed import FOOTHOLD, footing, resting
-from . import alignment_pins, inspection, part_labels, tag_seats
+from . import alignment_pins, part_labels, tag_seats
 from .channel_openings import ChannelOpening
-from .division import SMALL, Division, divide, plan
+from .division import SMALL, Cut, Division, divide, plan
+from .inspection.inspect import inspect
+from .inspection.walls import walls, wire_walls
 from .part_contacts import Contact, contacts
 from .part_labels import Label
 from .part_names import names as names_of
@@ -44,10 +46,7 @@ def make_parts(
     body = triangle_kernel.to_manifold(surface, "the body")
     _one_solid(body)
     channels = channels_of(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
-    walls = [
-        *inspection.walls(channels, surface, rules),
-        *inspection.wire_walls(channels, surface, rules),
-    ]
+    around = [*walls(channels, surface, rules), *wire_walls(channels, surface, rules)]
     body_volume = float(body.volume())
     hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
     planes = [s.plane for s in sensors]
@@ -82,8 +81,8 @@ def make_parts(
         tuple(parts), division.cuts, tuple(meeting), tuple(pins), tuple(marks), tuple(flats),
         tuple(channels), (), (), removed, body_volume, division.leaves,
     )  # fmt: skip
-    found = inspection.inspect(made, pieces, surface, rules)
-    made = replace(made, checks=(*walls, *found))
+    found = inspect(made, pieces, surface, rules)
+    made = replace(made, checks=(*around, *found))
     made = replace(made, warnings=tuple(_warnings(made, grazing, rules)))
     if solid is None:
         return made
@@ -178,7 +177,7 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
             if end.wire != "bay"
         ]
     for g in grazing:
-        joint = inspection.cut_name(made.cuts[g.cut], made.channels)
+        joint = _cut_name(made.cuts[g.cut], made.channels)
         what = "opens into" if g.wall <= 0 else f"leaves {g.wall:.1f} mm of wall to"
         out.append(
             f"the channel of cord {made.channels[g.line].name} {what} the joint of {joint} over"
@@ -206,3 +205,8 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
                 " the glue sets"
             )
     return out
+
+
+def _cut_name(cut: Cut, channels: Sequence[Channel]) -> str:
+    """The cords that a cut is for."""
+    return " and ".join(repr(channels[c].name) for c in cut.cords)

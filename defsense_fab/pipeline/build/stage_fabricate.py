@@ -76,7 +76,7 @@ def write(
     if not cast:
         split = split_long(made, device.fabrication.bed, rules(device))
         cords = behind(cords, len(split.made.cuts) - len(made.cuts))  # pieces are joined first
-        made = replace(split.made, warnings=(*made.warnings, *split.notes))
+        made = replace(split.made, warnings=(*split.made.warnings, *split.notes))
     moulds = make_moulds(made, casting.mould_rules(device)) if cast else []
     flat = casting.lying(moulds) if cast else {p.name: laid(p.surface, p.down) for p in made.parts}
     pins = pin_kinds(made)

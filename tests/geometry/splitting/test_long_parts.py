@@ -13,6 +13,7 @@ from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import Rules
 from defsense_fab.geometry.printing.print_bed import fits, laid
+from defsense_fab.geometry.splitting import inspection
 from defsense_fab.geometry.splitting.long_parts import split_long
 from tests.geometry.parts.cords import cord
 
@@ -84,6 +85,40 @@ def test_no_pin_pocket_or_number_is_cut_and_the_groove_goes_on(made, split):
     for part in after.parts:
         common = triangle_kernel.to_manifold(part.surface, part.name) ^ thread
         assert common.volume() < 0.02
+
+
+def test_checks_are_those_of_the_pieces_and_fail_for_what_is_wrong(made, split):
+    after = split.made
+    values = {c.name: c.value for c in after.checks}
+    assert all(c.holds for c in after.checks)
+    assert not any(name.startswith(("1-bottom: ", "2-top: ")) for name in values)
+    assert {f"{p.name}: share thinner than 0.8 mm" for p in after.parts} <= set(values)
+    assert values["wall around the dowels of 1-bottom"] > 0.7
+    assert 1.0 < values["room around cord flat where 1-bottom is cut across"] < 1.15
+
+    whole, halves = made.parts[0], after.parts[:2]
+    plane = after.cuts[1].plane
+    dowels = [p for p in after.pins if after.contacts[p.contact].cut == 1]
+    beside = [replace(d, center=d.center - 40 * made.cuts[0].plane.normal) for d in dowels]
+    with pytest.raises(FabricationError, match="wall around the dowels of 1-bottom"):
+        inspection.dowel_walls(whole, beside, RULES)
+    with pytest.raises(
+        FabricationError, match=r"dowel of 5\.3 mm between the pieces of 1-bottom meets"
+    ):
+        inspection.dowels_fit(
+            whole, halves, [replace(d, diameter=d.diameter + 0.3) for d in dowels]
+        )
+    with pytest.raises(FabricationError, match="lost or gained by cutting 1-bottom across"):
+        inspection.pieces_add_up(whole, halves[:1], dowels)
+    line = plane.origin - np.array([[3.0], [1.0]]) * plane.normal
+    line[:, 2] = 4.0
+    plug = triangle_kernel.tube(line, np.array([0, 0, 1.0]), 30.0)
+    plugged = triangle_kernel.to_manifold(halves[0].surface, "") + plug
+    plugged = replace(halves[0], surface=triangle_kernel.to_surface(plugged))
+    with pytest.raises(
+        FabricationError, match="room around cord flat where 1-bottom is cut across"
+    ):
+        inspection.crossings(made, whole, [plugged, halves[1]], plane, RULES)
 
 
 def test_every_pin_and_number_belongs_to_the_piece_it_is_in(split):

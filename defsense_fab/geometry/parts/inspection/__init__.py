@@ -1,0 +1,1 @@
+"""What finished parts are measured for before anything is written."""

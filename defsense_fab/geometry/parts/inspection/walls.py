@@ -1,0 +1,117 @@
+"""Walls around the channels of cords and wires."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ....core.arrays import Float, xyz
+from ....core.errors import FabricationError
+from ....core.mesh import Surface
+from ...bodies.connector_bay import in_solid, without_bay
+from ...channels.channel_ends import INLET_SLOPE, beside
+from ...channels.cord_channels import Channel
+from ...channels.wire_channels import SLOPE, Hollow
+from ...kernels.cutting_tools import Prism
+from ..check import Check
+from ..records import Rules
+
+_TOLERANCE = 0.02  # mm
+
+
+def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
+    """Walls between channels and the skin, and between channels."""
+    tree = igl.AABB()
+    tree.init(body.vertices, body.faces)
+    radius, out = rules.channel / 2, []
+    for i, channel in enumerate(channels):
+        depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, channel.inside)[0])
+        along = np.linspace(0, channel.length, len(channel.inside))
+        to_mouth = np.minimum(along, along[-1] - along)
+        needed = np.minimum(radius + rules.wall, INLET_SLOPE * to_mouth)
+        k = int((depth - needed).argmin())
+        if depth[k] < needed[k] - _TOLERANCE:
+            raise FabricationError(
+                f"cord {channel.name!r} leaves a wall of {depth[k] - radius:.2f} mm to the skin"
+                f" near {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards"
+            )
+        whole = np.where(needed >= radius + rules.wall - 1e-9, depth, np.inf)
+        k = int(whole.argmin())
+        if np.isfinite(whole[k]):
+            out.append(
+                Check(
+                    f"wall from cord {channel.name} to the skin",
+                    float(whole[k]) - radius,
+                    rules.wall - _TOLERANCE,
+                    "mm",
+                    xyz(channel.inside[k]),
+                    at_least=True,
+                )
+            )
+        for other in channels[i + 1 :]:
+            away, _ = cKDTree(other.inside).query(channel.inside)
+            k = int(away.argmin())
+            wall = float(away[k]) - 2 * radius
+            name = f"wall from cord {channel.name} to cord {other.name}"
+            least = rules.wall - 2 * _TOLERANCE
+            if wall < least:
+                raise FabricationError(
+                    f"cords {channel.name!r} and {other.name!r} leave a wall of {wall:.2f} mm near"
+                    f" {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move them apart"
+                )
+            at = xyz(channel.inside[k])
+            out.append(Check(name, wall, least, "mm", at, at_least=True))
+    return out
+
+
+def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
+    """Walls between the wires' leads and the skin, all other channels, and their own cord beyond
+    the pocket that they begin in."""
+    if not rules.pockets or not rules.pockets.wires:
+        return []
+    wires = rules.pockets.wires
+    skin = without_bay(body, wires.bay) if wires.bay else body
+    radius, least = wires.diameter / 2, rules.inner_wall
+    thinnest: dict[str, Check] = {}
+    for channel, end, line, twin in (
+        (c, c.ends[k], c.inside if k == 0 else c.inside[::-1], c.ends[1 - k])
+        for c in channels
+        for k in (0, 1)
+    ):
+        if end.lead is None:
+            continue
+        points = in_solid(end.lead.whole, wires.bay)
+        near = np.linalg.norm(points - end.lead.exit, axis=1) <= (radius + least) / SLOPE
+        square = igl.point_mesh_squared_distance(points, skin.vertices, skin.faces)[0]
+        to_skin = np.where(near & (not end.lead.to_bay), np.inf, np.sqrt(np.asarray(square)))
+        found = [("the skin", to_skin)]
+        hollows = beside(line, twin, end.pocket, rules.channel, rules.pockets)
+        found += [("its cord", _away(points, h, wires.bay)) for h in hollows]
+        for other in channels:
+            if other is not channel:
+                hollows = other.hollows(rules.channel, rules.pockets)
+                what = f"cord {other.name}"
+                found += [(what, _away(points, h, wires.bay)) for h in hollows]
+        for what, away in found:
+            k = int(away.argmin())
+            wall, at = float(away[k]) - radius, xyz(points[k])
+            name = f"wall from the wire of cord {channel.name} to {what}"
+            if wall < least - 2 * _TOLERANCE:
+                raise FabricationError(
+                    f"{name}: {wall:.2f} mm near {at}; {least:.2f} mm is needed: move the cord"
+                )
+            if np.isfinite(wall) and (name not in thinnest or wall < thinnest[name].value):
+                used = least - 2 * _TOLERANCE
+                thinnest[name] = Check(name, wall, used, "mm", at, at_least=True)
+    return list(thinnest.values())
+
+
+def _away(points: Float, hollow: Hollow, bay: Prism | None) -> Float:
+    """Distances (n,) mm of points (n, 3) from what is hollow in the solid."""
+    solid = in_solid(hollow[0], bay)
+    if not len(solid):
+        return np.full(len(points), np.inf)
+    return np.asarray(cKDTree(solid).query(points)[0] - hollow[1])
