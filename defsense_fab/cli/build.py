@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import DeviceError
@@ -14,7 +13,7 @@ from .options import numbers, within
 from .output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
-    from ..core.device import Device
+    from ..pipeline.build.asked import Asked
     from .options import Commands
 
 _STAGES = {
@@ -52,37 +51,44 @@ def add(commands: Commands) -> None:
 def _build(options: argparse.Namespace) -> int:
     from ..core.device_file import load_device
 
-    device = _as_asked(load_device(options.folder, overrides(options.set)), options)
+    device, asked = load_device(options.folder, overrides(options.set)), _asked(options)
+    from ..pipeline.build.asked import recorded
     from ..pipeline.build.build import build, summary
 
+    before = recorded(device, device.source / "build")
     with silent_stdout(), progress_bars(options) as progress:
-        result = build(device, options.until, progress)
+        result = build(device, options.until, progress, asked=asked)
     data = {**summary(result.folder), "made": result.made, "reused": result.reused}
     with results():
         if options.json:
             sys.stdout.write(json.dumps(data, indent=1) + "\n")
         else:
-            _show(data, options)
+            _show(data, options, asked)
+            if before.options and "fabricate" in result.made and asked != before:
+                say([
+                    f"note: the plates before were made with {before.options}, these with"
+                    f" {asked.options or 'what device.toml has'}; give it again, or state it under"
+                    " [fabrication] in device.toml"
+                ])  # fmt: skip
     return 0
 
 
-def _as_asked(device: Device, options: argparse.Namespace) -> Device:
-    """With the copies and the bed of the command line. Raises DeviceError for what cannot be."""
+def _asked(options: argparse.Namespace) -> Asked:
+    """The copies and the bed of the command line. Raises DeviceError for what cannot be."""
     from ..core.device_file import MOST_COPIES
+    from ..pipeline.build.asked import Asked
 
-    f = device.fabrication
     copies, bed = getattr(options, "copies", None), getattr(options, "bed", None)
     if copies is not None:
         within("--copies", copies, 1, MOST_COPIES)
-        f = replace(f, copies=copies)
-    if bed is not None:
-        sizes = numbers("--bed", bed)
-        if len(sizes) != 3 or not all(30 <= n <= 5000 for n in sizes):
-            raise DeviceError(
-                f"--bed {bed}: give width, depth and height, 30 to 5000 mm each, as in 220,220,250"
-            )
-        f = replace(f, bed=(sizes[0], sizes[1], sizes[2]))
-    return replace(device, fabrication=f)
+    if bed is None:
+        return Asked(copies)
+    sizes = numbers("--bed", bed)
+    if len(sizes) != 3 or not all(30 <= n <= 5000 for n in sizes):
+        raise DeviceError(
+            f"--bed {bed}: give width, depth and height, 30 to 5000 mm each, as in 220,220,250"
+        )
+    return Asked(copies, (sizes[0], sizes[1], sizes[2]))
 
 
 def _percent(error: float | None) -> str:
@@ -144,7 +150,7 @@ def _plates(manifest: dict[str, Any]) -> list[str]:
     return said
 
 
-def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
+def _show(data: dict[str, Any], options: argparse.Namespace, asked: Asked) -> None:
     from rich.table import Table
 
     from ..decoding.unseen import MEANING
@@ -214,7 +220,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace) -> None:
         "mesh": f"defsense simulate {options.folder}",
         "simulate": f"defsense optimize {options.folder}",
         "optimize": f"defsense fabricate {options.folder}",
-        "fabricate": f"defsense report {options.folder}",
+        "fabricate": f"defsense report {options.folder} {asked.options}".rstrip(),
         "report": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
     }[options.command]
     text = f"Look at: {where}\nNext:    {following}"

@@ -22,9 +22,12 @@ from ...core.files import storage_errors, write_json
 from ...core.lock import locked
 from ...core.progress import Progress, silent
 from . import body_sources
+from .asked import PLATES, Asked, record, recorded
 from .stages import STAGES, Stage, Watch, keys, read_json
+from .state import STATE, load_state
 
-STATE, LOCK = "state.json", ".build-lock"
+LOCK = ".build-lock"
+_AS_IT_IS = Asked()
 
 
 @dataclass(frozen=True)
@@ -41,9 +44,11 @@ def build(
     until: str = "report",
     progress: Progress = silent,
     watch: Watch | None = None,
+    asked: Asked = _AS_IT_IS,
 ) -> BuildResult:
     """Run all stages up to `until`, reusing those that are up to date. `watch` sees what the search
-    for cords comes to, which is the same whether it is seen or not.
+    for cords comes to, which is the same whether it is seen or not. What is `asked` for in place of
+    the device's own is kept with the build, also by builds that end before its parts.
 
     Raises a DefsenseError where a stage fails; `build/` is then untouched.
     """
@@ -62,12 +67,15 @@ def build(
             else:
                 old.replace(final)
         stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
+        if not asked.options and all(s.name != PLATES for s in stages):
+            asked = recorded(device, final)
+        own, device = device, asked.of(device)
         wanted = keys(device, final)
         if all(finished(device, final, s, wanted) for s in stages):
             return BuildResult(final, (), tuple(s.name for s in stages))
         working.mkdir(exist_ok=True)
         try:
-            made, reused = _make(device, working, final, stages, progress, watch)
+            made, reused = _make(own, asked, working, final, stages, progress, watch)
         except (DefsenseError, OSError):
             _keep_what_is_new(device, working, final)
             raise
@@ -79,7 +87,8 @@ def build(
 
 
 def _make(
-    device: Device,
+    own: Device,
+    asked: Asked,
     working: Path,
     final: Path,
     stages: tuple[Stage, ...],
@@ -87,7 +96,7 @@ def _make(
     watch: Watch | None,
 ) -> tuple[list[str], list[str]]:
     """Fill the `working` folder: the names of the stages that were made, and of those reused."""
-    made, reused = [], []
+    device, made, reused = asked.of(own), [], []
     wanted = keys(device, final)
     for stage in STAGES:
         if finished(device, working, stage, keys(device, working)):
@@ -109,7 +118,8 @@ def _make(
         else:
             continue
         done = {"key": keys(device, working)[stage.name], "files": _sizes(working, stage)}
-        write_json(working / STATE, {**_state(working), stage.name: done})
+        done |= record(stage.name, own, asked)
+        write_json(working / STATE, {**load_state(working), stage.name: done})
     return made, reused
 
 
@@ -136,19 +146,11 @@ def undisturbed(device: Device) -> Iterator[Path]:
         yield device.source / "build"
 
 
-def _state(folder: Path) -> dict[str, Any]:
-    try:
-        state = read_json(folder / STATE)
-    except (FileNotFoundError, ValueError):
-        return {}
-    return state if isinstance(state, dict) else {}
-
-
 def finished(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> bool:
     """Whether the stage's files are those that it left, none gone, none cut short, and made from
     what there is now."""
-    left = {"key": wanted[stage.name], "files": _sizes(folder, stage)}
-    if _state(folder).get(stage.name) != left:
+    left = load_state(folder).get(stage.name, {})
+    if (left.get("key"), left.get("files")) != (wanted[stage.name], _sizes(folder, stage)):
         return False
     return stage is not STAGES[0] or body_sources.unchanged(device, folder)
 

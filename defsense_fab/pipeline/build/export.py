@@ -17,6 +17,7 @@ from ..artifacts.layout import LAYOUT
 from ..artifacts.manifest import FOLDER, Manifest, load_manifest
 from ..report.guide.tables import guide_tables
 from . import body_sources
+from .asked import changes
 from .build import undisturbed
 from .freshness import outdated
 
@@ -40,9 +41,10 @@ def export(device: Device, path: Path) -> tuple[str, ...]:
     with undisturbed(device) as folder:
         stage = outdated(device)
         if stage is not None:
+            why = changes(device, folder)
             raise StorageError(
                 f"{folder}: has no parts of the device as it is now: '{stage.title}' has still to"
-                " be done; build everything first"
+                f" be done{f', for {why}' if why else ''}; build everything first"
             )
         files = _files(device, folder)
         written = _tables(load_manifest(folder))

@@ -9,6 +9,7 @@ from typing import Literal
 from ...core.device import Device
 from ...core.files import storage_errors
 from ...core.progress import Progress, silent
+from .asked import recorded
 from .build import finished, run_stage
 from .stages import STAGES, Stage, keys
 
@@ -16,8 +17,10 @@ State = Literal["current", "old", "missing"]
 
 
 def freshness(device: Device) -> dict[str, State]:
-    """Of each stage's result in the device's build: is it there, and what would be made again?"""
+    """Of each stage's result in the device's build: is it there, and what would be made again? For
+    copies and a bed that the build was asked for it counts as it was made."""
     folder = device.source / "build"
+    device = recorded(device, folder).of(device)
     wanted = keys(device, folder)
     out: dict[str, State] = {}
     for stage in STAGES:

@@ -6,6 +6,7 @@ from typing import Any
 
 from ...core.errors import DefsenseError
 from ...pipeline.artifacts.build_folder import build_folder
+from ...pipeline.build.asked import changes, recorded
 from ...pipeline.build.export import export, export_name
 from ...pipeline.build.freshness import outdated
 from ..workbench.latest import Latest
@@ -145,9 +146,14 @@ class MakeMode(Mode):
         self.checking.give(None)
 
     def _check(self, _: None) -> None:
-        stage = outdated(self.bench.project.device)
-        title = None if stage is None else stage.title
-        self._state.content = state_words(self.device is not None, title, self.bench.problem)
+        device = self.bench.project.device
+        folder, stage = build_folder(device), outdated(device)
+        self._state.content = state_words(
+            self.device is not None,
+            None if stage is None else stage.title,
+            self.bench.problem,
+            changes(device, folder) if stage is not None else recorded(device, folder).options,
+        )
 
     def _list(self) -> None:
         """Steps, notes and tables of the device that is built."""

@@ -30,16 +30,24 @@ def table_words(table: GuideTable) -> str:
     return "\n".join(lines)
 
 
-def state_words(built: bool, outdated: str | None, problem: str | None) -> str:
+def state_words(built: bool, outdated: str | None, problem: str | None, otherwise: str = "") -> str:
     """Markdown: of which device the parts are. `outdated` is the title of the stage that has still
-    to be done for the device as it is now, `problem` that of the last build."""
+    to be done for the device as it is now, `problem` that of the last build; `otherwise` is what
+    has changed on the plates since then or, of parts that are up to date, the options that they
+    were asked for with."""
     failed = "" if problem is None else f" The last build did not end: {html.escape(problem)}."
     if not built:
         return f"**Nothing is built yet.**{failed} Press *Build everything*."
     if outdated is None:
-        return "The parts are those of the device as it is now."
+        asked = (
+            f" Their plates are as `{otherwise}` asked for; *Build everything* makes those of"
+            " device.toml: state it there, under [fabrication], to keep it."
+        )
+        asked = asked if otherwise else ""
+        return f"The parts are those of the device as it is now.{asked}"
+    changed = f" ({otherwise})" if otherwise else ""
     return (
-        "**The parts are those of an older device**: since then it has changed, and"
+        f"**The parts are those of an older device**: since then it has changed{changed}, and"
         f" '{outdated}' has still to be done.{failed} Press *Build everything*; until then these"
         " stay."
     )

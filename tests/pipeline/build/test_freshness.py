@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from defsense_fab.core.device_file import load_device
+from defsense_fab.core.errors import StorageError
 from defsense_fab.geometry.kernels.export import write_stl
 from defsense_fab.pipeline.artifacts.body import load_surface
+from defsense_fab.pipeline.build import build as build_module
+from defsense_fab.pipeline.build import freshness as freshness_module
+from defsense_fab.pipeline.build import stages
+from defsense_fab.pipeline.build.asked import Asked, recorded
 from defsense_fab.pipeline.build.build import build
-from defsense_fab.pipeline.build.freshness import build_body, freshness
+from defsense_fab.pipeline.build.export import export
+from defsense_fab.pipeline.build.freshness import build_body, freshness, outdated
 from tests.conftest import box_surface
 from tests.places import DEVICES
 
@@ -53,3 +60,46 @@ def test_a_body_is_made_beside_the_build_which_stays(folder):
     assert np.ptp(load_surface(folder / ".studio" / "preview").vertices, axis=0)[0] == 100
     assert {p: p.stat().st_mtime_ns for p in (folder / "build").rglob("*")} == before
     shutil.rmtree(folder / ".studio")
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Stages that only leave a file each: what counts is what a build keeps of them."""
+
+    def leaves(stage):
+        def run(device, folder, *_):
+            for name in stage.outputs:
+                (folder / name).write_text(f"{stage.name} {device.fabrication.copies}")
+
+        return replace(stage, run=run)
+
+    some = tuple(leaves(s) for s in stages.STAGES)
+    for module in (stages, build_module, freshness_module):
+        monkeypatch.setattr(module, "STAGES", some)
+    monkeypatch.setattr(build_module.body_sources, "unchanged", lambda *_: True)
+
+
+def test_copies_and_bed_that_were_asked_for_are_kept_with_the_build(folder, quick):
+    path, text = folder / "device.toml", (folder / "device.toml").read_text()
+    build(load_device(folder), asked=Asked(3, (250.0, 210.0, 200.0)))
+    device = load_device(folder)
+    assert outdated(device) is None
+    assert recorded(device, folder / "build").options == "--copies 3 --bed 250,210,200"
+    assert build(device, "simulate").made == ()  # the parts are not made again
+    assert (folder / "build" / "parts").read_text() == "fabricate 3"
+
+    path.write_text(text + "\n[fabrication]\ncopies = 2\n" if "[fabrication]" not in text else
+                    text.replace("[fabrication]", "[fabrication]\ncopies = 2"))  # fmt: skip
+    device = load_device(folder)
+    assert outdated(device).name == "fabricate"
+    told = r"copies is 2 and was 3 as it was built; build everything first"
+    with pytest.raises(StorageError, match=told):
+        export(device, folder / "out.zip")
+    path.write_text(text.replace("edge_length = 15.0", "edge_length = 12.0"))
+    device = load_device(folder)
+    assert build(device, "simulate").made == ("mesh", "simulate")
+    assert set(freshness(device).values()) == {"current", "missing"}
+
+    path.write_text(text)
+    assert build(load_device(folder)).made[-2:] == ("fabricate", "report")
+    assert not recorded(load_device(folder), folder / "build").options

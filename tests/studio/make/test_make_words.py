@@ -60,6 +60,10 @@ def test_of_which_device_the_parts_are_is_told():
     assert "older device" in old
     assert "'optimise the cords' has still to be done" in old
     assert "The last build did not end: the disk is full" in old
+    assert "`--copies 3` asked for" in state_words(True, None, None, "--copies 3")
+    assert "it has changed (copies is 2), and" in state_words(
+        True, "make the parts", None, "copies is 2"
+    )
 
 
 def test_a_camera_comes_from_outside_and_looks_at_the_place():
