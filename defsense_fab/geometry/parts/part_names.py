@@ -12,8 +12,8 @@ from ..bodies.standing import Z_UP
 
 #: Words from low to high along what is to the right, up, and away from the viewer.
 _WORDS = (("left", "right"), ("bottom", "top"), ("front", "back"))
-_STEPS = {2: "{low} {high}", 3: "{low} middle {high}", 4: "{low} lower-middle upper-middle {high}"}
-_SAME = 0.08  # of the body's size: parts nearer than this are on one level
+_ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
+_SAME = 0.08  # of the body's size: parts nearer than this are on one level: 13 at most
 
 
 def names(centers: Sequence[Float], bounds: Float, frame: Float = Z_UP) -> list[str]:
@@ -56,9 +56,19 @@ def _levels(values: Float, size: float, axis: int) -> list[str]:
     count = int(level.max()) + 1
     if count == 1:
         return [""] * len(values)
-    low, high = _WORDS[axis]
-    if count in _STEPS:
-        words = _STEPS[count].format(low=low, high=high).split()
-    else:
-        words = [low, *(f"{high}wards-{k}" for k in range(1, count - 1)), high]
+    words = _steps(count, *_WORDS[axis])
     return [words[k] for k in level]
+
+
+def _steps(count: int, low: str, high: str) -> list[str]:
+    """The words of so many levels, counted from the nearer end, as one does who looks at them."""
+    if (count, low) == (4, "bottom"):
+        return ["bottom", "lower-middle", "upper-middle", "top"]
+    half = [_ORDINALS[k] for k in range(count // 2 - 1)]
+    return [
+        low,
+        *(f"{n}-from-{low}" for n in half),
+        *(["middle"] if count % 2 else []),
+        *(f"{n}-from-{high}" for n in reversed(half)),
+        high,
+    ]

@@ -367,6 +367,13 @@ def test_parts_are_named_by_where_they_lie():
     octants = [[x, y, z] for z in (10, 30) for y in (7, 22) for x in (25, 75)]
     assert names(octants, bounds)[0] == "1-bottom-front-left"
     assert names(octants, bounds)[7] == "8-top-back-right"
+    row = [
+        name.split("-", 1)[1] for name in names([[k, 15, 20] for k in range(5, 100, 15)], bounds)
+    ]
+    assert row == ["left", "second-from-left", "third-from-left", "middle", "third-from-right",
+                   "second-from-right", "right"]  # fmt: skip
+    many = names([[8.4 * k, 15, 20] for k in range(12)], bounds)
+    assert not any(c.isdigit() for name in many for c in name.split("-", 1)[1])
     assert names([[50, 15, 20]], bounds) == ["1-whole"]
     assert len(set(names(np.random.default_rng(0).random((30, 3)) * 40, bounds))) == 30
 

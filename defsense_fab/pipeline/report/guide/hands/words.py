@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import string
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, islice
 
 from .....core.device import Device
 from ....artifacts.manifest import CutCord, JoinStep, Manifest
@@ -51,8 +53,11 @@ def sides(step: JoinStep) -> str:
 
 
 def pin_letters(step: JoinStep) -> tuple[str, ...]:
-    """A letter for each pin of a joint, by which text and picture name it."""
-    return tuple(chr(ord("a") + k) for k in range(len(step.pins)))
+    """A letter for each pin of a joint, by which text and picture name it; behind z they are two,
+    aa, ab and so on, as the columns of a table are."""
+    singles = string.ascii_lowercase
+    pairs = (a + b for a in singles for b in singles)
+    return tuple(islice(chain(singles, pairs), len(step.pins)))
 
 
 def first(text: str) -> str:
