@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 from ...core.arrays import Float
 from ...core.errors import DefsenseError, StorageError
 from ...core.prediction import Prediction
@@ -65,7 +67,8 @@ class Plate:
 class WireRecord:
     """Where a wire leaves the body ("mouth", "bend", "bay", ...), its length in the body (mm); its
     path (p, 3) mm and the way (3,) mm down into the bay, where it has them; why it has none; the
-    joints (indices of the assembly's steps) that it lies in, from its ferrule on."""
+    joints (indices of the assembly's steps) that it lies in, from its ferrule on, and those that it
+    crosses, which are closed only after it was laid on both sides of them."""
 
     leaves: str
     length: float
@@ -73,6 +76,14 @@ class WireRecord:
     drop: Float | None = None
     why: str | None = None
     joints: tuple[int, ...] = ()
+    crosses: tuple[int, ...] = ()
+
+    @property
+    def line(self) -> Float | None:
+        """All of it in the body, (p, 3) mm, if it has a path."""
+        if self.path is None or self.drop is None:
+            return self.path
+        return np.concatenate([self.path, self.path[-1:] + self.drop])
 
 
 @dataclass(frozen=True)

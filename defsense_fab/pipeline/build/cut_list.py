@@ -87,7 +87,11 @@ def behind(cords: Sequence[CutCord], joints: int) -> tuple[CutCord, ...]:
     """The same rows where so many joints are closed before all that the cords lie in."""
 
     def ended(end: CordEnd) -> CordEnd:
-        wire = replace(end.wire, joints=tuple(j + joints for j in end.wire.joints))
+        wire = replace(
+            end.wire,
+            joints=tuple(j + joints for j in end.wire.joints),
+            crosses=tuple(j + joints for j in end.wire.crosses),
+        )
         return replace(end, wire=wire, after=None if end.after is None else end.after + joints)
 
     return tuple(
@@ -171,7 +175,8 @@ def _wire(
     thick = device.fabrication.wire_diameter + device.fabrication.clearance
     lies = _lies(lead.inside, channel, thick, made, joints, cord)
     order = tuple(dict.fromkeys(s.joint for s in lies))
-    return WireRecord(end.wire, lead.length, lead.path, lead.drop, why, order)
+    crosses = tuple(sorted({j for j, _ in closed_later(lies, joints)}))
+    return WireRecord(end.wire, lead.length, lead.path, lead.drop, why, order, crosses)
 
 
 def bill(

@@ -1,4 +1,4 @@
-"""The things of a device as pictures of its assembly show them: parts, pins, cords, wires."""
+"""What a device is made of as pictures of its assembly show them: parts, pins, cords, wires."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from ....core.path_sampling import arc_lengths, resample
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import CutCord, Manifest
 from ..colors import COLORS
+from .cord_lines import CordLine, cord_line
 from .drawing import Drawing
 from .hands.steps import Joint
 from .hands.words import ENDS, called
@@ -64,30 +65,25 @@ class DeviceDrawing:
     def cord(self, name: str | None) -> CutCord:
         return next(c for c in self.manifest.cords if c.sensor == name)
 
-    def channel(self, cord: CutCord) -> Float:
-        """Its channel (p, 3) mm from mouth to mouth."""
-        points = next(s.points for s in self.layout.sensors if s.name == cord.sensor)
-        line = np.concatenate([cord.ends[0].at[None], points, cord.ends[1].at[None]])
-        apart = np.linalg.norm(np.diff(line, axis=0), axis=1)
-        return np.asarray(line[np.concatenate([[True], apart > 1e-6])])
+    def line(self, cord: CutCord) -> CordLine:
+        return cord_line(self.layout, cord)
 
     def add_stretch(self, drawing: Drawing, cord: CutCord, k: int, joint: Joint) -> None:
         """A stretch of a cord in its groove with the ends that it has, and what hangs out."""
-        line, r = self.channel(cord), self.device.cord.diameter / 2
-        total, part = float(arc_lengths(line)[-1]), cord.stretches[k]
-        start, stop = part.start, min(part.stop, total)
-        half = self.device.cord.ferrule_length / 2
-        has = [end for end, at in ((0, 0), (1, len(cord.stretches) - 1)) if at == k]
+        line, r = self.line(cord), self.device.cord.diameter / 2
+        part, long = cord.stretches[k], self.device.cord.ferrule_length
+        start, stop = part.start, part.stop
+        has = line.ends_in(part)
         for end in has:
             record = cord.ends[end]
-            out = self.way_out(cord, end)
+            out = line.way_out(end)
+            middle = line.ferrule(end, long)
             if record.joint == "pocket" and record.after is None:
-                depth = record.pocket - half
-                start, stop = (start + depth, stop) if end == 0 else (start, stop - depth)
-                middle = record.at - depth * out
+                depth = record.pocket - long / 2
+                total = float(arc_lengths(line.points)[-1])
+                start, stop = (depth, stop) if end == 0 else (start, min(stop, total) - depth)
             else:
-                long = record.lead if record.after is None else OUT
-                middle = record.at + long * out
+                middle = middle if record.after is None else record.at + OUT * out
                 drawing.rod(np.stack([record.at, middle]), r, CORD)
             if record.after is None:
                 self.add_ferrule(drawing, middle, out)
@@ -97,7 +93,7 @@ class DeviceDrawing:
                     )
             bare = ", no ferrule yet" if record.after is not None else ""
             drawing.label(middle, f"{ENDS[end]} of {called(cord.sensor)}{bare}")
-        inner = resample(line, start, stop, max(2, int(stop - start) + 1))
+        inner = line.along(start, stop)
         drawing.rod(inner, r, CORD)
         goes_on = [
             (inner[0], inner[0] - inner[1]) if end == 0 else (inner[-1], inner[-1] - inner[-2])
@@ -112,11 +108,6 @@ class DeviceDrawing:
         above = 0.85 * drawing.view.up + 0.5 * joint.opens
         drawing.arrow(middle + 20.0 * above, middle + 1.5 * above, ARROW)
         drawing.label(middle + 16.0 * above, f"lay {called(cord.sensor)} into its groove")
-
-    def way_out(self, cord: CutCord, end: int) -> Float:
-        line = self.channel(cord)
-        away = line[0] - line[3] if end == 0 else line[-1] - line[-4]
-        return np.asarray(away / np.linalg.norm(away))
 
     def add_ferrule(self, drawing: Drawing, middle: Float, along: Float) -> None:
         c = self.device.cord
@@ -133,8 +124,8 @@ class DeviceDrawing:
             for j, k in cord.drawn:
                 if j != joint.index:
                     continue
-                line, at = self.channel(cord), cord.stretches[k].start
-                two = resample(line, max(at - 2.0, 0.0), at + 2.0, 2)
+                at = cord.stretches[k].start
+                two = resample(self.line(cord).points, max(at - 2.0, 0.0), at + 2.0, 2)
                 along = (two[1] - two[0]) / np.linalg.norm(two[1] - two[0])
                 along = along if along @ joint.opens > 0 else -along
                 middle = two.mean(0)

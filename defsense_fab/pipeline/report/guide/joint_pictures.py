@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.path_sampling import arc_lengths, resample
 from ..pictures import views
 from ..pictures.views import View
 from .device_drawing import ARROW, CORD, GLUE, OUT, DeviceDrawing
@@ -85,14 +84,14 @@ class Pictures(DeviceDrawing):
             cord = self.cord(action.cord)
             free = [k for k, e in enumerate(cord.ends) if e.joint == "free"]
             end = free[-1] if free else 1
-            out, at = self.way_out(cord, end), cord.ends[end].at
+            out, at = self.line(cord).way_out(end), cord.ends[end].at
             base = at + (cord.ends[end].lead + 7.0) * out + 3.0 * joint.opens
             drawing.arrow(base, base + 20.0 * out, ARROW)
             drawing.label(base + 12.0 * out, f"stretch {called(cord.sensor)} by"
                           f" {action.amount:.1f} mm")  # fmt: skip
         if action.kind is Kind.GLUE_END and action.end is not None:
             cord = self.cord(action.cord)
-            at = cord.ends[action.end].at - 2.5 * self.way_out(cord, action.end)
+            at = cord.ends[action.end].at - 2.5 * self.line(cord).way_out(action.end)
             drawing.ball(at + 0.8 * joint.opens, 1.6, GLUE)
             drawing.label(at + 0.8 * joint.opens, f"glue {called(cord.sensor)}, 5 mm")
             drawing.legend["glue"] = GLUE
@@ -102,11 +101,8 @@ class Pictures(DeviceDrawing):
             if action.kind is not Kind.WIRE or action.end is None:
                 continue
             cord = self.cord(action.cord)
-            wire = cord.ends[action.end].wire
-            assert wire.path is not None
-            line = wire.path
-            if wire.drop is not None:
-                line = np.concatenate([line, line[-1:] + wire.drop])
+            line = cord.ends[action.end].wire.line
+            assert line is not None
             away = line[-1] - line[-2]
             tail = line[-1:] + 0.6 * OUT * away / np.linalg.norm(away)
             self.add_wire(drawing, np.concatenate([line, tail]))
@@ -126,9 +122,7 @@ class Pictures(DeviceDrawing):
             cord = self.cord(name)
             for part in cord.stretches:
                 if part.joint == joint.index:
-                    line = self.channel(cord)
-                    stop = min(part.stop, float(arc_lengths(line)[-1]))
-                    inner = resample(line, part.start, stop, max(2, int(stop - part.start) + 1))
+                    inner = self.line(cord).along(part.start, part.stop)
                     drawing.rod(inner, self.device.cord.diameter / 2, CORD)
                     drawing.legend["cord"] = CORD
         for wire in joint.wires:
@@ -155,7 +149,7 @@ class Pictures(DeviceDrawing):
         pulls = [a for a, _ in passage.actions if a.kind is Kind.PULL]
         if not pulls:
             return None
-        outs = [self.way_out(self.cord(a.cord), a.end or 0) for a in pulls]
+        outs = [self.line(self.cord(a.cord)).way_out(a.end or 0) for a in pulls]
         view = _along(outs[0])
         first = self.cord(pulls[0].cord).ends[pulls[0].end or 0].at
         drawing = Drawing(view, (first, _NEAR))

@@ -11,10 +11,10 @@ from ....core.arrays import Float
 from ....core.curve import Plane
 from ....core.device import Device
 from ....core.mesh import Surface
-from ....core.path_sampling import arc_lengths, resample
 from ....geometry.kernels.plane_section import plane_section
 from ...artifacts.layout import LayoutRecord
-from ...artifacts.manifest import CutCord, Manifest
+from ...artifacts.manifest import CordStretch, Manifest
+from .cord_lines import CordLine, cord_line
 from .hands.cord_facts import BATCH, anchored_later
 from .hands.steps import Joint
 from .hands.words import ENDS, called
@@ -111,9 +111,9 @@ def face(
     below = Plane(frame.origin - _BELOW * joint.opens, frame.axes)
     outline = np.concatenate([plane_section(parts[n], below) for n in joint.lower])
     lying = [
-        _lying(c, k, device, layout, frame)
+        _lying(cord_line(layout, c), s, device, frame)
         for c in cords
-        for k, s in enumerate(c.stretches)
+        for s in c.stretches
         if s.joint == joint.index
     ]
     wires = [_flat(w, frame) for w in joint.wires]
@@ -149,22 +149,13 @@ def _flat(points: Float, frame: Plane) -> Float:
     return np.asarray((points - frame.origin) @ frame.axes[:, :2])
 
 
-def _lying(cord: CutCord, k: int, device: Device, layout: LayoutRecord, frame: Plane) -> Lying:
-    points = next(s.points for s in layout.sensors if s.name == cord.sensor)
-    line = np.concatenate([cord.ends[0].at[None], points, cord.ends[1].at[None]])
-    line = line[np.concatenate([[True], np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-6])]
-    total, half = float(arc_lengths(line)[-1]), device.cord.ferrule_length / 2
-    part = cord.stretches[k]
-    start, stop = part.start, min(part.stop, total)
-    flat, ferrules = _flat(line, frame), []
-    for end in (0, 1):
-        if k != (0 if end == 0 else len(cord.stretches) - 1):
-            continue
-        record = cord.ends[end]
-        tip = flat[0] if end == 0 else flat[-1]
-        away = tip - (flat[3] if end == 0 else flat[-4])
-        out = away / np.linalg.norm(away)
-        depth = record.pocket - half if record.joint == "pocket" else -record.lead
-        ferrules.append((tip - depth * out, out))
-    inner = resample(line, start, stop, max(2, int(2 * (stop - start)) + 1))
-    return Lying(called(cord.sensor), _flat(inner, frame), tuple(ferrules))
+def _lying(line: CordLine, stretch: CordStretch, device: Device, frame: Plane) -> Lying:
+    ferrules = tuple(
+        (
+            _flat(line.ferrule(end, device.cord.ferrule_length)[None], frame)[0],
+            line.way_out(end) @ frame.axes[:, :2],
+        )
+        for end in line.ends_in(stretch)
+    )
+    inner = line.along(stretch.start, stretch.stop, per_mm=2.0)
+    return Lying(called(line.cord.sensor), _flat(inner, frame), ferrules)

@@ -11,7 +11,7 @@ from ....core.arrays import Float
 from ....core.device import Device
 from ....core.path_sampling import arc_lengths, resample
 from ...artifacts.layout import CordRecord, LayoutRecord
-from ...artifacts.manifest import CordEnd, CutCord, Manifest, PinRecord
+from ...artifacts.manifest import CutCord, Manifest, PinRecord
 
 CORD, WIRE, PIN, SEAT = "cord", "wire", "pin", "seat"
 _SPACING = 1.5  # mm, between points of a cord
@@ -71,20 +71,13 @@ def _cord(cord: CordRecord, cut: CutCord) -> Follower:
 
 def _wires(cord: CutCord, radius: float) -> Iterator[Follower]:
     for end, what in zip(cord.ends, ("start", "end"), strict=True):
-        line = _wire_line(end)
+        line = end.wire.line
         if line is not None:
             facts = (
                 ("leaves by the", end.wire.leaves),
                 ("in the body", f"{end.wire.length:.1f} mm"),
             )
             yield Follower(WIRE, f"{cord.sensor}, {what}", _line(line), radius, facts)
-
-
-def _wire_line(end: CordEnd) -> Float | None:
-    path, drop = end.wire.path, end.wire.drop
-    if path is None:
-        return None
-    return path if drop is None else np.concatenate([path, path[-1:] + drop])
 
 
 def _pins(manifest: Manifest) -> Iterator[Follower]:

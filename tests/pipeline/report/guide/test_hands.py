@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import json
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -17,6 +18,7 @@ from defsense_fab.pipeline.report.guide.hands.actions import Action, Kind
 from defsense_fab.pipeline.report.guide.hands.cord_facts import overstretched
 from defsense_fab.pipeline.report.guide.hands.order import in_order
 from defsense_fab.pipeline.report.guide.hands.steps import guide_steps
+from defsense_fab.pipeline.report.guide.hands.words import pin_letters
 
 from .blocks import blocks
 
@@ -195,3 +197,23 @@ def test_measuring_names_the_value_and_what_to_do():
     assert f"about {cord.resistance:.0f} ohm" in said[1]
     assert f"({0.9 * cord.resistance:.0f} to {1.1 * cord.resistance:.0f})" in said[1]
     assert "open the joint, and lay it again" in said[1]
+
+
+def test_a_wire_across_a_joint_that_is_closed_later_is_told_there():
+    some = blocks(1, 1, ends=MOUTHS)
+    last = len(some.manifest.assembly) - 1
+    start, end = some.manifest.cords[0].ends
+    end = replace(end, wire=replace(end.wire, leaves="bay", crosses=(last,)))
+    cords = (replace(some.manifest.cords[0], ends=(start, end)),)
+    steps = guide_steps(some.device, replace(some.manifest, cords=cords), some.parts)
+    glued = [a for s in plain_steps(steps) for a in s["actions"] if a["do"] == "glue joint"]
+    told = [a["joint"] for a in glued if any("crosses this joint" in x for x in a["lines"])]
+    assert told == [last]
+    assert any("pull the wire into the bay" in x for x in glued[-1]["lines"])
+
+
+def test_pins_have_letters_of_their_own_behind_z():
+    step = blocks(1, 1).manifest.assembly[-1]
+    letters = pin_letters(replace(step, pins=step.pins[:1] * 60))
+    assert len(set(letters)) == 60
+    assert letters[25:28] == ("z", "aa", "ab")

@@ -143,6 +143,7 @@ def glue(w: Words, action: Action) -> list[str]:
         for joint, at in cord.drawn:
             if joint == j:
                 lines.append(_drawn(cord, j, at))
+        lines += [_crossing(cord, end) for end in (0, 1) if j in cord.ends[end].wire.crosses]
     wet = wet_until(w.manifest, j)
     if wet is not None:
         lines.append(
@@ -165,6 +166,15 @@ def _drawn(cord: CutCord, j: int, at: int) -> str:
     return (
         f"As you close it, pull {called(cord.sensor)} towards its {ENDS[end]}, so that no loop of"
         " it stays between the faces."
+    )
+
+
+def _crossing(cord: CutCord, end: int) -> str:
+    out = "into the bay" if cord.ends[end].wire.leaves == "bay" else "out where it leaves the body"
+    return (
+        f"The wire at the {ENDS[end]} of {called(cord.sensor)} crosses this joint, between grooves"
+        f" that are closed already: as you close it, pull the wire {out}, so that no loop of it"
+        " stays between the faces."
     )
 
 

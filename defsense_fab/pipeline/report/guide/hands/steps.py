@@ -13,7 +13,7 @@ from .....core.arrays import Float
 from .....core.device import Device
 from .....core.errors import FabricationError
 from .....core.mesh import Surface
-from ....artifacts.manifest import CutCord, JoinedPin, Manifest
+from ....artifacts.manifest import JoinedPin, Manifest
 from .actions import Action, Kind
 from .order import in_order
 from .plan import actions
@@ -181,18 +181,6 @@ def _opened(j: int, manifest: Manifest, parts: Mapping[str, Surface]) -> Joint:
         lower, upper = upper, lower
     size = np.ptp([s.bounds for s in (*lower, *upper)], axis=(0, 1))
     lift = 0.4 * float(np.linalg.norm(size))
-    return Joint(
-        low, high, normal, lift, step.cords, tuple(_wires(j, manifest.cords)), step.pins,
-        pin_letters(step), j,
-    )  # fmt: skip
-
-
-def _wires(j: int, cords: Sequence[CutCord]) -> list[Float]:
-    """Lines (p, 3) mm of the wires that are laid in a step."""
-    found = []
-    for cord in cords:
-        for wire in (e.wire for e in cord.ends):
-            if wire.path is not None and j in wire.joints:
-                drop = [] if wire.drop is None else [wire.path[-1:] + wire.drop]
-                found.append(np.concatenate([wire.path, *drop]))
-    return found
+    wires = (e.wire for c in manifest.cords for e in c.ends if j in e.wire.joints)
+    lines = tuple(w.line for w in wires if w.line is not None)
+    return Joint(low, high, normal, lift, step.cords, lines, step.pins, pin_letters(step), j)
