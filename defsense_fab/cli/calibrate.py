@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import DeviceError
 from . import calibrate_record
 from .options import numbers
+from .output import say
 
 if TYPE_CHECKING:
     from .options import Bars, Commands
@@ -234,6 +235,7 @@ def _coupon(options: argparse.Namespace) -> int:
 
 def _clearance(options: argparse.Namespace) -> int:
     from ..pipeline.calibrate.clearance import write_clearance
+    from ..pipeline.calibrate.coupon_files import NO_MOULD
 
     found = write_clearance(options.folder, options.fits)
     now, process = found.fabrication.clearance, found.fabrication.process
@@ -247,6 +249,8 @@ def _clearance(options: argparse.Namespace) -> int:
         return 0
     before = "of the process" if found.written is None else "as written"
     after = f"of process {process}" if found.now is None else "written"
+    if found.fabrication.kind == "cast" and found.now is not None:
+        say([f"note: {process} {NO_MOULD}"])
     sys.stdout.write(
         f"{found.file}: [fabrication] clearance is {now:g} mm ({after}); it was {found.was:g} mm"
         f" ({before})\n"

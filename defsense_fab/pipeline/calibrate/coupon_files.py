@@ -11,6 +11,12 @@ from ...core.errors import FabricationError
 from .print_files import Print, Printer, PrintFiles, cord_diameter, write_prints
 
 FILE = "coupon.json"
+#: What is said of a process that casts its parts.
+NO_MOULD = (
+    "casts parts in printed moulds, and the coupon has no mould: what a printed coupon shows does"
+    " not hold for cast grooves. Cast the smallest part of the device first, lay cord into its"
+    " groove and push a pin into its socket, and give [fabrication] clearance what they lack"
+)
 CLEARANCES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
 
 
@@ -24,13 +30,16 @@ def write_coupon(
     """Write STL and STEP files of the coupon's plate and peg, and `coupon.json`. Clearances are on
     the diameter, mm.
 
-    Raises FabricationError for clearances that cannot be or a bed that does not hold the plate.
+    Raises FabricationError for clearances that cannot be, a process that casts its parts, or a bed
+    that does not hold the plate.
     """
     from ...geometry.specimen.coupon import PEG, coupon, sizes
 
     if not all(np.isfinite(c) for c in clearances) or len(set(clearances)) < len(clearances):
         raise FabricationError("coupon: give different clearances in mm")
     diameter, printer = cord_diameter(cord), Printer.named(process)
+    if printer.kind == "cast":
+        raise FabricationError(f"coupon: {process} {NO_MOULD}")
     ordered = sorted(clearances)
     printer.check(sizes(diameter, ordered))
     solids = coupon(diameter, ordered)

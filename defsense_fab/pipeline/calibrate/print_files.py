@@ -46,12 +46,13 @@ class Print:
 
 @dataclass(frozen=True)
 class Printer:
-    """A row of `printers.csv`, mm."""
+    """A row of `printers.csv`, mm; of `kind` "print", or "cast" where it prints moulds."""
 
     name: str
     clearance: float
     wall: float
     bed: tuple[float, float, float]
+    kind: str = "print"
 
     @property
     def inner_wall(self) -> float:
@@ -62,7 +63,7 @@ class Printer:
     def named(cls, name: str) -> Printer:
         row = _row("printers.csv", "process", name)
         bed = (float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"]))
-        return cls(name, float(row["clearance"]), float(row["wall"]), bed)
+        return cls(name, float(row["clearance"]), float(row["wall"]), bed, row["kind"])
 
     def check(self, sizes: Mapping[str, Sequence[float]]) -> None:
         """Raises FabricationError for a part of these sizes (3,), mm, that the bed does not

@@ -60,3 +60,16 @@ def test_the_command_tells_what_was_and_how_to_undo_it(folder, capsys):
     assert main(["calibrate", "clearance", str(folder), "--reset"]) == 0
     assert "--fits 0.25" in capsys.readouterr().out
     assert load_device(folder).fabrication.clearance == 0.2
+
+
+def test_processes_that_cast_have_no_coupon_which_is_said(folder, capsys):
+    assert main(["calibrate", "coupon", str(folder / "out"), "--process", "cast-silicone"]) == 2
+    assert "cast-silicone casts parts in printed moulds, and the coupon has no mould" in (
+        capsys.readouterr().err.replace("\n", " ")
+    )
+    assert not (folder / "out").exists()
+    path = folder / "device.toml"
+    text = path.read_text().replace('process = "fdm-tpu"', 'process = "cast-silicone"')
+    path.write_text(text.replace("tango-black-plus", "ecoflex-00-30"))
+    assert main(["calibrate", "clearance", str(folder), "--fits", "0.2"]) == 0
+    assert "the coupon has no mould" in capsys.readouterr().out.replace("\n", " ")
