@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,14 +11,14 @@ import pyvista as pv
 
 from ....core.arrays import Bool, Float
 from ....core.mesh import Surface
-from ..pictures.labels import spot
+from ..pictures.labels import GAP, places, spot
 from ..pictures.scene import Scene, Shot, poly
+from ..pictures.sheet import INK, SOFT, Sheet, extent
 from ..pictures.views import View
 
 _WIDTH, _LEAST, _MOST = 640, 260, 620  # pixels of what is rendered
-_COLUMN, _EDGE = 225, 14  # pixels of the labels' columns, and around what is rendered
+_COLUMN, _EDGE, _APART = 240, 14, 6  # pixels of columns, at edges, between a line and its label
 _FONT, _LINE, _BETWEEN = 24, 29, 9
-_INK, _LEADER = "#1b262c", "#52616b"
 _ICON, _HALVES = 36, (("wire", 3), ("cord", 5), ("ferrule", 7))  # pixels: long, half as high
 _SHADES = 160  # colours of the file
 
@@ -87,8 +83,6 @@ class Drawing:
 
     def png(self) -> str:
         """The picture as a data URI."""
-        from PIL import Image
-
         with Scene() as scene:
             for shape in self.shapes:
                 shape(scene)
@@ -96,127 +90,75 @@ class Drawing:
             named = any(isinstance(at, str) for at, _ in self.labels)
             masks = scene.seen() if named else {}
         width, height = shot.size
-        placed = self._placed(shot, masks)
-        tall = max(height, _LEAST, *(int(_LINE * (1 + _rows(side))) for side in placed))
-        left, right = (_spread(side, height, (tall - height) / 2) for side in placed)
+        anchors, texts = self._seen(shot, masks)
+        high = np.array([_LINE * len(text) + _BETWEEN for text in texts])
+        left = places(anchors, shot.size, high).left
+        tall = max(height, _LEAST, *(int(high[left == side].sum()) for side in (True, False)))
         columns = _COLUMN if self.labels else 0
-        key = _LINE + _EDGE if self.legend else 0
-        page = Image.new("RGB", (width + 2 * columns, tall + key), "white")
-        page.paste(Image.fromarray(shot.image), (columns, (tall - height) // 2))
-        _write(page, left, right, columns, width, (tall - height) // 2)
+        page = Sheet(width + 2 * columns, tall + (_LINE + _EDGE if self.legend else 0))
+        corner = np.array([columns, (tall - height) // 2])
+        page.paste(shot.image, corner)
+        placed = places(anchors, shot.size, high, (-corner[1], tall - corner[1]))
+        for text, at, end, is_left in zip(texts, anchors, placed.ends, placed.left, strict=True):
+            _write(page, text, at + corner, end + corner, is_left)
         if self.legend:
             _key(page, self.legend, tall)
-        buffer = io.BytesIO()
-        page.quantize(_SHADES, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
-        return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+        return page.uri(_SHADES)
 
-    def _placed(self, shot: Shot, seen: Mapping[str, Bool]) -> tuple[list[Any], list[Any]]:
-        """Labels of the left and the right column, (x and y of the anchor in pixels, text lines),
-        those whose places are more to the left in the left one."""
-        width, height = shot.size
-        spots = []
+    def _seen(self, shot: Shot, seen: Mapping[str, Bool]) -> tuple[Float, list[list[str]]]:
+        """Where (n, 2) labels point to in the picture, pixels, and their lines of text."""
+        anchors, texts = [], []
         for at, text in self.labels:
             if isinstance(at, str):
                 found = spot(seen[at])
             else:
                 found = tuple(shot.pixel(np.asarray(at, float)[None])[0].tolist())
             if found is not None:
-                spots.append((*found, _wrapped(text)))
-        sides: tuple[list[Any], list[Any]] = ([], [])
-        for label in sorted(spots):
-            sides[int(label[0] > width / 2)].append(label)
-        # Where one column is full, those nearest to the middle go to the other one.
-        for full, other, which in ((0, 1, -1), (1, 0, 0)):
-            while sum(len(s[2]) * _LINE + _BETWEEN for s in sides[full]) > max(height, _LEAST):
-                sides[other].append(sides[full].pop(which))
-        return sides
-
-
-def _spread(
-    side: Sequence[tuple[float, float, list[str]]], height: int, spare: float = 0.0
-) -> list[Any]:
-    """Rows (middle in pixels, text lines, anchor) beside their places, moved apart where they would
-    overlap, into the `spare` room above and below a picture's `height` where they need it."""
-    some = sorted(side, key=lambda s: s[1])
-    high = [_LINE * len(text) + _BETWEEN for _, _, text in some]
-    feet: list[float] = []
-    for (_, y, _), tall in zip(some, high, strict=True):
-        feet.append(max(feet[-1] if feet else -spare, y - tall / 2) + tall)
-    # Pushed beyond the foot, they move up again.
-    over = height + spare - _LINE / 2
-    for k in range(len(feet) - 1, -1, -1):
-        feet[k] = min(feet[k], over)
-        over = feet[k] - high[k]
-    return [
-        (foot - tall / 2, text, (x, y))
-        for foot, tall, (x, y, text) in zip(feet, high, some, strict=True)
-    ]
-
-
-def _rows(side: Sequence[Any]) -> float:
-    return sum(len(text) + _BETWEEN / _LINE for _, _, text in side)
+                anchors.append(found)
+                texts.append(_wrapped(text))
+        return np.array(anchors, float).reshape(-1, 2), texts
 
 
 def _wrapped(text: str) -> list[str]:
     """Lines that fit into a column."""
-    font, lines = _font(), [""]
+    lines = [""]
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and font.getlength(longer) > _COLUMN - 2 * _EDGE:
+        if lines[-1] and extent(longer, _FONT)[0] > _COLUMN - GAP - _APART - _EDGE:
             lines.append(word)
         else:
             lines[-1] = longer
     return lines
 
 
-def _write(page: Any, left: Any, right: Any, column: int, width: int, top: int) -> None:
-    from PIL import ImageDraw
-
-    draw, font = ImageDraw.Draw(page), _font()
-    for side, rows in ((0, left), (1, right)):
-        for y, text, (ax, ay) in rows:
-            longest = max(font.getlength(t) for t in text)
-            x = column - _EDGE - longest if side == 0 else column + width + _EDGE
-            at = y + top
-            edge = column - _EDGE + 4 if side == 0 else column + width + _EDGE - 4
-            tip = (column + ax, top + ay)
-            draw.line([(edge, at), tip], fill="white", width=4)
-            draw.line([(edge, at), tip], fill=_LEADER, width=2)
-            draw.ellipse([tip[0] - 4, tip[1] - 4, tip[0] + 4, tip[1] + 4], fill=_LEADER,
-                         outline="white")  # fmt: skip
-            for k, line in enumerate(text):
-                draw.text((x, at + (k - len(text) / 2 + 0.5) * _LINE), line, fill=_INK, font=font,
-                          anchor="lm")  # fmt: skip
+def _write(page: Sheet, text: Sequence[str], at: Float, end: Float, left: bool) -> None:
+    """A label's lines, and the line from its `end` (2,) to what it names `at` (2,), pixels."""
+    page.line([end, at], "white", 4.5)
+    page.line([end, at], SOFT, 2)
+    page.dot(at, "white", 6)
+    page.dot(at, SOFT, 4)
+    longest = max(extent(line, _FONT)[0] for line in text)
+    x = end[0] - _APART - longest if left else end[0] + _APART
+    for k, line in enumerate(text):
+        page.text((x, end[1] + (k - len(text) / 2 + 0.5) * _LINE), line, _FONT, INK, "lm")
 
 
-def _key(page: Any, legend: Mapping[str, str], tall: int) -> None:
+def _key(page: Sheet, legend: Mapping[str, str], tall: int) -> None:
     """What the colours are, in a row below: each thing as it looks, a thin wire, a thick cord."""
-    from PIL import ImageDraw
-
-    draw, font = ImageDraw.Draw(page), _font()
-    wide = sum(_ICON + 8 + font.getlength(name) + 22 for name in legend) - 22
-    x, y = max(_EDGE, (page.width - wide) / 2), tall + _LINE / 2
+    wide = sum(_ICON + 8 + extent(name, _FONT)[0] + 22 for name in legend) - 22
+    x, y = max(_EDGE, (page.size[0] - wide) / 2), tall + _LINE / 2
     for name, color in legend.items():
         half = next((h for what, h in _HALVES if name.startswith(what)), 8)
         rgb = [int(color[k : k + 2], 16) for k in (1, 3, 5)]
         for row in range(-half, half + 1):  # round: light above the middle, dark at the edges
             light = 1.25 - 1.1 * abs((row + 0.35 * half) / (1.35 * half + 1))
-            shade = tuple(min(255, int(c * light + 40 * max(0.0, light - 0.9))) for c in rgb)
-            draw.line([(x, y + row), (x + _ICON, y + row)], fill=shade)
-        draw.text((x + _ICON + 8, y), name, fill=_INK, font=font, anchor="lm")
-        x += _ICON + 8 + font.getlength(name) + 22
+            shade = [min(255, int(c * light + 40 * max(0.0, light - 0.9))) for c in rgb]
+            page.box((x, y + row), (_ICON, 1), "#" + "".join(f"{c:02x}" for c in shade))
+        page.text((x + _ICON + 8, y), name, _FONT, INK, "lm")
+        x += _ICON + 8 + extent(name, _FONT)[0] + 22
 
 
 def _pale(color: str) -> str:
     """Lighter, so that black cords stand out."""
     rgb = [int(color[k : k + 2], 16) for k in (1, 3, 5)]
     return "#" + "".join(f"{int(c + 0.5 * (255 - c)):02x}" for c in rgb)
-
-
-@cache
-def _font() -> Any:
-    import matplotlib
-    from PIL import ImageFont
-
-    path = Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"
-    return ImageFont.truetype(str(path), _FONT)

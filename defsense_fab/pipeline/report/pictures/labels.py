@@ -11,7 +11,10 @@ from scipy import ndimage
 from ....core.arrays import Bool, Float, Int
 from .sheet import INK, SMALL, Place, Sheet, extent
 
-_GAP = 26.0  # pixels between a label and the drawing
+#: Pixels between a label and the drawing.
+GAP = 26.0
+#: Labels may stand at any height.
+ANYWHERE = (-np.inf, np.inf)
 _LEAST = 6  # pixels: of a thing that shows less, nothing to point at is taken to be seen
 
 
@@ -23,11 +26,15 @@ class Placed:
     left: Bool
 
 
-def places(anchors: Float, size: Place, height: float) -> Placed:
-    """Where labels of `height` pixels stand in two columns beside a drawing of `size` (width,
+def places(
+    anchors: Float, size: Place, heights: Float | float, limits: tuple[float, float] = ANYWHERE
+) -> Placed:
+    """Where labels of `heights` (n,) pixels stand in two columns beside a drawing of `size` (width,
     height) pixels for `anchors` (n, 2) in it: half of them on either side, evenly spread, as near
-    as they can be to what they name, and no two lines cross."""
+    as they can be to what they name, between the `limits` (pixels, downwards), and no two lines
+    cross."""
     anchors = np.asarray(anchors, float).reshape(-1, 2)
+    tall = np.broadcast_to(np.asarray(heights, float), len(anchors))
     order = np.argsort(anchors[:, 0], kind="stable")
     left = np.zeros(len(anchors), bool)
     left[order[: len(anchors) // 2]] = True
@@ -37,25 +44,32 @@ def places(anchors: Float, size: Place, height: float) -> Placed:
     for is_left in (True, False):
         of = np.flatnonzero(left == is_left)
         some: Int = of[np.argsort(anchors[of, 1], kind="stable")]
-        x = -_GAP if is_left else size[0] + _GAP
-        y = spread(anchors[some, 1], height)
+        wanted = anchors[some, 1]
+        x = -GAP if is_left else size[0] + GAP
+        y = spread(wanted, tall[some], limits)
         some = _uncrossed(anchors, some, np.stack([np.full(len(y), x), y], axis=1))
-        ends[some, 0], ends[some, 1] = x, y
+        ends[some, 0], ends[some, 1] = x, spread(wanted, tall[some], limits)
     return Placed(ends, left)
 
 
-def spread(wanted: Float, gap: float) -> Float:
-    """Places (n,) in rising order that are `gap` apart at least and together as near to those
-    `wanted` (n,), in rising order, as can be (least squares)."""
+def spread(wanted: Float, heights: Float | float, limits: tuple[float, float] = ANYWHERE) -> Float:
+    """Middles (n,), in rising order, of labels of `heights` (n,) that do not overlap, and together
+    are as near to those `wanted` (n,), in rising order, as can be (least squares) between the
+    `limits`; if these have no room for all, they end at the upper one."""
+    if not len(wanted):
+        return np.zeros(0)
+    tall = np.broadcast_to(np.asarray(heights, float), len(wanted))
+    least = np.concatenate([[0.0], np.cumsum((tall[1:] + tall[:-1]) / 2)])  # from the first one
     blocks: list[list[float]] = []  # sum of wanted places of the first label, count
-    for i, w in enumerate(wanted):
-        blocks.append([float(w) - i * gap, 1])
+    for w, away in zip(wanted, least, strict=True):
+        blocks.append([float(w) - float(away), 1])
         while len(blocks) > 1 and blocks[-2][0] / blocks[-2][1] > blocks[-1][0] / blocks[-1][1]:
             total, count = blocks.pop()
             blocks[-1][0] += total
             blocks[-1][1] += count
     first = [total / count for total, count in blocks for _ in range(int(count))]
-    return np.asarray(np.array(first) + gap * np.arange(len(first)))
+    low, high = limits[0] + tall[0] / 2, limits[1] - tall[-1] / 2 - least[-1]
+    return np.asarray(np.minimum(np.maximum(first, low), high) + least)
 
 
 def _uncrossed(anchors: Float, some: Int, ends: Float) -> Int:
@@ -103,7 +117,7 @@ def widths(names: Sequence[str], anchors: Float, size: Place) -> tuple[float, fl
 
 def room(names: Iterable[str]) -> float:
     """Pixels that the widest of some labels needs beside a drawing."""
-    return max((extent(n, SMALL)[0] for n in names), default=0.0) + _GAP + 12
+    return max((extent(n, SMALL)[0] for n in names), default=0.0) + GAP + 12
 
 
 def write(
@@ -119,15 +133,9 @@ def write(
     (n, 2) pixels in it; a bar in the colour of a name's part stands beside it. They keep clear of
     the `below` lowest pixels of the sheet."""
     corner = np.asarray(corner, float)
-    placed = places(anchors, size, 1.5 * SMALL)
+    limits = (-corner[1], sheet.size[1] - below - corner[1])
+    placed = places(anchors, size, 1.5 * SMALL, limits)
     ends = placed.ends + corner
-    limits = (SMALL * 0.75, sheet.size[1] - below - SMALL * 0.75)
-    for left in (True, False):  # inside of the sheet
-        some = placed.left == left
-        if some.any():
-            low, high = ends[some, 1].min(), ends[some, 1].max()
-            move = max(0.0, limits[0] - low) or min(0.0, limits[1] - high)
-            ends[some, 1] += move
     for at, end in zip(np.asarray(anchors) + corner, ends, strict=True):
         sheet.line([end, at], "white", 4.5)
         sheet.dot(at, "white", 6)

@@ -118,16 +118,20 @@ class Sheet:
             letters.append(place)
             self.text(place, letter, 17, color, bold=True)
 
-    def png(self) -> bytes:
-        """The picture as a PNG file."""
+    def png(self, shades: int | None = None) -> bytes:
+        """The picture as a PNG file, of so many colours, which makes it small, or of all."""
         self._smooth()
         buffer = io.BytesIO()
-        self._image.save(buffer, format="PNG", compress_level=6)
+        if shades is None:
+            self._image.save(buffer, format="PNG", compress_level=6)
+        else:
+            few = self._image.quantize(shades, dither=Image.Dither.NONE)
+            few.save(buffer, format="PNG", optimize=True)
         return buffer.getvalue()
 
-    def uri(self) -> str:
+    def uri(self, shades: int | None = None) -> str:
         """The same as a data URI."""
-        return "data:image/png;base64," + base64.b64encode(self.png()).decode("ascii")
+        return "data:image/png;base64," + base64.b64encode(self.png(shades)).decode("ascii")
 
     def _smooth(self) -> None:
         """Draw the lines that wait: finer than the picture, then made smaller, so that they are

@@ -39,6 +39,9 @@ def test_labels_that_have_room_stay_where_they_are_wanted():
     wanted = np.array([10.0, 60, 65, 70, 200])
     found = labels.spread(wanted, 20.0)
     assert found == pytest.approx([10, 45, 65, 85, 200])  # the crowd about its middle
+    tall = np.array([20.0, 20, 40, 20, 20])
+    within = labels.spread(wanted, tall, (5.0, 180.0))
+    assert within == pytest.approx([15, 35, 65, 95, 170])
 
 
 def test_the_spot_of_a_region_is_inside_of_it():
