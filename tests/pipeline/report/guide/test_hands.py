@@ -14,7 +14,6 @@ from benchmarks.follow_guide.hands import Hands
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.pipeline.report.guide.guide_file import plain_steps
 from defsense_fab.pipeline.report.guide.hands.actions import Action, Kind
-from defsense_fab.pipeline.report.guide.hands.cord_facts import overstretched
 from defsense_fab.pipeline.report.guide.hands.order import in_order
 from defsense_fab.pipeline.report.guide.hands.steps import guide_steps
 
@@ -132,19 +131,6 @@ def test_a_cord_that_cannot_slide_is_told():
     short = Hands(some.plain(), some.layout, some.triangles(), 7.0, 0.1)
     assert any("cannot slide" in text or "is stretched by" in text
                for text in followed(guide_of(some), short))  # fmt: skip
-
-
-def test_cords_that_open_joints_stretch_too_far_are_told_of_the_parts():
-    cords = blocks(3, 3, ends=[["bend", "bend"]] * 3).manifest.cords
-    told = overstretched(cords, 0.1)
-    assert told
-    for text in told:
-        assert "is held at both ends while a joint" in text
-        assert "more than its 10%" in text
-    assert overstretched(cords, 10.0) == []
-    waiting = blocks(3, 3, ends=MOUTHS).manifest.cords
-    assert all(c.sensor not in t for t in overstretched(waiting, 0.1)
-               for c in waiting if any(e.after is not None for e in c.ends))  # fmt: skip
 
 
 def test_no_order_is_told_and_not_made_up():
