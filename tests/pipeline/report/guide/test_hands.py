@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import json
 import re
+from itertools import pairwise
 
 import pytest
 
@@ -131,6 +132,22 @@ def test_a_cord_that_cannot_slide_is_told():
     short = Hands(some.plain(), some.layout, some.triangles(), 7.0, 0.1)
     assert any("cannot slide" in text or "is stretched by" in text
                for text in followed(guide_of(some), short))  # fmt: skip
+
+
+@pytest.mark.parametrize(("places", "told"), [(5, False), (12, True)])
+def test_a_cord_may_span_an_open_joint_whose_faces_are_slanted(places, told):
+    """Above and below it are parts on either side of that joint then, for a channel's width or two:
+    more of a cord than that must lie in a groove before it is stretched."""
+    some = blocks(3, 3, ends=[["bend", "bend"]] * 3)
+    hands = Hands(some.plain(), some.layout, some.triangles(), 7.0, 0.5)
+    cord = next(c for c in some.manifest.cords if c.drawn)
+    pairs = hands._cords[cord.sensor].line.pairs
+    at = next(k for k, (a, b) in enumerate(pairwise(pairs)) if a != b) + 1
+    mixed = (pairs[at - 1][0], pairs[at][1])
+    pairs[at - places // 2 : at + (places + 1) // 2] = [mixed] * places
+    found = followed(guide_of(some), hands)
+    assert any("is stretched before it is laid" in text for text in found) == told, found
+    assert bool(found) == told
 
 
 def test_no_order_is_told_and_not_made_up():
