@@ -192,6 +192,8 @@ def _divided(
                 free += float(later[j].volume() - smaller.volume() - over.volume())
                 later[j] = smaller
         later[k] = triangle_kernel.union(own)
+        if k:  # what holds the core may reach beyond its own lid, into those over it
+            later[k] = later[k] - triangle_kernel.union(later[:k])
     return later[:-1], later[-1], free
 
 
