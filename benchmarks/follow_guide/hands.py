@@ -100,7 +100,8 @@ class Hands(State):
         c.line.laid[:] = True
 
     def _stretch(self, action: Any, c: Cord, *_: Any) -> None:
-        self._need(c.line.laid.all(), f"{c.name} is stretched before it is laid")
+        lies = c.line.laid | self._spanning(c)
+        self._need(lies.all(), f"{c.name} is stretched before it is laid")
         self._need(all(c.crimped), f"{c.name} is stretched before it has both ferrules")
         free = [not self._enclosed(c, e) for e in (0, 1)]
         self._need(any(free), f"{c.name} is stretched inside a closed joint")

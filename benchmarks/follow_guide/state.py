@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .workpiece import Cord, cords_of
+from .workpiece import STEP, Cord, cords_of
 
 
 class State:
@@ -57,6 +57,22 @@ class State:
         """Whether all of a cord lies where it will."""
         pieces = {self._piece[n] for pair in cord.line.pairs for n in pair if n}
         return bool(cord.line.laid.all() and self._covered(cord.line).all() and len(pieces) == 1)
+
+    def _spanning(self, c: Cord) -> Any:
+        """Places in no groove yet, for they lie across an open joint that the cord passes through:
+        where its faces are slanted, no longer than that makes of the channel's width, and laid on
+        both sides of it."""
+        out = np.zeros(len(c.line.pairs), bool)
+        longest = int(2 * c.record["channel_diameter"] / STEP)
+        for j, (low, high) in enumerate(self._joints):
+            if ("glued", j) in self._done or c.name in self._laid_in[j]:
+                continue
+            across = np.flatnonzero(c.line.between(low, high) & ~c.line.laid)
+            for run in np.split(across, np.flatnonzero(np.diff(across) > 1) + 1):
+                if not 0 < len(run) <= longest or run[0] == 0 or run[-1] + 1 == len(out):
+                    continue
+                out[run] = c.line.laid[run[0] - 1] and c.line.laid[run[-1] + 1]
+        return out
 
     def _anchored(self, c: Cord, end: int) -> bool:
         """Whether an end cannot slide out of its place."""

@@ -50,6 +50,11 @@ class Channel:
         return float(np.linalg.norm(np.diff(self.inside, axis=0), axis=1).sum())
 
     @property
+    def between(self) -> float:
+        """What of that is not in pockets, mm: the least that a cord has between its ferrules."""
+        return self.length - sum(e.pocket for e in self.ends)
+
+    @property
     def sensing(self) -> Float:
         """The stretch of the cord's path (p, 3) mm outside of its pockets, p as in `sample_path`:
         what lies in a pocket, and straight runs to the skin, are not strained."""

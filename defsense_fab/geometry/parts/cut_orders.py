@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 #: All orders of the cuts are tried for up to this many planes.
 _ALL = 4
 
 
-def cut_orders(planes: int) -> list[tuple[int, ...]]:
+def cut_orders(planes: int, early: Sequence[int] = ()) -> list[tuple[int, ...]]:
     """Orders in which so many planes (by index) may be cut: all of them for few planes, whose
-    parts depend on it; that of the sensors for more."""
+    parts depend on it; for more that of the sensors, and that with the `early` ones first."""
     order = tuple(range(planes))
-    return list(itertools.permutations(order)) if planes <= _ALL else [order]
+    if planes <= _ALL:
+        return list(itertools.permutations(order))
+    rest = tuple(i for i in order if i not in early)
+    return list(dict.fromkeys([order, (*early, *rest)]))

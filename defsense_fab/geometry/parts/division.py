@@ -91,6 +91,10 @@ class Plan:
         lines = [(k, line) for k, c in enumerate(channels) for line in c.insides]
         return channel_openings(self.leaves, faces, lines, radius, wall)
 
+    def joints_of(self, cord: int, line: Any) -> int:
+        """In how many joints a cord is laid, whose middle `line` is this thin tube."""
+        return sum(cord in c.cords and _runs_in(line, c.piece) for c in self.cuts)
+
     @property
     def burden(self) -> float:
         """The number of pieces; one that is too small to handle well counts up to twice."""
@@ -112,6 +116,7 @@ def plan(
     play: float,
     limit: bool = False,
     through: bool = False,
+    across: float = 0.0,
 ) -> Plan:
     """The cuts that divide the body into few parts that print well.
 
@@ -119,7 +124,9 @@ def plan(
     what a cord touches. Orders of cuts are compared, and cuts that go through with those that end
     a little beyond their cords (only these with `limit`, none with `through`), by how many parts
     result and how far channels (of `radius` mm) run along the faces of others' cuts, with less than
-    `wall` mm between.
+    `wall` mm between. Before that, cords shorter than `across` mm between their ferrules are each
+    laid in one joint, if that can be: in several, a joint that is closed later pulls at them while
+    it is open.
     The lid of a limited cut is `play` mm smaller than what was cut off.
     """
     own = coincident([c.sensor.plane for c in channels])
@@ -127,17 +134,20 @@ def plan(
     threads = [_thread(c.lines, c) for c in channels]
     margin = 2 * radius + 2 * wall + _PIN
     rough = body.simplify(_ROUGH)  # good enough to compare plans on
-    tried: list[tuple[float, float, float | None, Sequence[int]]] = []
+    short = {k: _thread([c.line], c) for k, c in enumerate(channels) if c.between < across}
+    early = [i for i, same in enumerate(own) if any(k in short for k in same)]
+    tried: list[tuple[int, float, float, float | None, Sequence[int]]] = []
     for m in (margin,) if limit else (None,) if through else (None, margin):
         known: dict[tuple[int, int], _Opened] = {}
-        for order in cut_orders(len(planes)):
+        for order in cut_orders(len(planes), early):
             made = _cut(rough, planes, threads, own, order, m, play, known)
+            torn = sum(made.joints_of(k, line) > 1 for k, line in short.items())
             cost = made.burden + (_LIMITED if m and not limit else 0.0)
-            if tried and cost > min(t[0] for t in tried):
+            if tried and (torn, cost) > min(t[:2] for t in tried):
                 continue
             cost += sum(g.length for g in made.grazes(channels, radius, wall)) / _WORTH
-            tried.append((cost, -made.smallest, m, order))
-    _, _, best, chosen = min(tried, key=lambda t: t[:2])
+            tried.append((torn, cost, -made.smallest, m, order))
+    _, _, _, best, chosen = min(tried, key=lambda t: t[:3])
     return _cut(body, planes, threads, own, chosen, best, play, {})
 
 

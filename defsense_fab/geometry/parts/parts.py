@@ -58,7 +58,9 @@ def make_parts(
         body = triangle_kernel.without(body, flattening)
         surface = triangle_kernel.to_surface(body)
     radius, inner = rules.channel / 2, rules.inner_wall
-    planned = plan(body, channels, radius, inner, rules.clearance, rules.limit, rules.through)
+    planned = plan(
+        body, channels, radius, inner, rules.clearance, rules.limit, rules.through, rules.across
+    )
     grazing = planned.grazes(channels, radius, inner)
     division, names = _named(divide(body, channels, planned), surface)
     report(0.25, "pins and numbers")

@@ -23,7 +23,8 @@ class Rules:
     `channel`, `clearance` of pins on the diameter, least `wall` to the skin;
     whether to `limit` cuts to what their cords need; the `pockets` at cords' ends, or None;
     how many `seats` for square tags of `tag` mm the skin gets; whether every cut goes `through`, as
-    moulds of the parts ask for."""
+    moulds of the parts ask for; `across`: cords of less mm between their ferrules are to be laid in
+    one joint, for they cannot be held across an open one."""
 
     cord: float
     channel: float
@@ -34,6 +35,7 @@ class Rules:
     seats: int = 0
     tag: float = 10.0
     through: bool = False
+    across: float = 0.0
 
     @property
     def inner_wall(self) -> float:

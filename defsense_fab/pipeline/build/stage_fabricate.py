@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from ...geometry.moulds.moulds import make_moulds
 from ...geometry.parts.records import Made
 from ...geometry.printing.print_bed import laid
 from ...geometry.splitting.long_parts import split_long
+from ...optimize.refinement.refine import part
 from ..artifacts.body import load_body_record, load_solid, load_surface
 from ..artifacts.layout import LayoutRecord, load_layout
 from ..artifacts.manifest import (
@@ -28,12 +30,12 @@ from ..artifacts.manifest import (
     TagSeat,
     save_manifest,
 )
-from ..design.as_built import as_made, fabricate, rules, with_relief
+from ..design.as_built import as_made, fabricate, mould_rules, rules, with_relief
 from ..design.design_task import load_task
+from ..design.open_joints import overstretched
 from ..making import casting
 from ..making.plates import LYING, on_plates, pin_kinds, write_pins, write_plates
 from ..making.print_advice import print_advice
-from ..report.guide.hands.cord_facts import overstretched
 from .cut_list import behind, bill, cut_list
 from .stages import Report
 
@@ -57,9 +59,10 @@ def run(device: Device, folder: Path, report: Report) -> None:
     made = fabricate(device, surface, sensors, report, solid, bay)
     report(0.75, "predicting with joints")
     built = as_made(task, made.channels)
-    report(0.8, "writing parts")
-    made = replace(made, warnings=(*made.warnings, *note))
-    write(device, made, folder, layout, cut_list(device, made, built), built.prediction)
+    told = (*made.warnings, *note, *overstretched(device, made, built.cords))
+    made = replace(made, warnings=told)
+    show = partial(part, report, 0.8, 1.0)
+    write(device, made, folder, layout, cut_list(device, made, built), built.prediction, show)
 
 
 def write(
@@ -69,6 +72,7 @@ def write(
     layout: LayoutRecord,
     cords: tuple[CutCord, ...],
     prediction: Prediction,
+    report: Report = lambda *_: None,
 ) -> None:
     """Leave the parts in `folder`/parts; `cords` are those of the parts before long ones are split,
     `prediction` is that of the cords as they are built in."""
@@ -77,17 +81,18 @@ def write(
         split = split_long(made, device.fabrication.bed, rules(device))
         cords = behind(cords, len(split.made.cuts) - len(made.cuts))  # pieces are joined first
         made = replace(split.made, warnings=(*split.made.warnings, *split.notes))
-    moulds = make_moulds(made, casting.mould_rules(device)) if cast else []
+    moulds = make_moulds(made, mould_rules(device), partial(part, report, 0, 0.9)) if cast else []
+    report(0.9 if cast else 0.0, "writing parts")
     flat = casting.lying(moulds) if cast else {p.name: laid(p.surface, p.down) for p in made.parts}
     pins = pin_kinds(made)
     placed, bound = on_plates(device, flat, pins)
     out = folder / "parts"
     out.mkdir()
     (out / LYING).mkdir()
-    for part in made.parts:
-        write_stl(part.surface, out / f"{part.name}.stl")
+    for one in made.parts:
+        write_stl(one.surface, out / f"{one.name}.stl")
         if not cast:
-            write_stl(flat[part.name], out / LYING / f"{part.name}.stl")
+            write_stl(flat[one.name], out / LYING / f"{one.name}.stl")
     solids = {p.name: p.solid for p in made.parts if p.solid is not None}
     if solids:
         from ...geometry.kernels import occ
@@ -154,7 +159,6 @@ def _manifest(
             *made.warnings,
             *_warnings(device, layout),
             *_too_long(device, cords),
-            *overstretched(cords, device.cord.max_strain),
         ),
     )
 
@@ -211,20 +215,20 @@ def _warnings(device: Device, layout: LayoutRecord) -> list[str]:
 
 
 def _part(made: Made, i: int, cast: bool) -> PartRecord:
-    part = made.parts[i]
+    one = made.parts[i]
     step, volume = None, None
-    if part.solid is not None:
+    if one.solid is not None:
         from ...geometry.kernels import occ
 
-        step, volume = f"{part.name}.step", occ.volume(part.solid)
+        step, volume = f"{one.name}.step", occ.volume(one.solid)
     return PartRecord(
-        name=part.name,
-        number=int(part.name.split("-")[0]),
-        stl=f"{part.name}.stl",
-        print=f"{part.name}.stl" if cast else f"{LYING}/{part.name}.stl",
+        name=one.name,
+        number=int(one.name.split("-")[0]),
+        stl=f"{one.name}.stl",
+        print=f"{one.name}.stl" if cast else f"{LYING}/{one.name}.stl",
         step=step,
-        volume=part.volume,
-        bbox=part.surface.bounds,
+        volume=one.volume,
+        bbox=one.surface.bounds,
         sockets=tuple(
             Socket(p.center, p.axis, p.socket)
             for p in made.pins

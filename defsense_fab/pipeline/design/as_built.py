@@ -13,15 +13,18 @@ from ...core.device import Device, Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...core.path_sampling import arc_lengths, resample, sample_path
+from ...core.silicone import silicone
 from ...geometry.channels.channel_ends import Pockets
 from ...geometry.channels.cord_channels import Channel, channels_of
 from ...geometry.kernels.cutting_tools import Prism
+from ...geometry.moulds.records import MouldRules
 from ...geometry.parts.parts import make_parts
 from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
 from ...sensing.built_cord import BuiltCord, needed_prestretch
 from ...sensing.signal import mean_strain
 from .design_task import DesignTask, limits, pocket_diameter, wires
+from .open_joints import least_across
 from .predict import Scored, predict
 
 Report = Callable[[float, str], None]
@@ -50,7 +53,23 @@ def rules(device: Device, bay: Prism | None = None) -> Rules:
         f.marker_seats,
         f.marker_size,
         f.kind == "cast",
+        least_across(device),
     )
+
+
+def mould_rules(device: Device) -> MouldRules:
+    """What the process and the silicone ask of moulds."""
+    f = device.fabrication
+    return MouldRules(wall=f.mould_wall, line=f.line, shrinkage=shrinkage(device))
+
+
+def shrinkage(device: Device) -> float:
+    """Linear, as given or by the silicone's row; none where neither is known."""
+    given = device.fabrication.shrinkage
+    if given is not None:
+        return given
+    known = silicone(device.material.name)
+    return known.shrinkage if known else 0.0
 
 
 def fabricate(

@@ -2,13 +2,15 @@
 
 Layouts within some per cent of the best differ more in what they ask of the maker than in what they
 sense, and perhaps the best cannot be made at all. So each is made on trial (with triangles, which
-takes some seconds), and its error is that on unseen states, of the cords as they are built in.
+takes some seconds), and its error is that on unseen states, of the cords as they are built in. Of
+cast ones the openings of all moulds are looked for, and the moulds of the one to build are made.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 
 from ...core.arrays import Float
 from ...core.curve import distinct
@@ -16,10 +18,13 @@ from ...core.device import Device
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...geometry.kernels.cutting_tools import Prism
-from ...optimize.refinement.refine import Optimised
+from ...geometry.moulds.moulds import check_openings, make_moulds
+from ...geometry.parts.records import Made
+from ...optimize.refinement.refine import Optimised, part
 from ...optimize.search.plane_directions import face_directions, slanted
-from .as_built import as_made, assumed_cords, fabricate, with_relief
+from .as_built import as_made, assumed_cords, fabricate, mould_rules, with_relief
 from .design_task import DesignTask
+from .open_joints import overstretched
 from .predict import Scored, predict
 from .preference import preferred
 
@@ -36,7 +41,8 @@ class Trial:
     """A layout made on trial: RMSE (mm) on unseen states by design, and what it is predicted to
     sense as built; how many directions of planes are no flat face's; its parts, the smallest one's
     volume (mm^3), ends of cords without the pocket that holds them, and what is to be said of the
-    parts; or the `problem` for which it cannot be made, and no parts."""
+    parts and of putting them together; or the `problem` for which it cannot be made, and no
+    parts."""
 
     found: Optimised
     designed: float
@@ -47,6 +53,7 @@ class Trial:
     free_ends: int = 0
     warnings: tuple[str, ...] = ()
     problem: str | None = None
+    made: Made | None = field(default=None, repr=False, compare=False)
 
     @property
     def built(self) -> float:
@@ -99,18 +106,52 @@ def choose_layout(
     least, bound = ranked[0][0].slivers, _HOPEFUL * ranked[0][1]
     hopeful = [e for e in ranked if e[1] <= bound and e[0].slivers == least][:_MOST]
     directions = face_directions(surface)
+
+    def tried(one: Optimised, error: float) -> Trial:
+        return make_on_trial(device, task, one, error, surface, bay, directions)
+
     trials = []
+    cast = device.fabrication.kind == "cast"
+    share = 0.7 if cast else 1.0
     for k, (one, error) in enumerate(hopeful):
-        report(k / len(hopeful), f"making layout {k + 1} of {len(hopeful)} on trial")
-        trials.append(make_on_trial(device, task, one, error, surface, bay, directions))
+        report(share * k / len(hopeful), f"making layout {k + 1} of {len(hopeful)} on trial")
+        trials.append(tried(one, error))
+    left = []
     for one, error in ranked[len(hopeful) :]:
         if (
             all(t.problem for t in trials)
             or _planes(one) < min(t.planes for t in trials)
             or _slanted(one, directions) < min(t.slanted for t in trials)
         ):
-            trials.append(make_on_trial(device, task, one, error, surface, bay, directions))
-    return preferred(trials, device.prefer) or trials[0], tuple(trials)
+            trials.append(tried(one, error))
+        else:
+            left.append((one, error))
+    while True:
+        best = preferred(trials, device.prefer)
+        if best is None and left:
+            trials.append(tried(*left.pop(0)))
+        elif best is None or not cast:
+            return best or trials[0], tuple(trials)
+        elif (problem := _uncastable(device, best, partial(part, report, share, 1.0))) is None:
+            return best, tuple(trials)
+        else:
+            refused = _refused(best, problem)
+            trials = [refused if t is best else t for t in trials]
+
+
+def _uncastable(device: Device, trial: Trial, report: Report) -> str | None:
+    """Why the parts of a layout cannot be cast, by making their moulds."""
+    assert trial.made is not None
+    try:
+        make_moulds(trial.made, mould_rules(device), report)
+    except FabricationError as error:
+        return str(error)
+    return None
+
+
+def _refused(trial: Trial, problem: str) -> Trial:
+    """What cannot be made after all."""
+    return Trial(trial.found, trial.designed, trial.scored, trial.slanted, problem=problem)
 
 
 def _designed(task: DesignTask, found: Optimised) -> Scored:
@@ -132,6 +173,8 @@ def make_on_trial(
     try:
         device, _ = with_relief(device, task, surface, found.sensors, bay)
         made = fabricate(device, surface, found.sensors, lambda *_: None, None, bay)
+        if device.fabrication.kind == "cast":
+            check_openings(made, mould_rules(device))
     except FabricationError as error:
         return Trial(found, designed, _designed(task, found), slants, problem=str(error))
     built = as_made(task, made.channels)
@@ -145,5 +188,6 @@ def make_on_trial(
         len(made.parts),
         smallest,
         free if device.fabrication.pockets else 0,
-        made.warnings,
+        (*made.warnings, *overstretched(device, made, built.cords)),
+        made=made,
     )

@@ -12,29 +12,15 @@ from ...core.silicone import Silicone, silicone
 from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.export import write_stl
 from ...geometry.moulds.moulds import whole
-from ...geometry.moulds.records import Mould, MouldRules
+from ...geometry.moulds.records import Mould
 from ...geometry.printing.print_bed import laid
 from ..artifacts.manifest import BillItem, Casting, MouldPieceRecord, MouldRecord
+from ..design.as_built import shrinkage
 
 #: What is mixed beyond what the cavities hold: it stays in the cup, in funnels and vents.
 WASTE = 0.1
 FOLDER = "moulds"
 _TOLD = 0.005  # strain
-
-
-def mould_rules(device: Device) -> MouldRules:
-    """What the process and the silicone ask of moulds."""
-    f = device.fabrication
-    return MouldRules(wall=f.mould_wall, line=f.line, shrinkage=shrinkage(device))
-
-
-def shrinkage(device: Device) -> float:
-    """Linear, as given or by the silicone's row; none where neither is known."""
-    given = device.fabrication.shrinkage
-    if given is not None:
-        return given
-    known = silicone(device.material.name)
-    return known.shrinkage if known else 0.0
 
 
 def lying(moulds: Sequence[Mould]) -> dict[str, Surface]:

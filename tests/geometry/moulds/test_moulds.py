@@ -13,7 +13,7 @@ from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.kernels import ray_casting
 from defsense_fab.geometry.kernels.cutting_tools import frame
 from defsense_fab.geometry.moulds.inspection import opens
-from defsense_fab.geometry.moulds.moulds import make_moulds
+from defsense_fab.geometry.moulds.moulds import check_openings, make_moulds
 from defsense_fab.geometry.moulds.openings import depth_in
 from defsense_fab.geometry.moulds.records import MouldRules
 from defsense_fab.geometry.parts.parts import make_parts
@@ -41,7 +41,10 @@ def made(bar):
 
 @pytest.fixture(scope="module")
 def moulds(made):
-    return make_moulds(made, MouldRules(shrinkage=SHRINKAGE))
+    told = []
+    out = make_moulds(made, MouldRules(shrinkage=SHRINKAGE), lambda done, what: told.append(what))
+    assert told == [f"mould of {p.name}" for p in made.parts]
+    return out
 
 
 def mesh_of(surface):
@@ -174,4 +177,4 @@ def test_holes_that_no_mould_leaves_are_refused_with_their_place():
     body = ball_with_holes(across + [([0, 1, 0], (x, 0, -14)) for x in (-8, 8)])
     made = make_parts(body, over_the_middle(), replace(RULES, pockets=None))
     with pytest.raises(FabricationError, match=r"1-bottom cannot be cast: .* near \(.*, -?\d+"):
-        make_moulds(made, MouldRules())
+        check_openings(made, MouldRules())

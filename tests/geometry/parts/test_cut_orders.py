@@ -17,5 +17,9 @@ def test_all_orders_of_few_planes_and_one_of_many(planes):
     assert len(orders) == len(set(orders)) == (math.factorial(planes) if planes <= 4 else 1)
 
 
+def test_of_many_planes_those_of_short_cords_are_tried_first():
+    assert cut_orders(6, [4, 1]) == [(0, 1, 2, 3, 4, 5), (4, 1, 0, 2, 3, 5)]
+
+
 def test_optimiser_and_fabrication_compare_the_same_orders():
     assert thin_parts.cut_orders is division.cut_orders is cut_orders

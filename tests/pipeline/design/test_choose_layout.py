@@ -31,7 +31,8 @@ def weigh(monkeypatch, bar):
     """Chooses among layouts (with one plane more than what follows) whose `made` tells the error as
     built, the number of parts and the warnings, or why they cannot be made."""
 
-    def run(found, made, prefer="simple"):
+    def run(found, made, prefer="simple", kind="print", locks=()):
+        """Of cast ones those whose numbers of parts are in `locks` have no moulds."""
         tried = []
 
         def fabricate(device, surface, sensors, report, solid, bay):
@@ -54,16 +55,26 @@ def weigh(monkeypatch, bar):
             module,
             "as_made",
             lambda task, channels: SimpleNamespace(
-                prediction=SimpleNamespace(unseen=channels[0].built)
+                prediction=SimpleNamespace(unseen=channels[0].built), cords=()
             ),
         )
+
+        def moulds(made, rules, report):
+            if len(made.parts) in locks:
+                raise FabricationError(f"mould of {len(made.parts)} parts locks")
+
         monkeypatch.setattr(module, "with_relief", lambda device, *_: (device, []))
+        monkeypatch.setattr(module, "overstretched", lambda *_: [])
+        monkeypatch.setattr(module, "mould_rules", lambda device: None)
+        monkeypatch.setattr(module, "check_openings", lambda made, rules: None)
+        monkeypatch.setattr(module, "make_moulds", moulds)
         monkeypatch.setattr(
             module,
             "_designed",
             lambda task, one: SimpleNamespace(prediction=SimpleNamespace(unseen=one.rmse)),
         )
-        device = SimpleNamespace(prefer=prefer, fabrication=SimpleNamespace(pockets=True))
+        fabrication = SimpleNamespace(pockets=True, kind=kind)
+        device = SimpleNamespace(prefer=prefer, fabrication=fabrication)
         return (*choose_layout(device, None, found, bar, None, lambda f, m: None), tried)
 
     return run
@@ -101,6 +112,18 @@ def test_what_cannot_be_made_gives_way_to_the_next(straight, weigh):
     chosen, trials, _ = weigh(found, ["in pieces", "too thin", "too long"])
     assert chosen is trials[0]
     assert [t.problem for t in trials] == ["in pieces", "too thin", "too long"]
+
+
+def test_what_cannot_be_cast_gives_way_to_the_next(straight, weigh):
+    found = [layout(straight, 0.50, 3), layout(straight, 0.51, 3), layout(straight, 0.90, 3)]
+    made = [(0.50, 3, 0), (0.51, 4, 0), (0.91, 5, 0)]
+    chosen, trials, _ = weigh(found, made, kind="cast", locks={3})
+    assert (chosen.built, [t.problem for t in trials]) == (0.51, ["mould of 3 parts locks", None])
+    chosen, trials, tried = weigh(found, made, kind="cast", locks={3, 4})
+    assert (chosen.built, len(tried)) == (0.91, 3)  # far worse: tried only for want of others
+    chosen, trials, _ = weigh(found, made, kind="cast", locks={3, 4, 5})
+    assert chosen is trials[0]
+    assert [t.problem for t in trials] == [f"mould of {n} parts locks" for n in (3, 4, 5)]
 
 
 def test_fewer_planes_are_shown_whatever_they_cost(straight, weigh):

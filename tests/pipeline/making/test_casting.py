@@ -11,7 +11,8 @@ from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.silicone import silicone
 from defsense_fab.geometry.moulds.records import Mould
 from defsense_fab.pipeline.build.stages import STAGES
-from defsense_fab.pipeline.making.casting import casting, mould_rules, notes
+from defsense_fab.pipeline.design.as_built import mould_rules
+from defsense_fab.pipeline.making.casting import casting, notes
 from defsense_fab.pipeline.making.plates import on_plates
 from defsense_fab.pipeline.making.print_advice import print_advice
 from tests.conftest import box_surface

@@ -7,6 +7,7 @@ import copy
 import json
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -15,7 +16,6 @@ from benchmarks.follow_guide.hands import Hands
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.pipeline.report.guide.guide_file import plain_steps
 from defsense_fab.pipeline.report.guide.hands.actions import Action, Kind
-from defsense_fab.pipeline.report.guide.hands.cord_facts import overstretched
 from defsense_fab.pipeline.report.guide.hands.order import in_order
 from defsense_fab.pipeline.report.guide.hands.steps import guide_steps
 from defsense_fab.pipeline.report.guide.hands.words import pin_letters
@@ -136,17 +136,20 @@ def test_a_cord_that_cannot_slide_is_told():
                for text in followed(guide_of(some), short))  # fmt: skip
 
 
-def test_cords_that_open_joints_stretch_too_far_are_told_of_the_parts():
-    cords = blocks(3, 3, ends=[["bend", "bend"]] * 3).manifest.cords
-    told = overstretched(cords, 0.1)
-    assert told
-    for text in told:
-        assert "is held at both ends while a joint" in text
-        assert "more than its 10%" in text
-    assert overstretched(cords, 10.0) == []
-    waiting = blocks(3, 3, ends=MOUTHS).manifest.cords
-    assert all(c.sensor not in t for t in overstretched(waiting, 0.1)
-               for c in waiting if any(e.after is not None for e in c.ends))  # fmt: skip
+@pytest.mark.parametrize(("places", "told"), [(5, False), (12, True)])
+def test_a_cord_may_span_an_open_joint_whose_faces_are_slanted(places, told):
+    """Above and below it are parts on either side of that joint then, for a channel's width or two:
+    more of a cord than that must lie in a groove before it is stretched."""
+    some = blocks(3, 3, ends=[["bend", "bend"]] * 3)
+    hands = Hands(some.plain(), some.layout, some.triangles(), 7.0, 0.5)
+    cord = next(c for c in some.manifest.cords if c.drawn)
+    pairs = hands._cords[cord.sensor].line.pairs
+    at = next(k for k, (a, b) in enumerate(pairwise(pairs)) if a != b) + 1
+    mixed = (pairs[at - 1][0], pairs[at][1])
+    pairs[at - places // 2 : at + (places + 1) // 2] = [mixed] * places
+    found = followed(guide_of(some), hands)
+    assert any("is stretched before it is laid" in text for text in found) == told, found
+    assert bool(found) == told
 
 
 def test_no_order_is_told_and_not_made_up():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .....core.device import Device
+from .....geometry.channels import crimping
 from ....artifacts.manifest import CutCord
 from .actions import Action, Expected
 from .cord_facts import BATCH, LAID, anchored_later
@@ -157,16 +158,16 @@ def pull(w: Words, action: Action) -> list[str]:
 
 def reach_of(device: Device, cord: CutCord, end: int) -> float:
     """How far outside of its mouth the mark of an end must be for its ferrule to be crimped, mm."""
-    free = cord.ends[end].lead if cord.ends[end].joint == "free" else 0.0
-    return max(device.cord.ferrule_length / 2 + 5.0, free)
+    return crimping.reach(device.cord.ferrule_length, cord.ends[end].lead)
 
 
 def pulled(device: Device, cord: CutCord, end: int) -> float:
     """By how much of its length a cord is stretched with its mark that far out."""
     record = cord.ends[end]
-    at = record.pocket - device.cord.ferrule_length / 2 if record.joint == "pocket" else 0.0
-    at -= record.lead if record.joint == "free" else 0.0
-    return (cord.between_ferrules + at + reach_of(device, cord, end)) / cord.unstretched - 1
+    return crimping.pulled(
+        cord.between_ferrules, cord.unstretched, record.pocket, device.cord.ferrule_length,
+        record.lead,
+    )  # fmt: skip
 
 
 def seat(w: Words, action: Action) -> list[str]:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from ....artifacts.manifest import CutCord, Manifest
 from .actions import Expected
 
 #: How far pieces of one kind of cord may differ in resistance, and a cord from what it measured
 #: before it was laid, times what laying makes of it.
 BATCH, LAID = 0.1, 0.05
-#: How far a joint is opened at least for work in it, mm.
-LEAST_OPEN = 15.0
 
 
 def anchored_later(cord: CutCord) -> int | None:
@@ -31,22 +27,6 @@ def strained(cord: CutCord) -> tuple[int, ...]:
         return ()
     last = max(s.joint for s in (cord.stretches[0], cord.stretches[-1]))
     return tuple(j for j, _ in cord.drawn if j > last)
-
-
-def overstretched(cords: Sequence[CutCord], most: float) -> list[str]:
-    """What is to be said of cords that a joint stretches beyond `most` of their length while it is
-    open for work."""
-    out = []
-    for cord in cords:
-        pull = cord.between_ferrules - cord.unstretched + LEAST_OPEN
-        strain = pull / cord.unstretched
-        if strained(cord) and strain > most:
-            out.append(
-                f"cord {cord.sensor} is held at both ends while a joint that it passes through is"
-                f" still open: {LEAST_OPEN:.0f} mm stretch it by {strain:.0%}, more than its"
-                f" {most:.0%}; strain_relief = false in [fabrication] lets one of its ends wait"
-            )
-    return out
 
 
 def sliding(cord: CutCord, joint: int, at: int) -> tuple[int, ...]:

@@ -1,0 +1,31 @@
+"""The order in which a body is divided, and in which it is therefore put together."""
+
+import pytest
+
+from defsense_fab.geometry.channels.channel_ends import Pockets
+from defsense_fab.geometry.channels.cord_channels import channels_of
+from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.geometry.parts.division import plan
+from tests.geometry.parts.cords import cord
+
+ALONG = [[2, 0], [50, 0], [100, 0], [148, 0]]
+
+
+@pytest.mark.parametrize("through", [True, False])
+def test_a_short_cord_is_laid_in_one_joint_and_a_long_one_in_two(bar, through):
+    """30 mm across the bar, through the upper one of two planes of 150 mm along it."""
+    cords = [
+        cord("high", [0, 0, 1], [0, 10, 1], [1, 0, 0], ALONG),
+        cord("low", [0, 0, 1], [0, 10, -11], [1, 0, 0], ALONG),
+        cord("short", [1, 0, 0], [75, 0, 0], [0, 1, 0], [[-13, -6], [0, 0], [13, 9]]),
+    ]
+    channels = channels_of(cords, bar, 2.2, 1.0, Pockets(2.75, 7.0))
+    assert channels[2].between < 34 < channels[0].between
+    body = triangle_kernel.to_manifold(bar, "bar")
+
+    def parts_and_joints(across):
+        found = plan(body, channels, 1.1, 1.0, 0.15, False, through, across)
+        return len(found.leaves), [sum(k in c.cords for c in found.cuts) for k in range(3)]
+
+    assert parts_and_joints(0.0) == (5, [1, 1, 2])
+    assert parts_and_joints(34.0) == (5, [2, 1, 1])
