@@ -24,6 +24,7 @@ from ..channels.cord_channels import Channel
 from ..channels.wire_channels import SLOPE, Hollow
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, frame
+from ..kernels.signed_distance import distances_of
 from .alignment_pins import Pin, gap, rings
 from .check import Check
 from .division import Cut
@@ -104,11 +105,10 @@ def _common(claimed: Any, a: Part, b: Part) -> float:
 
 def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
     """Walls between channels and the skin, and between channels."""
-    tree = igl.AABB()
-    tree.init(body.vertices, body.faces)
+    distances = distances_of(body)
     radius, out = rules.channel / 2, []
     for i, channel in enumerate(channels):
-        depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, channel.inside)[0])
+        depth = distances.unsigned(channel.inside)
         along = np.linspace(0, channel.length, len(channel.inside))
         to_mouth = np.minimum(along, along[-1] - along)
         needed = np.minimum(radius + rules.wall, INLET_SLOPE * to_mouth)
@@ -153,7 +153,7 @@ def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list
     if not rules.pockets or not rules.pockets.wires:
         return []
     wires = rules.pockets.wires
-    skin = without_bay(body, wires.bay) if wires.bay else body
+    distances = distances_of(without_bay(body, wires.bay) if wires.bay else body)
     radius, least = wires.diameter / 2, rules.inner_wall
     thinnest: dict[str, Check] = {}
     for channel, end, line, twin in (
@@ -165,8 +165,8 @@ def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list
             continue
         points = in_solid(end.lead.whole, wires.bay)
         near = np.linalg.norm(points - end.lead.exit, axis=1) <= (radius + least) / SLOPE
-        square = igl.point_mesh_squared_distance(points, skin.vertices, skin.faces)[0]
-        to_skin = np.where(near & (not end.lead.to_bay), np.inf, np.sqrt(np.asarray(square)))
+        away = distances.unsigned(points)
+        to_skin = np.where(near & (not end.lead.to_bay), np.inf, away)
         found = [("the skin", to_skin)]
         hollows = beside(line, twin, end.pocket, rules.channel, rules.pockets)
         found += [("its cord", _away(points, h, wires.bay)) for h in hollows]
@@ -201,8 +201,7 @@ def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
     """Walls from sockets to grooves and to the skin, sampled on the sockets' surface."""
     if not made.pins:
         return []
-    tree = igl.AABB()
-    tree.init(body.vertices, body.faces)
+    distances = distances_of(body)
     skin, groove = np.inf, np.inf
     where = ["", "", ""]
     hollows = [
@@ -216,7 +215,7 @@ def _sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
         between = float(gap(hull, made.pins[:k]).min())
         if between < apart:
             apart, where[2] = between, xyz(pin.center)
-        depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, hull)[0])
+        depth = distances.unsigned(hull)
         if depth.min() < skin:
             skin, where[0] = float(depth.min()), xyz(pin.center)
         for name, line, radius in hollows:
