@@ -55,6 +55,11 @@ class SignedDistance:
         q = np.ascontiguousarray(points)
         return np.asarray(np.sqrt(self._tree.squared_distance(self._v, self._f, q)[0]))
 
+    def nearest(self, points: Float) -> Float:
+        """The points (q, 3) mm of the facets that are nearest to points (q, 3)."""
+        q = np.ascontiguousarray(points)
+        return np.array(self._tree.squared_distance(self._v, self._f, q)[2])
+
     def inside(self, points: Float) -> Bool:
         """Which points (q, 3) lie inside, by the winding number."""
         q = np.ascontiguousarray(points)
