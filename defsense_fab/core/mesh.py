@@ -21,6 +21,13 @@ def _check(vertices: Float, cells: Int, width: int, what: str) -> None:
         raise ValueError(f"{what}: a cell names a vertex that does not exist")
 
 
+def facet_crosses(vertices: Float, faces: Int) -> Float:
+    """Of each triangle (m, 3) the cross product (m, 3) of two edges: along its normal by the right
+    hand, as long as twice its area."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return np.asarray(np.cross(b - a, c - a))
+
+
 @dataclass(frozen=True)
 class Surface:
     """Closed triangle surface: `vertices` (n, 3) mm, `faces` (m, 3), outward by the right hand."""
@@ -34,8 +41,7 @@ class Surface:
     def scatter(self, count: int, rng: np.random.Generator) -> Float:
         """Random points (count, 3) mm spread evenly over the area."""
         corners = self.vertices[self.faces]
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        area = np.linalg.norm(cross, axis=1)
+        area = np.linalg.norm(facet_crosses(self.vertices, self.faces), axis=1)
         face = rng.choice(len(area), count, p=area / area.sum())
         a, b = np.sqrt(rng.random(count)), rng.random(count)
         weights = np.stack([1 - a, a * (1 - b), a * b], axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.curve import Plane
-from ...core.mesh import Surface
+from ...core.mesh import Surface, facet_crosses
 
 _LEAN = np.cos(np.radians(35))
 _OVERHANG = 0.3  # mm, of a piece over the rim of a flat
@@ -53,7 +53,8 @@ class Wanted:
 def tag_places(body: Surface, wanted: Wanted) -> list[Place]:
     """Farthest-point samples (Gonzalez 1985) of the places where the skin is flat enough for a
     piece, first of those on the anchor, then of all. Fewer than wanted where there is no room."""
-    area = float(np.linalg.norm(_crosses(body), axis=1).sum() / 2)
+    crosses = facet_crosses(body.vertices, body.faces)
+    area = float(np.linalg.norm(crosses, axis=1).sum() / 2)
     rng = np.random.default_rng(1)
     count = int(np.clip(_DENSITY * area / wanted.outer**2, *_POOL))
     points = body.scatter(count, rng)
@@ -93,14 +94,9 @@ def spread_out(points: Float, least: float) -> bool:
     return bool(off.max() >= least)
 
 
-def _crosses(body: Surface) -> Float:
-    a, b, c = (body.vertices[body.faces[:, i]] for i in range(3))
-    return np.asarray(np.cross(b - a, c - a))
-
-
 def _flat(body: Surface, points: Float, wanted: Wanted) -> tuple[Float, Float]:
     """Of places (n, 3) those where a piece lies on the skin: middles (k, 3) and axes (k, 3, 3)."""
-    cross = _crosses(body)
+    cross = facet_crosses(body.vertices, body.faces)
     normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-30)
     off = float(np.clip(0.08 * wanted.size, 0.4, 0.9))  # mm, of the skin from the tag
     _, face, _ = igl.point_mesh_squared_distance(points, body.vertices, body.faces)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-import igl
 import numpy as np
 
 from ...core.arrays import Float, xyz
@@ -15,6 +14,7 @@ from ...core.mesh import Surface
 from ...core.path_sampling import arc_lengths
 from ..bodies.connector_bay import inside
 from ..kernels.cutting_tools import Frustum, Tool, cylinder
+from ..kernels.signed_distance import distances_of
 from .wire_channels import NO_TURN, Hollow, Lead, Pit, Router, Wires
 
 #: The pocket's axis and the path within it differ by no more than this, rad.
@@ -88,8 +88,6 @@ class Ends:
     ) -> None:
         self._planes, self._channel, self._wall, self._body = planes, channel, wall, body
         self._pockets = pockets
-        self._tree = igl.AABB()
-        self._tree.init(body.vertices, body.faces)
         self._lines = [line for path in paths for line in (path, path[::-1])]
         outs = [(x[0] - x[1]) / np.linalg.norm(x[0] - x[1]) for x in self._lines]
         self.ends = [End(x[0], out, 0.0, "") for x, out in zip(self._lines, outs, strict=True)]
@@ -198,8 +196,7 @@ class Ends:
             return f"the cord bends within {length:.3g} mm of its end"
         axis = line[0] - np.linspace(0, length, count)[:, None] * end.out
         radius = pockets.diameter / 2
-        square = self._tree.squared_distance(self._body.vertices, self._body.faces, axis)[0]
-        depth = np.sqrt(square)
+        depth = distances_of(self._body).unsigned(axis)
         needed = np.minimum(radius + self._wall, INLET_SLOPE * np.linspace(0, length, count))
         if (depth < needed).any():
             at = axis[int((depth - needed).argmin())]

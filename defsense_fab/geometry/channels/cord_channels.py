@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import igl
 import numpy as np
 
 from ...core.arrays import Float, xyz
@@ -17,6 +16,7 @@ from ...core.mesh import Surface
 from ...core.path_sampling import arc_lengths, per_span_for_sag, resample, sample_path
 from ..kernels import ray_casting, triangle_kernel
 from ..kernels.cutting_tools import Tool, cylinder
+from ..kernels.signed_distance import distances_of
 from .channel_ends import End, Ends, Pockets, end_tools
 from .wire_channels import Hollow, Lead
 
@@ -155,7 +155,7 @@ def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
 def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> None:
     if (np.linalg.norm(sensor.curve.tangents[[0, -1]], axis=1) < 1e-9).any():
         raise FabricationError(f"cord {sensor.name!r}: a tangent at its ends is zero; give it one")
-    inside = np.asarray(igl.fast_winding_number(body.vertices, body.faces, path)) > 0.5
+    inside = distances_of(body).inside(path)
     if not inside[1:-1].all():
         outside = path[1:-1][~inside[1:-1]]
         where = "misses the body" if not inside.any() else "leaves the body"

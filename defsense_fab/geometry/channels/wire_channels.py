@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -23,6 +22,7 @@ from ...core.path_sampling import arc_lengths
 from ..bodies.connector_bay import in_solid, inside, without_bay
 from ..kernels import ray_casting, triangle_kernel
 from ..kernels.cutting_tools import Prism
+from ..kernels.signed_distance import distances_of
 from .planar_routing import HEADINGS, Grid, Way, search
 
 _SPACING = 0.25  # mm, between points of a lead
@@ -138,9 +138,7 @@ class Router:
     def __init__(self, body: Surface, wires: Wires, wall: float) -> None:
         self.wires, self._wall, self._body = wires, wall, body
         self._skin = without_bay(body, wires.bay) if wires.bay else body
-        self._solid = triangle_kernel.to_manifold(body, "the body")
-        self._tree = igl.AABB()
-        self._tree.init(self._skin.vertices, self._skin.faces)
+        self._depth = distances_of(self._skin).unsigned
         self._grids: dict[int, tuple[Float, float, Float, Any]] = {}
 
     def to_bay(
@@ -226,7 +224,8 @@ class Router:
         turns the rest of the row over."""
         into = np.column_stack([plane.axes.T, -plane.axes.T @ plane.origin])
         turned = np.zeros(shape, int)
-        for outline in self._solid.transform(into).slice(0.0).to_polygons():
+        body = triangle_kernel.to_manifold(self._body, "the body")
+        for outline in body.transform(into).slice(0.0).to_polygons():
             a = (np.asarray(outline, float) - low) / cell
             for (x0, y0), (x1, y1) in zip(a, np.roll(a, -1, axis=0), strict=True):
                 rows = np.arange(np.ceil(min(y0, y1)), np.ceil(max(y0, y1)))
@@ -260,12 +259,6 @@ class Router:
             for k in np.setdiff1d(np.flatnonzero(reached >= 0), blocked):
                 out[(int(cells[k, 0]), int(cells[k, 1]))] = heights[reached[k]] * normal
         return out
-
-    def _depth(self, points: Float) -> Float:
-        square = self._tree.squared_distance(
-            self._skin.vertices, self._skin.faces, np.ascontiguousarray(points)
-        )[0]
-        return np.asarray(np.sqrt(square))
 
     def _bends(self, plane: Plane, pit: Pit, straight: bool = True) -> Iterator[Way]:
         """First bends to either side, and straight on from there until the pit is a wall away."""

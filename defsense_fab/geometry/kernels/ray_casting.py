@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import weakref
-from collections import deque
-
 import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.mesh import Surface
+from .made_once import MadeOnce
 
 
 def hits(origin: Float, direction: Float, surface: Surface) -> Float:
@@ -51,17 +49,8 @@ class _Balls:
         return np.flatnonzero(squared - along**2 <= self._reach + margin)
 
 
-#: Of the surfaces asked about last, by their identity; rays come by the thousand.
-_KNOWN: deque[tuple[weakref.ref[Surface], _Balls]] = deque(maxlen=4)
-
-
-def _balls_of(surface: Surface) -> _Balls:
-    for known, balls in tuple(_KNOWN):
-        if known() is surface:
-            return balls
-    balls = _Balls(surface)
-    _KNOWN.append((weakref.ref(surface), balls))
-    return balls
+#: Rays come by the thousand.
+_balls_of = MadeOnce(_Balls)
 
 
 def way_out(start: Float, out: Float, body: Surface, most: float) -> tuple[float, float]:

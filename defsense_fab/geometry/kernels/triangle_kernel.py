@@ -12,6 +12,7 @@ from ...core.arrays import Float
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from .cutting_tools import Frustum, Tool, frame
+from .made_once import MadeOnce
 
 #: Facets around a round tool: its radius is that of the circle of the same area.
 SIDES = 48
@@ -21,13 +22,22 @@ GAP = 5e-5
 _FLAT = 1e-6  # mm
 
 
+def _manifold(surface: Surface) -> Any:
+    return m3.Manifold(
+        m3.Mesh64(
+            np.ascontiguousarray(surface.vertices, np.float64),
+            np.ascontiguousarray(surface.faces, np.uint64),
+        )
+    )
+
+
+#: Many layouts are cut out of one body, and finished parts are looked at again and again.
+_manifold_of = MadeOnce(_manifold)
+
+
 def to_manifold(surface: Surface, what: str) -> Any:
     """A manifold3d solid. Raises FabricationError where the surface is not closed and outward."""
-    mesh = m3.Mesh64(
-        np.ascontiguousarray(surface.vertices, np.float64),
-        np.ascontiguousarray(surface.faces, np.uint64),
-    )
-    solid = m3.Manifold(mesh)
+    solid = _manifold_of(surface)
     if solid.status() != m3.Error.NoError:
         raise FabricationError(f"{what}: not a closed manifold ({solid.status().name})")
     if solid.volume() <= 0:
@@ -54,15 +64,17 @@ def printable(solid: Any, what: str, mating: Sequence[tuple[Float, float]] = ())
     rng = np.random.default_rng(0)
     vertices = exact.astype(np.float32)
     for _ in range(50):
-        _, first = np.unique(vertices, axis=0, return_index=True)
-        again = np.setdiff1d(np.arange(len(vertices)), first)
+        order = np.lexsort(vertices.T[::-1])
+        alike = (vertices[order[1:]] == vertices[order[:-1]]).all(axis=1)
+        again = np.sort(order[1:][alike])
         if not len(again):
             break
         moved = exact[again] + rng.uniform(-step, step, (len(again), 3))
         vertices[again] = moved.astype(np.float32)
     surface = Surface(vertices.astype(float), faces)
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    if (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    edges = ends.min(axis=1) * len(vertices) + ends.max(axis=1)
+    if (np.unique(edges, return_counts=True)[1] != 2).any():
         raise FabricationError(f"{what}: an edge of its facets does not have two of them")
     if len(to_manifold(surface, what).decompose()) != 1:
         raise FabricationError(f"{what}: is not in one piece")

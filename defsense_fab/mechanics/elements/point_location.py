@@ -143,7 +143,8 @@ def _fill(a, b, count):  # type: ignore[no-untyped-def]
 @compiled()
 def _find(points, grid, first, last, cells, bary):  # type: ignore[no-untyped-def]
     for p in range(first, last):
-        cells[p] = find_point(points[p], grid, cells[p - 1] if p > first else 0, bary[p])
+        hint = cells[p - 1] if p > first else np.int64(0)
+        cells[p] = find_point(points[p], grid, hint, bary[p])
 
 
 @compiled()
@@ -172,7 +173,7 @@ def walk(points, grid, across, cells, bary):  # type: ignore[no-untyped-def]
     """Like `find_point` for points (p, 3) of a path: from face to face to the tet (p,) of the next
     one. Fills `cells` (p,) and the weights `bary` (p, 4)."""
     origin, gradient = grid[5], grid[6]
-    at = 0
+    at = np.int64(0)  # 0 has a type of its own, for which callees would be compiled once more
     for p in range(len(points)):
         e, inside = at, False
         for _ in range(8):

@@ -20,7 +20,7 @@ from ...core.mesh import Surface
 from ...core.path_sampling import arc_lengths, per_span_for_spacing, sample_path
 from ...geometry.channels.channel_ends import INLET_SLOPE
 from ...geometry.kernels import ray_casting
-from ...geometry.kernels.signed_distance import SignedDistance
+from ...geometry.kernels.signed_distance import SignedDistance, distances_of
 from ..problem.problem import Limits
 from .constraints import LONGEST_INLET
 
@@ -60,7 +60,7 @@ def verify(
 ) -> LayoutCheck:
     """Check every cord and every pair on samples about 0.25 mm apart; `depth` below the surface,
     where it is known already."""
-    depth = depth or SignedDistance(surface)
+    depth = depth or distances_of(surface)
     paths = [sample_path(s, per_span_for_spacing(s.curve, _SPACING)) for s in sensors]
     cords = tuple(_cord(s, p, surface, limits, depth) for s, p in zip(sensors, paths, strict=True))
     dense = [_with_runs(p, c.inlets) for p, c in zip(paths, cords, strict=True)]

@@ -257,11 +257,11 @@ def _signals(paths, grid, across, cells, nodal, answer, out):  # type: ignore[no
     cell, bary = np.empty(count, np.int64), np.empty((count, 4))
     moved, steps = np.empty((count, 3 * states)), np.empty((count, states))
     lengths, shares, unused = np.empty(states), np.empty(count), np.empty((2, 0, states))
-    found = np.empty((3, states))
+    found, first = np.empty((3, states)), np.int64(0)  # not 0: as in `point_location.walk`
     for c in range(len(paths)):
         walk(paths[c], grid, across, cell, bary)
         _move(cell, bary, cells, nodal, moved)
-        _signal(paths[c], moved, 0, count, answer, steps, shares, lengths, found, unused)
+        _signal(paths[c], moved, first, count, answer, steps, shares, lengths, found, unused)
         out[c] = found[0]
 
 

@@ -96,7 +96,14 @@ class DepthGrid:
         """How far (c,) mm the rays from points (c, 3) inside along unit directions (c, 3) run
         before they leave the body; inf where that is more than `longest` mm."""
         return np.asarray(
-            _exits(self._depth, self._low, self._step, points, directions, float(longest))
+            _exits(
+                self._depth,
+                self._low,
+                self._step,
+                np.ascontiguousarray(points),
+                np.ascontiguousarray(directions),
+                float(longest),
+            )
         )
 
 

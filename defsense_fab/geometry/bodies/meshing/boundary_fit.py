@@ -8,13 +8,13 @@ as little as they can (least squares over the area) brings that back.
 
 from __future__ import annotations
 
-import igl
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array, eye_array
 from scipy.sparse.linalg import spsolve
 
 from ....core.arrays import Float
-from ....core.mesh import Surface, TetMesh
+from ....core.mesh import Surface, TetMesh, facet_crosses
+from ...kernels.signed_distance import distances_of
 
 #: Barycentric coordinates at which a facet is compared with the surface: a quadrature that is exact
 #: for what the surface rises above it, to second order.
@@ -46,9 +46,7 @@ def facet_gaps(mesh: TetMesh, surface: Surface) -> tuple[Float, Float]:
 def _gaps(corners: Float, surface: Surface) -> Float:
     """From samples of facets (f, 3, 3) outwards to the surface, (f, samples) mm."""
     points = np.einsum("kw,fwi->fki", _SAMPLES, corners)
-    _, _, nearest = igl.point_mesh_squared_distance(
-        points.reshape(-1, 3), surface.vertices, np.ascontiguousarray(surface.faces)
-    )
+    nearest = distances_of(surface).nearest(points.reshape(-1, 3))
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return np.asarray(np.einsum("fki,fi->fk", nearest.reshape(points.shape) - points, normals))
@@ -57,7 +55,7 @@ def _gaps(corners: Float, surface: Surface) -> Float:
 def _moved(mesh: TetMesh, surface: Surface) -> TetMesh:
     faces, nodes = mesh.boundary().faces, mesh.nodes
     corners = nodes[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    cross = facet_crosses(nodes, faces)
     area = np.linalg.norm(cross, axis=1) / 2
     normals = np.zeros_like(nodes)
     for k in range(3):

@@ -10,6 +10,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, TetMesh
+from ...kernels.signed_distance import distances_of
 
 #: What is accepted: relative change of volume, smallest dihedral angle (degrees), and the distance
 #: of the boundary from the surface, in edges of the tets.
@@ -46,9 +47,7 @@ def quality(mesh: TetMesh, surface: Surface) -> MeshQuality:
     """How well the mesh is shaped and how well it follows `surface`."""
     boundary = mesh.boundary()
     used = np.unique(boundary.faces)
-    forth = igl.point_mesh_squared_distance(
-        mesh.nodes[used], surface.vertices, np.ascontiguousarray(surface.faces)
-    )[0]
+    forth = distances_of(surface).unsigned(mesh.nodes[used])
     back = igl.point_mesh_squared_distance(
         surface.vertices, mesh.nodes, np.ascontiguousarray(boundary.faces)
     )[0]
@@ -56,7 +55,7 @@ def quality(mesh: TetMesh, surface: Surface) -> MeshQuality:
         tets=len(mesh.tets),
         nodes=len(mesh.nodes),
         min_dihedral=float(np.rad2deg(dihedrals(mesh).min())),
-        boundary_deviation=float(np.sqrt(max(forth.max(), back.max()))),
+        boundary_deviation=float(max(forth.max(), np.sqrt(back.max()))),
         volume_change=float(mesh.volumes.sum() / surface.volume - 1),
     )
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float, Int
+from ....core.mesh import facet_crosses
 from ..child_process import end_with_parent
 
 IN, OUT = "surface.npz", "mesh.npz"
@@ -80,7 +81,7 @@ def _filled(vertices: Float, faces: Int, largest: float) -> Any:
 def _write_stl(vertices: Float, faces: Int) -> None:
     """As text: the binary format has single precision."""
     corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = facet_crosses(vertices, faces)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.where(lengths > 0, lengths, 1.0)
     facet = (

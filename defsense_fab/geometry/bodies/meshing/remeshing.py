@@ -14,7 +14,8 @@ from scipy.sparse import csr_matrix
 
 from ....core.arrays import Float, Int
 from ....core.errors import MeshingError
-from ....core.mesh import Surface
+from ....core.mesh import Surface, facet_crosses
+from ...kernels.signed_distance import distances_of
 from .simplification import pairs
 
 #: Edges in six dimensions, and the length that normals are multiplied with, in edges of the tets.
@@ -42,7 +43,7 @@ def remeshed(surface: Surface, edge_length: float) -> Surface:
         )
         faces = np.ascontiguousarray(faces, np.int64)
         vertices = np.ascontiguousarray(made[:, :3])
-    vertices = _nearest(vertices, surface)
+    vertices = distances_of(surface).nearest(vertices)
     for _ in range(_ROUNDS):
         faces = _flipped(vertices, faces)
         vertices = _moved(vertices, faces, surface)
@@ -59,10 +60,6 @@ def _area(x: Float, faces: Int) -> float:
     return float(np.sqrt(np.maximum(squared, 0)).sum() / 2)
 
 
-def _cross(x: Float, faces: Int) -> Float:
-    return np.asarray(np.cross(x[faces[:, 1]] - x[faces[:, 0]], x[faces[:, 2]] - x[faces[:, 0]]))
-
-
 def _unit(x: Float) -> Float:
     length = np.linalg.norm(x, axis=1, keepdims=True)
     return np.asarray(x / np.where(length > 0, length, 1.0))
@@ -77,7 +74,7 @@ def _at_vertices(values: Float, faces: Int, count: int) -> Float:
 
 def _normals(vertices: Float, faces: Int, edge_length: float) -> Float:
     """At the vertices, smoothed so that what is finer than the tets does not count."""
-    normals = _unit(_at_vertices(_cross(vertices, faces), faces, len(vertices)))
+    normals = _unit(_at_vertices(facet_crosses(vertices, faces), faces, len(vertices)))
     a, b = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0).T
     edges = np.linalg.norm(vertices[a] - vertices[b], axis=1).mean()
     own = np.arange(len(vertices))
@@ -123,13 +120,6 @@ def _split(vertices: Float, faces: Int, longest: float) -> tuple[Float, Int]:
     return vertices, faces
 
 
-def _nearest(points: Float, surface: Surface) -> Float:
-    found = igl.point_mesh_squared_distance(
-        np.ascontiguousarray(points), surface.vertices, np.ascontiguousarray(surface.faces)
-    )
-    return np.array(found[2])
-
-
 def _flipped(vertices: Float, faces: Int) -> Int:
     """With edges flipped where the two angles across exceed a half turn (Delaunay)."""
     a, b, left, right = pairs(faces)
@@ -141,9 +131,9 @@ def _flipped(vertices: Float, faces: Int) -> Int:
         return np.asarray(np.arccos(np.clip((u * v).sum(1), -1, 1)))
 
     excess = angle(c) + angle(d) - np.pi
-    n = _unit(_cross(vertices, faces))
+    n = _unit(facet_crosses(vertices, faces))
     first, second = np.column_stack([a, d, c]), np.column_stack([d, b, c])
-    p, q = (_unit(_cross(vertices, f)) for f in (first, second))
+    p, q = (_unit(facet_crosses(vertices, f)) for f in (first, second))
     old = n[left] + n[right]
     fine = (n[left] * n[right]).sum(1) > _FOLD
     fine &= ((p * q).sum(1) > _TURN) & ((p * _unit(old)).sum(1) > _TURN)
@@ -165,7 +155,7 @@ def _flipped(vertices: Float, faces: Int) -> Int:
 
 def _moved(vertices: Float, faces: Int, surface: Surface) -> Float:
     """With vertices moved along the surface towards the middle of the triangles at them."""
-    cross = _cross(vertices, faces)
+    cross = facet_crosses(vertices, faces)
     size = np.linalg.norm(cross, axis=1, keepdims=True)
     count = len(vertices)
     total = _at_vertices(np.repeat(size, 3, axis=1), faces, count)
@@ -177,10 +167,10 @@ def _moved(vertices: Float, faces: Int, surface: Surface) -> Float:
     a, b, left, right = pairs(faces)
     sharp = (unit[left] * unit[right]).sum(1) < _FOLD
     step[np.concatenate([a[sharp], b[sharp]])] = 0.0
-    target = _nearest(vertices + step, surface)
+    target = distances_of(surface).nearest(vertices + step)
     target[(step == 0).all(1)] = vertices[(step == 0).all(1)]
     for _ in range(8):
-        turned = (_unit(_cross(target, faces)) * unit).sum(1) < _TURN
+        turned = (_unit(facet_crosses(target, faces)) * unit).sum(1) < _TURN
         if not turned.any():
             return target
         back = np.unique(faces[turned])

@@ -13,7 +13,7 @@ import igl
 import numpy as np
 
 from ....core.arrays import Float, Int
-from ....core.mesh import Surface
+from ....core.mesh import Surface, facet_crosses
 
 #: Surfaces with fewer triangles than this are never simplified.
 FEW = 20_000
@@ -41,7 +41,8 @@ class Simplified:
 
 def area(surface: Surface) -> float:
     """mm^2."""
-    return float(np.linalg.norm(_cross(surface), axis=1).sum() / 2)
+    crosses = facet_crosses(surface.vertices, surface.faces)
+    return float(np.linalg.norm(crosses, axis=1).sum() / 2)
 
 
 def is_fine(surface: Surface, edge_length: float) -> bool:
@@ -102,7 +103,7 @@ def _distances(a: Surface, b: Surface) -> Float:
 def is_creased(surface: Surface) -> bool:
     """Whether the body has sharp edges, which triangles laid afresh would cut off: folds that go on
     straight, and are longer, together, than the body. Those of noise and bumps do not."""
-    cross = _cross(surface)
+    cross = facet_crosses(surface.vertices, surface.faces)
     length = np.linalg.norm(cross, axis=1)
     normals = cross / np.where(length > 0, length, 1.0)[:, None]
     a, b, left, right = pairs(surface.faces)
@@ -132,8 +133,3 @@ def pairs(faces: Int) -> tuple[Int, Int, Int, Int]:
     same = key[order][1:] == key[order][:-1]
     first, second = order[:-1][same], order[1:][same]
     return ends[first, 0], ends[first, 1], first // 3, second // 3
-
-
-def _cross(surface: Surface) -> Float:
-    a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
-    return np.asarray(np.cross(b - a, c - a))

@@ -20,7 +20,7 @@ def voxel_surface(surface: Surface, edge_length: float) -> Surface:
     """The largest closed piece of the surface at distance 0 on a grid, by marching cubes. Raises
     MeshingError where there is none."""
     low, high = surface.bounds
-    step = max(_STEP * edge_length, float(np.cbrt(np.prod(high - low) / _MOST)))
+    step = _step(surface, edge_length)
     axes = [np.arange(a - 2 * step, b + 3 * step, step) for a, b in zip(low, high, strict=True)]
     z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
@@ -40,3 +40,13 @@ def voxel_surface(surface: Surface, edge_length: float) -> Surface:
     faces = faces[piece == np.bincount(piece).argmax()]
     made = Surface(np.asarray(vertices, float), faces).compact()[0]
     return made if made.volume > 0 else Surface(made.vertices, made.faces[:, ::-1].copy())
+
+
+def grid_points(surface: Surface, edge_length: float) -> float:
+    """About how many points that grid has."""
+    return float(np.prod(np.ptp(surface.bounds, axis=0) / _step(surface, edge_length) + 4))
+
+
+def _step(surface: Surface, edge_length: float) -> float:
+    whole = float(np.prod(np.ptp(surface.bounds, axis=0)))
+    return max(_STEP * edge_length, float(np.cbrt(whole / _MOST)))

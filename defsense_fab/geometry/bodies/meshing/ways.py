@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -18,9 +17,8 @@ from ....core.mesh import Surface, TetMesh
 from . import ftetwild, netgen
 from .boundary_fit import facet_gaps, fit_boundary
 from .mesher_runs import Watch, run
-from .remeshing import remeshed
-from .simplification import FEW, Simplified, deviation, is_creased, is_fine, simplified
-from .voxel_surface import voxel_surface
+from .simplification import FEW, Simplified, deviation, is_creased, is_fine
+from .surface_runs import remeshed_in_time, simplified_in_time, voxel_surface_in_time
 
 NETGEN, FTETWILD = "netgen", "ftetwild"
 #: Netgen's largest edge for edges of 1 on average; its smallest where the surface is curved.
@@ -72,12 +70,14 @@ def ways(surface: Surface, edge_length: float) -> list[Way]:
     count = min(triangles, FEW) if fine_surface else triangles
     own = Way(
         f"Netgen on {which}", NETGEN, 0.1, 2 + tets / 1000 + count / 4000,
-        lambda w: (_on_surface(fewer.surface, surface, edge_length, w), fewer.told),
+        lambda w: (_on_surface(fewer.surface(w), surface, edge_length, w), fewer.told),
     )  # fmt: skip
     afresh = [_afresh(surface, edge_length, k, tets) for k in _FINER]
     grid = Way(
         "Netgen on the surface of a grid of distances", NETGEN, 0.1, 5 + tets / 1000,
-        lambda w: _filled(voxel_surface(surface, edge_length), surface, edge_length, 1.0, _GRID, w),
+        lambda w: _filled(
+            voxel_surface_in_time(surface, edge_length, w), surface, edge_length, 1.0, _GRID, w
+        ),
     )  # fmt: skip
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
     usual = 10 + count / 150
@@ -121,7 +121,7 @@ def _filled(
     given: Surface, surface: Surface, edge_length: float, factor: float, most: float, watch: Watch
 ) -> Outcome:
     """Triangles laid over the surface `given`, filled with tets, and fitted to the body's."""
-    laid = remeshed(given, factor * edge_length)
+    laid = remeshed_in_time(given, factor * edge_length, watch)
     off, tolerance = deviation(laid, surface), most * edge_length
     if off > tolerance:
         raise MeshingError(
@@ -135,7 +135,7 @@ def _filled(
 
 def _by_ftetwild(fewer: _Simpler, edge_length: float, epsilon: float) -> Callable[[Watch], Outcome]:
     task = {"edge_length": edge_length, "epsilon": epsilon}
-    return lambda w: (run(ftetwild, fewer.surface, task, w), fewer.told)
+    return lambda w: (run(ftetwild, fewer.surface(w), task, w), fewer.told)
 
 
 class _Simpler:
@@ -143,20 +143,20 @@ class _Simpler:
 
     def __init__(self, surface: Surface, edge_length: float) -> None:
         self._given, self._edge_length = surface, edge_length
+        self._made: Simplified | None = None
 
-    @cached_property
-    def _made(self) -> Simplified:
-        return simplified(self._given, self._edge_length)
-
-    @property
-    def surface(self) -> Surface:
-        """The body's own where it is simple enough."""
+    def surface(self, watch: Watch) -> Surface:
+        """The body's own where it is simple enough. Raises MeshingError where simplifying it does
+        not end in time; it is the body's own from then on."""
+        if self._made is None:
+            self._made = Simplified(self._given)
+            self._made = simplified_in_time(self._given, self._edge_length, watch)
         return self._made.surface
 
     @property
     def told(self) -> MeshedSurface | None:
-        made = self._made
-        if made.surface is self._given:
+        """What is to be said of it, once it was asked for."""
+        if self._made is None or self._made.surface is self._given:
             return None
-        few, many = len(made.surface.faces), len(self._given.faces)
-        return MeshedSurface(few, many, made.tolerance, made.deviation)
+        few, many = len(self._made.surface.faces), len(self._given.faces)
+        return MeshedSurface(few, many, self._made.tolerance, self._made.deviation)

@@ -7,6 +7,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from ....core.arrays import Bool, Float, Int
+from ....core.mesh import facet_crosses
 from .words import number, place
 
 _PASSES = 30
@@ -91,9 +92,7 @@ def _without_surplus(vertices: Float, faces: Int) -> tuple[Int, list[str]]:
 
 
 def _areas(vertices: Float, faces: Int) -> Float:
-    corners = vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.asarray(np.linalg.norm(cross, axis=1) / 2)
+    return np.asarray(np.linalg.norm(facet_crosses(vertices, faces), axis=1) / 2)
 
 
 def _surplus(vertices: Float, faces: Int) -> Bool:

@@ -6,6 +6,7 @@ import igl
 import numpy as np
 
 from ....core.arrays import Bool, Float, Int
+from ....core.mesh import facet_crosses
 from .inside import Inside, beside
 
 _MOST = 40_000  # points that are measured, each way
@@ -39,7 +40,7 @@ def _points(mesh: tuple[Float, Int], chosen: Bool) -> tuple[Float, Float, Float]
     corners, the middles of its edges and its centre; beside each a point that is not on an edge;
     and the triangles' normals there."""
     corners = mesh[0][mesh[1][chosen]]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    cross = facet_crosses(mesh[0], mesh[1][chosen])
     area = np.linalg.norm(cross, axis=1)
     corners, cross, area = corners[area > 0], cross[area > 0], area[area > 0]
     if not len(corners):

@@ -10,6 +10,7 @@ import numpy as np
 
 from ....core.arrays import Bool, Float, Int
 from ....core.errors import BodyError
+from ....core.mesh import Surface, facet_crosses
 from .crossings import crossing_pairs
 from .inside import wrong_faces
 from .moved import moved
@@ -53,7 +54,7 @@ def one_solid(
     mesh = _united(sound, where)
     shells = shells_of(*mesh, size)
     if len(kept) > len(shells):
-        overlap = sum(_volume(m) for m in sound) - _volume(mesh)
+        overlap = sum(Surface(*m).volume for m in sound) - Surface(*mesh).volume
         done.append(
             f"united {len(kept)} shells that overlapped by {max(overlap, 0.0):.3g} mm3 or touched,"
             f" one around {place(kept[-1].middle)}"
@@ -63,8 +64,8 @@ def one_solid(
         shells, more = without_cavities(shells, nested(mesh[0], shells, nobody), where, fill)
         done += more
     pieces, told = one_piece(shells, where)
-    mesh = _compact(mesh[0], pieces[0].faces)
-    mesh, more = _without_slivers(mesh, size)
+    kept_one = Surface(mesh[0], pieces[0].faces).compact()[0]
+    mesh, more = _without_slivers((kept_one.vertices, kept_one.faces), size)
     if len(kept) > 1:
         _check(mesh, size, where)
     return *mesh, done + told + more
@@ -99,9 +100,10 @@ def _uncrossed(mesh: _Mesh, size: float, where: str) -> tuple[_Mesh, list[str]]:
         return mesh, []
     at = mesh[0][mesh[1][bad]].mean(1)[0]
     crossed = f"the surface passes through itself, in {bad.sum()} triangles such as at {place(at)}"
-    if _area(mesh, bad) > _MOST_BAD * _area(mesh, np.ones_like(bad)):
+    area = np.linalg.norm(facet_crosses(*mesh), axis=1)
+    if area[bad].sum() > _MOST_BAD * area.sum():
         raise BodyError(f"{where}: {crossed}: it bounds no solid; make the mesh anew")
-    before = _volume(mesh)
+    before = Surface(*mesh).volume
     for wider in (1.0, 2.5):
         boxes = boxes_around(*mesh, bad, size, wider)
         if len(boxes) > _MOST_BOXES or np.ptp(boxes, axis=1).max() > _HALF * size:
@@ -132,7 +134,7 @@ def _as_whole(mesh: _Mesh, size: float, where: str, why: str) -> tuple[_Mesh, li
         raise BodyError(_too_far(where, why, far))
     return made, [
         f"made the whole surface anew, since {why}; moved at most {far:.2g} mm, edges are rounded"
-        f" by as much, volume {_change(_volume(mesh), made)}"
+        f" by as much, volume {_change(Surface(*mesh).volume, made)}"
     ]
 
 
@@ -184,7 +186,7 @@ def _without_slivers(mesh: _Mesh, size: float) -> tuple[_Mesh, list[str]]:
 def _thin(mesh: _Mesh, size: float) -> Bool:
     corners = mesh[0][mesh[1]]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    cross = facet_crosses(*mesh)
     return np.asarray(np.linalg.norm(cross, axis=1) < _TINY * size * sides.max(1))
 
 
@@ -198,28 +200,10 @@ def _check(mesh: _Mesh, size: float, where: str) -> None:
         )
 
 
-def _area(mesh: _Mesh, chosen: Bool) -> float:
-    corners = mesh[0][mesh[1][chosen]]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return float(np.linalg.norm(cross, axis=1).sum())
-
-
-def _volume(mesh: _Mesh) -> float:
-    a, b, c = (mesh[0][mesh[1][:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
-
-
 def _change(before: float, mesh: _Mesh) -> str:
     """How the volume changed."""
-    now = _volume(mesh)
+    now = Surface(*mesh).volume
     return f"{100 * (now / before - 1):+.2g} %"
-
-
-def _compact(vertices: Float, faces: Int) -> _Mesh:
-    used = np.unique(faces)
-    index = np.full(len(vertices), -1)
-    index[used] = np.arange(len(used))
-    return vertices[used], index[faces]
 
 
 def oriented(faces: Int) -> Int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -10,6 +9,7 @@ from ....core.arrays import Float, xyz
 from ....core.errors import FabricationError
 from ....core.mesh import Surface
 from ...kernels.cutting_tools import frame
+from ...kernels.signed_distance import distances_of
 from ..alignment_pins import Pin, gap, rings
 from ..check import Check
 from ..records import Made, Rules
@@ -23,8 +23,7 @@ def sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
     Raises FabricationError for one that is too thin."""
     if not made.pins:
         return []
-    tree = igl.AABB()
-    tree.init(body.vertices, body.faces)
+    distances = distances_of(body)
     skin, groove = np.inf, np.inf
     where = ["", "", ""]
     hollows = [
@@ -38,7 +37,7 @@ def sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
         between = float(gap(hull, made.pins[:k]).min())
         if between < apart:
             apart, where[2] = between, xyz(pin.center)
-        depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, hull)[0])
+        depth = distances.unsigned(hull)
         if depth.min() < skin:
             skin, where[0] = float(depth.min()), xyz(pin.center)
         for name, line, radius in hollows:

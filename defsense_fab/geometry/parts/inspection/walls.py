@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -16,6 +15,7 @@ from ...channels.channel_ends import INLET_SLOPE, beside
 from ...channels.cord_channels import Channel
 from ...channels.wire_channels import SLOPE, Hollow
 from ...kernels.cutting_tools import Prism
+from ...kernels.signed_distance import distances_of
 from ..check import Check
 from ..records import Rules
 
@@ -24,11 +24,10 @@ _TOLERANCE = 0.02  # mm
 
 def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Check]:
     """Walls between channels and the skin, and between channels."""
-    tree = igl.AABB()
-    tree.init(body.vertices, body.faces)
+    distances = distances_of(body)
     radius, out = rules.channel / 2, []
     for i, channel in enumerate(channels):
-        depth = np.sqrt(tree.squared_distance(body.vertices, body.faces, channel.inside)[0])
+        depth = distances.unsigned(channel.inside)
         along = np.linspace(0, channel.length, len(channel.inside))
         to_mouth = np.minimum(along, along[-1] - along)
         needed = np.minimum(radius + rules.wall, INLET_SLOPE * to_mouth)
@@ -73,7 +72,7 @@ def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list
     if not rules.pockets or not rules.pockets.wires:
         return []
     wires = rules.pockets.wires
-    skin = without_bay(body, wires.bay) if wires.bay else body
+    distances = distances_of(without_bay(body, wires.bay) if wires.bay else body)
     radius, least = wires.diameter / 2, rules.inner_wall
     thinnest: dict[str, Check] = {}
     for channel, end, line, twin in (
@@ -85,8 +84,8 @@ def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list
             continue
         points = in_solid(end.lead.whole, wires.bay)
         near = np.linalg.norm(points - end.lead.exit, axis=1) <= (radius + least) / SLOPE
-        square = igl.point_mesh_squared_distance(points, skin.vertices, skin.faces)[0]
-        to_skin = np.where(near & (not end.lead.to_bay), np.inf, np.sqrt(np.asarray(square)))
+        away = distances.unsigned(points)
+        to_skin = np.where(near & (not end.lead.to_bay), np.inf, away)
         found = [("the skin", to_skin)]
         hollows = beside(line, twin, end.pocket, rules.channel, rules.pockets)
         found += [("its cord", _away(points, h, wires.bay)) for h in hollows]

@@ -4,14 +4,20 @@ import numpy as np
 import pytest
 import trimesh
 
+from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.meshing.mesh_quality import quality
+from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch
 from defsense_fab.geometry.bodies.meshing.remeshing import _split, remeshed
 from defsense_fab.geometry.bodies.meshing.simplification import (
     is_creased,
     is_fine,
     pairs,
     simplified,
+)
+from defsense_fab.geometry.bodies.meshing.surface_runs import (
+    remeshed_in_time,
+    simplified_in_time,
 )
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.geometry.bodies.meshing.voxel_surface import voxel_surface
@@ -119,6 +125,17 @@ def test_a_grid_of_distances_gives_a_closed_surface_of_a_holed_one(bean):
     made = voxel_surface(holed, 6.0)
     assert closed(made)
     assert made.volume == pytest.approx(bean.volume, rel=0.02)
+
+
+def test_what_is_long_runs_in_a_process_of_its_own_and_is_stopped_in_time(bean):
+    told = []
+    watch = Watch(60.0, told.append, "laid afresh", 1.0, "nothing")
+    laid = remeshed_in_time(bean, 6.0, watch)
+    here = remeshed(bean, 6.0)
+    assert (laid.vertices == here.vertices).all()
+    assert (laid.faces == here.faces).all()
+    with pytest.raises(MeshingError, match=r"did not end within 0\.05 s"):
+        simplified_in_time(bean, 6.0, Watch(0.05, told.append, "own", 1.0, "nothing"))
 
 
 def test_pairs_name_both_triangles():
