@@ -1,7 +1,7 @@
 """Table 1 of the paper from Python: three layouts of one bar, built, recorded, trained, tested.
 
-    python reproduce.py                # at full size, which takes hours
-    python reproduce.py --quick        # in minutes
+python reproduce.py                # at full size, which takes hours
+python reproduce.py --quick        # in minutes
 """
 
 import sys
@@ -26,5 +26,7 @@ tags = tags_of(experiment, devices["full"], out, silent)
 for name, device in devices.items():
     found = tested_unit(experiment, device, replace(tags, device=device.name), 1, silent)
     e = found["chosen"]
-    print(f"{name:7} {e['rmse']:5.2f} ± {e['deviation']:.2f} mm, peak {e['peak']:.1f},"
-          f" average peak {e['average_peak']:.2f}; {found['decoder']}")
+    print(
+        f"{name:7} {e['rmse']:5.2f} ± {e['deviation']:.2f} mm, peak {e['peak']:.1f},"
+        f" average peak {e['average_peak']:.2f}; {found['decoder']}"
+    )

@@ -1,6 +1,6 @@
 """Fig. 3 of the paper from Python: specimens on jigs, and the response that is fitted to them.
 
-    python reproduce.py
+python reproduce.py
 """
 
 import tempfile
@@ -21,6 +21,8 @@ with tempfile.TemporaryDirectory() as folder:
         sessions.append(session)
     found = fit_response(sessions)
     low, high = found.data["interval"]
-    print(f"k_res = {found.data['k_res']:.3f}, 95 % between {low:.3f} and {high:.3f};"
-          f" the twin's is {K_RES}")
+    print(
+        f"k_res = {found.data['k_res']:.3f}, 95 % between {low:.3f} and {high:.3f};"
+        f" the twin's is {K_RES}"
+    )
     print(f"w(eps): {found.calibration.response.model}, {found.data['reason']}")

@@ -1,6 +1,6 @@
 """Fig. 5 of the paper from Python: one cord as drawn and refined, as the design predicts them.
 
-    python reproduce.py
+python reproduce.py
 """
 
 import shutil
@@ -18,7 +18,7 @@ with tempfile.TemporaryDirectory() as folder:
     # With as many planes as are drawn there is no search: descents begin at the drawing, pushed
     # aside a little. Exactly at it the gradient vanishes, as its mirror images are equally good.
     with (device / "device.toml").open("a", encoding="utf-8") as file:
-        file.write("\n[design]\nplanes = 1\ndecoder = \"affine\"\n")
+        file.write('\n[design]\nplanes = 1\ndecoder = "affine"\n')
     made = build(load_device(device), "optimize")
     layout = load_layout(made.folder)
     drawn, refined = layout.initial.unseen, layout.prediction.unseen

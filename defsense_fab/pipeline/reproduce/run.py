@@ -15,6 +15,7 @@ from ..artifacts.build_folder import build_folder
 from ..artifacts.layout import load_layout
 from ..twin.devices.device_fields import share_fields
 from .cords.cord_experiment import cord_results
+from .devices.causes import kept_causes
 from .devices.layouts import built_layout, simulated_device
 from .devices.pictures import device_pictures
 from .devices.sessions import tags_of, tested_unit, traits_of
@@ -58,6 +59,7 @@ def _steps(experiment: Experiment) -> list[str]:
         f"{name}: poses",
         *(f"{name}: {layout}" for layout in layouts),
         *(f"{name}: {layout}, unit {u}" for u in units for layout in layouts),
+        f"{name}: causes",
         f"{name}: pictures",
     ]
 
@@ -97,7 +99,14 @@ def reproduce_one(
                 own = replace(markers, device=device.name)
                 units[layout].append(tested_unit(experiment, device, own, unit, progress))
                 before = before or device
-    results = {n: {"design": _design(d), "units": units[n]} for n, d in devices.items()}
+    results: dict[str, dict[str, Any]] = {
+        n: {"design": _design(d), "units": units[n]} for n, d in devices.items()
+    }
+    with left.step(f"{name}: causes") as progress:
+        own = replace(markers, device=first.name)
+        results[tagged or experiment.layouts[-1].name]["causes"] = kept_causes(
+            experiment, first, own, progress
+        )
     with left.step(f"{name}: pictures") as progress:
         pictures = device_pictures(experiment, devices, out, progress)
     return {

@@ -25,6 +25,7 @@ from .stretched_cord import Stretched, stretched
 
 #: Specimens of other pieces that are measured and fitted anew.
 SEEDS, QUICK_SEEDS = 20, 3
+_WIDTH = 700.0  # pixels of a figure beside another
 _BENDS = 0.15  # strain at which the twin's response has bent off its slope at rest
 
 

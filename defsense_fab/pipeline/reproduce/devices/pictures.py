@@ -3,7 +3,6 @@ the one that is read, coloured by its error."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from ....core.arrays import Float
 from ....core.device import Device
-from ....core.files import digest, replacing, storage_errors
+from ....core.files import digest
 from ....core.mesh import Surface
 from ....core.progress import Progress
 from ....geometry.bodies.standing import standing
@@ -21,6 +20,7 @@ from ...artifacts.build_folder import build_folder
 from ...artifacts.layout import LAYOUT, load_layout
 from ..experiments.experiment import Experiment
 from ..results.kept import once
+from ..results.picture_files import in_rows, write_pictures
 from .sessions import traits_of, unit_session
 from .shown_frames import ShownFrame, shown_frames
 
@@ -41,7 +41,7 @@ def device_pictures(
 
     def make() -> dict[str, Any]:
         found = _made(experiment, devices, progress)
-        _write(out / FOLDER, found)
+        write_pictures(out / FOLDER, _files(found))
         return found
 
     found: dict[str, Any] = once(out / "pictures.json", key, make)
@@ -113,14 +113,13 @@ def _surface(frame: ShownFrame, rest: Float, faces: Any, scale: Any) -> str:
         )
 
 
-def _write(folder: Path, found: Mapping[str, Any]) -> None:
-    """The same as files, for papers and slides."""
-    files = {f"routing-{n}.png": uri for n, uri in found["routing"].items()}
+def _files(found: Mapping[str, Any]) -> dict[str, str]:
+    """The same by names of files; `all`: a column a layout, a row for the routing and each pose."""
+    names = list(found["routing"])
+    rows = [("", list(found["routing"].values()))]
+    files = {f"routing-{n}": uri for n, uri in found["routing"].items()}
     for pose in found["poses"]:
-        for name, told in pose["layouts"].items():
-            files[f"{pose['name']}-{name}.png"] = told["picture"]
-    with storage_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    for name, uri in files.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_bytes(base64.b64decode(uri.partition(",")[2]))
+        told = pose["layouts"]
+        rows.append((pose["name"], [told[n]["picture"] for n in names]))
+        files |= {f"{pose['name']}-{n}": told[n]["picture"] for n in names}
+    return {"all": in_rows(rows, names, _WIDTH), **files}

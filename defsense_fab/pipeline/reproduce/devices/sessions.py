@@ -73,7 +73,7 @@ def tested_unit(
     before. Raises a DefsenseError where that fails."""
     plan = experiment.session
     traits = traits_of(experiment, device)
-    key = _key(device, markers, plan, traits, unit)
+    key = unit_key(experiment, device, markers, unit)
     session, model = unit_session(device, unit), unit_model(device, unit)
     told = once(
         session.with_suffix(".session.json"), key,
@@ -84,7 +84,7 @@ def tested_unit(
         rare = _rare(session)
         trained = train_files(
             DataFiles((session,)), device, TrainingOptions(test_share=plan.share), out=model,
-            without=rare, progress=progress,
+            without=rare, in_step=True, progress=progress,
         )  # fmt: skip
         progress("test", 0.0, "errors and what they come from")
         found = unit_errors(device, session, model, trained.training)
@@ -130,9 +130,9 @@ def _layout(device: Device) -> str:
     return layout_hash(load_layout(build_folder(device)))
 
 
-def _key(device: Device, markers: Markers, plan: SessionPlan, traits: TwinTraits, unit: int) -> str:
+def unit_key(experiment: Experiment, device: Device, markers: Markers, unit: int) -> str:
     """Of all that a unit's session and test depend on."""
-    folder = build_folder(device)
+    folder, plan, traits = build_folder(device), experiment.session, traits_of(experiment, device)
     told = (plan.frames, plan.rate, plan.cameras, plan.share, unit)
     tags = (markers.size, markers.ids.tolist(), markers.centers.tolist(), markers.axes.tolist())
     return digest(

@@ -20,7 +20,6 @@ from ...train.data.data_files import DataFiles
 from ...train.evaluation.evaluate_models import evaluate_files
 from ...train.evaluation.tables import as_data
 from ...train.models.model_file import load_model
-from ...train.models.prepare import NO, prepare
 from ...twin.recordings.run_files import TRUTH
 
 #: Of a pose's amplitude, from which on a picture shows it; of others beside it, at most.
@@ -41,7 +40,7 @@ def unit_errors(
     frames = found.models[0].evaluation.frames
     return {
         "decoder": training.chosen,
-        "pictures": {"trained": len(training.trained), "tested": told["errors"]["frames"]},
+        "frames": {"trained": len(training.trained), "tested": told["errors"]["frames"]},
         "markers": len(training.model.ids),
         "affine": {
             "rmse": affine.test.rmse,
@@ -70,8 +69,7 @@ def true_weights(session: Path, time: Float) -> Float:
 
 def recording_of(device: Device, session: Path) -> Recording:
     """The one run of a session, with its channels as the device has them."""
-    data, _, _ = prepare(DataFiles((session,)), device, wanted=NO)
-    return data.recordings[0]
+    return DataFiles((session,)).load(device).recordings[0]
 
 
 def _against_truth(
@@ -118,7 +116,7 @@ def _told_apart(
         for k, name in enumerate(basis.names)
         if (pose[shown] == k).any()
     }
-    return {"share": float(right.mean()), "pictures": int(shown.sum()), "by_pose": by_pose}
+    return {"share": float(right.mean()), "frames": int(shown.sum()), "by_pose": by_pose}
 
 
 def _one_pose(weights: Float) -> tuple[Bool, Any]:

@@ -20,6 +20,10 @@ CORD_QUANTITIES = ("k_res", "interval", "hysteresis", "repeatability")
 #: Which decoder: the paper's, or that which the training's folds choose.
 AFFINE, CHOSEN = "affine", "chosen"
 
+#: For cords at a small size: with fewer, none of the layouts that are found may be one that can be
+#: made.
+_SEARCHES = 3
+
 
 @dataclass(frozen=True)
 class LayoutChoice:
@@ -63,7 +67,7 @@ class QuickPlan:
     of the test and `units`."""
 
     edge_length: float | None = None
-    frames: int = 300
+    frames: int = 900
     units: int = 1
 
 
@@ -129,7 +133,7 @@ class Experiment:
             session = replace(session, units=units)
         return replace(
             self, session=session, quick=quick,
-            edge_length=small.edge_length if quick else None, searches=1 if quick else None,
+            edge_length=small.edge_length if quick else None, searches=_SEARCHES if quick else None,
         )  # fmt: skip
 
     def layout(self, name: str) -> LayoutChoice:

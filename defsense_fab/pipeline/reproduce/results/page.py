@@ -23,6 +23,8 @@ _WORDS = {
     "hysteresis": "hysteresis, of the greatest answer",
     "repeatability": "difference of two passes, of the greatest answer",
 }
+#: Shares of the whole beyond which a split by cause is not believed.
+_BELIEVED = 3.0
 _SHARES = {TOLD_APART, "interval", "hysteresis", "repeatability"}
 
 
@@ -40,7 +42,8 @@ def _experiment(e: Mapping[str, Any]) -> dict[str, Any]:
         **{k: e[k] for k in ("name", "title", "figures", "about", "session")},
         "numbers": [number_words(row) for row in e["numbers"]],
         "layouts": [], "pictures": e.get("pictures"), "assumptions": e.get("assumptions", ()),
-        "cords": e.get("cords"), "truth": e.get("truth"), "causes": None, "told_apart": None,
+        "cords": e.get("cords"), "truth": e.get("truth"), "causes": None, "rebuilt": None,
+        "told_apart": None,
     }  # fmt: skip
     if "layouts" in e:
         titles = {c["name"]: c["title"] for c in e["choices"]}
@@ -48,6 +51,7 @@ def _experiment(e: Mapping[str, Any]) -> dict[str, Any]:
             _layout(name, titles[name], found) for name, found in e["layouts"].items()
         ]
         out["causes"] = _causes(e["layouts"])
+        out["rebuilt"] = _rebuilt(e["layouts"])
         out["told_apart"] = _told_apart(e["layouts"])
         out["twin"] = next(iter(e["layouts"].values()))["units"][0]["twin"]
     return out
@@ -68,18 +72,18 @@ def number_words(row: Mapping[str, Any]) -> dict[str, Any]:
         expected = f"at most {_text(row['at_most'], share)}"
     if row["at_least"] is not None:
         expected = f"at least {_text(row['at_least'], share)}"
-    ours, values = "not measured", row["values"]
+    ours, spread, values = "not measured", "", row["values"]
     if row["ours"] is not None:
         ours = _text(row["ours"], share)
         if len(values) > 1:
             ours += f" ± {_text(row['sd'], share)}"
-            ours += f" ({_text(min(values), share)} to {_text(max(values), share)})"
+            spread = f"{_text(min(values), share)} to {_text(max(values), share)}"
     return {
         "what": what, "ours": ours, "expected": expected, "where": row["where"], "why": row["why"],
         "paper": "" if row["paper"] is None else _text(row["paper"], share),
         "ratio": "" if row["ratio"] is None else f"{row['ratio']:.2f}",
         "met": {None: "", True: "met", False: "not met"}[row["met"]],
-        "units": len(values),
+        "spread": spread,
     }  # fmt: skip
 
 
@@ -96,7 +100,7 @@ def _layout(name: str, title: str, found: Mapping[str, Any]) -> dict[str, Any]:
         "chosen": _errors([u["chosen"] for u in units]),
         "truth": _errors([u["truth"] for u in units]),
         "decoders": ", ".join(dict.fromkeys(u["decoder"] for u in units)),
-        "tested": units[0]["pictures"]["tested"], "markers": units[0]["markers"],
+        "tested": units[0]["frames"]["tested"], "markers": units[0]["markers"],
         "left_out": sorted({n for u in units for n in u["left_out"]}),
         "predicted": _mean([p["rmse"] for p in foretold]),
         "ratio": _range([p["ratio"] for p in foretold]),
@@ -137,17 +141,41 @@ def _causes(layouts: Mapping[str, Any]) -> list[dict[str, Any]]:
         names = dict.fromkeys(
             c for some in by.values() for one in some for c in one if c != "total"
         )
+        # A decoder of signals that tell nothing amplifies noise beyond all that is measured.
+        wild = [
+            n
+            for n, some in by.items()
+            if any(abs(v) > _BELIEVED * one["total"] for one in some for v in one.values())
+        ]
+        by = {n: some for n, some in by.items() if n not in wild}
         rows = [
             (cause, [_share(some, cause) for some in by.values()])
             for cause in names
         ]  # fmt: skip
-        out.append({"title": title, "layouts": list(by), "rows": rows})
+        out.append({"title": title, "layouts": list(by), "rows": rows, "wild": wild})
     return out
 
 
 def _share(budgets: Sequence[Mapping[str, float]], cause: str) -> str:
     shares = [100 * b.get(cause, 0.0) / b["total"] for b in budgets if b["total"]]
     return f"{np.mean(shares):.0f} %" if shares else ""
+
+
+def _rebuilt(layouts: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Of the layout that was built without one cause after another: RMSE, mm, and what of the mean
+    square goes with each; what is left without any is the decoder's and the poses'."""
+    for name, found in layouts.items():
+        c = found.get("causes")
+        if c is not None:
+            whole = c["all"] ** 2
+            rows = [
+                (cause, f"{rmse:.2f}", f"{100 * (whole - rmse**2) / whole:.0f} %")
+                for cause, rmse in c["without"].items()
+            ]
+            none, left = c["without_all"], c["without_all"] ** 2 / whole
+            return {"layout": name, "all": f"{c['all']:.2f}", "rows": rows, "none": f"{none:.2f}",
+                    "left": f"{100 * left:.0f} %"}  # fmt: skip
+    return None
 
 
 def _told_apart(layouts: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -159,7 +187,7 @@ def _told_apart(layouts: Mapping[str, Any]) -> dict[str, Any] | None:
             poses = dict.fromkeys(p for t in told for p in t["by_pose"])
             out[name] = {
                 "share": _text(float(np.mean([t["share"] for t in told])), True),
-                "pictures": sum(t["pictures"] for t in told),
+                "frames": sum(t["frames"] for t in told),
                 "poses": {
                     p: _text(float(np.mean([t["by_pose"][p] for t in told if p in t["by_pose"]])),
                              True)
