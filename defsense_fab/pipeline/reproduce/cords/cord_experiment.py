@@ -20,6 +20,7 @@ from ...calibrate.report import response_figure
 from ...calibrate.synthetic_session import record_twin
 from ..experiments.experiment import CordPlan
 from ..results.kept import once
+from ..results.picture_files import in_rows, write_pictures
 from .cord_figures import stretch_figure
 from .stretched_cord import Stretched, stretched
 
@@ -72,6 +73,8 @@ def _made(plan: CordPlan, seeds: int, out: Path, progress: Progress) -> dict[str
         "fit": response_figure(fits[0].calibration, truth),
         "stretch": stretch_figure(drawn),
     }
+    row = in_rows([("", list(pictures.values()))], ["bent on jigs", "stretched twice"], _WIDTH)
+    write_pictures(out / "pictures", {"all": row, **pictures})
     progress("cords", 1.0, "done")
     return {"cords": cords, "truth": {"k_res": plan.k_res, "bends": _BENDS}, "pictures": pictures}
 

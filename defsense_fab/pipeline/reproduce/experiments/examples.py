@@ -53,5 +53,6 @@ def _folder() -> Path:
 
 def _first_figure(experiment: Experiment) -> int:
     """Its number, by which readers of the paper look."""
-    numbers = ["".join(c for c in f if c.isdigit()) for f in experiment.figures]
+    figures = [f for f in experiment.figures if f.startswith("Fig")]
+    numbers = ["".join(c for c in f if c.isdigit()) for f in figures]
     return min((int(n) for n in numbers if n), default=99)
