@@ -152,8 +152,9 @@ def _design(device: Device) -> dict[str, Any]:
 
 
 def _without_pictures(data: Any) -> Any:
+    """In plain values."""
     if isinstance(data, dict):
         return {k: _without_pictures(v) for k, v in data.items() if k != "pictures"}
-    if isinstance(data, list):
+    if isinstance(data, list | tuple):
         return [_without_pictures(v) for v in data]
     return data

@@ -7,8 +7,17 @@ import pytest
 
 from defsense_fab.core.progress import silent
 from defsense_fab.pipeline.reproduce import run as module
+from defsense_fab.pipeline.reproduce.devices import causes
 from defsense_fab.pipeline.reproduce.experiments.examples import find_experiments
 from defsense_fab.pipeline.reproduce.run import PAGE, RESULTS, reproduce
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_cause():
+    """Each cause is another session and training."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(causes, "CAUSES", {"clocks": ("sync",)})
+        yield
 
 
 @pytest.fixture(scope="module")

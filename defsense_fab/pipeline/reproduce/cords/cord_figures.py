@@ -23,7 +23,7 @@ def stretch_figure(drawn: Mapping[str, Stretched]) -> str:
             ax.plot(run.time, answer, color=color, lw=1.2, label=label)
         ax.set_ylabel("(R - R0)/R0")
         ax.set_title(name, loc="left", fontsize=10)
-    axes[0].legend(fontsize=8, frameon=False, ncols=2, loc="upper right")
+    axes[0].legend(fontsize=8, frameon=False, ncols=2, loc="upper left")
     run = next(iter(drawn.values()))
     axes[-1].plot(run.time, 100 * run.strain, color="#111111", lw=1.2)
     axes[-1].set_ylabel("strain, %")

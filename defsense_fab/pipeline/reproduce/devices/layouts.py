@@ -29,7 +29,7 @@ SIMULATED = "simulated"
 _SEED = 0  # of the visual layout's lines
 #: Of an experiment's folder, what is no part of the device.
 _BESIDE = ("experiment.toml", "reproduce.py", "README.md", "picture.png", "build", "study",
-           "markers", "reproduced")  # fmt: skip
+           "markers")  # fmt: skip
 
 
 def simulated_device(experiment: Experiment, out: Path, progress: Progress) -> Device:
@@ -70,13 +70,21 @@ def _copy_device(source: Path, into: Path) -> None:
             if SESSION in names:
                 inner.clear()
                 continue
-            inner[:] = [n for n in inner if n not in _BESIDE and n[0] not in "._"]
+            inner[:] = [
+                n for n in inner
+                if n not in _BESIDE and n[0] not in "._" and not _holds(Path(folder, n), into)
+            ]  # fmt: skip
             own = into / Path(folder).relative_to(source)
             own.mkdir(parents=True, exist_ok=True)
             for name in names:
                 if name in (DEVICE, *_BESIDE) or name.startswith("."):
                     continue
                 _copy_file(Path(folder, name), own / name)
+
+
+def _holds(folder: Path, inside: Path) -> bool:
+    """Whether results go into a folder of what is copied."""
+    return inside.resolve().is_relative_to(folder.resolve())
 
 
 def _copy_file(source: Path, target: Path) -> None:

@@ -91,8 +91,11 @@ def _layouts(top: Table, folder: Path) -> tuple[LayoutChoice, ...]:
         file = t.string("file") if t.has("file") else None
         if file is not None and cords not in (DRAWN, OPTIMISED):
             t.fail("file", f"{cords} cords are not drawn; leave it out")
-        if file is not None and not (folder / file).is_file():
-            t.fail("file", f"there is no {file} in {folder}")
+        if file is not None:
+            if not (folder / file).is_file():
+                t.fail("file", f"there is no {file} in {folder}")
+            if not load_toml(folder / file).tables("sensors"):
+                t.fail("file", f"{file} has no [[sensors]]; draw them as in {DEVICE}")
         if count is not None and (cords == DRAWN or file is not None):
             t.fail("count", "cords that are drawn are as many as they are; leave it out")
         design = t.table("design", required=False).data

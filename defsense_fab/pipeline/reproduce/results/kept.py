@@ -33,10 +33,10 @@ def keep(path: Path, key: str, result: Any) -> None:
 def once(path: Path, key: str, make: Callable[[], Any]) -> Any:
     """What is kept, or what `make` gives, which is then kept; None is not kept."""
     found = kept(path, key)
-    if found is None:
-        found = make()
-        keep(path, key, found)
-    return found
+    if found is not None:
+        return found
+    keep(path, key, make())
+    return kept(path, key)  # lists in place of tuples, now as later
 
 
 def _stamped(key: str) -> str:
