@@ -11,6 +11,8 @@ from defsense_fab.pipeline.reproduce.devices import causes
 from defsense_fab.pipeline.reproduce.experiments.examples import find_experiments
 from defsense_fab.pipeline.reproduce.run import PAGE, RESULTS, reproduce
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module", autouse=True)
 def one_cause():
