@@ -21,6 +21,7 @@ from . import (
     evaluate,
     modes,
     recalibrate,
+    reproduce,
     run,
     studio,
     study,
@@ -39,6 +40,7 @@ _LIGHTER = {
     "train": "close other programs, or give fewer or shorter sessions",
     "dataset": "close other programs, or give fewer or shorter sessions",
     "evaluate": "close other programs, or give fewer or shorter sessions",
+    "reproduce": "give fewer NAMEs at a time, or --quick",
     "twin": "give fewer --minutes or --sessions, or fewer [outputs] markers",
 }
 _INTERRUPTED = {
@@ -49,6 +51,7 @@ _INTERRUPTED = {
     "dataset": "interrupted; nothing was written, and a dataset before is untouched",
     "evaluate": "interrupted; nothing was written, and an evaluation before is untouched",
     "train": "interrupted; no model was written, and the one before is untouched",
+    "reproduce": "interrupted; what was made is kept, and the same command goes on from there",
     "run": "interrupted; what was read is kept",
     "twin": "interrupted; no session is left half-written, and shapes that were solved are kept",
 }
@@ -139,6 +142,7 @@ def make_parser() -> CommandParser:
     run.add(commands)
     studio.add(commands)
     twin.add(commands)
+    reproduce.add(commands)
     return parser
 
 

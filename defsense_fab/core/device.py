@@ -247,7 +247,8 @@ class Device:
     """All that a build needs to know; `source` is the folder of `device.toml`, `propose` the number
     of cords to find besides those drawn, `planes` the most planes that they may take, or None;
     among layouts that are about as good `prefer` takes the simplest one or the most accurate; the
-    `converter` that reads the cords (CONVERTERS)."""
+    `converter` that reads the cords (CONVERTERS); how many `searches` for cords are made, None: as
+    many as are usual for their number."""
 
     name: str
     source: Path
@@ -266,6 +267,7 @@ class Device:
     decoder: str
     prefer: str = "simple"
     converter: str = "arduino"
+    searches: int | None = None
 
     @property
     def channel_diameter(self) -> float:

@@ -78,6 +78,7 @@ def _read(top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool
     design = top.table("design", required=False)
     wanted = _count(design, "sensors")
     planes = _count(design, "planes")
+    searches = _count(design, "searches")
     decoder = design.string("decoder", "auto")
     design.choice("decoder", decoder, (*DECODERS, "auto"), "decoder")
     prefer = design.string("prefer", PREFERENCES[0])
@@ -105,6 +106,7 @@ def _read(top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool
         decoder=decoder,
         prefer=prefer,
         converter=converter,
+        searches=searches,
     )
     top.done()
     return device

@@ -55,6 +55,10 @@ class OutputError(DefsenseError):
     """An output of the live loop cannot be opened, or was told something wrong."""
 
 
+class ExperimentError(DefsenseError):
+    """An experiment cannot be found or run."""
+
+
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
 

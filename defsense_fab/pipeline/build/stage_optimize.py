@@ -196,6 +196,8 @@ def _again(
     free = device.planes is None and any(s.free == FREE for s in device.sensors)
     if device.propose or free:
         todo.append((0, device.planes, face_directions(task.design.surface)))
+    if device.searches is not None:  # simple layouts first: what cannot be made is of no use
+        todo = todo[::-1][: device.searches - 1]
     for k, (seed, planes, normals) in enumerate(todo):
         show = partial(part, report, k / len(todo), (k + 1) / len(todo))
         with suppress(LayoutError):  # no room in so few planes

@@ -160,6 +160,7 @@ STAGES = (
                 d.prefer,
                 d.converter,
                 _of_the_parts(d.fabrication),
+                *([] if d.searches is None else [d.searches]),
             )
         ),
         _runner("optimize"),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...calibration.calibrate import Calibration
-from ...sensing.response import response_of
+from ...sensing.response import Response, response_of
 from ..report.html import as_image, render
 
 _COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057")
@@ -17,7 +17,7 @@ _COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#8d5a97", "#2e4057")
 
 def page(found: Calibration, data: Mapping[str, Any]) -> str:
     """HTML, self-contained, of a calibration and what its `response.json` holds."""
-    images = {"response": _response(found), "residuals": _residuals(found)}
+    images = {"response": response_figure(found), "residuals": _residuals(found)}
     if len(found.neutral_changes):
         images["neutral"] = _neutral(found)
     return render("calibration", data=data, images=images, drift=found.drift)
@@ -40,7 +40,9 @@ def _band(found: Calibration, strain: Any) -> tuple[Any, Any, Any]:
     return 100 * w, 100 * w * low, 100 * w * high
 
 
-def _response(found: Calibration) -> str:
+def response_figure(found: Calibration, truth: Response | None = None) -> str:
+    """The readings and w(eps) over strain, with a twin's `truth` if it is known; PNG as a data
+    URI."""
     figure, axes = _figure(9, 5.6)
     r, d = found.readings, found.data
     for n, name in enumerate(dict.fromkeys(p.specimen for p in found.pieces)):
@@ -57,6 +59,10 @@ def _response(found: Calibration) -> str:
     strain = np.linspace(low, high, 200)
     w, below, above = _band(found, strain)
     axes.fill_between(100 * strain, below, above, color="k", alpha=0.12, lw=0, label="95 %")
+    if truth is not None:
+        axes.plot(
+            100 * strain, 100 * truth(strain), color="#c77700", ls="--", lw=2, label="the twin"
+        )
     axes.plot(100 * strain, w, "k", lw=1.6, label=f"w(ε), {found.response.model}")
     axes.axhline(0, color="0.6", lw=0.7)
     axes.axvline(0, color="0.6", lw=0.7)

@@ -22,6 +22,7 @@ _STILL = 3.0  # mm, root mean square, by which markers at rest are off their pla
 _BARE = 0.05  # of the frames
 _HIDDEN = 0.5  # of the frames
 _NOTHING = 0.05  # of the movements' variance: what tells less forbids training
+_STEPS = _TELL_NOTHING, _OUT_OF_STEP = "signals tell nothing", "out of step"
 _ALIKE = 0.4  # correlation of a channel's signal with what was predicted of it
 _WRONG = 0.2  # s, by which signals out of step forbid training
 
@@ -47,11 +48,13 @@ def check_dataset(
 
 def checked(
     dataset: Dataset, channels: Sequence[str] | None = None,
-    predicted: Mapping[str, Float] | None = None,
+    predicted: Mapping[str, Float] | None = None, in_step: bool = False,
 ) -> tuple[Problem, ...]:  # fmt: skip
-    """The problems that do not forbid training. Raises TrainingError for those that do."""
+    """The problems that do not forbid training. Raises TrainingError for those that do. Where
+    signals are known to be `in_step` with the markers, as a twin's are, neither that they tell
+    nothing nor that they seem to tell more at another time forbids it."""
     problems = check_dataset(dataset, channels=channels, predicted=predicted)
-    refuse(problems)
+    refuse(p for p in problems if not (in_step and p.kind in _STEPS))
     return problems
 
 
@@ -297,7 +300,7 @@ def _steps(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
                 continue
             out.append(
                 Problem(
-                    "signals tell nothing", found.best < _NOTHING,
+                    _TELL_NOTHING, found.best < _NOTHING,
                     f"{told}, shifted by up to {WITHIN:.0f} s either way",
                     "see whether the clocks are further apart (--shift, or --offset auto for files"
                     " of others), and whether signals and markers are of one device and time",
@@ -308,7 +311,7 @@ def _steps(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
             continue
         out.append(
             Problem(
-                "out of step", abs(found.seconds) > _WRONG,
+                _OUT_OF_STEP, abs(found.seconds) > _WRONG,
                 f"{r.name}: signals are {abs(found.seconds):.2f} s"
                 f" {'late' if found.seconds < 0 else 'early'}: they tell {found.best:.0%} of the"
                 f" markers' movement when shifted by {found.seconds:+.2f} s, and {found.now:.0%} as"

@@ -255,6 +255,10 @@ def test_a_layout_that_senses_little_may_be_trained_on():
     assert not problem.fatal
     other = 1e-3 * rng.normal(size=expected.shape)
     told(check_dataset(dataset(noise), predicted={r.name: other}), "signals tell nothing")
+    with pytest.raises(TrainingError, match="signals tell"):
+        checked(dataset(noise), predicted={r.name: other})
+    known = checked(dataset(noise), predicted={r.name: other}, in_step=True)
+    assert "signals tell nothing" in {p.kind for p in known}
     # What was predicted tells much: then it is not the layout, though a channel goes with it.
     strong = r.signals_at(r.time)
     strong[:, 0] = expected[:, 0]

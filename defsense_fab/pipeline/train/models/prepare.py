@@ -27,11 +27,11 @@ _TOLD = 1e-3  # of the places, that are worth a word
 
 def prepare(
     files: DataFiles, device: Device | None, *, wanted: str = "auto", without: Sequence[int] = (),
-    progress: Progress = silent,
+    in_step: bool = False, progress: Progress = silent,
 ) -> tuple[Dataset, Prior | None, list[str]]:  # fmt: skip
-    """The dataset of the `files`, `without` some markers; what the simulation says of its device,
-    if that is `wanted`; and notes: what is doubtful, and what was not shown. Raises TrainingError
-    for what forbids training."""
+    """The dataset of the `files`, `without` some markers, checked (`in_step` as in `checked`); what
+    the simulation says of its device, if that is `wanted`; and notes: what is doubtful, and what
+    was not shown. Raises TrainingError for what forbids training."""
     progress("data", 0.0, "reading")
     dataset = files.load(device)
     notes = told_files(dataset)
@@ -50,7 +50,7 @@ def prepare(
     progress("data", 0.6, "checking")
     prior, why = found_prior(dataset, device, wanted)
     notes += why
-    notes += [str(p) for p in checked(dataset, predicted=foretold(prior, dataset))]
+    notes += [str(p) for p in checked(dataset, predicted=foretold(prior, dataset), in_step=in_step)]
     units = sorted({r.unit for r in dataset.recordings})
     if len(units) > 1:
         notes.append(

@@ -26,14 +26,16 @@ class TrainedFiles:
 
 def train_files(
     files: DataFiles, device: Device | None, how: TrainingOptions, *, out: Path | None = None,
-    wanted: str = AUTO, without: Sequence[int] = (), progress: Progress = silent,
+    wanted: str = AUTO, without: Sequence[int] = (), in_step: bool = False,
+    progress: Progress = silent,
 ) -> TrainedFiles:  # fmt: skip
-    """Train on the `files`, `without` some markers and with the device's simulation if it is
-    `wanted`, and write the model: to `out`, or as model.json of the device or the first session.
-    Raises TrainingError, StorageError, and what the readers raise."""
+    """Train on the `files`, `without` some markers, with the device's simulation if it is `wanted`
+    and checked (`in_step` as in `dataset_checks.checked`), and write the model: to `out`, or as
+    model.json of the device or the first session. Raises TrainingError, StorageError, and what the
+    readers raise."""
     path = model_path(out, device, [p for p in files.sources if p.is_dir()])
     dataset, prior, notes = prepare(
-        files, device, wanted=wanted, without=without, progress=progress
+        files, device, wanted=wanted, without=without, in_step=in_step, progress=progress
     )
     training = train_dataset(dataset, how, prior, progress)
     write_model(path, training.model)

@@ -3,10 +3,11 @@ that a twin does not agree with what the device was designed with."""
 
 from __future__ import annotations
 
+import shutil
 import threading
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ from .pose_samples import Ray, companions, coordinates, corners, scattered, sing
 
 FOLDER = "twin"
 #: Of what is kept in files: raised when the same input gives other fields.
-_VERSION = 2
+_VERSION = 3
 _SEED = 5
 _REACHED = 0.99  # of each pose's amplitude, at least
 _STEP = 12  # rays that are added at once
@@ -95,15 +96,25 @@ def device_fields(
     all_poses = tuple(poses or device.poses)
     folder = finished_build(device, LAYOUT, PREDICTION, RECORD)
     path = folder / FOLDER / f"{_key(device, folder, own, all_poses)}.npz"
-    if path.exists():
-        found = _load(path)
-        if found is not None:
-            return found
-    found = _solve(device, folder, own, all_poses, progress)
-    with storage_errors(path):
-        path.parent.mkdir(exist_ok=True)
-        _save(path, found)
-    return found
+    kept = _load(path) if path.exists() else None
+    found, groups = kept or _solve(device, folder, own, all_poses, progress)
+    if kept is None:
+        with storage_errors(path):
+            path.parent.mkdir(exist_ok=True)
+            _save(path, found, groups)
+    return replace(found, signal_error=_signal_error(device, folder, found, groups))
+
+
+def share_fields(source: Device, device: Device) -> None:
+    """Give a built device what was solved of another one: of the same body and poses, it is used
+    whatever the cords are. Raises CaptureError for one that is not built, StorageError."""
+    own = finished_build(device, RECORD) / FOLDER
+    with storage_errors(own):
+        for path in (finished_build(source, RECORD) / FOLDER).glob("*.npz"):
+            own.mkdir(exist_ok=True)
+            if not (own / path.name).exists():
+                with replacing(own / path.name) as temporary:
+                    shutil.copyfile(path, temporary)
 
 
 def _key(device: Device, folder: Path, traits: MechanicsTraits, poses: Sequence[Pose]) -> str:
@@ -112,7 +123,7 @@ def _key(device: Device, folder: Path, traits: MechanicsTraits, poses: Sequence[
     with storage_errors(folder):
         return digest(
             _VERSION, traits, repr(poses), regions, repr(device.material), surface, folder / RECORD,
-            folder / LAYOUT, load_prediction(folder).markers.tolist(),
+            load_prediction(folder).markers.tolist(),
         )  # fmt: skip
 
 
@@ -130,7 +141,8 @@ def law(device: Device, traits: MechanicsTraits) -> Material:
 def _solve(
     device: Device, folder: Path, traits: MechanicsTraits, poses: tuple[Pose, ...],
     progress: Progress,
-) -> DeviceFields:  # fmt: skip
+) -> tuple[DeviceFields, Int]:  # fmt: skip
+    """Without the signals' error; and the states' groups, as `PoseSpace.left_out` takes them."""
     progress("twin", 0.0, "meshing the body more finely")
     mesh = QuadraticMesh.from_linear(_mesh(device, folder, traits.edge))
     rng, together = np.random.default_rng(_SEED), companions(poses)
@@ -164,10 +176,8 @@ def _solve(
             " could be solved; errors near that are the twin's own"
         )
     progress("twin", 1.0, "done")
-    return DeviceFields(
-        found.poses, space, mesh, found.fields, together, error,
-        _signal_error(device, folder, found, np.array(sampler.groups)), tuple(sampler.warnings),
-    )  # fmt: skip
+    found = replace(found, together=together, error=error, warnings=tuple(sampler.warnings))
+    return found, np.array(sampler.groups)
 
 
 def _mesh(device: Device, folder: Path, edge: float) -> TetMesh:
@@ -266,27 +276,27 @@ def _signal_error(device: Device, folder: Path, found: DeviceFields, groups: Int
     return float(np.sqrt((np.array(errors) ** 2).mean())) if errors else 0.0
 
 
-def _save(path: Path, found: DeviceFields) -> None:
+def _save(path: Path, found: DeviceFields, groups: Int) -> None:
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(
             file, poses=np.array(found.poses), axes=found.space.axes, states=found.space.states,
             nodes=found.mesh.nodes[: found.mesh.cells[:, :4].max() + 1],
             tets=found.mesh.cells[:, :4], fields=found.fields.astype(np.float32),
-            together=found.together, error=found.error, signal_error=found.signal_error,
+            together=found.together, error=found.error, groups=groups,
             warnings=np.array(found.warnings, str),
         )  # fmt: skip
 
 
-def _load(path: Path) -> DeviceFields | None:
-    """None for a file that is damaged: it is made anew."""
+def _load(path: Path) -> tuple[DeviceFields, Int] | None:
+    """As `_solve` gives them; None for a file that is damaged: it is made anew."""
     try:
         with path.open("rb") as file, np.load(file) as data:
-            return DeviceFields(
+            found = DeviceFields(
                 tuple(data["poses"].tolist()), PoseSpace(data["axes"], data["states"]),
                 QuadraticMesh.from_linear(TetMesh(data["nodes"], data["tets"])),
-                data["fields"].astype(float),
-                data["together"], float(data["error"]), float(data["signal_error"]),
+                data["fields"].astype(float), data["together"], float(data["error"]), 0.0,
                 tuple(data["warnings"].tolist()),
             )  # fmt: skip
+            return found, data["groups"]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None

@@ -1,0 +1,1 @@
+"""Experiments with devices: built layouts, recorded and tested units, pictures of them."""

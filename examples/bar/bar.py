@@ -1,0 +1,1 @@
+../../fixtures/devices/bar/bar.py

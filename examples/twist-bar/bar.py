@@ -1,0 +1,1 @@
+../../fixtures/devices/twist-bar/bar.py
