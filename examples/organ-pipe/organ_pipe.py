@@ -12,7 +12,7 @@ def body(
     length: Annotated[float, (100, 200)] = 125.0,
     bore: Annotated[float, (0, 8)] = 6.0,
 ):
-    apart = 1.7 * radius
+    apart = 1.5 * radius
     width, depth = 2 * apart + 2 * radius, 2 * radius
     foot = Pos(0, 0, FOOT / 2) * Box(width + 6, depth + 6, FOOT)
     band = Pos(0, 0, length - BAND / 2) * Box(width + 2, depth + 2, BAND)

@@ -1,0 +1,80 @@
+"""Writes picture.png of examples that are built: the body with its cords at rest and in its poses.
+
+    python examples/make_pictures.py examples/sheet examples/character
+
+or, of devices that were built by `defsense reproduce`:
+
+    python examples/make_pictures.py reproduced/sheet/four --out examples/sheet
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from defsense_fab.core.device_file import load_device
+from defsense_fab.core.mesh import Surface
+from defsense_fab.pipeline.report.colors import COLORS
+from defsense_fab.pipeline.report.pictures.scene import Scene
+from defsense_fab.pipeline.report.pictures.views import looking
+from defsense_fab.pipeline.twin.devices.simulated_device import simulated_device
+
+VIEW = looking(np.array([0.45, -1.0, 0.55]), np.array([0, 0, 1.0]))
+COLUMNS, WIDTH, GAP, TEXT = 5, 1100, 12, 16  # pixels, but for the first
+
+
+def picture(folder):
+    """Rest and each pose at its full amplitude, all at one scale."""
+    device = load_device(folder)
+    found = simulated_device(device, np.zeros((0, 3)))
+    states = [("at rest", None)] + [(r.name.replace("_", " "), r.states[-1]) for r in found.ramps]
+    columns = min(len(states), COLUMNS)
+    size = (WIDTH - GAP * (columns + 1)) // columns
+    shots = [shot(found, state, device.cord.diameter / 2, size) for _, state in states]
+    scale = min(s.scale for s in shots)
+    images = []
+    for s in shots:
+        image = Image.fromarray(s.image)
+        w, h = (max(round(n * scale / s.scale), 1) for n in s.size)
+        images.append(image.resize((w, h), Image.Resampling.LANCZOS))
+    height = max(i.height for i in images)
+    rows = -(-len(states) // columns)
+    out = Image.new("RGB", (WIDTH, rows * (height + TEXT + 2 * GAP)), (255, 255, 255))
+    draw = ImageDraw.Draw(out)
+    for k, ((name, _), image) in enumerate(zip(states, images, strict=True)):
+        x = GAP + (k % columns) * (size + GAP)
+        y = GAP + (k // columns) * (height + TEXT + 2 * GAP)
+        out.paste(image, (x + (size - image.width) // 2, y + height - image.height))
+        draw.text((x + size / 2, y + height + TEXT / 2), name, "#3c4a54", anchor="mm", font_size=14)
+    return out.quantize(128)
+
+
+def shot(found, state, radius, size):
+    """One state, twice as large as it is shown."""
+    moved = 0.0 if state is None else found.skin[state]
+    surface = Surface(found.rest.vertices + moved, found.rest.faces)
+    with Scene() as drawing:
+        drawing.mesh(*solid(surface), color="#b5c4cf", opacity=0.45, smooth_shading=True)
+        for k, (cord, u) in enumerate(zip(found.cords, found.moved, strict=True)):
+            path = cord.path if state is None else cord.path + u[state]
+            drawing.tube(path, COLORS[k % len(COLORS)], radius)
+        return drawing.shot(VIEW, 2 * size, 2 * size)
+
+
+def solid(surface):
+    """As a mesh to draw, and its points."""
+    from defsense_fab.pipeline.report.pictures.scene import poly
+
+    return poly(surface), surface.vertices
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folders", type=Path, nargs="+")
+    parser.add_argument("--out", type=Path, help="in place of the device's own folder")
+    asked = parser.parse_args()
+    for folder in asked.folders:
+        picture(folder).save((asked.out or folder) / "picture.png", optimize=True)
