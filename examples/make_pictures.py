@@ -16,12 +16,13 @@ from PIL import Image, ImageDraw
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.mesh import Surface
 from defsense_fab.pipeline.report.colors import COLORS
-from defsense_fab.pipeline.report.pictures.scene import Scene
+from defsense_fab.pipeline.report.pictures.scene import Scene, poly
 from defsense_fab.pipeline.report.pictures.views import looking
 from defsense_fab.pipeline.twin.devices.simulated_device import simulated_device
 
 VIEW = looking(np.array([0.45, -1.0, 0.55]), np.array([0, 0, 1.0]))
-COLUMNS, WIDTH, GAP, TEXT = 5, 1100, 12, 16  # pixels, but for the first
+COLUMNS, SMOOTH = 5, 2
+WIDTH, GAP, TEXT = 1100, 12, 16  # pixels
 
 
 def picture(folder):
@@ -32,7 +33,7 @@ def picture(folder):
     columns = min(len(states), COLUMNS)
     size = (WIDTH - GAP * (columns + 1)) // columns
     shots = [shot(found, state, device.cord.diameter / 2, size) for _, state in states]
-    scale = min(s.scale for s in shots)
+    scale = min(s.scale for s in shots) / SMOOTH
     images = []
     for s in shots:
         image = Image.fromarray(s.image)
@@ -51,22 +52,17 @@ def picture(folder):
 
 
 def shot(found, state, radius, size):
-    """One state, twice as large as it is shown."""
+    """One state, SMOOTH times as large as it is shown."""
     moved = 0.0 if state is None else found.skin[state]
     surface = Surface(found.rest.vertices + moved, found.rest.faces)
     with Scene() as drawing:
-        drawing.mesh(*solid(surface), color="#b5c4cf", opacity=0.45, smooth_shading=True)
+        drawing.mesh(
+            poly(surface), surface.vertices, color="#b5c4cf", opacity=0.45, smooth_shading=True
+        )
         for k, (cord, u) in enumerate(zip(found.cords, found.moved, strict=True)):
             path = cord.path if state is None else cord.path + u[state]
             drawing.tube(path, COLORS[k % len(COLORS)], radius)
-        return drawing.shot(VIEW, 2 * size, 2 * size)
-
-
-def solid(surface):
-    """As a mesh to draw, and its points."""
-    from defsense_fab.pipeline.report.pictures.scene import poly
-
-    return poly(surface), surface.vertices
+        return drawing.shot(VIEW, SMOOTH * size, SMOOTH * size)
 
 
 if __name__ == "__main__":
