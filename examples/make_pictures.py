@@ -1,6 +1,7 @@
 """Writes picture.png of examples that are built: the body with its cords at rest and in its poses.
 
-    python examples/make_pictures.py examples/sheet examples/character
+    python examples/make_pictures.py examples/organ-pipe examples/character
+    python examples/make_pictures.py examples/sheet --also "1*left+1*right"
 
 or, of devices that were built by `defsense reproduce`:
 
@@ -15,6 +16,8 @@ from PIL import Image, ImageDraw
 
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.mesh import Surface
+from defsense_fab.pipeline.artifacts.build_folder import build_folder
+from defsense_fab.pipeline.artifacts.fields import load_fields
 from defsense_fab.pipeline.report.colors import COLORS
 from defsense_fab.pipeline.report.pictures.scene import Scene, poly
 from defsense_fab.pipeline.report.pictures.views import looking
@@ -25,11 +28,13 @@ COLUMNS, SMOOTH = 5, 2
 WIDTH, GAP, TEXT = 1100, 12, 16  # pixels
 
 
-def picture(folder):
-    """Rest and each pose at its full amplitude, all at one scale."""
+def picture(folder, also=()):
+    """Rest, each pose at its full amplitude, and other states by name, all at one scale."""
     device = load_device(folder)
     found = simulated_device(device, np.zeros((0, 3)))
     states = [("at rest", None)] + [(r.name.replace("_", " "), r.states[-1]) for r in found.ramps]
+    names = load_fields(build_folder(device)).names
+    states += [(s.replace("1*", "").replace("+", " and "), names.index(s)) for s in also]
     columns = min(len(states), COLUMNS)
     size = (WIDTH - GAP * (columns + 1)) // columns
     shots = [shot(found, state, device.cord.diameter / 2, size) for _, state in states]
@@ -57,7 +62,7 @@ def shot(found, state, radius, size):
     surface = Surface(found.rest.vertices + moved, found.rest.faces)
     with Scene() as drawing:
         drawing.mesh(
-            poly(surface), surface.vertices, color="#b5c4cf", opacity=0.45, smooth_shading=True
+            poly(surface), surface.vertices, color="#b5c4cf", opacity=0.45, split_sharp_edges=True
         )
         for k, (cord, u) in enumerate(zip(found.cords, found.moved, strict=True)):
             path = cord.path if state is None else cord.path + u[state]
@@ -70,7 +75,8 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folders", type=Path, nargs="+")
+    parser.add_argument("--also", nargs="*", default=[], help="states besides the poses")
     parser.add_argument("--out", type=Path, help="in place of the device's own folder")
     asked = parser.parse_args()
     for folder in asked.folders:
-        picture(folder).save((asked.out or folder) / "picture.png", optimize=True)
+        picture(folder, asked.also).save((asked.out or folder) / "picture.png", optimize=True)
