@@ -28,6 +28,7 @@ from defsense_fab.runtime.outputs.websocket.websocket_output import WebSocketOut
 from tests.runtime.live_frames import frame
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "live"
+ORGAN = EXAMPLES.parent / "organ-pipe"
 
 
 class Run:
@@ -111,17 +112,17 @@ def test_lsl_receiver(run):
 
 
 def test_organ_pipe(tmp_path):
-    """Bent to a fifth of the way, one pipe sounds: the C of 130.8 Hz."""
-    live = read_live_file(EXAMPLES / "organ_pipe" / "live.toml")
-    assert [c.name for c in live.controls] == ["bend", "swell"]
+    """Pulled by a fifth of the way, one pipe sounds: the C of 130.8 Hz."""
+    live = read_live_file(ORGAN / "live.toml")
+    assert [c.name for c in live.controls] == ["wind", "middle_pipe", "high_pipe", "swell"]
     (asked,) = live.outputs
     output = MidiOutput(replace(asked, file=str(tmp_path / "x.mid")))
     for n in range(100):
-        bend = min(0.2, n / 100)
-        output.send(frame(n, controls={"bend": bend, "swell": 1.0}, confidence={}))
+        controls = {"wind": min(0.2, n / 100), "middle_pipe": 0.1, "high_pipe": 0.0, "swell": 1.0}
+        output.send(frame(n, controls=controls, confidence={}))
     output.close()
     subprocess.run(
-        [sys.executable, "-I", str(EXAMPLES / "organ_pipe" / "organ_pipe.py"), "x.mid", "x.wav"],
+        [sys.executable, "-I", str(ORGAN / "midi_to_sound.py"), "x.mid", "x.wav"],
         cwd=tmp_path, check=True, capture_output=True,
     )  # fmt: skip
     with wave.open(str(tmp_path / "x.wav")) as file:
@@ -144,7 +145,7 @@ def test_organ_pipe_reads_files_as_others_do(tmp_path):
     track.append(mido.Message("note_off", note=48, velocity=0, time=1000))
     file.tracks.append(track)
     file.save(path)
-    read = runpy.run_path(str(EXAMPLES / "organ_pipe" / "organ_pipe.py"))["events"]
+    read = runpy.run_path(str(ORGAN / "midi_to_sound.py"))["events"]
     theirs = [message for message in mido.MidiFile(path) if not message.is_meta]
     ours = list(read(path.read_bytes()))
     assert [list(message) for _, message in ours] == [message.bytes() for message in theirs]
@@ -155,7 +156,7 @@ def test_organ_pipe_reads_files_as_others_do(tmp_path):
 def test_organ_pipe_of_nothing(tmp_path):
     MidiOutput(MidiSettings(file=str(tmp_path / "x.mid"))).close()
     made = tmp_path / "x.wav"
-    program = EXAMPLES / "organ_pipe" / "organ_pipe.py"
+    program = ORGAN / "midi_to_sound.py"
     subprocess.run([sys.executable, "-I", program, tmp_path / "x.mid", made], check=True)
     with wave.open(str(made)) as file:
         assert not any(file.readframes(file.getnframes()))

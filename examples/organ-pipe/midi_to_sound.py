@@ -1,7 +1,7 @@
 """Turns a MIDI file of the live loop into sound, with nothing but Python: six pipes of an organ.
 
-    defsense run my-device/model.json --port twin --live live.toml   # writes organ-pipe.mid
-    python organ_pipe.py organ-pipe.mid organ-pipe.wav
+    defsense run examples/organ-pipe/model.json --port twin   # writes organ-pipe.mid
+    python midi_to_sound.py organ-pipe.mid organ-pipe.wav
 
 A synthesiser on a MIDI port plays the same notes live: put `device = "..."` in place of `file`.
 """
