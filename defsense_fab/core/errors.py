@@ -55,6 +55,10 @@ class OutputError(DefsenseError):
     """An output of the live loop cannot be opened, or was told something wrong."""
 
 
+class StudyError(DefsenseError):
+    """A study of many runs cannot be made as it is asked for, or its files are not its own."""
+
+
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
 

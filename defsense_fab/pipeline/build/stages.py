@@ -101,6 +101,12 @@ def _of_the_parts(f: FabricationSpec) -> FabricationSpec:
     return replace(f, **{name: getattr(alike, name) for name in only})
 
 
+def _search(d: Device) -> tuple[Any, ...]:
+    """What is stated of the search for cords; nothing where nothing is."""
+    usual = d.seed == Device.seed and d.searches is None
+    return () if usual else (d.seed, d.searches)
+
+
 def _runner(name: str) -> Callable[[Device, Path, Report, Watch | None], None]:
     """`run` of the module `stage_<name>`, imported when it is called: CAD and VTK are heavy. Only
     the search for cords can be watched."""
@@ -160,6 +166,7 @@ STAGES = (
                 d.prefer,
                 d.converter,
                 _of_the_parts(d.fabrication),
+                *_search(d),
             )
         ),
         _runner("optimize"),
