@@ -61,8 +61,8 @@ class Table:
 
     @property
     def asked(self) -> Asked:
-        """Which keys were asked for so far, of this table and all that were read from the same file,
-        by the tables' paths: names of keys, and numbers from 0 in lists."""
+        """Which keys were asked for so far, of this table and all that were read from the same
+        file, by the tables' paths: names of keys, and numbers from 0 in lists."""
         return self._asked
 
     def fail(self, key: str | None, problem: str) -> NoReturn:

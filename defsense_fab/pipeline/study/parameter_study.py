@@ -10,8 +10,8 @@ from typing import Any
 from ...core.errors import StudyError
 from ...core.files import storage_errors, write_text
 from ...core.progress import Progress, silent
-from .points.study_toml import Study, load_study
 from .points.studied_device import studied_device, studied_text
+from .points.study_toml import Study, load_study
 from .results.pareto import best_compromises
 from .results.sensitivity import Sensitivity, Sobol, sensitivities, sobol
 from .results.study_page import PAGE, write_study_page

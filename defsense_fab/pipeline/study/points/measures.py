@@ -17,7 +17,10 @@ Value = float | int | str | None
 MEANING: dict[str, dict[str, str]] = {
     "body": {"volume": "of the body, mm³"},
     "mesh": {"tets": "tetrahedra", "min_dihedral": "their least dihedral angle, degrees"},
-    "simulate": {"states": "states that were solved", "pose_warnings": "what is to be said of them"},
+    "simulate": {
+        "states": "states that were solved",
+        "pose_warnings": "what is to be said of them",
+    },
     "optimize": {
         "error": "RMSE on unseen states with the read-out's noise, mm",
         "error_noise_free": "the same without noise, mm",

@@ -6,6 +6,7 @@ import copy
 import difflib
 import tomllib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,10 +50,8 @@ def script_keys(device: Device) -> list[str]:
     """Keys of the parameters that the body's script takes; those given where it cannot be read."""
     names = list(device.body.parameters)
     if device.body.kind == "script":
-        try:
+        with suppress(BodyError):  # the body's own stage tells it, with the line
             names += [p.name for p in read_parameters(device.body.path, device.body.parameters)]
-        except BodyError:  # the body's own stage tells it, with the line
-            pass
     return sorted({f"{_PARAMETERS}{name}" for name in names})
 
 
@@ -61,7 +60,9 @@ def nearest(key: str, known: Iterable[str]) -> list[str]:
     known = [k for k in known if "." in k]
     near = difflib.get_close_matches(key, known, 3, 0.7)
     last = key.rpartition(".")[2]
-    near += [k for k in known if difflib.SequenceMatcher(None, k.rpartition(".")[2], last).ratio() > 0.8]
+    near += [
+        k for k in known if difflib.SequenceMatcher(None, k.rpartition(".")[2], last).ratio() > 0.8
+    ]
     return list(dict.fromkeys(near))[:3]
 
 

@@ -103,7 +103,7 @@ def _fits(study: Study) -> None:
             fail_at(
                 study,
                 key,
-                f'a {study.design} needs values: give a list or a range, or design ='
+                f"a {study.design} needs values: give a list or a range, or design ="
                 ' "latin-hypercube"',
             )
     if study.design == "list" and len(set(sizes.values())) > 1:

@@ -35,7 +35,11 @@ def against(table: StudyTable, key: str, measure: str) -> Any:
         column = list(middle)
     axis.plot(x, values, "o", color=COLORS[1], alpha=0.6, markeredgewidth=0, label="a run")
     _medians(axis, np.array(column, dtype=float), np.array(values, dtype=float))
-    if is_numeric(column) and x.min(initial=1) > 0 and x.max(initial=1) > _DECADE * x.min(initial=1):
+    if (
+        is_numeric(column)
+        and x.min(initial=1) > 0
+        and x.max(initial=1) > _DECADE * x.min(initial=1)
+    ):
         axis.set_xscale("log")
     _scale(axis, values)
     axis.set(xlabel=key, ylabel=f"{measure}: {meaning(measure)}")
@@ -46,7 +50,11 @@ def _medians(axis: Any, x: Any, values: Any) -> None:
     places = np.unique(x)
     if 1 < len(places) <= len(x) / 2:
         axis.plot(
-            places, [np.median(values[x == p]) for p in places], "-", color=COLORS[0], label="median"
+            places,
+            [np.median(values[x == p]) for p in places],
+            "-",
+            color=COLORS[0],
+            label="median",
         )
         axis.legend(loc="best", fontsize=8)
 

@@ -81,7 +81,7 @@ def _one(key: str, column: list[Any], values: Float) -> Sensitivity:
 
 
 def _groups(column: Sequence[Any]) -> list[int]:
-    """A group's number for each value: equal ones together, or tenths where hardly any are equal."""
+    """A group's number for each value: equal ones together, or tenths where few are equal."""
     different: list[Any] = []
     for value in column:
         if value not in different:

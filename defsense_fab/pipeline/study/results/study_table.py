@@ -90,7 +90,9 @@ def write_table(device: Path, table: StudyTable) -> Path:
 
 def _row(table: StudyTable, record: RunRecord | None) -> dict[str, Any]:
     """By the name of the column; empty without a record."""
-    out: dict[str, Any] = {name: getattr(record, name, None) for name in ("run", "outcome", "message")}
+    out: dict[str, Any] = {
+        name: getattr(record, name, None) for name in ("run", "outcome", "message")
+    }
     out |= {key: record.parameters.get(key) if record else None for key in table.keys}
     out |= {key: record.measures.get(key) if record else None for key in table.study.record}
     cost = asdict(record.cost) if record else {}

@@ -19,9 +19,7 @@ from .worker import as_text, travelling
 #: s: until a scheduler answers, until a first worker comes, without any worker on the way.
 ANSWERS, COMES, WITHOUT = 5.0, 30.0, 120.0
 _LOOK = 0.2
-_GONE = (
-    "the scheduler has gone; what was done until then is kept, and the same command goes on"
-)
+_GONE = "the scheduler has gone; what was done until then is kept, and the same command goes on"
 _AHEAD = 2  # batches sent for each worker's thread: one is worked on, one is there already
 _INSTALL = "install the same versions there, or take that worker away"
 
@@ -63,9 +61,9 @@ def run_on_cluster(
     tell: Tell,
     note: Callable[[str], None],
 ) -> None:
-    """Make all batches; the records of each are told when it is done. `note` is told of workers that
-    go: their batches go to others, and where one has taken several workers with it, its runs are
-    tried one by one, and those that do so again are broken.
+    """Make all batches; the records of each are told when it is done. `note` is told of workers
+    that go: their batches go to others, and where one has taken several workers with it, its runs
+    are tried one by one, and those that do so again are broken.
 
     Raises StudyError where the scheduler goes, no worker is left, or one has another version.
     """
@@ -73,9 +71,7 @@ def run_on_cluster(
 
 
 class _Cluster:
-    def __init__(
-        self, client: Any, files: bytes, tell: Tell, note: Callable[[str], None]
-    ) -> None:
+    def __init__(self, client: Any, files: bytes, tell: Tell, note: Callable[[str], None]) -> None:
         self._client, self._files, self._tell, self._note = client, files, tell, note
         self._work, self._wanted = travelling()[0], installed()
         self._there = set(_workers(client))

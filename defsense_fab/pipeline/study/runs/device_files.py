@@ -41,7 +41,7 @@ def pack(folder: Path) -> DeviceFiles:
             if size > _MOST:
                 raise StudyError(
                     f"{folder}: holds more than {_MOST / 1e6:.0f} MB besides its results, which"
-                    " every batch of runs would be sent; move what the body is not made of elsewhere"
+                    " every batch of runs would be sent; move away what the body is not made of"
                 )
             contents[path.relative_to(folder).as_posix()] = path.read_bytes()
     out, told = io.BytesIO(), hashlib.sha256()

@@ -40,15 +40,15 @@ def _made(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: 
     from ..points.measures import measure
     from ..points.studied_device import studied_device
     from .batch import place
-    from .run_log import Cost, RunRecord
+    from .run_log import Cost, Outcome, RunRecord
 
     measures: dict[str, Any] = {}
+    outcome: Outcome = "done"
     message, meter = "", _Meter()
     try:
         device = studied_device(job["text"], source, values)
         found = measure(build(device, job["until"], meter.progress).folder, job["until"])
         measures = {k: found[k] for k in job["record"]}
-        outcome = "done"
     except (CapacityError, StorageError) as error:
         outcome, message = "broken", str(error)
     except DefsenseError as error:

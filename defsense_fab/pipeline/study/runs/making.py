@@ -14,6 +14,8 @@ from .run_log import RunLog, RunRecord
 
 #: From so many s on, times are told in minutes and in hours.
 _MINUTES, _HOURS = 90, 5400
+#: Runs of a batch on a cluster: they come back together, and are lost together with their worker.
+_LOST = 20
 
 
 def make_runs(
@@ -47,11 +49,9 @@ def make_runs(
 
     progress("study", 0.0, f"looking for workers at {scheduler}")
     with connected(scheduler) as client:
-        jobs = [_batch(b, plan, study, None) for b in batches(todo, threads_there(client))]
+        jobs = [_batch(b, plan, study, None) for b in batches(todo, threads_there(client), _LOST)]
         tracker.say()
-        run_on_cluster(
-            client, jobs, plan.files.archive, tracker.add, tracker.say
-        )
+        run_on_cluster(client, jobs, plan.files.archive, tracker.add, tracker.say)
 
 
 def _is_to_do(log: RunLog, run: Run) -> bool:

@@ -17,13 +17,12 @@ from ....core.files import digest, storage_errors
 from ....core.toml_table import Asked
 from ...build.stages import keys
 from ..points.designs import points
-from ..points.study_toml import Study, fail_at
 from ..points.studied_device import known_keys, nearest, script_keys, studied_device
+from ..points.study_toml import Study, fail_at
 from .device_files import DeviceFiles, pack
 
-#: Runs of a batch: fewer are not worth a simulation of their own, of more too many are lost with
-#: the worker.
-_FEWEST, _MOST = 4, 50
+#: Fewer runs are not worth a simulation of their own.
+_FEWEST = 4
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,9 @@ def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
         try:
             device = studied_device(text, folder, values, asked)
         except DefsenseError as error:
-            run = Run(digest(files.digest, sorted(values.items()), str(error)), values, "", str(error))
+            run = Run(
+                digest(files.digest, sorted(values.items()), str(error)), values, "", str(error)
+            )
         else:
             whole = whole or device
             run = _run(device, folder, study, values, files)
@@ -110,13 +111,15 @@ def _refuse_outside(device: Device) -> None:
         )
 
 
-def batches(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
-    """Runs that share their simulation together, the longest batches first; they are divided where
-    otherwise workers would stand idle, each part with a simulation of its own."""
+def batches(runs: Sequence[Run], workers: int, most: int | None = None) -> list[tuple[Run, ...]]:
+    """Runs that share their simulation together, at most so many in a batch, the longest batches
+    first; they are divided where otherwise workers would stand idle. Each part has a simulation of
+    its own."""
     groups: dict[str, list[Run]] = {}
     for run in runs:
         groups.setdefault(run.simulation, []).append(run)
-    fair = max(_FEWEST, min(_MOST, math.ceil(len(runs) / (2 * workers))))
+    fair = len(runs) if workers == 1 else math.ceil(len(runs) / (2 * workers))
+    fair = max(_FEWEST, min(fair, most or fair))
     out = []
     for group in groups.values():
         size = math.ceil(len(group) / math.ceil(len(group) / fair))

@@ -100,7 +100,10 @@ class RunLog:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
     ) -> None:
         self._stack.__exit__(kind, error, at)
 
@@ -116,8 +119,8 @@ def read_records(path: Path) -> dict[str, RunRecord]:
             record = decoded(line)
         except msgspec.DecodeError as error:
             raise StudyError(
-                f"{path}:{number}: is no record of a run ({error}); remove that line, and its run is"
-                " made again"
+                f"{path}:{number}: is no record of a run ({error}); remove that line, and its run"
+                " is made again"
             ) from None
         found[record.run] = record
     return found

@@ -15,8 +15,8 @@ from .versions import difference, installed
 
 
 def work_off(batch: str, files: bytes, wanted: Mapping[str, str]) -> dict[str, Any]:
-    """The `records` of a batch, as lines; `refused` in words where this machine's software is not as
-    `wanted`, `failed` where its disk does not let it work."""
+    """The `records` of a batch, as lines; `refused` in words where this machine's software is not
+    as `wanted`, `failed` where its disk does not let it work."""
     other = difference(wanted, installed())
     if other:
         return {"refused": f"has {other}"}
