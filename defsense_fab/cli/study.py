@@ -22,9 +22,9 @@ def add(commands: Commands) -> None:
         "study",
         help="how many cords a device should have, or any parameters by study.toml",
         description="Without a study.toml beside device.toml: find the best layout of each number"
-        " of cords and show how the predicted error falls. Cords drawn in device.toml are left out of"
-        " account; [design] planes holds; with the decoder auto each number has the one that does"
-        " best. With one: make all its runs, on this machine or on a cluster, and show which"
+        " of cords and show how the predicted error falls. Cords drawn in device.toml are left out"
+        " of account; [design] planes holds; with the decoder auto each number has the one that"
+        " does best. With one: make all its runs, on this machine or on a cluster, and show which"
         " parameters matter (docs/study.md). A study that was interrupted goes on where it stood.",
         examples=[
             "defsense study fixtures/devices/bar --sensors 1..6",

@@ -85,7 +85,7 @@ def _distribution(t: Table, key: str) -> Parameter:
 
 
 def _steps(t: Table, ends: Any) -> tuple[Any, ...]:
-    """Of a range with `step`, or with so many `steps`, both ends included; whole numbers stay so."""
+    """Of a range with `step`, or with so many `steps`, ends included; whole numbers stay so."""
     low, high = ends
     if t.has("step") == t.has("steps"):
         t.fail("range", "give either step = 0.5, or steps = 5 for the number of values")

@@ -148,8 +148,7 @@ class _Cluster:
 
 def _workers(client: Any) -> dict[str, int]:
     """Addresses of the workers, and their threads."""
-    info = client.scheduler_info(n_workers=-1)["workers"]
-    return {address: int(worker["nthreads"]) for address, worker in info.items()}
+    return {address: int(threads) for address, threads in client.nthreads().items()}
 
 
 def _check_workers(client: Any, address: str) -> None:
