@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
@@ -47,7 +47,7 @@ class RunRecord:
     parameters: Mapping[str, Any]
     outcome: Outcome
     message: str = ""
-    measures: Mapping[str, Value] = msgspec.field(default_factory=dict)
+    measures: Mapping[str, Value] = field(default_factory=dict)
     cost: Cost = Cost()
     worker: str = ""
 
