@@ -194,20 +194,26 @@ STAGES = (
 )
 
 
-def keys(device: Device, folder: Path) -> dict[str, str]:
+Versions = dict[str, list[tuple[str, str | None]]]
+
+
+def keys(device: Device, folder: Path, versions: Versions | None = None) -> dict[str, str]:
     """The hash of all that each stage's result depends on, upstream stages included, for the body
-    in `folder`: of the files that it was made from it has the contents that they had then."""
+    in `folder`: of the files that it was made from it has the contents that they had then. With
+    `versions`, what `installed` gave is not asked for again."""
+    versions = versions or installed()
     out: dict[str, str] = {}
     key = digest(CODE_VERSION, body_sources.recorded(folder))
     for stage in STAGES:
-        key = digest(key, stage.name, stage.inputs(device), _versions(stage.libraries))
+        key = digest(key, stage.name, stage.inputs(device), versions[stage.name])
         out[stage.name] = key
     return out
 
 
-def _versions(libraries: tuple[str, ...]) -> list[tuple[str, str | None]]:
-    """Versions as installed, None where a library is not: known without importing it."""
-    return [(name, _version(name)) for name in libraries]
+def installed() -> Versions:
+    """By stage the versions of its libraries, None where one is not there: known without importing
+    it."""
+    return {s.name: [(name, _version(name)) for name in s.libraries] for s in STAGES}
 
 
 def _version(library: str) -> str | None:

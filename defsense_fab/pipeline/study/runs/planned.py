@@ -15,7 +15,7 @@ from ....core.device_file import DEVICE
 from ....core.errors import DefsenseError, StudyError
 from ....core.files import digest, storage_errors
 from ....core.toml_table import Asked
-from ...build.stages import keys
+from ...build.stages import Versions, installed, keys
 from ..points.designs import points
 from ..points.studied_device import known_keys, nearest, script_keys, studied_device
 from ..points.study_toml import Study, fail_at
@@ -59,6 +59,7 @@ def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
     with suppress(DefsenseError):  # a device may be whole only with the study's values
         base = studied_device(text, folder, fixed, asked)
     runs: dict[str, Run] = {}
+    versions = installed()
     count, whole = 0, base
     for point in points(study):
         count += 1
@@ -71,7 +72,7 @@ def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
             )
         else:
             whole = whole or device
-            run = _run(device, folder, study, values, files)
+            run = _run(device, study, values, files, versions)
         runs.setdefault(run.name, run)
     if whole is not None:
         _refuse_unknown(study, text, asked, whole)
@@ -85,9 +86,10 @@ def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
 
 
 def _run(
-    device: Device, folder: Path, study: Study, values: Mapping[str, Any], files: DeviceFiles
+    device: Device, study: Study, values: Mapping[str, Any], files: DeviceFiles, versions: Versions
 ) -> Run:
-    found = keys(device, folder / "study")  # where no body is: the files' hash stands for it
+    nowhere = device.source / "study"  # no body is there: the files' hash stands for it
+    found = keys(device, nowhere, versions)
     until = digest(files.digest, found[study.until])
     return Run(until, values, digest(files.digest, found["simulate"]))
 
