@@ -1,7 +1,7 @@
 """A study of many runs on a Dask LocalCluster whose worker and whose command are killed on the way,
 against the same study in one process.
 
-    python -m benchmarks.study_cluster --out /tmp/study [--runs 200] [--workers 2]
+    python -m benchmarks.study_cluster --out /tmp/study [--runs 200] [--workers 2] [--only one]
 
 Each run is a bar with a coarse mesh, one pose and one cord, whose path descends once. First the
 study is made with `--workers 1`. Then a cluster of `--workers` is started here, and the same study
@@ -9,7 +9,7 @@ made on it by the command in a process of its own: when a quarter of its runs ar
 worker is killed (SIGKILL; its nanny starts another), when half of them are, the command itself is,
 and begun again. Told are the seconds of both, whether all runs are there, whether any was logged
 twice, and the largest difference of any number recorded. What is in `--out` already is taken as it
-is.
+is; `--only one` and `--only cluster` make one of the two.
 """
 
 from __future__ import annotations
@@ -155,17 +155,18 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--runs", type=int, default=200, help="a multiple of 20, from 40 on")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", choices=("one", "cluster"), help="make one of the two")
     options = parser.parse_args()
     one, other = (prepare(options.out / name, options.runs) for name in ("one", "cluster"))
-    for name, made in (
-        ("one process", lambda: in_one_process(one)),
-        ("cluster", lambda: on_a_cluster(other, options.runs, options.workers)),
-    ):
-        told = made()
-        print(f"{name}: {json.dumps(told)}", flush=True)
-    print(json.dumps(compare(one, other), indent=1))
-    for folder in (one, other):
-        print(f"{folder.name}: {json.dumps(costs(folder))}")
+    if options.only != "cluster":
+        print(f"one process: {json.dumps(in_one_process(one))}", flush=True)
+    if options.only != "one":
+        told = on_a_cluster(other, options.runs, options.workers)
+        print(f"cluster: {json.dumps(told)}", flush=True)
+    if lines(one) and lines(other):
+        print(json.dumps(compare(one, other), indent=1))
+        for folder in (one, other):
+            print(f"{folder.name}: {json.dumps(costs(folder))}")
 
 
 if __name__ == "__main__":
