@@ -22,7 +22,7 @@ from ...core.files import storage_errors, write_json
 from ...core.lock import locked
 from ...core.progress import Progress, silent
 from . import body_sources
-from .stages import STAGES, Stage, Watch, keys, read_json
+from .stages import STAGES, Stage, Watch, installed, keys, read_json
 
 STATE, LOCK = "state.json", ".build-lock"
 
@@ -87,15 +87,15 @@ def _make(
     watch: Watch | None,
 ) -> tuple[list[str], list[str]]:
     """Fill the `working` folder: the names of the stages that were made, and of those reused."""
-    made, reused = [], []
-    wanted = keys(device, final)
+    made, reused, versions = [], [], installed()
+    wanted = keys(device, final, versions)
     for stage in STAGES:
-        if finished(device, working, stage, keys(device, working)):
+        if finished(device, working, stage, keys(device, working, versions)):
             reused.append(stage.name)
             continue
         _clear(working, stage)
         if stage is not STAGES[0]:  # from now on for the body in the working folder
-            wanted = keys(device, working)
+            wanted = keys(device, working, versions)
         if finished(device, final, stage, wanted):
             for name in stage.outputs:
                 if (final / name).exists():  # versions before wrote fewer
@@ -108,7 +108,8 @@ def _make(
             made.append(stage.name)
         else:
             continue
-        done = {"key": keys(device, working)[stage.name], "files": _sizes(working, stage)}
+        key = keys(device, working, versions)[stage.name]
+        done = {"key": key, "files": _sizes(working, stage)}
         write_json(working / STATE, {**_state(working), stage.name: done})
     return made, reused
 
