@@ -3,14 +3,13 @@ against the same study in one process.
 
     python -m benchmarks.study_cluster --out /tmp/study [--runs 200] [--workers 2] [--only one]
 
-Each run is a bar with a coarse mesh, one pose and one cord, which stays as it is drawn, and is judged
-and made on trial. First the
-study is made with `--workers 1`. Then a cluster of `--workers` is started here, and the same study
-made on it by the command in a process of its own: when a quarter of its runs are in the log, one
-worker is killed (SIGKILL; its nanny starts another), when half of them are, the command itself is,
-and begun again. Told are the seconds of both, whether all runs are there, whether any was logged
-twice, and the largest difference of any number recorded. What is in `--out` already is taken as it
-is; `--only one` and `--only cluster` make one of the two.
+Each run is a bar with a coarse mesh, one pose and one cord, which stays as it is drawn, and is
+judged and made on trial. First the study is made with `--workers 1`. Then a cluster of `--workers`
+is started here, and the same study made on it by the command in a process of its own: when a
+quarter of its runs are in the log, one worker is killed (SIGKILL; its nanny starts another), when
+half of them are, the command itself is, and begun again. Told are the seconds of both, whether all
+runs are there, whether any was logged twice, and the largest difference of any number recorded.
+What is in `--out` already is taken as it is; `--only one` and `--only cluster` make one of the two.
 """
 
 from __future__ import annotations

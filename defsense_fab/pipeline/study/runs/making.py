@@ -15,7 +15,7 @@ from .run_log import RunLog, RunRecord
 #: From so many s on, times are told in minutes and in hours.
 _MINUTES, _HOURS = 90, 5400
 #: Runs of a batch on a cluster: they come back together, and are lost together with their worker.
-_LOST = 20
+LOST = 20
 
 
 def make_runs(
@@ -49,7 +49,7 @@ def make_runs(
 
     progress("study", 0.0, f"looking for workers at {scheduler}")
     with connected(scheduler) as client:
-        jobs = [_batch(b, plan, study, None) for b in batches(todo, threads_there(client), _LOST)]
+        jobs = [_batch(b, plan, study, None) for b in batches(todo, threads_there(client), LOST)]
         tracker.say()
         run_on_cluster(client, jobs, plan.files.archive, tracker.add, tracker.say)
 
