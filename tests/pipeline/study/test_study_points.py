@@ -144,6 +144,18 @@ def test_runs_are_known_by_what_they_depend_on(folder):
     }
 
 
+def test_seeds_of_the_search_are_runs_of_one_simulation(folder):
+    text = "[parameters]\ndesign.seed = { range = [1, 3], step = 1 }\ndesign.searches = [2]\n"
+    runs = planned(folder, study(folder, text), {}).runs
+    assert len(runs) == 3
+    assert len({r.simulation for r in runs}) == 1
+    # A device that says what is usual is the one that says nothing.
+    text = "[parameters]\ndesign.seed = [1]\n"
+    (usual,) = planned(folder, study(folder, text), {}).runs
+    (silent,) = planned(folder, study(folder, text.replace("design.seed", "schema")), {}).runs
+    assert usual.name == silent.name
+
+
 def test_batches_are_divided_where_workers_would_stand_idle(folder):
     runs = planned(
         folder,
