@@ -34,7 +34,7 @@ from .output import progress_bars
 #: What to do where the memory does not suffice.
 _LIGHTER = {
     "build": "use a larger [mesh] edge_length in device.toml",
-    "study": "give fewer cords with --sensors, or use a larger [mesh] edge_length in device.toml",
+    "study": "use fewer --workers, fewer cords, or a larger [mesh] edge_length in device.toml",
     "capture": "close other programs, or take fewer, smaller or shorter pictures and videos",
     "calibrate": "close other programs, or give fewer sessions at a time",
     "train": "close other programs, or give fewer or shorter sessions",
@@ -50,6 +50,7 @@ _INTERRUPTED = {
     "calibrate": "interrupted; what was recorded is there, and the same command goes on",
     "dataset": "interrupted; nothing was written, and a dataset before is untouched",
     "evaluate": "interrupted; nothing was written, and an evaluation before is untouched",
+    "study": "interrupted; what was done is kept, and the same command goes on",
     "train": "interrupted; no model was written, and the one before is untouched",
     "reproduce": "interrupted; what was made is kept, and the same command goes on from there",
     "run": "interrupted; what was read is kept",

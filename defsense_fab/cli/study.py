@@ -20,24 +20,55 @@ def add(commands: Commands) -> None:
     """`study`."""
     sub = commands.add_parser(
         "study",
-        help="how many cords a device should have",
-        description="Find the best layout of each number of cords and show how the predicted error"
-        " falls. Cords drawn in device.toml are left out of account; [design] planes holds; with"
-        " the decoder auto each number has the one that does best. A study that was interrupted"
-        " goes on where it stood.",
-        examples=["defsense study fixtures/devices/bar --sensors 1..6"],
+        help="how many cords a device should have, or any parameters by study.toml",
+        description="Without a study.toml beside device.toml: find the best layout of each number"
+        " of cords and show how the predicted error falls. Cords drawn in device.toml are left out"
+        " of account; [design] planes holds; with the decoder auto each number has the one that"
+        " does best. With one: make all its runs, on this machine or on a cluster, and show which"
+        " parameters matter (docs/study.md). A study that was interrupted goes on where it stood.",
+        examples=[
+            "defsense study fixtures/devices/bar --sensors 1..6",
+            "defsense study my-device --workers 4",
+            "defsense study my-device --scheduler tcp://192.168.1.10:8786",
+        ],
     )
     device_arguments(sub)
+    sub.add_argument("--sensors", metavar="A..B", help="numbers of cords to look at (1..6)")
     sub.add_argument(
-        "--sensors", default="1..6", metavar="A..B", help="numbers of cords to look at (1..6)"
+        "--workers", type=int, metavar="N",
+        help="processes of this machine for the runs of study.toml (its cores)",
+    )  # fmt: skip
+    sub.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask cluster that makes the runs of study.toml"
     )
     sub.set_defaults(run=_study)
 
 
 def _study(options: argparse.Namespace) -> int:
+    from ..pipeline.study.points.study_toml import FILE, is_there
+
+    if is_there(options.folder):
+        if options.sensors is not None:
+            raise DeviceError(
+                f"--sensors {options.sensors}: {options.folder / FILE} says what is studied; give"
+                " design.sensors there, or move that file away"
+            )
+        from .parameter_study import run_parameter_study
+
+        return run_parameter_study(options)
+    for name in ("workers", "scheduler"):
+        if getattr(options, name) is not None:
+            raise DeviceError(
+                f"--{name}: is for the runs of {options.folder / FILE}, which is not there;"
+                " docs/study.md tells how to write one"
+            )
+    return _count_cords(options)
+
+
+def _count_cords(options: argparse.Namespace) -> int:
     from ..core.device_file import load_device
 
-    least, most = _range(options.sensors)
+    least, most = _range(options.sensors or "1..6")
     device = load_device(options.folder, overrides(options.set))
     from ..pipeline.study import cord_count
 

@@ -247,8 +247,9 @@ class Device:
     """All that a build needs to know; `source` is the folder of `device.toml`, `propose` the number
     of cords to find besides those drawn, `planes` the most planes that they may take, or None;
     among layouts that are about as good `prefer` takes the simplest one or the most accurate; the
-    `converter` that reads the cords (CONVERTERS); how many `searches` for cords are made, None: as
-    many as are usual for their number."""
+    `converter` that reads the cords (CONVERTERS); the `seed` of the random choices of the search
+    for cords, and the most `searches` that are made (None: as many as their number of cords asks
+    for).
 
     name: str
     source: Path
@@ -267,6 +268,7 @@ class Device:
     decoder: str
     prefer: str = "simple"
     converter: str = "arduino"
+    seed: int = 1
     searches: int | None = None
 
     @property

@@ -51,15 +51,18 @@ def load_device(
 
     Raises DeviceError with file, line and key for anything unknown, missing or out of range.
     """
-    return _read(load_toml(folder / DEVICE), folder, overrides or {}, complete)
+    return read_device(load_toml(folder / DEVICE), folder, overrides or {}, complete)
 
 
 def parse_device(text: str, folder: Path, complete: bool = True) -> Device:
     """The same of the text that the device's file has, or would have, in its `folder`."""
-    return _read(parse_toml(text, folder / DEVICE), folder, {}, complete)
+    return read_device(parse_toml(text, folder / DEVICE), folder, {}, complete)
 
 
-def _read(top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool) -> Device:
+def read_device(
+    top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool = True
+) -> Device:
+    """The same of the table that the file holds, whose values may have been replaced."""
     if top.raw("schema", 1) is not SCHEMA:
         top.fail("schema", f"this version reads schema {SCHEMA}, not {top.data['schema']!r}")
     regions = _regions(top.table("regions", required=False))
@@ -78,11 +81,11 @@ def _read(top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool
     design = top.table("design", required=False)
     wanted = _count(design, "sensors")
     planes = _count(design, "planes")
-    searches = _count(design, "searches")
     decoder = design.string("decoder", "auto")
     design.choice("decoder", decoder, (*DECODERS, "auto"), "decoder")
     prefer = design.string("prefer", PREFERENCES[0])
     design.choice("prefer", prefer, PREFERENCES, "preference")
+    seed, searches = _count(design, "seed"), _count(design, "searches")
     design.done()
     if complete and not sensors and not wanted:
         top.fail("sensors", "draw [[sensors]] with planes and paths, or give [design] sensors = 3")
@@ -106,6 +109,7 @@ def _read(top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool
         decoder=decoder,
         prefer=prefer,
         converter=converter,
+        seed=seed or Device.seed,
         searches=searches,
     )
     top.done()

@@ -59,6 +59,10 @@ class ExperimentError(DefsenseError):
     """An experiment cannot be found or run."""
 
 
+class StudyError(DefsenseError):
+    """A study of many runs cannot be made as it is asked for, or its files are not its own."""
+
+
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
 

@@ -36,17 +36,34 @@ def parse_toml(text: str, path: Path) -> Table:
     """The same of the text that `path` has, or would have. Raises DeviceError for what is no
     TOML."""
     try:
-        return Table(tomllib.loads(text), path, text, ())
+        return Table(tomllib.loads(text), path, text)
     except tomllib.TOMLDecodeError as error:
         raise DeviceError(f"{path}: not valid TOML: {error}") from None
+
+
+Asked = dict[tuple[Any, ...], set[str]]
 
 
 class Table:
     """One TOML table: reads keys by type, and refuses those that nobody asked for."""
 
-    def __init__(self, data: dict[str, Any], file: Path, text: str, path: tuple[Any, ...]) -> None:
+    def __init__(
+        self,
+        data: dict[str, Any],
+        file: Path,
+        text: str,
+        path: tuple[Any, ...] = (),
+        asked: Asked | None = None,
+    ) -> None:
         self.data, self._file, self._text, self._path = data, file, text, path
-        self._known: set[str] = set()
+        self._asked: Asked = {} if asked is None else asked
+        self._known = self._asked.setdefault(path, set())
+
+    @property
+    def asked(self) -> Asked:
+        """Which keys were asked for so far, of this table and all that were read from the same
+        file, by the tables' paths: names of keys, and numbers from 0 in lists."""
+        return self._asked
 
     def fail(self, key: str | None, problem: str) -> NoReturn:
         """Raise DeviceError for `key` of this table."""
@@ -131,14 +148,15 @@ class Table:
         value = self._get(key, _REQUIRED if required else {})
         if not isinstance(value, dict):
             self.fail(key, f"must be a table, not {value!r}")
-        return Table(value, self._file, self._text, (*self._path, key))
+        return Table(value, self._file, self._text, (*self._path, key), self._asked)
 
     def tables(self, key: str) -> list[Table]:
         value = self._get(key, [])
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
             self.fail(key, "must be a list of tables")
         return [
-            Table(v, self._file, self._text, (*self._path, key, i)) for i, v in enumerate(value)
+            Table(v, self._file, self._text, (*self._path, key, i), self._asked)
+            for i, v in enumerate(value)
         ]
 
     def choice(self, key: str, name: str, options: Sequence[str], what: str) -> None:

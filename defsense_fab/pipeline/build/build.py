@@ -23,7 +23,7 @@ from ...core.lock import locked
 from ...core.progress import Progress, silent
 from . import body_sources
 from .asked import PLATES, Asked, record, recorded
-from .stages import STAGES, Stage, Watch, keys, read_json
+from .stages import STAGES, Stage, Watch, installed, keys, read_json
 from .state import STATE, load_state
 
 LOCK = ".build-lock"
@@ -96,15 +96,15 @@ def _make(
     watch: Watch | None,
 ) -> tuple[list[str], list[str]]:
     """Fill the `working` folder: the names of the stages that were made, and of those reused."""
-    device, made, reused = asked.of(own), [], []
-    wanted = keys(device, final)
+    device, made, reused, versions = asked.of(own), [], [], installed()
+    wanted = keys(device, final, versions)
     for stage in STAGES:
-        if finished(device, working, stage, keys(device, working)):
+        if finished(device, working, stage, keys(device, working, versions)):
             reused.append(stage.name)
             continue
         _clear(working, stage)
         if stage is not STAGES[0]:  # from now on for the body in the working folder
-            wanted = keys(device, working)
+            wanted = keys(device, working, versions)
         if finished(device, final, stage, wanted):
             for name in stage.outputs:
                 if (final / name).exists():  # versions before wrote fewer
@@ -117,8 +117,8 @@ def _make(
             made.append(stage.name)
         else:
             continue
-        done = {"key": keys(device, working)[stage.name], "files": _sizes(working, stage)}
-        done |= record(stage.name, own, asked)
+        key = keys(device, working, versions)[stage.name]
+        done = {"key": key, "files": _sizes(working, stage)} | record(stage.name, own, asked)
         write_json(working / STATE, {**load_state(working), stage.name: done})
     return made, reused
 

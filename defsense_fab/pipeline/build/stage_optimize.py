@@ -121,7 +121,7 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
         drawn=tuple(sample_path(s) for s in found.initial),
         proposed=device.propose > 0,
         starts=tuple(found.starts),
-        seed=SEED,
+        seed=device.seed,
     )
     prediction = PredictionRecord(
         task.points, task.names, final.signals, final.errors, final.decoder.to_json()
@@ -165,7 +165,7 @@ def _search(
     seen: _Watching,
     normals: Float | None = None,
 ) -> Optimised:
-    rng = np.random.default_rng((SEED, seed))
+    rng = np.random.default_rng((device.seed, seed))
     return optimise(
         task.design,
         device.sensors,
@@ -191,7 +191,8 @@ def _again(
     out += [begun] if begun else []
     fewer = range(1, len(distinct([s.plane for s in first.sensors])))
     todo: list[tuple[int, int | None, Float | None]]
-    todo = [(seed, device.planes, None) for seed in range(1, searches(len(first.sensors)))]
+    count = device.searches or searches(len(first.sensors))
+    todo = [(seed, device.planes, None) for seed in range(1, count)]
     todo += [(0, n, None) for n in fewer if device.planes is None or n < device.planes]
     free = device.planes is None and any(s.free == FREE for s in device.sensors)
     if device.propose or free:

@@ -101,6 +101,12 @@ def _of_the_parts(f: FabricationSpec) -> FabricationSpec:
     return replace(f, **{name: getattr(alike, name) for name in only})
 
 
+def _search(d: Device) -> tuple[Any, ...]:
+    """What is stated of the search for cords; nothing where nothing is."""
+    usual = d.seed == Device.seed and d.searches is None
+    return () if usual else (d.seed, d.searches)
+
+
 def _runner(name: str) -> Callable[[Device, Path, Report, Watch | None], None]:
     """`run` of the module `stage_<name>`, imported when it is called: CAD and VTK are heavy. Only
     the search for cords can be watched."""
@@ -160,7 +166,7 @@ STAGES = (
                 d.prefer,
                 d.converter,
                 _of_the_parts(d.fabrication),
-                *([] if d.searches is None else [d.searches]),
+                *_search(d),
             )
         ),
         _runner("optimize"),
@@ -188,20 +194,26 @@ STAGES = (
 )
 
 
-def keys(device: Device, folder: Path) -> dict[str, str]:
+Versions = dict[str, list[tuple[str, str | None]]]
+
+
+def keys(device: Device, folder: Path, versions: Versions | None = None) -> dict[str, str]:
     """The hash of all that each stage's result depends on, upstream stages included, for the body
-    in `folder`: of the files that it was made from it has the contents that they had then."""
+    in `folder`: of the files that it was made from it has the contents that they had then. With
+    `versions`, what `installed` gave is not asked for again."""
+    versions = versions or installed()
     out: dict[str, str] = {}
     key = digest(CODE_VERSION, body_sources.recorded(folder))
     for stage in STAGES:
-        key = digest(key, stage.name, stage.inputs(device), _versions(stage.libraries))
+        key = digest(key, stage.name, stage.inputs(device), versions[stage.name])
         out[stage.name] = key
     return out
 
 
-def _versions(libraries: tuple[str, ...]) -> list[tuple[str, str | None]]:
-    """Versions as installed, None where a library is not: known without importing it."""
-    return [(name, _version(name)) for name in libraries]
+def installed() -> Versions:
+    """By stage the versions of its libraries, None where one is not there: known without importing
+    it."""
+    return {s.name: [(name, _version(name)) for name in s.libraries] for s in STAGES}
 
 
 def _version(library: str) -> str | None:

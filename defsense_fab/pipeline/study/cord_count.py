@@ -20,7 +20,7 @@ from ..design.as_built import assumed_cords
 from ..design.compare_layouts import ComparedLayout
 from ..design.design_task import SEED, load_task
 from ..design.predict import predict
-from .study_file import Row, chain, read_rows, write_rows
+from .cord_count_file import Row, chain, read_rows, write_rows
 
 FILE, PICTURE = "study.json", "study.png"
 #: Where the decoder is to be found, cords are designed for what it may need of them.

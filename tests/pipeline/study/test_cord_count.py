@@ -18,7 +18,7 @@ from defsense_fab.pipeline.study.cord_count import (
     study_folder,
     study_key,
 )
-from defsense_fab.pipeline.study.study_file import Row, chain, read_rows, write_rows
+from defsense_fab.pipeline.study.cord_count_file import Row, chain, read_rows, write_rows
 from tests.places import BAR
 
 

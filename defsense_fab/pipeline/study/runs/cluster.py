@@ -1,0 +1,169 @@
+"""Batches on a cluster, through a scheduler of Dask."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+from ....core.errors import StudyError
+from .batch import Batch, Tell
+from .run_log import RunRecord, decoded
+from .versions import difference, installed
+from .worker import as_text, travelling
+
+#: s: until a scheduler answers, until a first worker comes, without any worker on the way.
+ANSWERS, COMES, WITHOUT = 5.0, 30.0, 120.0
+_LOOK = 0.2
+_GONE = "the scheduler has gone; what was done until then is kept, and the same command goes on"
+_AHEAD = 2  # batches sent for each worker's thread: one is worked on, one is there already
+_INSTALL = "install the same versions there, or take that worker away"
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Any]:
+    """A client of the scheduler at an `address`, whose workers have this machine's software. Raises
+    StudyError where there is no scheduler, no worker, or another version."""
+    try:
+        import distributed
+    except ImportError:
+        raise StudyError(
+            "--scheduler needs Dask: pip install defsense-fab[cluster], here and on the workers"
+        ) from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told here
+    try:
+        client = distributed.Client(address, timeout=ANSWERS, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise StudyError(
+            f"--scheduler {address}: no scheduler answers there ({_first_line(error)}); start one"
+            " with `dask scheduler`, whose first lines tell its address"
+        ) from None
+    try:
+        _check_workers(client, address)
+        yield client
+    finally:
+        client.close(timeout=ANSWERS)
+
+
+def threads_there(client: Any) -> int:
+    """Of all workers: so many batches are worked on at a time."""
+    return max(1, sum(_workers(client).values()))
+
+
+def run_on_cluster(
+    client: Any,
+    batches: Sequence[Batch],
+    files: bytes,
+    tell: Tell,
+    note: Callable[[str], None],
+) -> None:
+    """Make all batches; the records of each are told when it is done. `note` is told of workers
+    that go: their batches go to others, and where one has taken several workers with it, its runs
+    are tried one by one, and those that do so again are broken.
+
+    Raises StudyError where the scheduler goes, no worker is left, or one has another version.
+    """
+    _Cluster(client, files, tell, note).work_off(list(batches))
+
+
+class _Cluster:
+    def __init__(self, client: Any, files: bytes, tell: Tell, note: Callable[[str], None]) -> None:
+        self._client, self._files, self._tell, self._note = client, files, tell, note
+        self._work, self._wanted = travelling()[0], installed()
+        self._there = set(_workers(client))
+        self._since = time.monotonic()  # when workers were last there
+
+    def work_off(self, waiting: list[Batch]) -> None:
+        pending: dict[Any, Batch] = {}
+        try:
+            while waiting or pending:
+                while waiting and len(pending) < _AHEAD * max(1, threads_there(self._client)):
+                    batch = waiting.pop(0)
+                    pending[self._submit(batch)] = batch
+                done = [f for f in pending if f.done()]
+                if not done:
+                    time.sleep(_LOOK)
+                self._watch()
+                for future in done:
+                    waiting += self._ended(future, pending.pop(future))
+        finally:
+            if pending and self._client.status == "running":
+                self._client.cancel(list(pending))
+
+    def _submit(self, batch: Batch) -> Any:
+        return self._client.submit(
+            self._work, as_text(batch), self._files, self._wanted, pure=False
+        )
+
+    def _ended(self, future: Any, batch: Batch) -> list[Batch]:
+        """What is to be tried again."""
+        import distributed
+
+        try:
+            result = future.result(timeout=ANSWERS)
+        except distributed.KilledWorker as error:
+            if len(batch.runs) > 1:
+                self._note("a batch took several workers with it; its runs are tried one by one")
+                return [replace(batch, runs=(run,)) for run in batch.runs]
+            run, values = batch.runs[0]
+            why = f"{error.allowed_failures + 1} workers died on it, perhaps for want of memory"
+            self._tell(RunRecord(run, values, "broken", why))
+            return []
+        except (OSError, CancelledError, TimeoutError):
+            raise StudyError(_GONE) from None
+        except Exception as error:
+            raise StudyError(
+                f"a worker failed with {type(error).__name__}: {_first_line(error)}; see its log"
+            ) from None
+        if "refused" in result:
+            raise StudyError(f"a worker {result['refused']}; {_INSTALL}")
+        if "failed" in result:
+            raise StudyError(f"a worker cannot work: {result['failed']}")
+        for line in result["records"]:
+            self._tell(decoded(line))
+        return []
+
+    def _watch(self) -> None:
+        try:
+            there = set(_workers(self._client))
+        except OSError:
+            raise StudyError(_GONE) from None
+        if self._client.status != "running":
+            raise StudyError(_GONE)
+        for address in sorted(self._there - there):
+            self._note(f"the worker {address} has gone; its batch goes to another")
+        self._there = there
+        if there:
+            self._since = time.monotonic()
+        elif time.monotonic() - self._since > WITHOUT:
+            raise StudyError(
+                f"no worker has been there for {WITHOUT:.0f} s; what was done until then is kept:"
+                " start workers, and the same command goes on"
+            )
+
+
+def _workers(client: Any) -> dict[str, int]:
+    """Addresses of the workers, and their threads."""
+    return {address: int(threads) for address, threads in client.nthreads().items()}
+
+
+def _check_workers(client: Any, address: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=COMES)
+    except TimeoutError:
+        raise StudyError(
+            f"--scheduler {address}: no worker has come to it within {COMES:.0f} s; start some with"
+            f" `dask worker {address} --nthreads 1`"
+        ) from None
+    wanted, there = installed(), client.run(travelling()[1])
+    for worker, versions in sorted(there.items()):
+        if other := difference(wanted, versions):
+            raise StudyError(f"the worker {worker} has {other}; {_INSTALL}")
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0][:120] if str(error) else type(error).__name__

@@ -1,0 +1,129 @@
+"""From the points of a study to its runs: each known by all that it depends on, those that share
+their simulation together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ....core.device import Device
+from ....core.device_file import DEVICE
+from ....core.errors import DefsenseError, StudyError
+from ....core.files import digest, storage_errors
+from ....core.toml_table import Asked
+from ...build.stages import Versions, installed, keys
+from ..points.designs import points
+from ..points.studied_device import known_keys, nearest, script_keys, studied_device
+from ..points.study_toml import Study, fail_at
+from .device_files import DeviceFiles, pack
+
+#: Fewer runs are not worth a simulation of their own.
+_FEWEST = 4
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run by the hash of all that it depends on, with its values by key; the hash of what its
+    simulation depends on; the `problem` for which there is no such device."""
+
+    name: str
+    values: Mapping[str, Any]
+    simulation: str = ""
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The runs in the order of the points, none twice; the text of `device.toml`, the device's
+    files, and how many points there are."""
+
+    runs: tuple[Run, ...]
+    text: str
+    files: DeviceFiles
+    points: int
+
+
+def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
+    """The runs of a study of the device in a `folder`, with values that are `fixed` for all.
+
+    Raises StudyError where no point gives a device, DeviceError for a parameter that is none.
+    """
+    with storage_errors(folder / DEVICE):
+        text = (folder / DEVICE).read_text(encoding="utf-8")
+    files, asked = pack(folder), Asked()
+    base: Device | None = None
+    with suppress(DefsenseError):  # a device may be whole only with the study's values
+        base = studied_device(text, folder, fixed, asked)
+    runs: dict[str, Run] = {}
+    versions = installed()
+    count, whole = 0, base
+    for point in points(study):
+        count += 1
+        values = {**fixed, **point}
+        try:
+            device = studied_device(text, folder, values, asked)
+        except DefsenseError as error:
+            run = Run(
+                digest(files.digest, sorted(values.items()), str(error)), values, "", str(error)
+            )
+        else:
+            whole = whole or device
+            run = _run(device, study, values, files, versions)
+        runs.setdefault(run.name, run)
+    if whole is not None:
+        _refuse_unknown(study, text, asked, whole)
+        _refuse_outside(whole)
+    if all(run.problem for run in runs.values()):
+        first = next(iter(runs.values()))
+        raise StudyError(
+            f"study.toml: none of its {count} points gives a device; the first: {first.problem}"
+        )
+    return Plan(tuple(runs.values()), text, files, count)
+
+
+def _run(
+    device: Device, study: Study, values: Mapping[str, Any], files: DeviceFiles, versions: Versions
+) -> Run:
+    nowhere = device.source / "study"  # no body is there: the files' hash stands for it
+    found = keys(device, nowhere, versions)
+    until = digest(files.digest, found[study.until])
+    return Run(until, values, digest(files.digest, found["simulate"]))
+
+
+def _refuse_unknown(study: Study, text: str, asked: Asked, device: Device) -> None:
+    known = [*known_keys(text, asked), *script_keys(device)]
+    for parameter in study.parameters:
+        if parameter.key not in known:
+            near = nearest(parameter.key, known)
+            hint = f"did you mean {' or '.join(near)}?" if near else "docs/device.md has all keys"
+            fail_at(study, parameter.key, f"is no key of {DEVICE}; {hint}")
+
+
+def _refuse_outside(device: Device) -> None:
+    """Runs are made from a copy of the device's folder."""
+    path = device.body.path.resolve()
+    if not path.is_relative_to(device.source.resolve()):
+        raise StudyError(
+            f"{path}: lies outside of the device's folder, which is all that runs are sent; copy it"
+            f" into {device.source}"
+        )
+
+
+def batches(runs: Sequence[Run], workers: int, most: int | None = None) -> list[tuple[Run, ...]]:
+    """Runs that share their simulation together, at most so many in a batch, the longest batches
+    first; they are divided where otherwise workers would stand idle. Each part has a simulation of
+    its own."""
+    groups: dict[str, list[Run]] = {}
+    for run in runs:
+        groups.setdefault(run.simulation, []).append(run)
+    fair = len(runs) if workers == 1 else math.ceil(len(runs) / (2 * workers))
+    fair = max(_FEWEST, min(fair, most or fair))
+    out = []
+    for group in groups.values():
+        size = math.ceil(len(group) / math.ceil(len(group) / fair))
+        out += [tuple(group[k : k + size]) for k in range(0, len(group), size)]
+    return sorted(out, key=len, reverse=True)
