@@ -249,7 +249,7 @@ class Device:
     among layouts that are about as good `prefer` takes the simplest one or the most accurate; the
     `converter` that reads the cords (CONVERTERS); the `seed` of the random choices of the search
     for cords, and the most `searches` that are made (None: as many as their number of cords asks
-    for).
+    for)."""
 
     name: str
     source: Path
