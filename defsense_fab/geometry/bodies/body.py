@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import json
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +15,7 @@ from ..kernels.cutting_tools import Prism
 from .child_process import Failure, finished
 from .connector_bay import recess
 from .foreign_body import read_mesh_body, read_step_body
+from .kernel_loading import loaded_meanwhile
 from .script_failure import script_failure
 from .script_process import RESULT, SOLIDS, TASK
 from .source_files import SourceFile
@@ -95,11 +92,9 @@ def _run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
         (folder / TASK).write_text(json.dumps(task, default=_plain), encoding="utf-8")
 
     module = f"{__package__}.script_process"
-    # Both processes need the CAD kernel, which takes seconds to load: this one meanwhile.
-    loading = threading.Thread(target=import_module, args=("..kernels.occ", __package__))
-    loading.start()
+    # Both processes need the CAD kernel: this one loads it meanwhile.
     with (
-        _joined(loading),
+        loaded_meanwhile("occ") as brep,
         finished(module, give, RESULT, spec.time_limit, failure, relay=True) as folder,
     ):
         made = json.loads((folder / RESULT).read_text(encoding="utf-8"))
@@ -107,22 +102,10 @@ def _run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
             raise BodyError(f"{path}: {made['refused']}")
         if "type" in made:
             raise script_failure(made, spec.parameters)
-        from ..kernels import brep
-
-        solids = brep.read_brep(folder / SOLIDS)
+        solids = brep().read_brep(folder / SOLIDS)
     sources = tuple(SourceFile(Path(name), content) for name, content in made["sources"])
     # A file that has gone since was the script's own, for the time being.
     return solids, tuple(s for s in sources if s.content is None or s.path.exists())
-
-
-@contextmanager
-def _joined(thread: threading.Thread) -> Iterator[None]:
-    """Wait for a thread that imports, whatever happens: a program that ends meanwhile shows its
-    traceback."""
-    try:
-        yield
-    finally:
-        thread.join()
 
 
 def _plain(value: Any) -> Any:

@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 import resource
 import sys
-import threading
+from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from ...core.errors import BodyError
 from ...core.files import write_json
 from ...core.mesh import Surface
 from .child_process import Failure, end_with_parent, finished
+from .kernel_loading import loaded_meanwhile
 from .meshes.file_kind import kind_of_file
 
 _TASK, _SURFACE, _RESULT, _SOLID = "task.json", "surface.npz", "result.json", "solid.brep"
@@ -51,7 +52,7 @@ def read_foreign(path: Path, limit: float = 120.0) -> FileBody:
         "step": path.suffix.lower() in (".step", ".stp"), "scale": 1.0, "sizes": _ANY_SIZE,
         "tolerance": _TESSELLATION, "relative": True, "fill_cavities": True,
     }  # fmt: skip
-    return _read(path, path.name, task, limit, False, "simplify the body: the file is too large or"
+    return _read(path, path.name, task, limit, None, "simplify the body: the file is too large or"
                  " too complicated")  # fmt: skip
 
 
@@ -70,13 +71,9 @@ def read_step_body(
         "step": True, "sizes": sizes, "tolerance": tolerance, "relative": False,
         "fill_cavities": fill_cavities,
     }  # fmt: skip
-    # Both processes need the CAD kernel, which takes seconds to load: this one meanwhile.
-    loading = threading.Thread(target=import_module, args=("..kernels.brep", __package__))
-    loading.start()
-    try:
-        return _read(path, str(path), task, limit, True)
-    finally:
-        loading.join()
+    # Both processes need the CAD kernel: this one loads it meanwhile.
+    with loaded_meanwhile("brep") as brep:
+        return _read(path, str(path), task, limit, brep)
 
 
 def read_mesh_body(
@@ -85,7 +82,7 @@ def read_mesh_body(
     """The surface in a file of a mesh times `scale`, repaired. Raises BodyError as `read_mesh`
     does, and where reading takes more than `limit` s."""
     task = {"step": False, "scale": scale, "sizes": sizes, "fill_cavities": fill_cavities}
-    return _read(path, str(path), task, limit, False)
+    return _read(path, str(path), task, limit, None)
 
 
 def _kind(path: Path) -> str | None:
@@ -100,7 +97,7 @@ def _read(
     shown: str,
     task: dict[str, Any],
     limit: float,
-    solid: bool,
+    brep: Callable[[], ModuleType] | None,
     slow: str = "simplify the body, or raise [body] time_limit in device.toml",
 ) -> FileBody:
     failure = Failure(
@@ -111,7 +108,7 @@ def _read(
     )
 
     def give(folder: Path) -> None:
-        write_json(folder / _TASK, task | {"path": str(path.absolute()), "solid": solid})
+        write_json(folder / _TASK, task | {"path": str(path.absolute()), "solid": brep is not None})
 
     with finished(__name__, give, _RESULT, limit, failure) as folder:
         made = json.loads((folder / _RESULT).read_text(encoding="utf-8"))
@@ -119,11 +116,7 @@ def _read(
             raise BodyError(made["refused"].replace(str(path.absolute()), shown))
         with np.load(folder / _SURFACE) as data:
             surface = Surface(data["vertices"], data["faces"])
-        body = None
-        if solid:
-            from ..kernels import brep
-
-            body = brep.read_brep(folder / _SOLID)[0]
+        body = brep().read_brep(folder / _SOLID)[0] if brep else None
     return FileBody(surface, made["volume"], made["in_mm"], tuple(made["repaired"]), body)
 
 

@@ -74,7 +74,7 @@ def test_gains_that_bring_frames_out_of_the_trained_range_are_found():
 def test_a_drift_is_found(model):
     """That which is 0 in the middle: its mean would be an offset."""
     run = bar.recording(60, seed=1)
-    course = 0.06 * (run.sample_time / 60 - 0.5)
+    course = 0.03 * (run.sample_time / 60 - 0.5)  # of a larger one, gains take a part
     drifting = replace(run, ohm=bar.R0 * (1 + run.signals + course[:, None]))
     out = budget.error_budget(model, bar.dataset(drifting))
     assert out.shares[budget.DRIFT] > 0.6 * out.total

@@ -100,7 +100,7 @@ def test_the_packages_examples_are_whole(name):
         device = load_device(found.folder)
         needed += ["device.toml", device.body.path.name, *(c.file for c in found.layouts if c.file)]
         assert device.poses
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     patterns = settings["tool"]["setuptools"]["package-data"]["defsense_fab"]
     for file in needed:
         assert (ROOT / "examples" / name / file).is_file()
