@@ -30,12 +30,13 @@ def cast_parts(w: Words, _: Action) -> list[str]:
     return [] if w.manifest.casting is None else list(w.manifest.casting.steps)
 
 
-def try_pins(_w: Words, _: Action) -> list[str]:
+def try_pins(w: Words, _: Action) -> list[str]:
     """Before anything is glued."""
+    fit = "; 'defsense calibrate coupon' finds the clearance of a printer with which they do"
     return [
         "Try every pin in its socket: the two pins of a joint differ in diameter, and no two joints"
-        " have them equally far apart. Each goes in by hand and does not fall out; 'defsense"
-        " calibrate coupon' finds the clearance of a printer with which they do."
+        " have them equally far apart. Each goes in by hand and does not fall out"
+        f"{fit if w.manifest.casting is None else ''}."
     ]
 
 
