@@ -86,8 +86,9 @@ def reproduce_one(
     for choice in experiment.layouts:
         with left.step(f"{name}: {choice.name}") as progress:
             devices[choice.name] = built_layout(experiment, choice, simulated, out, progress)
-    tagged = next((c.name for c in experiment.layouts if c.cords == OPTIMISED), "")
-    first = devices[tagged or experiment.layouts[-1].name]
+    optimised = [c.name for c in experiment.layouts if c.cords == OPTIMISED]
+    explained = (optimised or [c.name for c in experiment.layouts])[-1]  # its causes are told
+    first = devices[explained]
     markers = tags_of(experiment, first, out, left.progress)
     units: dict[str, list[dict[str, Any]]] = {n: [] for n in devices}
     before: Device | None = None
@@ -104,9 +105,7 @@ def reproduce_one(
     }
     with left.step(f"{name}: causes") as progress:
         own = replace(markers, device=first.name)
-        results[tagged or experiment.layouts[-1].name]["causes"] = kept_causes(
-            experiment, first, own, progress
-        )
+        results[explained]["causes"] = kept_causes(experiment, first, own, progress)
     with left.step(f"{name}: pictures") as progress:
         pictures = device_pictures(experiment, devices, out, progress)
     return {
