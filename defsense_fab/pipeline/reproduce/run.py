@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ...core.blas_threads import one_blas_thread
 from ...core.device import Device
 from ...core.files import storage_errors, write_json
 from ...core.lock import locked
@@ -27,6 +28,7 @@ from .time_left import TimeLeft
 RESULTS, PAGE, _LOCK = "results.json", "index.html", ".reproduce-lock"
 
 
+@one_blas_thread()
 def reproduce(
     experiments: Sequence[Experiment], out: Path, progress: Progress = silent
 ) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ....core.blas_threads import one_blas_thread
 from ....core.device import Device
 from ....core.errors import TrainingError
 from ....core.files import digest
@@ -88,6 +89,7 @@ def evaluate_files(
     return replace(found, notes=tuple(notes))
 
 
+@one_blas_thread()
 def evaluate_models(
     models: Sequence[tuple[str, TrainedModel]], dataset: Dataset, last_share: float | None = None,
     progress: Progress = silent, layout: LayoutRecord | None = None,

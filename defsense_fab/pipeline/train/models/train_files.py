@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ....core.blas_threads import one_blas_thread
 from ....core.device import Device
 from ....core.progress import Progress, silent
 from ....training.fitting.train_model import Training, TrainingOptions
@@ -24,6 +25,7 @@ class TrainedFiles:
     notes: tuple[str, ...]
 
 
+@one_blas_thread()
 def train_files(
     files: DataFiles, device: Device | None, how: TrainingOptions, *, out: Path | None = None,
     wanted: str = AUTO, without: Sequence[int] = (), in_step: bool = False,
