@@ -34,7 +34,8 @@ def connected(address: str) -> Iterator[Any]:
         raise StudyError(
             "--scheduler needs Dask: pip install defsense-fab[cluster], here and on the workers"
         ) from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told here
+    for name in ("distributed", "distributed.client"):  # what goes wrong is told here
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = distributed.Client(address, timeout=ANSWERS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
