@@ -106,4 +106,4 @@ def test_the_packages_examples_are_whole(name):
         assert (ROOT / "examples" / name / file).is_file()
         assert any(fnmatch(f"data/examples/{name}/{file}", p) for p in patterns), file
     assert found.numbers
-    compile(Path(found.folder, "reproduce.py").read_text(), "reproduce.py", "exec")
+    compile(Path(found.folder, "reproduce.py").read_text(encoding="utf-8"), "reproduce.py", "exec")
