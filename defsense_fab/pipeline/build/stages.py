@@ -92,12 +92,12 @@ def plain(value: Any) -> Any:
 
 
 def _of_the_parts(f: FabricationSpec) -> FabricationSpec:
-    """What cords depend on: not on plates and moulds."""
+    """What cords depend on: not on plates; on moulds where parts are cast, as no layout is taken
+    whose moulds lock."""
     alike = FabricationSpec(f.process, f.clearance, f.wall, f.lead, (0.0, 0.0, 0.0))
-    only = (
-        "bed", "kind", "line", "layer", "hole", "spacing", "supports", "copies", "mould_wall",
-        "shrinkage",
-    )  # fmt: skip
+    only = ["bed", "layer", "hole", "spacing", "supports", "copies"]
+    if f.kind != "cast":
+        only += ["kind", "line", "mould_wall", "shrinkage"]
     return replace(f, **{name: getattr(alike, name) for name in only})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +86,10 @@ def _name(plan: Plan, folder: Path) -> str:
 def _results(
     folder: Path, name: str, study: Study, plan: Plan, log: RunLog, made: int
 ) -> StudyResult:
-    rows = tuple(log.found[r.name] for r in plan.runs if r.name in log.found)
+    # A run of an earlier study of other parameters means the same device.
+    rows = tuple(
+        replace(log.found[r.name], parameters=r.values) for r in plan.runs if r.name in log.found
+    )
     table = StudyTable(name, study, rows, len(plan.runs), plan.points, installed())
     best = folder / FOLDER / BEST if study.minimise and table.done else None
     measure = study.minimise or study.record[0]
@@ -103,5 +106,8 @@ def _results(
     if best is not None:
         with storage_errors(best):
             write_text(best, studied_text(plan.text, table.done[0].parameters))
+    else:
+        with storage_errors(folder):
+            (folder / FOLDER / BEST).unlink(missing_ok=True)
     write_study_page(result.page, table, result.front, result.sensitivities, result.sobol)
     return result
