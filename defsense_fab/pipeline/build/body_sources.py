@@ -10,7 +10,7 @@ from pathlib import Path
 from ...core.device import Device
 from ...core.files import write_json
 from ...geometry.bodies.source_files import SourceFile
-from ..artifacts.session_manifest import FILE, OLD_FILE
+from ..artifacts.own_files import own_files
 
 _FILE = "body/sources.json"
 #: CAD kernels open these unseen: all that lie with a script are taken for read.
@@ -24,18 +24,10 @@ _BUILDS = ("build", ".build-next", ".build-old")
 
 
 def cad_files(device: Device) -> list[SourceFile]:
-    """CAD files in the device's folder, where a script makes the body; not those of builds, of
-    recorded sessions, and in hidden folders."""
-    found: list[SourceFile] = []
-    if device.body.kind == "script":
-        for folder, inner, names in os.walk(device.source):
-            if not {FILE, OLD_FILE}.isdisjoint(names):  # a session
-                inner.clear()
-                continue
-            inner[:] = sorted(n for n in inner if n not in _BUILDS and not n.startswith("."))
-            paths = [Path(folder, n) for n in sorted(names)]
-            found += [SourceFile.now(p) for p in paths if p.suffix.lower() in _CAD]
-    return found
+    """CAD files in the device's folder, where a script makes the body; not those of results."""
+    if device.body.kind != "script":
+        return []
+    return [SourceFile.now(p) for p in own_files(device.source) if p.suffix.lower() in _CAD]
 
 
 def record(device: Device, folder: Path, sources: Iterable[SourceFile]) -> None:

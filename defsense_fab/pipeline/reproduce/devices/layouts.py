@@ -20,7 +20,7 @@ from ....core.files import replacing_folder, storage_errors, write_text
 from ....core.progress import Progress
 from ....optimize.search import baselines
 from ...artifacts.build_folder import build_folder
-from ...artifacts.session_manifest import FILE as SESSION
+from ...artifacts.own_files import own_files
 from ...build.build import build
 from ...design.design_task import load_task
 from ..experiments.experiment import DRAWN, MANUAL, OPTIMISED, Experiment, LayoutChoice
@@ -28,8 +28,7 @@ from ..experiments.experiment import DRAWN, MANUAL, OPTIMISED, Experiment, Layou
 SIMULATED = "simulated"
 _SEED = 0  # of the visual layout's lines
 #: Of an experiment's folder, what is no part of the device.
-_BESIDE = ("experiment.toml", "reproduce.py", "README.md", "picture.png", "build", "study",
-           "markers")  # fmt: skip
+_BESIDE = ("experiment.toml", "reproduce.py", "README.md", "picture.png", "markers")
 
 
 def simulated_device(experiment: Experiment, out: Path, progress: Progress) -> Device:
@@ -66,25 +65,12 @@ def built_layout(
 def _copy_device(source: Path, into: Path) -> None:
     """Files that a body or a response is made from; those that are as they were are left alone."""
     with storage_errors(into):
-        for folder, inner, names in os.walk(source, followlinks=True):
-            if SESSION in names:
-                inner.clear()
-                continue
-            inner[:] = [
-                n for n in inner
-                if n not in _BESIDE and n[0] not in "._" and not _holds(Path(folder, n), into)
-            ]  # fmt: skip
-            own = into / Path(folder).relative_to(source)
-            own.mkdir(parents=True, exist_ok=True)
-            for name in names:
-                if name in (DEVICE, *_BESIDE) or name.startswith("."):
-                    continue
-                _copy_file(Path(folder, name), own / name)
-
-
-def _holds(folder: Path, inside: Path) -> bool:
-    """Whether results go into a folder of what is copied."""
-    return inside.resolve().is_relative_to(folder.resolve())
+        into.mkdir(parents=True, exist_ok=True)
+        for path in own_files(source, without=into):
+            name = path.relative_to(source)
+            if name.parts[0] not in (DEVICE, *_BESIDE):
+                (into / name).parent.mkdir(parents=True, exist_ok=True)
+                _copy_file(path, into / name)
 
 
 def _copy_file(source: Path, target: Path) -> None:

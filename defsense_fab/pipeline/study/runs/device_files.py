@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +11,9 @@ from pathlib import Path
 from ....core.device_file import DEVICE
 from ....core.errors import StudyError
 from ....core.files import storage_errors
-from ...artifacts.session_manifest import FILE as SESSION
-from ...artifacts.session_manifest import OLD_FILE as OLD_SESSION
+from ...artifacts.own_files import own_files
 from ..points.study_toml import FILE as STUDY
 
-#: What builds and studies leave beside the device.
-_LEFT = {"build", "study", "not-reached", "__pycache__"}
 _MOST = 500e6  # bytes
 _WHEN = (2000, 1, 1, 0, 0, 0)  # of all files, so that the same files are the same bytes
 
@@ -35,7 +31,7 @@ def pack(folder: Path) -> DeviceFiles:
     """All files of a device's folder but results, recorded sessions and hidden ones. Raises
     StudyError where they are too many bytes, StorageError where one cannot be read."""
     contents, size = {}, 0
-    for path in _paths(folder):
+    for path in filter(Path.is_file, own_files(folder)):
         with storage_errors(path):
             size += path.stat().st_size
             if size > _MOST:
@@ -57,14 +53,3 @@ def unpack(archive: bytes, folder: Path) -> None:
     """Into a new folder. Raises StorageError."""
     with storage_errors(folder), zipfile.ZipFile(io.BytesIO(archive)) as files:
         files.extractall(folder)
-
-
-def _paths(folder: Path) -> list[Path]:
-    found = []
-    for where, inner, names in os.walk(folder):
-        if not {SESSION, OLD_SESSION}.isdisjoint(names):
-            inner.clear()
-            continue
-        inner[:] = sorted(n for n in inner if n not in _LEFT and not n.startswith("."))
-        found += [Path(where, n) for n in sorted(names) if not n.startswith(".")]
-    return [p for p in found if p.is_file()]
