@@ -2,31 +2,20 @@
 
 python reproduce.py                # at full size, which takes hours
 python reproduce.py --quick        # in minutes
+
+`defsense reproduce sheet` does the same; examples/bar/reproduce.py has its steps one by one.
 """
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
-from defsense_fab.core.progress import silent
-from defsense_fab.pipeline.reproduce.devices.layouts import built_layout, simulated_device
-from defsense_fab.pipeline.reproduce.devices.sessions import tags_of, tested_unit
 from defsense_fab.pipeline.reproduce.experiments.experiment_file import load_experiment
+from defsense_fab.pipeline.reproduce.run import reproduce
 
 quick = "--quick" in sys.argv
-out = Path("reproduced-quick" if quick else "reproduced") / "sheet"
 experiment = load_experiment(Path(__file__).parent).at_size(quick=quick, units=1)
-
-# Poses are solved once; each layout is a device folder of its own, built as any other.
-poses = simulated_device(experiment, out, silent)
-devices = {c.name: built_layout(experiment, c, poses, out, silent) for c in experiment.layouts}
-
-# All layouts carry the same tags, and their first unit is moved by the same hand.
-tags = tags_of(experiment, devices["four"], out, silent)
-for name, device in devices.items():
-    found = tested_unit(experiment, device, replace(tags, device=device.name), 1, silent)
-    e = found["chosen"]
-    print(
-        f"{name:7} {e['rmse']:5.2f} ± {e['deviation']:.2f} mm, peak {e['peak']:.1f},"
-        f" average peak {e['average_peak']:.2f}; {found['decoder']}"
-    )
+results = reproduce([experiment], Path("reproduced-quick" if quick else "reproduced"))
+(found,) = results["experiments"]
+for name, layout in found["layouts"].items():
+    e = layout["units"][0]["chosen"]
+    print(f"{name:7} {e['rmse']:5.2f} ± {e['deviation']:.2f} mm, peak {e['peak']:.1f}")

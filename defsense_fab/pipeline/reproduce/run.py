@@ -14,6 +14,7 @@ from ...core.lock import locked
 from ...core.progress import Progress, silent
 from ..artifacts.build_folder import build_folder
 from ..artifacts.layout import load_layout
+from ..artifacts.own_files import REPRODUCED
 from ..twin.devices.device_fields import share_fields
 from .cords.cord_experiment import cord_results
 from .devices.causes import kept_causes
@@ -25,10 +26,9 @@ from .results.numbers import as_row, compared
 from .results.page import write_page
 from .time_left import TimeLeft
 
-RESULTS, PAGE, _LOCK = "results.json", "index.html", ".reproduce-lock"
+RESULTS, PAGE = "results.json", "index.html"
 
 
-@one_blas_thread()
 def reproduce(
     experiments: Sequence[Experiment], out: Path, progress: Progress = silent
 ) -> dict[str, Any]:
@@ -40,7 +40,7 @@ def reproduce(
     done: list[dict[str, Any]] = []
     with storage_errors(out):
         out.mkdir(parents=True, exist_ok=True)
-    with locked(out / _LOCK, f"{out}: another run writes there; wait for it, or give --out"):
+    with locked(out / REPRODUCED, f"{out}: another run writes there; wait for it, or give --out"):
         for experiment in experiments:
             done.append(reproduce_one(experiment, out / experiment.name, left))
             data = {"quick": experiments[0].quick, "experiments": done}
@@ -66,6 +66,7 @@ def _steps(experiment: Experiment) -> list[str]:
     ]
 
 
+@one_blas_thread()
 def reproduce_one(
     experiment: Experiment, out: Path, left: TimeLeft | None = None
 ) -> dict[str, Any]:
