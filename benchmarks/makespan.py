@@ -17,11 +17,13 @@ from __future__ import annotations
 
 import argparse
 import heapq
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from defsense_fab.core.errors import DefsenseError
 from defsense_fab.pipeline.study.runs.making import LOST
 from defsense_fab.pipeline.study.runs.planned import Run, batches
 from defsense_fab.pipeline.study.runs.run_log import RunRecord, read_records
@@ -115,7 +117,12 @@ def main() -> None:
         "--scale", type=float, default=1.0, help="runs that take so many times as long"
     )
     o = parser.parse_args()
-    records = [r for r in read_records(o.log).values() if r.outcome == "done"]
+    try:
+        records = [r for r in read_records(o.log).values() if r.outcome == "done"]
+    except DefsenseError as error:
+        sys.exit(f"error: {error}")
+    if not records:
+        sys.exit(f"error: {o.log}: holds no run that is done; give the runs.log of a study")
     costs = Costs.of(records)
     costs = Costs(o.scale * costs.own, o.scale * costs.shared, costs.size)
     print(

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from dataclasses import replace
 from importlib import metadata
 
 import pytest
@@ -165,6 +166,17 @@ def test_another_version_of_a_library_makes_its_stage_anew(folder, monkeypatch, 
     old = keys(device, folder / "build")
     monkeypatch.setattr(metadata, "version", lambda n: "0" if n == library else before(n))
     new = keys(device, folder / "build")
+    names = [s.name for s in STAGES]
+    assert [n for n in names if old[n] != new[n]] == names[names.index(first) :]
+
+
+@pytest.mark.parametrize(("kind", "first"), [("print", "fabricate"), ("cast", "optimize")])
+def test_cords_depend_on_moulds_where_parts_are_cast(folder, kind, first):
+    """A layout whose moulds lock is not taken."""
+    device = load_device(folder)
+    before = replace(device, fabrication=replace(device.fabrication, kind=kind))
+    after = replace(before, fabrication=replace(before.fabrication, mould_wall=9.0))
+    old, new = keys(before, folder / "build"), keys(after, folder / "build")
     names = [s.name for s in STAGES]
     assert [n for n in names if old[n] != new[n]] == names[names.index(first) :]
 

@@ -81,6 +81,12 @@ def test_a_study_goes_on_where_it_stood(folder, capsys):
     again = study(capsys, folder, "--workers", "1")
     assert (again["made"], len(again["done"])) == (1, 3)
     assert len(read_records(log)) == 4
+    # A run of before is told with the values of the study that is made now.
+    with (folder / "study.toml").open("a") as file:
+        file.write("mesh.edge_length = [20.0]\n")
+    wider = study(capsys, folder)
+    assert wider["made"] == 1  # the one that is no device, with other values
+    assert [r["parameters"]["mesh.edge_length"] for r in wider["done"]] == [20] * 3
     # Results of another device, and a log of another program, stay as they are.
     (folder / "device.toml").write_text(DEVICE.replace('"box"', '"cube"', 1))
     error = refused(capsys, folder)
@@ -112,6 +118,12 @@ def test_a_run_whose_process_dies_is_broken_and_tried_again(folder, capsys, monk
         (["--set", "width=3"], {}, "none of its 5 points gives a device; the first: device.toml"),
         ([], {"[1.0, 2.0, -1.0, 3.0, 3.0]": "[-1.0]"}, "study.toml: none of its 1 points gives"),
         ([], {"body.scale": "body.scales"}, "study.toml:3: parameters.body.scales: is no key of"),
+        (
+            ["--set", "x=2"],
+            {"body.scale": "body.parameters.x"},
+            "x: is fixed for all runs by --set",
+        ),
+        (["--scheduler", "bogus"], {}, "--scheduler bogus: no scheduler answers"),
         (["--scheduler", "nonsense://x"], {}, "--scheduler nonsense://x: no scheduler answers"),
     ],
 )

@@ -70,6 +70,8 @@ def test_a_latin_hypercube_has_a_point_in_every_interval_of_each_parameter(folde
     [
         ("[parameters]\ncord.noise = 3", "study.toml:2: parameters.cord.noise: must be a list"),
         ("[parameters]\ncord.noise = []", "at least one value"),
+        ("[parameters]\ncord.noise = [2020-01-01]", "must hold numbers, texts"),
+        ("[parameters]\na.b = { range = [1, 2], step = 1e-320 }", "more than 10000 values"),
         ("[parameters]\ncord.noise = { uniform = [1, 2] }", "study.toml:2: parameters.cord"),
         ("[parameters]\ncord.noise = { log_uniform = [0, 2] }", "greater than 0"),
         ("[parameters]\ncord.noise = { range = [2, 1], step = 1 }", "must be less than the second"),

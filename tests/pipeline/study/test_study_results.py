@@ -102,6 +102,10 @@ def test_the_table_comes_back_with_what_it_is_of(tmp_path, monkeypatch):
     with path.open() as file:
         rows = list(csv.DictReader(file))
     assert [float(r["error"]) for r in rows[1:5]] == [r.measures["error"] for r in table.rows[1:5]]
+    assert not (path.parent / "results.parquet").exists()
+    refuse_others(tmp_path, "bar")
+    with pytest.raises(StudyError, match="holds results of the device 'bar'; move it away"):
+        refuse_others(tmp_path, "blob")
     path.write_text("a,b\n")
     with pytest.raises(StudyError, match="is no table of a study"):
         refuse_others(tmp_path, "bar")

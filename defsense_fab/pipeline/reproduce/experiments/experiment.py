@@ -15,8 +15,9 @@ CORDS = (MANUAL, VISUAL, DRAWN, OPTIMISED)
 #: Of a test, over units; the last of a design alone.
 TOLD_APART, PREDICTED = "told_apart", "predicted"
 QUANTITIES = ("rmse", "peak", "average_peak", TOLD_APART, PREDICTED)
-#: Of a cord alone (`cord_experiment.py`).
-CORD_QUANTITIES = ("k_res", "interval", "hysteresis", "repeatability")
+#: Of cords alone (`cord_experiment.py`); these of the first kind, which is bent on specimens.
+BENT_QUANTITIES = ("k_res", "interval")
+CORD_QUANTITIES = (*BENT_QUANTITIES, "hysteresis", "repeatability")
 #: Which decoder: the paper's, or that which the training's folds choose.
 AFFINE, CHOSEN = "affine", "chosen"
 

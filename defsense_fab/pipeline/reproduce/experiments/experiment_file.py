@@ -14,6 +14,7 @@ from ....twin.electronics.cord_kinds import CORD_KINDS
 from ....twin.filming.camera_kinds import KINDS
 from .experiment import (
     AFFINE,
+    BENT_QUANTITIES,
     CHOSEN,
     CORD_QUANTITIES,
     CORDS,
@@ -37,6 +38,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
 #: Names in the experiment's folder of results that are taken.
 _TAKEN = ("simulated", "markers", "pictures")
 _MOST_UNITS, _MOST_FRAMES = 100, 100_000
+_FEWEST_RADII = 3
 
 
 def load_experiment(folder: Path) -> Experiment:
@@ -152,10 +154,16 @@ def _cords(t: Table) -> CordPlan:
     kinds = t.strings("kinds", list(CORD_KINDS))
     for name in kinds:
         t.choice("kinds", name, list(CORD_KINDS), "kind of cord")
+    if not kinds or len(set(kinds)) < len(kinds):
+        t.fail("kinds", "give at least one, and each once")
     radii = t.array("radii", (None,)) if t.has("radii") else RADII
     lengths = t.array("lengths", (None,))
     if not len(lengths) or min(lengths) < 50 or max(lengths) > 400:
         t.fail("lengths", "must be mm from 50 to 400, at least one")
+    if len(set(lengths)) < len(lengths):
+        t.fail("lengths", "give each length once")
+    if len(set(radii)) < _FEWEST_RADII or min(radii) <= 0:
+        t.fail("radii", f"must be mm above 0, at least {_FEWEST_RADII} different ones")
     found = CordPlan(
         tuple(float(x) for x in lengths),
         tuple(float(r) for r in radii),
@@ -176,6 +184,9 @@ def _number(t: Table, layouts: tuple[LayoutChoice, ...], cords: CordPlan | None)
     quantity = t.string("quantity")
     t.choice("quantity", quantity, QUANTITIES if cords is None else CORD_QUANTITIES, "quantity")
     over = t.string("over") if t.has("over") else None
+    bent = quantity in BENT_QUANTITIES and cords is not None
+    if cords is not None and bent and {of, over} - {None, cords.kinds[0]}:
+        t.fail("quantity", f"{quantity} is of {cords.kinds[0]} alone, which is on the specimens")
     if over is not None:
         t.choice("over", over, names, "name")
         if over == of:

@@ -52,6 +52,8 @@ def _read(t: Table, prefix: str) -> list[Parameter]:
         if isinstance(value, list):
             if not value:
                 t.fail(name, "give at least one value in the list")
+            if not all(map(_is_plain, value)):
+                t.fail(name, "must hold numbers, texts, true and false")
             found.append(Parameter(key, tuple(value)))
         elif isinstance(value, dict) and value and not set(_KINDS).isdisjoint(value):
             found.append(_distribution(t.table(name), key))
@@ -64,6 +66,13 @@ def _read(t: Table, prefix: str) -> list[Parameter]:
                 f" {{ uniform = [1, 4] }} and {{ log_uniform = [0.1, 10] }}, not {value!r}",
             )
     return found
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether JSON has it, as a batch of runs is told it."""
+    if isinstance(value, list | dict):
+        return all(map(_is_plain, value.values() if isinstance(value, dict) else value))
+    return isinstance(value, bool | str) or is_number(value)
 
 
 def _distribution(t: Table, key: str) -> Parameter:
@@ -98,10 +107,10 @@ def _steps(t: Table, ends: Any) -> tuple[Any, ...]:
     else:
         step = t.number("step", low=0)
         whole = all(isinstance(v, int) for v in (low, high, t.data["step"]))
-        count = int(np.floor((high - low) / step + 1e-9)) + 1
+        count = int(min((high - low) / step + 1e-9, _MOST_STEPS)) + 1
         values = low + step * np.arange(min(count, _MOST_STEPS + 1))
     if count > _MOST_STEPS:
-        t.fail("range", f"makes {count} values; {_MOST_STEPS} are the most")
+        t.fail("range", f"makes more than {_MOST_STEPS} values")
     return tuple(int(v) if whole else float(f"{v:.12g}") for v in values)
 
 

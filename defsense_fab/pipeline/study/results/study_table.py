@@ -65,13 +65,19 @@ def refuse_others(device: Path, name: str) -> None:
     path = device / FOLDER / TABLE
     if path.exists():
         with storage_errors(path), path.open(encoding="utf-8", errors="replace") as file:
-            if not file.readline().startswith("run,outcome,"):
-                raise StudyError(f"{path}: is no table of a study; move it away, and run it again")
+            found = csv.reader(file)
+            head, first = next(found, []), next(found, [])
+        if head[:3] != ["device", "run", "outcome"]:
+            raise StudyError(f"{path}: is no table of a study; move it away, and run it again")
+        if first and first[0] != name:
+            raise StudyError(
+                f"{path}: holds results of the device {first[0]!r}; move it away, and run it again"
+            )
 
 
 def write_table(device: Path, table: StudyTable) -> Path:
-    """The file that was written, whole or not at all, in place of one before. Raises
-    StorageError."""
+    """The file that was written, whole or not at all, in place of one before, of either format.
+    Raises StorageError."""
     rows = [_row(table, r) for r in table.rows]
     library = _pyarrow()
     path = device / FOLDER / (PARQUET if library else TABLE)
@@ -80,19 +86,25 @@ def write_table(device: Path, table: StudyTable) -> Path:
             writer = csv.DictWriter(out, list(_row(table, None)))
             writer.writeheader()
             writer.writerows(rows)
+        _remove(device / FOLDER / PARQUET)
         return path
     columns = {name: _alike([r[name] for r in rows]) for name in _row(table, None)}
     made = library.table(columns).replace_schema_metadata({_KEY: json.dumps(_metadata(table))})
     with replacing(path) as temporary:
         library.parquet.write_table(made, temporary)
+    _remove(device / FOLDER / TABLE)
     return path
+
+
+def _remove(path: Path) -> None:
+    with storage_errors(path):
+        path.unlink(missing_ok=True)
 
 
 def _row(table: StudyTable, record: RunRecord | None) -> dict[str, Any]:
     """By the name of the column; empty without a record."""
-    out: dict[str, Any] = {
-        name: getattr(record, name, None) for name in ("run", "outcome", "message")
-    }
+    out: dict[str, Any] = {"device": table.device}
+    out |= {name: getattr(record, name, None) for name in ("run", "outcome", "message")}
     out |= {key: record.parameters.get(key) if record else None for key in table.keys}
     out |= {key: record.measures.get(key) if record else None for key in table.study.record}
     cost = asdict(record.cost) if record else {}

@@ -30,13 +30,12 @@ _FAILURE = Failure(
 @dataclass(frozen=True)
 class Batch:
     """What a worker is sent beside the device's files: runs as their names and values, the text of
-    `device.toml`, the stage that they go to, which measures are recorded, the longest that a run
-    may take (s), threads for each."""
+    `device.toml`, the stage that they go to, the longest that a run may take (s), threads for
+    each."""
 
     runs: tuple[tuple[str, Mapping[str, Any]], ...]
     text: str
     until: str
-    record: tuple[str, ...]
     time_limit: float
     threads: int | None = None
 

@@ -37,6 +37,8 @@ def connected(address: str) -> Iterator[Any]:
     for name in ("distributed", "distributed.client"):  # what goes wrong is told here
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
+        # A client that could not be made prints a traceback where it is thrown away.
+        distributed.comm.resolve_address(address)
         client = distributed.Client(address, timeout=ANSWERS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise StudyError(

@@ -42,13 +42,12 @@ def _made(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: 
     from .batch import place
     from .run_log import Cost, Outcome, RunRecord
 
-    measures: dict[str, Any] = {}
+    measures: Mapping[str, Any] = {}
     outcome: Outcome = "done"
     message, meter = "", _Meter()
     try:
         device = studied_device(job["text"], source, values)
-        found = measure(build(device, job["until"], meter.progress).folder, job["until"])
-        measures = {k: found[k] for k in job["record"]}
+        measures = measure(build(device, job["until"], meter.progress).folder, job["until"])
     except (CapacityError, StorageError) as error:
         outcome, message = "broken", str(error)
     except DefsenseError as error:

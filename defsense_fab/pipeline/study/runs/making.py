@@ -61,7 +61,7 @@ def _is_to_do(log: RunLog, run: Run) -> bool:
 
 def _batch(runs: Sequence[Run], plan: Plan, study: Study, threads: int | None) -> Batch:
     named = tuple((r.name, r.values) for r in runs)
-    return Batch(named, plan.text, study.until, study.record, study.time_limit, threads)
+    return Batch(named, plan.text, study.until, study.time_limit, threads)
 
 
 class _Tracker:

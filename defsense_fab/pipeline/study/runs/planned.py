@@ -50,8 +50,12 @@ class Plan:
 def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
     """The runs of a study of the device in a `folder`, with values that are `fixed` for all.
 
-    Raises StudyError where no point gives a device, DeviceError for a parameter that is none.
+    Raises StudyError where no point gives a device, DeviceError for a parameter that is none or is
+    fixed.
     """
+    for key in (p.key for p in study.parameters if p.key in fixed):
+        fail_at(study, key, f"is fixed for all runs by --set {key.rpartition('.')[2]}=...; leave"
+                " one of them out")  # fmt: skip
     with storage_errors(folder / DEVICE):
         text = (folder / DEVICE).read_text(encoding="utf-8")
     files, asked = pack(folder), Asked()

@@ -81,6 +81,24 @@ def test_what_is_wrong_is_told_with_its_place(tmp_path, old, new, told):
         load_experiment(written(tmp_path, GOOD.replace(old, new, 1)))
 
 
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("kinds = []", r"experiment.toml:\d+: cords.kinds: give at least one"),
+        ("radii = [75, 100]", "cords.radii: must be mm above 0, at least 3"),
+        ("radii = [75, 100, -5]", "cords.radii: must be mm above 0"),
+        ("lengths = [150, 150]", "cords.lengths: give each length once"),
+        ('[[numbers]]\ncord = "etpu"\nquantity = "k_res"', "k_res is of ecord alone"),
+    ],
+)
+def test_what_is_wrong_with_cords_is_told_with_its_place(tmp_path, line, told):
+    lengths = "" if "lengths" in line else "lengths = [150]\n"
+    text = f'title = "A"\nabout = "B"\n[cords]\nk_res = 2\n{lengths}{line}\n'
+    (tmp_path / "experiment.toml").write_text(text)
+    with pytest.raises(DeviceError, match=told):
+        load_experiment(tmp_path)
+
+
 def test_unknown_names_are_told_with_the_nearest(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ExperimentError, match=r"baar: is neither .* did you mean bar"):
