@@ -48,6 +48,9 @@ def test_a_device_is_built_recorded_tested_and_told(done, out):
     assert straight["design"]["cords"] == 1
     assert unit["frames"]["tested"] >= 140
     assert unit["chosen"]["rmse"] > 1.0  # it cannot tell left from right
+    moved = unit["movement"]["affine"]
+    assert moved["design"] == pytest.approx(unit["affine"]["rmse"], rel=0.4)
+    assert moved["design"] > 5 * moved["noise"]  # one even signal tells little, however quiet
     rows = {(r["of"], r["over"], r["quantity"]): r for r in found["numbers"]}
     assert rows["straight", None, "rmse"]["ours"] == pytest.approx(unit["chosen"]["rmse"])
     assert rows["refined", None, "rmse"]["ours"] is None

@@ -32,6 +32,8 @@ from .unit_errors import unit_errors
 
 #: Markers that the cameras see in a smaller share of the pictures are left out.
 _SEEN = 0.1
+#: Raised when a test tells other things of the same session.
+_TESTED = 2
 #: Of the twin at a small size: relative edges, states a way to move, at most, and mm.
 _SMALL = MechanicsTraits(edge=1.0, states=8, most=40, accuracy=0.2)
 
@@ -91,7 +93,7 @@ def tested_unit(
         progress("test", 1.0, "done")
         return {**found, "unit": unit, "twin": told, "left_out": rare}
 
-    result: dict[str, Any] = once(session.with_suffix(".test.json"), key, tested)
+    result: dict[str, Any] = once(session.with_suffix(".test.json"), digest(key, _TESTED), tested)
     return result
 
 

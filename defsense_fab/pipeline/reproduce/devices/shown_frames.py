@@ -14,7 +14,7 @@ from ....runtime.surface.surface_basis import SurfaceBasis
 from ...live.live_device import LiveDevice, live_device
 from ...twin.devices.device_fields import MechanicsTraits, device_fields
 from .sessions import unit_model, unit_session
-from .unit_errors import recording_of, true_weights
+from .unit_session import recording_of, true_weights
 
 _UNKNOWN = 1.0  # mm, standard deviation of a marker of which no interval is known
 

@@ -12,7 +12,8 @@ from ....core.arrays import Bool, Float
 from ....core.device import Device
 from ....decoding.trained_model import TrainedModel
 from ....runtime.controls.pose_amplitudes import RADIUS_90, PoseAmplitudes
-from ....training.data.dataset import Recording
+from ....training.evaluation.decoded_frames import DecodedFrames
+from ....training.evaluation.predicted_error import Promise, predicted_error
 from ....training.fitting.train_model import Training, errors_of
 from ....training.ridge.candidates import AFFINE
 from ...live.live_device import live_device
@@ -21,6 +22,8 @@ from ...train.evaluation.evaluate_models import evaluate_files
 from ...train.evaluation.tables import as_data
 from ...train.models.model_file import load_model
 from ...twin.recordings.run_files import TRUTH
+from .movement import MovementError, movement_error
+from .unit_session import recording_of, true_weights
 
 #: Of a pose's amplitude, from which on a picture shows it; of others beside it, at most.
 SHOWN, BESIDE = 0.5, 0.2
@@ -31,13 +34,20 @@ def unit_errors(
 ) -> dict[str, Any]:
     """Of the pictures that the model was not trained on, in plain values; lengths in mm, squares in
     mm^2: errors of the `affine` decoder and of the `chosen` one against where the cameras saw the
-    markers, of the latter against where they were (`truth`), by pose; what was `predicted`; the
+    markers, of the latter against where they were (`truth`), by pose; what was `predicted` of the
+    design's own states, and of the `movement` that was tested; the
     `causes` of its mean square, also `by_truth`; and how often poses were `told_apart`."""
     found = evaluate_files([model_file], DataFiles((session,)), device)
     (told,) = as_data(found)["models"].values()
     affine = next(a for a in training.attempts if a.name == AFFINE)
     assert affine.test is not None
     frames = found.models[0].evaluation.frames
+    moved = {
+        name: movement_error(
+            device, session, training.model, training.trained.time, frames.time, kind
+        )
+        for name, kind in ((AFFINE, AFFINE), ("chosen", training.chosen))
+    }
     return {
         "decoder": training.chosen,
         "frames": {"trained": len(training.trained), "tested": told["errors"]["frames"]},
@@ -53,6 +63,10 @@ def unit_errors(
         "poses": told["poses"],
         "camera_noise": told["camera_noise"],
         "predicted": told["predicted"],
+        "movement": {
+            AFFINE: _as_row(moved[AFFINE], moved[AFFINE].rmse, affine.test.rmse),
+            "chosen": _movement_row(moved["chosen"], training, frames),
+        },
         "causes": told["error_budget"],
         "causes_by_truth": told["error_budget_by_truth"],
         "told_apart": _told_apart(device, session, model_file, frames.time),
@@ -60,16 +74,22 @@ def unit_errors(
     }
 
 
-def true_weights(session: Path, time: Float) -> Float:
-    """Weights (t, d) of the poses at times (t,) s of a twin's session."""
-    with np.load(session / TRUTH) as truth:
-        at, weights = truth["sample_time"], truth["weights"]
-    return np.stack([np.interp(time, at, w) for w in weights.T], axis=1)
+def _movement_row(
+    moved: MovementError, training: Training, frames: DecodedFrames
+) -> dict[str, Any]:
+    """With what the training tells of how well the cords repeat, where it does."""
+    measured = float(np.sqrt((frames.per_frame**2).mean()))
+    if training.repeats is None:
+        return _as_row(moved, moved.rmse, measured)
+    promise = Promise(moved.rmse, moved.noise, moved.rmse, moved.rmse)
+    p = predicted_error(training.repeats, frames, promise)
+    return {**_as_row(moved, p.predicted, measured), "mean_squares": p.shares}
 
 
-def recording_of(device: Device, session: Path) -> Recording:
-    """The one run of a session, with its channels as the device has them."""
-    return DataFiles((session,)).load(device).recordings[0]
+def _as_row(moved: MovementError, predicted: float, measured: float) -> dict[str, Any]:
+    return {
+        **vars(moved), "design": moved.rmse, "rmse": predicted, "ratio": predicted / measured
+    }  # fmt: skip
 
 
 def _against_truth(

@@ -93,7 +93,8 @@ def _text(value: float, share: bool = False) -> str:
 
 def _layout(name: str, title: str, found: Mapping[str, Any]) -> dict[str, Any]:
     design, units = found["design"], found["units"]
-    foretold = [u["predicted"] for u in units if u["predicted"] is not None]
+    promised = [u["predicted"]["promised_ratio"] for u in units if u["predicted"] is not None]
+    moved = {k: [u["movement"][k] for u in units] for k in (AFFINE, "chosen")}
     return {
         "name": name, "title": title, "cords": design["cords"], "design": design,
         AFFINE: _errors([u[AFFINE] for u in units]),
@@ -102,9 +103,15 @@ def _layout(name: str, title: str, found: Mapping[str, Any]) -> dict[str, Any]:
         "decoders": ", ".join(dict.fromkeys(u["decoder"] for u in units)),
         "tested": units[0]["frames"]["tested"], "markers": units[0]["markers"],
         "left_out": sorted({n for u in units for n in u["left_out"]}),
-        "predicted": _mean([p["rmse"] for p in foretold]),
-        "ratio": _range([p["ratio"] for p in foretold]),
-        "promised": _range([p["promised_ratio"] for p in foretold if p["promised_ratio"]]),
+        "movement": {
+            k: {
+                "design": _mean([m["design"] for m in rows]),
+                "rmse": _mean([m["rmse"] for m in rows]),
+                "ratio": _range([m["ratio"] for m in rows]),
+            }
+            for k, rows in moved.items()
+        },
+        "promised": _range([p for p in promised if p]),
     }  # fmt: skip
 
 
