@@ -79,7 +79,7 @@ class Device:
             "body": write_body(body, workspace.folder),
             "material": {"name": material},
             "mesh": {"edge_length": plain(edge_length)},
-            "regions": {n: region_table(shape) for n, shape in regions.items()},
+            "regions": {n: region_table(n, shape) for n, shape in regions.items()},
             "outputs": {} if anchor is None else {"anchor": anchor},
             "cord": {"name": cord},
             "fabrication": {"process": process},

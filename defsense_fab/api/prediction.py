@@ -32,6 +32,11 @@ def predict(
     if noise is not None and not (np.isfinite(noise) and noise > 0):
         raise LayoutError(f"noise {noise!r}: must be a number above 0, as in 0.002")
     seen = poses or layout.poses
+    if not np.array_equal(seen.surface.vertices, layout.poses.surface.vertices):
+        raise LayoutError(
+            f"the poses of {seen.device.name!r} are of another body than the cords; optimise cords"
+            " for it, or simulate poses of the same body"
+        )
     device = seen.device.record
     if noise is not None:
         device = replace(device, cord=replace(device.cord, noise=noise))
