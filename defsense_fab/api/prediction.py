@@ -22,10 +22,13 @@ def predict(
     noise: float | None = None,
     decoder: str | None = None,
 ) -> Prediction:
-    """Errors in mm, of all and of each state, of the layout's cords where they are: on its own
-    poses, or on those of another simulation of a device with the same body; with its own read-out
-    `noise` (standard deviation of (R - R0)/R0) and decoder ("affine", "quadratic", "kernel"), or
-    with others. Raises LayoutError for a noise or a decoder that cannot be."""
+    """Errors in mm, of all and of each state, of the layout's cords where they are, with a decoder
+    fitted to the poses: its own, or those of another simulation of a device with the same body.
+
+    `noise` (standard deviation of (R - R0)/R0) and `decoder` ("affine", "quadratic", "kernel") are
+    its own where they are not given. Raises LayoutError for a noise or a decoder that cannot be,
+    and for poses of another body.
+    """
     kind = decoder or layout.prediction.decoder
     if kind not in DECODERS:
         raise LayoutError(f"decoder {kind!r}: is unknown; there are {', '.join(DECODERS)}")
