@@ -1,0 +1,55 @@
+"""Bodies as Python has them, written as the file that a device names."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import BodyError
+from ..core.files import storage_errors
+from ..core.mesh import Surface
+from ..geometry.kernels.export import write_stl
+
+_MM = "bodies are in mm"
+
+
+def write_body(body: object, folder: Path) -> dict[str, Any]:
+    """The table `[body]` of a file that is written into the `folder`: of a path to STEP, a mesh or
+    a script; of a build123d shape or builder; of a trimesh.Trimesh, or anything else with
+    `vertices` (n, 3) mm and `faces` (m, 3). Raises BodyError for what is none of these."""
+    if isinstance(body, str | Path):
+        return _copied(Path(body), folder)
+    if hasattr(body, "vertices") and hasattr(body, "faces") and not callable(body.vertices):
+        write_stl(_surface(body.vertices, body.faces), folder / "body.stl")
+        return {"mesh": "body.stl"}
+    shape = getattr(body, "part", body)  # a builder's, or the shape itself
+    solid = getattr(shape, "wrapped", None)
+    if solid is None:
+        raise BodyError(
+            f"body: {type(body).__name__} is no body; give a path, a build123d shape, a trimesh, or"
+            " a Surface"
+        )
+    from ..geometry.kernels import occ
+
+    occ.write_step(solid, folder / "body.step", "body")
+    return {"step": "body.step"}
+
+
+def _copied(path: Path, folder: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise BodyError(f"{path}: no such file; give a STEP file, a mesh or a script")
+    with storage_errors(path):
+        shutil.copy2(path, folder / path.name)
+    suffix = path.suffix.lower()
+    kind = {".py": "script", ".step": "step", ".stp": "step"}.get(suffix, "mesh")
+    return {kind: path.name}
+
+
+def _surface(vertices: Any, faces: Any) -> Surface:
+    try:
+        return Surface(np.asarray(vertices, float), np.asarray(faces, np.int64))
+    except (TypeError, ValueError) as error:
+        raise BodyError(f"body: {error}; {_MM}") from None

@@ -1,0 +1,116 @@
+"""Models that tell positions from resistances: trained, kept, used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..core.arrays import Float
+from ..core.blas_threads import one_blas_thread
+from ..core.errors import TrainingError
+from ..core.progress import Progress, silent
+from ..decoding.trained_model import TrainedModel
+from ..pipeline.train.models.model_file import load_model, write_model
+from ..pipeline.train.models.prepare import foretold, found_prior
+from ..pipeline.train.models.train_device import train_dataset
+from ..sensing.signal import relative_change
+from ..training.data.dataset import Dataset
+from ..training.data.dataset_checks import checked
+from ..training.fitting.train_model import TrainingOptions
+from .layout import Layout
+
+
+@dataclass(frozen=True, repr=False)
+class Model:
+    """A trained model: its `record`, and of its training the RMSE (mm) on the pictures held out at
+    the end (`test_rmse`; None where it was read from a file, or none were held out), and `notes` on
+    what is doubtful."""
+
+    record: TrainedModel
+    test_rmse: float | None = None
+    notes: tuple[str, ...] = ()
+
+    @staticmethod
+    def load(path: str | Path) -> Model:
+        """Of model.json, or of the folder that holds it. Raises TrainingError."""
+        return Model(load_model(Path(path)))
+
+    def save(self, path: str | Path) -> Path:
+        """Write a .json file (docs/model.md), which the commands read. Raises TrainingError,
+        StorageError."""
+        path = Path(path)
+        if path.suffix != ".json":
+            raise TrainingError(f"{path}: a model is a .json file")
+        write_model(path, self.record)
+        return path
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the c channels, in the order of the resistances."""
+        return self.record.channels
+
+    @property
+    def rest_positions(self) -> Float:
+        """Markers at rest, (m, 3) mm in the device's rest frame."""
+        return self.record.rest_points
+
+    def predict(
+        self, time: ArrayLike, resistances: ArrayLike, rest_resistances: ArrayLike
+    ) -> Float:
+        """Positions (t, m, 3) mm of the markers, of `resistances` (t, c) ohm at the times (t,) s,
+        with those at rest (c,) ohm; NaN where a resistance is. Raises TrainingError for shapes that
+        do not fit the model."""
+        c = len(self.channels)
+        try:
+            when, ohm = np.asarray(time, float), np.asarray(resistances, float)
+            rest = np.asarray(rest_resistances, float)
+        except (TypeError, ValueError):
+            raise TrainingError("resistances and times must be arrays of numbers") from None
+        if ohm.shape != (len(when) if when.ndim == 1 else -1, c) or rest.shape != (c,):
+            raise TrainingError(
+                f"resistances {ohm.shape} at times {when.shape} with {rest.shape} at rest do not go"
+                f" together; this model has {c} channels: {', '.join(self.channels)}"
+            )
+        if not (np.isfinite(when).all() and (np.diff(when) > 0).all()):
+            raise TrainingError("time: must be finite and increase, in s")
+        if not (np.isfinite(rest).all() and (rest > 0).all()):
+            raise TrainingError("rest_resistances: must be above 0, in ohm, and none NaN")
+        known = np.where(ohm > 0, ohm, np.nan)
+        return self.record.decode(when, relative_change(known, rest), when).points
+
+    def __repr__(self) -> str:
+        tested = "" if self.test_rmse is None else f", {self.test_rmse:.2f} mm RMSE on its test"
+        return f"<Model of {self.record.device!r}: {self.record.kind}{tested}>"
+
+
+@one_blas_thread()
+def train(
+    data: Dataset,
+    layout: Layout | None = None,
+    *,
+    decoder: str = "auto",
+    test_share: float = TrainingOptions.test_share,
+    in_step: bool = False,
+    progress: Progress = silent,
+) -> Model:
+    """A model of a dataset, as `defsense train` makes it; with what the simulation says of the
+    `layout` where that is given.
+
+    `decoder` is the name of one, or "auto" for the best; `test_share` of the pictures, at the end,
+    are held out. With `in_step`, signals and markers are known to go together in time, as a twin's
+    do. Raises TrainingError for what forbids training.
+    """
+    if not 0 <= test_share < 1:
+        raise TrainingError(f"test_share {test_share!r}: must be at least 0 and below 1")
+    device = None if layout is None else layout.poses.device.record
+    prior, notes = found_prior(data, device, "no" if device is None else "yes")
+    found = checked(data, predicted=foretold(prior, data), in_step=in_step)
+    options = TrainingOptions(decoder=decoder, test_share=test_share)
+    training = train_dataset(data, options, prior, progress)
+    tests = {a.name: a.test for a in training.attempts}
+    test = tests[training.chosen]
+    told = (*notes, *(str(p) for p in found))
+    return Model(training.model, None if test is None else test.rmse, told)

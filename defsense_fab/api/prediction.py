@@ -1,0 +1,47 @@
+"""What given cords are predicted to sense of given poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..core.device import DECODERS
+from ..core.errors import LayoutError
+from ..core.prediction import Prediction
+from ..pipeline.design import predict as design
+from ..pipeline.design.design_task import load_task
+from .layout import Layout
+from .simulation import Simulation
+
+
+def predict(
+    layout: Layout,
+    poses: Simulation | None = None,
+    *,
+    noise: float | None = None,
+    decoder: str | None = None,
+) -> Prediction:
+    """Errors in mm, of all and of each state, of the layout's cords where they are, with a decoder
+    fitted to the poses: its own, or those of another simulation of a device with the same body.
+
+    `noise` (standard deviation of (R - R0)/R0) and `decoder` ("affine", "quadratic", "kernel") are
+    its own where they are not given. Raises LayoutError for a noise or a decoder that cannot be,
+    and for poses of another body.
+    """
+    kind = decoder or layout.prediction.decoder
+    if kind not in DECODERS:
+        raise LayoutError(f"decoder {kind!r}: is unknown; there are {', '.join(DECODERS)}")
+    if noise is not None and not (np.isfinite(noise) and noise > 0):
+        raise LayoutError(f"noise {noise!r}: must be a number above 0, as in 0.002")
+    seen = poses or layout.poses
+    if not np.array_equal(seen.surface.vertices, layout.poses.surface.vertices):
+        raise LayoutError(
+            f"the poses of {seen.device.name!r} are of another body than the cords; optimise cords"
+            " for it, or simulate poses of the same body"
+        )
+    device = seen.device.record
+    if noise is not None:
+        device = replace(device, cord=replace(device.cord, noise=noise))
+    task = load_task(device, seen.device.workspace.folder / "build").decoded_by(kind)
+    return design.predict(task, [c.built for c in layout.cords]).prediction
