@@ -1,1 +1,1 @@
-"""The command `defsense`: one file a group of commands."""
+"""The command `defsense`: a folder for each task, one file a group of commands."""

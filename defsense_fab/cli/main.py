@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib
 import logging
 import os
 import signal
@@ -13,23 +14,8 @@ from collections.abc import Iterator, Sequence
 
 from .. import __version__
 from ..core.errors import DefsenseError
-from . import (
-    build,
-    calibrate,
-    capture,
-    dataset,
-    evaluate,
-    modes,
-    recalibrate,
-    reproduce,
-    run,
-    studio,
-    study,
-    train,
-    twin,
-)
 from .command_parser import CommandParser
-from .output import progress_bars
+from .commands import TASKS, module_of
 
 #: What to do where the memory does not suffice.
 _LIGHTER = {
@@ -54,6 +40,7 @@ _INTERRUPTED = {
     "train": "interrupted; no model was written, and the one before is untouched",
     "reproduce": "interrupted; what was made is kept, and the same command goes on from there",
     "run": "interrupted; what was read is kept",
+    "doctor": "interrupted; nothing was changed",
     "twin": "interrupted; no session is left half-written, and shapes that were solved are kept",
 }
 
@@ -63,7 +50,12 @@ _log = logging.getLogger(__name__)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0, or 2 for an error the user can mend."""
-    options = make_parser().parse_args(arguments)
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
+        from .help.completion import complete
+
+        complete(make_parser())
+    words = sys.argv[1:] if arguments is None else arguments
+    options = make_parser(words[0] if words else None).parse_args(words)
     level = logging.DEBUG if options.verbose else logging.WARNING
     logging.basicConfig(level=level, format="%(name)s: %(message)s", stream=sys.stderr)
     for noisy in ("matplotlib", "numba", "trimesh", "build123d", "PIL"):
@@ -121,29 +113,23 @@ def _refuse(message: str) -> int:
     return 2
 
 
-def make_parser() -> CommandParser:
-    """Of all commands."""
+def make_parser(command: str | None = None) -> CommandParser:
+    """Of all commands; of one alone where its name is given, which starts sooner."""
     parser = CommandParser(
         prog="defsense",
         description="Soft objects that sense their own deformation: from a device folder to"
         " printable parts with a predicted accuracy.",
+        epilog="exit codes: 0 done; 2 refused, with one line that says what to do, or interrupted;"
+        " anything else is an error of defsense itself.",
         examples=["defsense build fixtures/devices/bar"],
+        tasks={task: [c for m in modules for c in m.commands] for task, modules in TASKS.items()},
     )
     parser.add_argument("--version", action="version", version=f"defsense-fab {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    build.add(commands)
-    modes.add(commands)
-    study.add(commands)
-    calibrate.add(commands, progress_bars)
-    capture.add(commands, progress_bars)
-    train.add(commands)
-    dataset.add(commands)
-    evaluate.add(commands)
-    recalibrate.add(commands)
-    run.add(commands)
-    studio.add(commands)
-    twin.add(commands)
-    reproduce.add(commands)
+    only = module_of(command) if command else None
+    names = [only] if only else [m.name for modules in TASKS.values() for m in modules]
+    for name in names:
+        importlib.import_module(f"{__package__}.{name}").add(commands)
     return parser
 
 

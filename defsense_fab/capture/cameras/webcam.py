@@ -58,7 +58,7 @@ class Webcam:
             self._capture.release()
             raise CaptureError(
                 f"camera {self.name}: cannot be opened; is it plugged in, and does no other program"
-                " (a browser, a meeting) use it?"
+                " (a browser, a meeting) use it? defsense doctor tells more"
             )
         self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, self.size[0])
         self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self.size[1])

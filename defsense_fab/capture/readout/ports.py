@@ -61,5 +61,5 @@ def _why(url: str, error: Exception) -> str:
         )
     have = ", ".join(p.device for p in ports()) or "none"
     if number in (errno.ENOENT, errno.ENXIO) or "FileNotFoundError" in text:
-        return f"{url}: there is no such port; plugged in: {have}"
+        return f"{url}: there is no such port; plugged in: {have}; defsense doctor tells more"
     return f"{url}: cannot be opened ({text}); plugged in: {have}"

@@ -141,6 +141,7 @@ def _open(kind: str, settings: Settings) -> Output:
     except ImportError as error:
         raise OutputError(
             f"{kind}: needs the package {error.name}; pip install 'defsense-fab[live]' brings it"
+            "; defsense doctor tells more"
         ) from None
 
 

@@ -41,6 +41,7 @@ def local_page(port: int, label: str, access: Access | None = None, host: str = 
     except ImportError:
         raise OutputError(
             "the page needs viser: install it with pip install 'defsense-fab[live]'"
+            "; defsense doctor tells more"
         ) from None
     _need_free(host, port)
     for noisy in ("websockets", "viser"):

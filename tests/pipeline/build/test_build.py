@@ -16,7 +16,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.files.formats import read_any
-from defsense_fab.cli import build
+from defsense_fab.cli.design import build
 from defsense_fab.cli.main import main
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.device_file import load_device

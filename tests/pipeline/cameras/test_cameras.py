@@ -13,7 +13,7 @@ from rich.live import Live
 
 from defsense_fab.capture.cameras.rig_file import read_rig, write_rig
 from defsense_fab.capture.tags.charuco_board import CharucoBoard, save_board
-from defsense_fab.cli import capture_cameras
+from defsense_fab.cli.capture import capture_cameras
 from defsense_fab.core.errors import CaptureError, DeviceError
 from defsense_fab.core.progress import silent
 from defsense_fab.pipeline.cameras import recorded_views

@@ -15,7 +15,7 @@ import pytest
 from defsense_fab.capture.readout.recording import Recorder
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.cli.main import main
-from defsense_fab.cli.run import own_file, own_folder
+from defsense_fab.cli.run.run import own_file, own_folder
 from defsense_fab.core.errors import StorageError
 from defsense_fab.pipeline.live import live_run as live_run_module
 from defsense_fab.pipeline.live.animations import Animations

@@ -1,0 +1,378 @@
+"""The commands `defsense capture camera calibrate | arrange | check`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...core.errors import CaptureError, DeviceError
+from ..options import twin_values
+from ..output import say
+
+if TYPE_CHECKING:
+    from ...capture.cameras.rig_diagnosis import Diagnosis
+    from ...capture.tags.charuco_board import CharucoBoard
+    from ...pipeline.twin.live.board_twin import BoardTwin
+    from ...terminal.camera_calibration import BoardLines, BoardTerminal
+    from ..options import Bars, Commands
+
+
+def add(steps: Commands, bars: Bars) -> None:
+    """Add the commands to those of `capture`; `bars` shows progress."""
+    parent = steps.add_parser(
+        "camera",
+        help="calibrate cameras on a printed board, arrange them, check them",
+        description="Find out how cameras see (calibrate), where they stand (arrange), and whether"
+        " that still holds (check), with a board of 'defsense capture board'. A SOURCE is a camera"
+        " that is plugged in (0, /dev/video0), a video, or a folder of images; or twin"
+        " (twin:webcam,seed=1,cameras=2), for all of them: simulated cameras, which a board is"
+        " shown to.",
+    )
+    kinds = parent.add_subparsers(dest="what", required=True, metavar="WHAT")
+    sub = kinds.add_parser(
+        "calibrate",
+        help="focal length, centre and distortion of each camera",
+        description="Calibrate cameras, each by its own views of the board: hold it in all parts of"
+        " the picture, near and far, tilted each way. Live cameras take a view by themselves when"
+        " the board is still and somewhere new, and say what is missing. The file gets the cameras"
+        " by name; a report goes beside it.",
+        examples=[
+            "defsense capture camera calibrate 0 2 --board my-cameras --name left right",
+            "defsense capture camera calibrate a.mkv b.mkv --board my-cameras",
+            "defsense capture camera calibrate twin --board my-cameras",
+        ],
+    )
+    sub.usage = f"{sub.prog} SOURCE [SOURCE ...] --board DIR [--name NAME ...] [options]"
+    _common(sub)
+    sub.add_argument("--name", action="extend", nargs="+", metavar="NAME",
+                     help="of the cameras, one for each SOURCE, after them (the files' names, or"
+                     " cam_0, cam_1)")  # fmt: skip
+    sub.add_argument("--views", type=int, default=25, metavar="N",
+                     help="that a live camera is to take (25)")  # fmt: skip
+    sub.add_argument("--lens", choices=("pinhole", "fisheye"), default="pinhole",
+                     help="fisheye, for lenses that show over 110 degrees (pinhole)")  # fmt: skip
+    sub.set_defaults(run=lambda options: _calibrate(options, bars))
+    sub = kinds.add_parser(
+        "arrange",
+        help="where 2 to 6 cameras stand",
+        description="Find where cameras stand, from views of the board that several of them see at"
+        " the same time, and write it to their file; the first camera is the origin. Videos must"
+        " have been started together; hold the board still now and then.",
+        examples=[
+            "defsense capture camera arrange a.mkv b.mkv --board my-cameras"
+            " --calibration cameras.toml"
+        ],
+    )
+    _common(sub)
+    sub.add_argument("--views", type=int, default=15, metavar="N",
+                     help="that live cameras are to take together (15)")  # fmt: skip
+    sub.add_argument(
+        "--keep-world", action="store_true",
+        help="leave the first camera where the calibration has it, where another program"
+        " (aniposelib) wrote it; it becomes the origin otherwise",
+    )  # fmt: skip
+    sub.set_defaults(run=lambda options: _arrange(options, bars))
+    sub = kinds.add_parser(
+        "check",
+        help="whether a calibration still holds",
+        description="Look at the board with calibrated cameras and say whether the calibration"
+        " still holds; exit code 1 where it does not.",
+        examples=["defsense capture camera check a.mkv b.mkv --board my-cameras"],
+    )
+    _common(sub)
+    sub.add_argument("--views", type=int, default=3, metavar="N",
+                     help="that live cameras are to take (3)")  # fmt: skip
+    sub.set_defaults(run=lambda options: _check(options, bars))
+
+
+def _common(sub: argparse.ArgumentParser) -> None:
+    sub.add_argument("sources", nargs="+", metavar="SOURCE",
+                     help="one for each camera, or twin (twin:phone,seed=1,cameras=2)")  # fmt: skip
+    sub.add_argument("--board", type=Path, required=True, metavar="DIR",
+                     help="what 'capture board' wrote (folder, or its board.json)")  # fmt: skip
+    sub.add_argument("--calibration", "--out", type=Path, default=Path("cameras.toml"),
+                     metavar="TOML", help="the file of the cameras (cameras.toml)")  # fmt: skip
+    sub.add_argument("--rate", type=float, metavar="HZ", help="of frames, for images")
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+
+
+def _live(sources: Sequence[str]) -> bool:
+    """Whether the sources are cameras. Raises DeviceError where only some are."""
+    live = [s.isdigit() or s.startswith("/dev/") for s in sources]
+    if any(live) and not all(live):
+        raise DeviceError("give either cameras (0, /dev/video0) or recordings, not both")
+    return all(live)
+
+
+def _board(options: argparse.Namespace) -> CharucoBoard:
+    """What the sources show, after a look at the other options. Raises DeviceError."""
+    if not _twin_meant(options) and any(_is_twin(s) for s in options.sources):
+        raise DeviceError(
+            "twin stands for all cameras: give it alone; twin:cameras=3 has three of them"
+        )
+    if options.rate is not None and not 0 < options.rate <= 10_000:
+        raise DeviceError(f"--rate {options.rate:g}: give frames per second, above 0")
+    if not 1 <= options.views <= 80:
+        raise DeviceError(f"--views {options.views}: give a number from 1 to 80")
+    if not options.calibration.parent.is_dir():
+        raise DeviceError(f"{options.calibration}: there is no folder {options.calibration.parent}")
+    from ...capture.tags.charuco_board import load_board
+
+    board = load_board(options.board)
+    if board.measured is None and not options.json:
+        sys.stderr.write(
+            "note: the board's squares were never measured: lengths are as exact as the printer;"
+            f" defsense capture board {options.board} --measured MM\n"
+        )
+    return board
+
+
+def _is_twin(source: str) -> bool:
+    return source.partition(":")[0] == "twin"
+
+
+def _twin_meant(options: argparse.Namespace) -> bool:
+    return len(options.sources) == 1 and _is_twin(options.sources[0])
+
+
+def _twin(options: argparse.Namespace, board: CharucoBoard) -> BoardTwin | None:
+    """The twin, where one is meant; the sources are its cameras then. Raises DeviceError."""
+    if not _twin_meant(options):
+        return None
+    seed, count, kind = twin_values("SOURCE", options.sources[0])
+    from ...pipeline.twin.live.board_twin import BoardTwin
+
+    twin = BoardTwin(board, seed, count, kind)
+    options.sources = [c.name for c in twin.cameras]
+    return twin
+
+
+def _screen(twin: BoardTwin | None) -> BoardTerminal | BoardLines:
+    """What shows live cameras; lines, where a twin needs no keys and there is no terminal."""
+    from ...terminal.camera_calibration import BoardLines, BoardTerminal
+
+    terminal = twin is None or (sys.stdin.isatty() and sys.stdout.isatty())
+    return BoardTerminal() if terminal else BoardLines()
+
+
+def _names(options: argparse.Namespace) -> list[str]:
+    given = options.name or []
+    if given and len(given) != len(options.sources):
+        raise DeviceError(
+            f"--name {' '.join(given)}: names {len(given)} cameras, but there are"
+            f" {len(options.sources)} sources ({' '.join(options.sources)}); give one name for"
+            " each, in their order"
+        )
+    names = given or [
+        f"cam_{k}" if s.isdigit() or s.startswith("/dev/") else Path(s).stem
+        for k, s in enumerate(options.sources)
+    ]
+    from ...core.camera import check_names
+
+    check_names(names)
+    return names
+
+
+def _calibrate(options: argparse.Namespace, bars: Bars) -> int:
+    board, given = _board(options), options.sources[0]
+    twin = _twin(options, board)
+    names = _names(options)
+    if twin or _live(options.sources):
+        from ...capture.cameras.webcam import Webcam
+        from ...pipeline.cameras.live_views import Opener, calibrate_live
+
+        done = []
+        opener: Opener = twin.alone if twin else Webcam
+        for source, name in zip(options.sources, names, strict=True):
+            with _screen(twin) as screen:
+                done += calibrate_live(
+                    source, name, board, options.calibration, options.views, screen, opener,
+                    fisheye=options.lens == "fisheye",
+                )  # fmt: skip
+    else:
+        from ...pipeline.cameras.recorded_views import calibrate_cameras
+
+        with bars(options) as progress:
+            done = calibrate_cameras(
+                [Path(s) for s in options.sources], names, board, options.calibration,
+                options.rate, progress, fisheye=options.lens == "fisheye",
+            )  # fmt: skip
+    data = [d.data for d in done]
+    for d, true in zip(data, twin.cameras if twin else (), strict=False):
+        d["true_focal"] = true.focal.tolist()
+    if options.json:
+        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        return 0
+    lines = []
+    for d in data:
+        lines.append(
+            f"{d['name']}: {d['error']:.3f} px over {d['views'] - d['left_out']} views"
+            f" ({d['left_out']} left out), focal length {d['focal'][0]:.1f} +-"
+            f" {d['focal_sigma'][0]:.1f} px, {d['coverage']:.0%} of the picture covered"
+        )
+        lines += [f"  better: {h}" for h in d["hints"][:3]]
+        if "true_focal" in d:
+            off = d["focal"][0] / d["true_focal"][0] - 1
+            lines.append(f"  true focal length {d['true_focal'][0]:.1f} px: off by {off:+.2%}")
+    lines += [
+        f"Look at: {options.calibration.with_suffix('.html')}",
+        f"Next:    defsense capture camera arrange {given if twin else 'SOURCE SOURCE'} --board"
+        f" {options.board} --calibration {options.calibration}",
+    ]
+    say(lines)
+    return 0
+
+
+def _arrange(options: argparse.Namespace, bars: Bars) -> int:
+    board, given = _board(options), options.sources[0]
+    twin = _twin(options, board)
+    if not 2 <= len(options.sources) <= 6:
+        raise DeviceError("arrange takes 2 to 6 cameras; one alone needs no arranging")
+    if twin or _live(options.sources):
+        from ...capture.cameras.webcam import Webcam
+        from ...pipeline.cameras.live_views import Opener, arrange_live
+
+        opener: Opener = twin.together() if twin else Webcam
+        with _screen(twin) as screen:
+            data = arrange_live(
+                options.sources, board, options.calibration, options.views, screen, opener,
+                keep=options.keep_world,
+            )  # fmt: skip
+    else:
+        from ...pipeline.cameras.recorded_views import arrange_cameras
+
+        with bars(options) as progress:
+            data = arrange_cameras(
+                [Path(s) for s in options.sources], board, options.calibration, options.rate,
+                progress, keep=options.keep_world,
+            )  # fmt: skip
+    if twin is not None:
+        data["true_distances"] = twin.distances
+    if options.json:
+        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        return 0
+    lines = [
+        f"{data['boards']} boards, {data['error']:.3f} px; their corners are where they should be"
+        f" to {data['length_error']:.3f} mm"
+    ]
+    true = [f" (truly {x:.1f} mm)" for x in data.get("true_distances", [])]
+    lines += [
+        f"{name}: {distance:.1f} mm from {data['names'][0]}{more}, {error:.3f} px"
+        for name, distance, error, more in zip(
+            data["names"], data["distances"], data["errors"],
+            true or [""] * len(data["names"]), strict=True,
+        )
+    ]  # fmt: skip
+    lines.append(f"frame: {data['frame']}")
+    lines += [f"warning: {w}" for w in data["warnings"]]
+    lines.append(
+        f"Next:    defsense capture camera check {given} --board {options.board} --calibration"
+        f" {options.calibration}"
+        if twin
+        else "Next:    defsense capture process --videos FILE FILE --calibration"
+        f" {options.calibration} --tag-size MM"
+    )
+    say(lines)
+    return 0
+
+
+def _check(options: argparse.Namespace, bars: Bars) -> int:
+    board = _board(options)
+    twin = _twin(options, board)
+    if twin or _live(options.sources):
+        from ...capture.cameras.webcam import Webcam
+        from ...pipeline.cameras.live_views import Opener, check_live
+
+        opener: Opener = twin.together(again=True) if twin else Webcam
+        with _screen(twin) as screen:
+            found = check_live(
+                options.sources, board, options.calibration, options.views, screen, opener
+            )
+    else:
+        from ...pipeline.cameras.recorded_views import check_cameras
+
+        with bars(options) as progress:
+            found = check_cameras(
+                [Path(s) for s in options.sources], board, options.calibration, options.rate,
+                progress,
+            )  # fmt: skip
+    check, cause = found.check, found.cause
+    if options.json:
+        data = {
+            "holds": check.holds, "own": [_finite(x) for x in check.own], "boards": check.boards,
+            "together": _finite(check.together), "length": _finite(check.length),
+            "cause": cause and cause.kind, "square": cause and cause.square,
+            "order": cause and cause.order and [options.sources[k] for k in cause.order],
+        }  # fmt: skip
+        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        return 0 if check.holds else 1
+    own = ", ".join(
+        f"{name} {f'{x:.2f} px' if isfinite(x) else 'did not see the board'}"
+        for name, x in zip(found.names, check.own, strict=True)
+    )
+    lines = [f"alone: {own}"]
+    if isfinite(check.together):
+        corners = (
+            f"corners of the board by {check.length:.3f} mm"
+            if isfinite(check.length)
+            else "and meet in no board"
+        )
+        lines.append(
+            f"together: rays miss by {check.together:.2f} px, {corners} ({check.boards} views)"
+        )
+    said = "The calibration does not hold: " + _why(options, board, found) if cause else ""
+    say([*lines, said or "The calibration holds."])
+    return 0 if check.holds else 1
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+def _why(options: argparse.Namespace, board: CharucoBoard, found: Diagnosis) -> str:
+    """The cause in words, and what to do."""
+    from ...capture.cameras.rig_check import FINE_PX
+
+    cause, names = found.cause, found.names
+    assert cause is not None
+    if cause.kind == "order" and cause.order is not None:
+        given = [options.sources[k] for k in cause.order]
+        pairs = ", ".join(f"{s} is camera {n}" for s, n in zip(given, names, strict=True))
+        said = f"the sources are swapped: {pairs}. Give them in this order: {' '.join(given)}."
+        return said + (f" Besides, {_size(options, board, cause.square)}" if cause.square else "")
+    if cause.kind == "board" and cause.square is not None:
+        return _size(options, board, cause.square)
+    if cause.kind == "lens":
+        bad = [n for n, x in zip(names, found.check.own, strict=True) if x > FINE_PX]
+        return (
+            f"zoom, focus or resolution of {' and '.join(bad)} has changed. Calibrate again, then"
+            " arrange."
+        )
+    odd = [n for n, x in zip(names, found.check.odd, strict=True) if x]
+    who = f"camera {odd[0]}" if len(odd) == 1 else "a camera"
+    return f"{who} has been moved. Arrange them again."
+
+
+def _size(options: argparse.Namespace, board: CharucoBoard, square: float) -> str:
+    """What to say of squares of another size, mm, than stated."""
+    stated = board.scale * board.square
+    todo = f"store it: defsense capture board {options.board} --measured MM"
+    try:
+        board.measure(square)
+    except CaptureError:  # further off than a print may be
+        todo = (
+            "print the board again at 100 %, or describe this one: defsense capture board"
+            f" {options.board} --printed --square MM"
+        )
+    return (
+        f"the printed board's squares measure {square:.2f} mm by these cameras, where"
+        f" {stated:.2f} mm are stated; all else fits. Measure several squares in a row with a"
+        f" ruler, and {todo}. If they do measure {stated:.2f} mm, a camera has been moved: arrange"
+        " them again."
+    )

@@ -1,0 +1,53 @@
+"""All commands by task, and the modules that add them to the parser."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Module:
+    """A module of this folder with a function `add`, and the commands that it adds."""
+
+    name: str
+    commands: tuple[str, ...]
+
+
+#: By task, in the order in which the help shows them.
+TASKS: dict[str, tuple[Module, ...]] = {
+    "design and make a device": (
+        Module("design.build", ("build", "mesh", "simulate", "optimize", "fabricate", "report")),
+        Module("design.modes", ("modes",)),
+        Module("design.study", ("study",)),
+        Module("design.studio", ("studio",)),
+    ),
+    "calibrate": (
+        Module("calibrate.calibrate", ("calibrate",)),
+        Module("train.recalibrate", ("recalibrate",)),
+    ),
+    "record and train": (
+        Module("capture.capture", ("capture",)),
+        Module("train.twin", ("twin",)),
+        Module("train.dataset", ("dataset",)),
+        Module("train.train", ("train",)),
+        Module("train.evaluate", ("evaluate",)),
+    ),
+    "run": (
+        Module("run.run", ("run",)),
+        Module("design.reproduce", ("reproduce",)),
+    ),
+    "help": (
+        Module("help.doctor", ("doctor",)),
+        Module("help.licences", ("licences",)),
+        Module("help.completion", ("completion",)),
+    ),
+}
+
+
+def module_of(command: str) -> str | None:
+    """The module that adds a command; None for a word that is no command."""
+    for modules in TASKS.values():
+        for module in modules:
+            if command in module.commands:
+                return module.name
+    return None

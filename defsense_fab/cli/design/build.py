@@ -1,0 +1,227 @@
+"""The commands `defsense build | mesh | simulate | optimize | fabricate | report`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+from ...core.errors import DeviceError
+from ..device import device_arguments, overrides
+from ..options import numbers, within
+from ..output import console, progress_bars, results, say, silent_stdout
+
+if TYPE_CHECKING:
+    from ...pipeline.build.asked import Asked
+    from ..options import Commands
+
+_STAGES = {
+    "build": ("report", "all stages: body, mesh, poses, cords, parts, report"),
+    "mesh": ("mesh", "load the body and make tetrahedra"),
+    "simulate": ("simulate", "solve every pose, after what it needs"),
+    "optimize": ("optimize", "route the cords, after what they need"),
+    "fabricate": ("fabricate", "make the parts, after what they need"),
+    "report": ("report", "write the report, after what it needs"),
+}
+
+
+def add(commands: Commands) -> None:
+    """`build` and its stages."""
+    for name, (until, text) in _STAGES.items():
+        sub = commands.add_parser(
+            name,
+            help=text,
+            description=f"{text.capitalize()}. What is up to date is reused.",
+            examples=[f"defsense {name} fixtures/devices/bar --set width=32"],
+        )
+        device_arguments(sub)
+        if name in ("build", "fabricate", "report"):
+            sub.add_argument(
+                "--copies", type=int, metavar="N",
+                help="devices on the plates, in place of [fabrication] copies",
+            )  # fmt: skip
+            sub.add_argument(
+                "--bed", metavar="X,Y,Z",
+                help="of the printer, mm, in place of [fabrication] bed",
+            )  # fmt: skip
+        sub.set_defaults(until=until, run=_build)
+
+
+def _build(options: argparse.Namespace) -> int:
+    from ...core.device_file import load_device
+
+    device, asked = load_device(options.folder, overrides(options.set)), _asked(options)
+    from ...pipeline.build.asked import recorded
+    from ...pipeline.build.build import build, summary
+
+    before = recorded(device, device.source / "build")
+    with silent_stdout(), progress_bars(options) as progress:
+        result = build(device, options.until, progress, asked=asked)
+    data = {**summary(result.folder), "made": result.made, "reused": result.reused}
+    with results():
+        if options.json:
+            sys.stdout.write(json.dumps(data, indent=1) + "\n")
+        else:
+            _show(data, options, asked)
+            if before.options and "fabricate" in result.made and asked != before:
+                say([
+                    f"note: the plates before were made with {before.options}, these with"
+                    f" {asked.options or 'what device.toml has'}; give it again, or state it under"
+                    " [fabrication] in device.toml"
+                ])  # fmt: skip
+    return 0
+
+
+def _asked(options: argparse.Namespace) -> Asked:
+    """The copies and the bed of the command line. Raises DeviceError for what cannot be."""
+    from ...core.device_file import MOST_COPIES
+    from ...pipeline.build.asked import Asked
+
+    copies, bed = getattr(options, "copies", None), getattr(options, "bed", None)
+    if copies is not None:
+        within("--copies", copies, 1, MOST_COPIES)
+    if bed is None:
+        return Asked(copies)
+    sizes = numbers("--bed", bed)
+    if len(sizes) != 3 or not all(30 <= n <= 5000 for n in sizes):
+        raise DeviceError(
+            f"--bed {bed}: give width, depth and height, 30 to 5000 mm each, as in 220,220,250"
+        )
+    return Asked(copies, (sizes[0], sizes[1], sizes[2]))
+
+
+def _percent(error: float | None) -> str:
+    return "an unknown error" if error is None else f"{error:.2%}"
+
+
+def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
+    """What it costs to keep the affine map where another decoder was tried and does better."""
+    tried = layout["unseen"]
+    kept, best = layout["prediction"]["decoder"], min(tried, key=lambda k: tried[k])
+    if kept != "affine" or best == kept:
+        return []
+    return [f"note: on unseen states the affine map has {tried[kept]:.2f} mm and {best}"
+            f" {tried[best]:.2f} mm; [design] decoder chooses"]  # fmt: skip
+
+
+def _measured(response: dict[str, Any] | None) -> list[str]:
+    """The cords' response that was used, where it was measured."""
+    if response is None:
+        return []
+    low, high = response["interval"]
+    return [
+        f"cords' response: {response['file']}, k_res {response['k_res']:.2f} (95 %: {low:.2f} to"
+        f" {high:.2f}), pieces differ by {response['spread']:.1%}"
+    ]
+
+
+def _weighed(trials: list[dict[str, Any]]) -> list[str]:
+    """The layouts that were made on trial, where there were several."""
+    if len(trials) < 2:
+        return []
+    said = [
+        f"{t['built']:.2f} mm in {t['parts']} parts"
+        f"{'' if t['slanted'] else ', no plane slanted'}{' (taken)' if t['chosen'] else ''}"
+        if t["problem"] is None
+        else f"{t['designed']:.2f} mm, which cannot be made"
+        for t in trials
+    ]
+    return [f"layouts weighed, unseen states as built: {'; '.join(dict.fromkeys(said))}"]
+
+
+def _plates(manifest: dict[str, Any]) -> list[str]:
+    """How much there is to print, and to cast."""
+    plates, copies = len(manifest["plates"]), manifest.get("copies", 1)
+    things = sum(len(p["parts"]) for p in manifest["plates"])
+    said = [
+        f"plates: {plates} with {things} pieces"
+        + (f" of {copies} devices" if copies > 1 else "")
+        + f" (by their areas at least {manifest.get('least_plates', 1)})"
+    ]
+    cast = manifest.get("casting")
+    if cast:
+        pieces = sum(len(m["pieces"]) for m in manifest["moulds"])
+        said.append(
+            f"moulds: {len(manifest['moulds'])} in {pieces}"
+            f" pieces; mix {cast['mass_a']:.0f} g of A and {cast['mass_b']:.0f} g of B of"
+            f" {cast['silicone']}"
+        )
+    return said
+
+
+def _show(data: dict[str, Any], options: argparse.Namespace, asked: Asked) -> None:
+    from rich.table import Table
+
+    from ...decoding.unseen import MEANING
+
+    out = console()
+    if not data["made"]:
+        say(["Everything is up to date."])
+    folder = data["build"]
+    chosen = data.get("mesh", {}).get("accuracy")
+    if chosen:
+        say([
+            f"mesh: an edge length of {data['mesh']['edge_length']:.3g} mm"
+            f" ({data['mesh']['tets']} tets) keeps signals within {_percent(chosen['reached'])};"
+            f" {chosen['asked']:.2%} was asked"
+        ])  # fmt: skip
+    if "body" in data["made"]:
+        repairs = data.get("body", {}).get("repairs", [])
+        # STL has no common vertices: to merge them is no repair.
+        say(f"body: {line}" for line in repairs if not line.startswith("merged"))
+    if data.get("mesh", {}).get("note"):
+        say([f"note: {data['mesh']['note']}"])
+    say(f"note: {w}" for k in ("simulation", "layout") for w in data.get(k, {}).get("warnings", []))
+    if "layout" in data:
+        layout = data["layout"]
+        first, best = layout["initial"], layout["prediction"]
+        table = Table(title=f"predicted RMSE, mm, {best['decoder']} decoder")
+        for column in ("", "as proposed" if layout["proposed"] else "as drawn", "optimised"):
+            table.add_column(column, justify="right" if column else "left")
+        band = layout["band"]
+        table.add_row("built devices, unseen states", "", f"[bold]{band['median']:.2f}[/bold]")
+        table.add_row("  90 % of devices", "", f"{band['low']:.2f} to {band['high']:.2f}")
+        for label, key in (
+            ("as designed, unseen states", "unseen"),
+            ("  without noise", "unseen_noise_free"),
+            ("as designed, fitted states", "rmse"),
+            ("  without noise", "rmse_noise_free"),
+        ):
+            table.add_row(label, f"{first[key]:.3f}", f"{best[key]:.3f}")
+        table.add_row("floor of affine maps, all states", "", f"{best['floor']:.3f}")
+        out.print(table)
+        say([f"note: {MEANING[best['how']]}"])
+        say(_measured(layout["response"]))
+        say(_cost_of_affine(layout))
+        say(_weighed(layout["weighed"]))
+    if "manifest" in data:
+        manifest = data["manifest"]
+        table = Table(title="parts")
+        for column in ("part", "volume, cm3", "size, mm"):
+            table.add_column(column, justify="left" if column == "part" else "right")
+        for p in manifest["parts"]:
+            low, high = p["bbox"]
+            size = " x ".join(f"{b - a:.1f}" for a, b in zip(low, high, strict=True))
+            table.add_row(p["name"], f"{p['volume'] / 1000:.2f}", size)
+        out.print(table)
+        table = Table(title="cut list")
+        for column in ("cord", "cut to, mm", "ohm, loose", "ohm, laid"):
+            table.add_column(column, justify="left" if column == "cord" else "right")
+        for c in manifest["cords"]:
+            ohm = (f"{c[key]:.0f}" for key in ("resistance_before", "resistance"))
+            table.add_row(c["sensor"], f"{c['cut_length']:.0f}", *ohm)
+        out.print(table)
+        say(_plates(manifest))
+        say(f"note: {w}" for w in manifest["warnings"])
+    where = f"{folder}/report.html" if options.until == "report" else folder
+    following = {
+        "build": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
+        "mesh": f"defsense simulate {options.folder}",
+        "simulate": f"defsense optimize {options.folder}",
+        "optimize": f"defsense fabricate {options.folder}",
+        "fabricate": f"defsense report {options.folder} {asked.options}".rstrip(),
+        "report": f"slice {folder}/parts/plate*.3mf, follow {folder}/guide.html",
+    }[options.command]
+    text = f"Look at: {where}\nNext:    {following}"
+    say([text])

@@ -1,0 +1,105 @@
+"""`defsense study` with a `study.toml`: its runs, and what is shown of them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+from ..device import overrides
+from ..options import within
+from ..output import console, progress_bars, results, say, silent_stdout
+
+if TYPE_CHECKING:
+    from ...pipeline.study.parameter_study import StudyResult
+    from ...pipeline.study.runs.run_log import RunRecord
+
+_SHOWN = 10  # best runs
+_MEASURES = 5
+_MOST_WORKERS = 512
+
+
+def run_parameter_study(options: argparse.Namespace) -> int:
+    """Make the study of the folder, and show it. Raises a DefsenseError."""
+    from ...mechanics.elements.threads import cores
+    from ...pipeline.study.parameter_study import run_study
+
+    workers = options.workers if options.workers is not None else cores()
+    within("--workers", workers, 1, _MOST_WORKERS)
+    fixed = {f"body.parameters.{k}": v for k, v in overrides(options.set).items()}
+    with silent_stdout(), progress_bars(options) as progress:
+        found = run_study(options.folder, fixed, workers, options.scheduler, progress)
+    with results():
+        if options.json:
+            sys.stdout.write(json.dumps(_as_json(found), indent=1) + "\n")
+        else:
+            _show(found, options)
+    return 0
+
+
+def _as_json(found: StudyResult) -> dict[str, Any]:
+    import msgspec
+
+    table = found.table
+    return {
+        "runs": table.runs,
+        "points": table.points,
+        "made": found.made,
+        "done": [msgspec.to_builtins(r) for r in table.done],
+        "failed": [msgspec.to_builtins(r) for r in table.failed],
+        "front": [r.run for r in found.front],
+        "sensitivities": [msgspec.to_builtins(s) for s in found.sensitivities],
+        "sobol": msgspec.to_builtins(found.sobol),
+        "file": str(found.file),
+        "page": str(found.page),
+        "best": None if found.best is None else str(found.best),
+    }
+
+
+def _show(found: StudyResult, options: argparse.Namespace) -> None:
+    from ...pipeline.study.results.study_page import failures
+
+    table = found.table
+    told = f"{len(table.done)} runs of {table.points} points, {found.made} of them made now"
+    say([f"{told}; {len(table.failed)} failed" if table.failed else told])
+    console().print(_best(found))
+    if found.sensitivities:
+        say(["which parameters matter (Spearman's coefficient, share of the ranks' variance):"])
+        say(
+            f"  {s.key}: {'choice' if s.rho is None else f'{s.rho:+.2f}'},"
+            f" {'unknown' if s.share is None else f'{s.share:.2f}'}"
+            for s in found.sensitivities
+        )
+    for message, rows in failures(table.failed):
+        say([f"failed, {len(rows)} {'run' if len(rows) == 1 else 'runs'}: {message}"])
+    say([f"Look at: {found.page}", f"Numbers: {found.file}"])
+    if found.best is not None:
+        say([
+            f"Next:    cp {found.best} {options.folder / 'device.toml'}, for the best run's values,"
+            f" then defsense build {options.folder}"
+        ])  # fmt: skip
+
+
+def _best(found: StudyResult) -> Any:
+    from rich.table import Table
+
+    from ...pipeline.study.results.study_page import text
+
+    study, rows = found.table.study, found.table.done[:_SHOWN]
+    title = f"runs with the least {study.minimise}" if study.minimise else "runs"
+    first = [m for m in ("error", "cords", "parts", "decoder") if m in study.record]
+    measures = list(dict.fromkeys([study.minimise or study.record[0], *first, *study.record]))
+    measures = measures[:_MEASURES]
+    out = Table(title=title)
+    keys = [p.key for p in study.parameters]
+    for name in (*keys, *measures):
+        out.add_column(name, justify="right")
+    for r in rows:
+        out.add_row(*_cells(r, keys, measures, text))
+    return out
+
+
+def _cells(record: RunRecord, keys: list[str], measures: list[str], text: Any) -> list[str]:
+    values = [record.parameters.get(k) for k in keys] + [record.measures.get(m) for m in measures]
+    return [text(v) for v in values]

@@ -1,0 +1,1 @@
+"""Commands about the program itself: what it needs, and how it is typed."""

@@ -1,0 +1,73 @@
+"""The command `defsense completion`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...core.errors import DeviceError
+from ..device import device_folder
+from ..output import results
+
+if TYPE_CHECKING:
+    from ..options import Commands
+
+
+def add(commands: Commands) -> None:
+    """`completion`."""
+    sub = commands.add_parser(
+        "completion",
+        help="what a shell needs to complete commands, options and folders",
+        description="Print a script that makes the Tab key complete this program's commands,"
+        ' options, choices and files. For bash: eval "$(defsense completion bash)" in ~/.bashrc;'
+        " for zsh: the same with zsh in ~/.zshrc, after compinit; for fish: defsense completion"
+        " fish > ~/.config/fish/completions/defsense.fish.",
+        examples=["defsense completion bash"],
+    )
+    sub.add_argument("shell", choices=("bash", "zsh", "fish"))
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    try:
+        from argcomplete.shell_integration import shellcode
+    except ImportError:
+        raise DeviceError(
+            "completion needs the package argcomplete: pip install argcomplete"
+        ) from None
+    with results():
+        sys.stdout.write(shellcode(["defsense"], shell=options.shell) + "\n")
+    return 0
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell that asks what could come next, and end; return where argcomplete is not
+    installed."""
+    try:
+        import argcomplete
+    except ImportError:
+        return
+    _set_completers(parser)
+    argcomplete.autocomplete(parser)
+
+
+def _set_completers(parser: argparse.ArgumentParser) -> None:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                _set_completers(below)
+        elif action.type is device_folder:
+            action.completer = device_folders  # type: ignore[attr-defined]
+
+
+def device_folders(prefix: str, **_: object) -> list[str]:
+    """Folders that begin so: those of devices, or all where there is none, to go on from."""
+    above, _slash, begun = prefix.rpartition("/")
+    top = Path(f"{above}/") if above or prefix.startswith("/") else Path()
+    names = sorted(p for p in top.glob("*/") if p.name.startswith(begun)) if top.is_dir() else []
+    below = [p for p in names if (p / "device.toml").is_file()] or names
+    lead = prefix[: len(prefix) - len(begun)]
+    return [f"{lead}{p.name}/" for p in below if begun.startswith(".") or p.name[0] != "."]

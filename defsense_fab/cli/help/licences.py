@@ -1,0 +1,42 @@
+"""The command `defsense licences`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from ..output import results
+
+if TYPE_CHECKING:
+    from ..options import Commands
+
+
+def add(commands: Commands) -> None:
+    """`licences`."""
+    sub = commands.add_parser(
+        "licences",
+        help="under which licences the libraries are that are installed",
+        description="The licences of all installed libraries that this program needs, and that"
+        " those need, as their own metadata has them.",
+        examples=["defsense licences", "defsense licences --json"],
+    )
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from ...pipeline.doctor.licences import installed_licences
+
+    found = installed_licences()
+    with results():
+        if options.json:
+            sys.stdout.write(json.dumps([asdict(f) for f in found], indent=1) + "\n")
+            return 0
+        wide = max(len(f.name) for f in found)
+        for f in found:
+            sys.stdout.write(f"{f.name:<{wide}}  {f.version[:14]:<14}  {f.licence}"[:80] + "\n")
+    return 0

@@ -1,0 +1,197 @@
+"""The command `defsense run`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..device import device_folder
+from ..options import references, within
+from ..output import progress_bars, say
+from .run_end import ending, tell
+
+if TYPE_CHECKING:
+    from ...core.progress import Progress
+    from ...pipeline.live.live_run import LiveRun, RunOptions
+    from ...runtime.outputs.several_devices import SeveralDevices
+    from ..options import Commands
+
+_VIEW = 8080
+
+
+def add(commands: Commands) -> None:
+    """`run`."""
+    sub = commands.add_parser(
+        "run",
+        help="a device live: its surface on the screen, its poses in other programs",
+        description="Read a device's cords and show how it is bent, twisted or pulled: as a moving"
+        " surface in the browser (--view), and as named controls, one a pose or formulas of them,"
+        " in programs of others (--output). Leave the device at rest for two seconds when it"
+        " begins; new rubber sets in its first cycles, so move it through its poses and let it rest"
+        " once more. Everything that was read is kept in the device's folder (live/), and plays"
+        " again as --port replay:FILE.",
+        examples=[
+            "defsense run my-device/model.json --port twin --view",
+            "defsense run my-device/model.json --port /dev/ttyUSB0 --view --output osc,port=9000",
+            "defsense run my-device/model.json --port /dev/ttyUSB0 --live my-device/live.toml",
+            "defsense run a/model.json b/model.json --port /dev/ttyUSB0 /dev/ttyUSB1 --view",
+            "defsense run my-device/model.json --port twin:seed=7,cut=left@20-30 --seconds 40",
+        ],
+    )
+    sub.add_argument("models", nargs="+", type=Path, metavar="MODEL",
+                     help="model.json, or its folder; several run at once")  # fmt: skip
+    sub.add_argument(
+        "--port", required=True, nargs="+", metavar="PORT",
+        help="of each read-out board: /dev/ttyUSB0, COM3, socket://host:port, replay:board.csv"
+        " or replay:SESSION (with what its cameras saw), or"
+        " twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b)",
+    )  # fmt: skip
+    sub.add_argument("--device", nargs="+", type=device_folder, metavar="DIR",
+                     help="folder with device.toml of each (that of its model)")  # fmt: skip
+    sub.add_argument("--view", nargs="?", type=int, const=_VIEW, default=None, metavar="PORT",
+                     help=f"show it in the browser ({_VIEW}; the next for others)")  # fmt: skip
+    sub.add_argument("--no-browser", action="store_true", help="print the page's address alone")
+    sub.add_argument("--surface", choices=("default", "basis", "arap"), default="default",
+                     help="how it is solved: by the simulated states and as rigidly as possible"
+                     " beyond them (default), by either alone")  # fmt: skip
+    sub.add_argument("--output", action="append", default=[], metavar="KIND,...",
+                     help="osc, websocket, midi, lsl or gamepad with its settings, as often as"
+                     " wanted (docs/live-outputs.md)")  # fmt: skip
+    sub.add_argument("--live", type=Path, metavar="TOML",
+                     help="outputs and controls from a live.toml (that of the device)")  # fmt: skip
+    sub.add_argument("--rest", metavar="OHM,...",
+                     help="resistances at rest, where they are known")  # fmt: skip
+    sub.add_argument("--reference", metavar="OHM,...", help="of the dividers (the training's)")
+    sub.add_argument("--rate", type=int, default=100, metavar="HZ", help="samples per second (100)")
+    sub.add_argument("--no-fallback", action="store_true",
+                     help="decode with a lost cord as if it were there")  # fmt: skip
+    sub.add_argument("--record", type=Path, metavar="FOLDER",
+                     help="for the readings (live/TIME in the device's folder)")  # fmt: skip
+    sub.add_argument("--no-record", action="store_true", help="keep no readings")
+    sub.add_argument("--animation", type=Path, metavar="FILE",
+                     help="record the moving surface: .glb, .usdc or .npz")  # fmt: skip
+    sub.add_argument("--seconds", type=float, default=None, metavar="S",
+                     help="end after so long (runs until Ctrl-C)")  # fmt: skip
+    sub.add_argument("--json", action="store_true", help="print a line of JSON a second")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    from ...core.errors import DeviceError
+    from ...runtime.outputs.several_devices import SeveralDevices
+    from ...terminal.live_lines import LiveLines
+
+    count = len(options.models)
+    for name, given in (("--port", options.port), ("--device", options.device)):
+        if given is not None and len(given) != count:
+            raise DeviceError(f"{name}: give one for each model, {count} of them")
+    within("--rate", options.rate, 10, 500)
+    if options.view is not None:
+        within("--view", options.view, 1024, 65535 - count)
+    if options.seconds is not None:
+        within("--seconds", options.seconds, 0.1, 1e7)
+    runs: list[LiveRun] = []
+    with ending(runs, options):
+        with progress_bars(options) as progress:
+            several = SeveralDevices()
+            for k in range(count):  # one after another: those before are ended if one fails
+                runs += [_prepare(options, k, progress, several)]
+        for run in runs:
+            run.loop.start()
+        with LiveLines(runs, as_json=options.json) as lines:
+            _announce(runs, options)
+            if options.view is not None and not options.no_browser:
+                _open_pages(runs)
+            lines.follow(options.seconds)
+    return 0
+
+
+def _prepare(
+    options: argparse.Namespace, k: int, progress: Progress, several: SeveralDevices
+) -> LiveRun:
+    from ...pipeline.live.live_device import live_device
+    from ...pipeline.live.live_run import live_run
+
+    folder = options.device[k] if options.device else None
+    live = live_device(options.models[k], folder)
+    asked = _asked(options, k, len(live.wired), live.device.source if live.device else None)
+    live = replace(live, model=replace(live.model, device=several.name(live.model.device)))
+    asked = replace(asked, outputs=several.outputs(asked.outputs))
+    return live_run(live, asked, progress)
+
+
+def _asked(options: argparse.Namespace, k: int, channels: int, device: Path | None) -> RunOptions:
+    import numpy as np
+
+    from ...pipeline.live.live_run import RunOptions
+    from ...runtime.outputs.live_file import LiveSettings, parse_output, read_live_file
+
+    path = options.live
+    if path is None and device is not None and (device / "live.toml").exists():
+        path = device / "live.toml"
+    said = read_live_file(path) if path is not None else LiveSettings()
+    known = {
+        name: None if text is None else np.array(references(text, channels, f"--{name}"))
+        for name, text in (("rest", options.rest), ("reference", options.reference))
+    }
+    return RunOptions(
+        port=options.port[k], rate=options.rate, reference=known["reference"], rest=known["rest"],
+        view=None if options.view is None else options.view + k,
+        outputs=(*said.outputs, *(parse_output(text) for text in options.output)),
+        controls=said.controls, surface=options.surface, fallback=not options.no_fallback,
+        keep=not options.no_record,
+        record=own_folder(options.record, k), animation=own_file(options.animation, k),
+        live_file=path,
+    )  # fmt: skip
+
+
+def own_file(path: Path | None, k: int) -> Path | None:
+    """Of several devices each but the first has its number in the file's name: x.glb, x-2.glb."""
+    return path if path is None or not k else path.parent / f"{path.stem}-{k + 1}{path.suffix}"
+
+
+def own_folder(path: Path | None, k: int) -> Path | None:
+    """The same of folders; beside one that is named by dots alone there is no place, but in it."""
+    if path is None or not k:
+        return path
+    inside = path.name in ("", "..")
+    return path / f"{k + 1}" if inside else path.with_name(f"{path.name}-{k + 1}")
+
+
+def _announce(runs: Sequence[LiveRun], options: argparse.Namespace) -> None:
+    """What a user needs to know beforehand: beside the lines of JSON, on standard error."""
+    for run in runs:
+        lines = [f"note: {note}" for note in run.notes]
+        if run.view is not None:
+            lines.append(f"View:    {run.view.url}")
+        for output in run.outputs:
+            output.wait_until_tried(2.0)
+            lines.append(f"Output:  {output.trouble or output.about}")
+        if run.surface:
+            lines.append(f"Surface: {run.surface}")
+        if run.recording is not None:
+            begun = run.recording.wait_until_begun(2.0)
+            lines.append(f"Record:  {run.recording.path}{'' if begun else ' (once samples come)'}")
+        if run.animations is not None and run.animations.recording is not None:
+            lines.append(f"Record:  {run.animations.recording} (the animation, at the end)")
+        if options.json:
+            for line in lines:
+                tell(line)
+        else:
+            say(lines)
+    if not options.json:
+        say(["Ctrl-C ends."])
+    sys.stdout.flush()
+
+
+def _open_pages(runs: Sequence[LiveRun]) -> None:
+    import webbrowser
+
+    for run in runs:
+        if run.view is not None:
+            webbrowser.open(run.view.url)

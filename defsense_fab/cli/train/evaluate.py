@@ -1,0 +1,129 @@
+"""The command `defsense evaluate`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...core.errors import TrainingError
+from ..output import console, progress_bars, results, say
+from .data_arguments import data_arguments, data_given
+
+if TYPE_CHECKING:
+    from ...pipeline.train.evaluation.evaluate_models import SessionEvaluation
+    from ..options import Commands
+
+
+def add(commands: Commands) -> None:
+    """`evaluate`."""
+    sub = commands.add_parser(
+        "evaluate",
+        help="how good a trained model is: Table 1, where errors are and what they come from",
+        description="Test a trained model on recorded sessions: RMSE, peak and average peak as in"
+        " DefSense's Table 1, by pose, marker, speed and time; whether intervals hold; and which"
+        " part of the error comes from noise, clocks, gains, drift, the decoder, hysteresis and"
+        " poses that were not trained. With other models, whether they differ. Writes a page,"
+        " figures (SVG) and tables (CSV).",
+        examples=[
+            "defsense evaluate my-device/model.json my-device/session-2",
+            "defsense evaluate model.json session --against affine.json --last-share 0.3 --json",
+            "defsense evaluate model.json --signals signals.csv --tracks take.c3d --offset auto"
+            " --device my-device",
+        ],
+    )
+    sub.add_argument("model", type=Path, metavar="MODEL", help="model.json, or its folder")
+    data_arguments(sub)
+    sub.add_argument(
+        "--against", action="extend", nargs="+", type=Path, default=[], metavar="MODEL",
+        help="other models, tested on the same and compared",
+    )  # fmt: skip
+    sub.add_argument("--last-share", type=float, metavar="X",
+                     help="of the pictures, at the end, to test on (all that the models were not"
+                     " trained on)")  # fmt: skip
+    sub.add_argument("--out", type=Path, metavar="DIR",
+                     help="where to write (evaluation, beside the model)")  # fmt: skip
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=_evaluate)
+
+
+def _evaluate(options: argparse.Namespace) -> int:
+    share = options.last_share
+    if share is not None and not 0 < share <= 1:
+        raise TrainingError(f"--last-share {share:g}: give a share above 0, up to 1")
+    from ...core.device_file import load_device
+    from ...pipeline.train.evaluation.evaluate_models import evaluate_files
+    from ...pipeline.train.evaluation.evaluation_report import check_folder, write_evaluation
+    from ...pipeline.train.evaluation.tables import as_data
+
+    files = data_given(options)
+    if files is None:
+        raise TrainingError("nothing to test on: give sessions, or --signals with --tracks")
+    device = load_device(options.device) if options.device else None
+    models = [options.model, *options.against]
+    beside = options.model if options.model.is_dir() else options.model.parent
+    folder = options.out or beside / "evaluation"
+    check_folder(folder)
+    with progress_bars(options) as progress:
+        found = evaluate_files(models, files, device, share, progress)
+        progress("report", 0.0, "figures and tables")
+        write_evaluation(folder, found)
+        progress("report", 1.0, "done")
+    with results():
+        if options.json:
+            data = {"folder": str(folder), **as_data(found)}
+            sys.stdout.write(json.dumps(data, indent=1, allow_nan=False) + "\n")
+        else:
+            _show(found, folder)
+    return 0
+
+
+def _show(found: SessionEvaluation, folder: Path) -> None:
+    from rich.table import Table
+
+    from ...pipeline.train.evaluation.evaluation_report import PAGE, verdict
+    from ...pipeline.train.evaluation.tables import PAPER, SOURCE
+
+    out = console()
+    table = Table(title=f"errors of markers, mm; paper: {SOURCE}")
+    table.add_column("", no_wrap=True)
+    for name in ("RMSE ± SD", "peak", "average peak", "frames"):
+        table.add_column(name, justify="right", no_wrap=True)
+    rows = [(m.name, m.evaluation.total) for m in found.models]
+    rows += [(f"paper: {name}", row) for name, row in PAPER.items()]
+    for name, t in rows:
+        numbers = f"{t.rmse:.2f} ± {t.deviation:.2f}", f"{t.peak:.2f}", f"{t.average_peak:.2f}"
+        table.add_row(name, *numbers, str(t.frames))
+    out.print(table)
+    first = found.models[0]
+    e, budget = first.evaluation, first.budget
+    shares = sorted(budget.shares.items(), key=lambda item: -item[1])
+    lines = []
+    if e.rmse_without_noise is not None:
+        lines.append(
+            f"without the cameras' own noise ({e.camera_noise:.2f} mm): RMSE"
+            f" {e.rmse_without_noise:.2f} mm"
+        )
+    if e.coverage is not None:
+        c = e.coverage
+        lines.append(
+            f"intervals of {100 * c.level:.0f} % hold {100 * c.share:.1f} %, ± {c.radius:.2f} mm"
+        )
+    if budget.total > 0:
+        told = ", ".join(f"{cause} {100 * s / budget.total:.0f} %" for cause, s in shares
+                         if abs(s) >= 0.005 * budget.total)  # fmt: skip
+        lines.append(f"squared error by cause: {told}")
+    if (p := first.predicted) is not None:
+        promise = "" if p.promise is None else f"; the design alone, {p.promise.rmse:.2f} mm"
+        lines.append(
+            f"predicted {p.predicted:.2f} mm, measured {p.measured:.2f} mm: ratio {p.ratio:.2f}"
+            f"{promise}"
+        )
+    if found.comparison is not None:
+        lines.append(verdict(found.comparison))
+    say(lines)
+    say([f"note: {n}" for n in found.notes])
+    say([f"Look at: {folder / PAGE}"])

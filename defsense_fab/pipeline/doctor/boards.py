@@ -1,0 +1,65 @@
+"""Serial ports, and the read-out boards that answer on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .finding import Finding, judged
+from .isolated import call
+
+_FOR = "reading the cords of a device"
+_CONVERTERS = ("the microcontroller's converter", "ADS1115")
+
+
+def check_boards(seconds: float, further: Sequence[str]) -> list[Finding]:
+    """The ports of the system, and `further` ones that it does not list."""
+    listed = call(__name__, "listed", seconds=seconds)
+    if listed.trouble:
+        return [judged("ports", "ports", False, listed.trouble, needed_for=_FOR)]
+    ports = [*listed.value, *further]
+    if not ports:
+        told = "no serial port is plugged in"
+        return [judged("ports", "read-out board", False, told, needed_for=_FOR)]
+    return [_check(port, seconds) for port in ports]
+
+
+def _check(port: str, seconds: float) -> Finding:
+    answer = call(__name__, "ask", port, seconds=seconds)
+    if answer.trouble:
+        told = answer.trouble.removeprefix("defsense_fab.core.errors.CaptureError: ")
+        return judged("ports", port, False, told.removeprefix(f"{port}: "), needed_for=_FOR)
+    if simulated(port):
+        told = f"{answer.value}, but from a program (a pseudo-terminal): this is no board"
+        return judged("ports", port, False, told, needed_for=_FOR)
+    return judged("ports", port, True, answer.value, needed_for=_FOR)
+
+
+def simulated(port: str) -> bool:
+    """Whether a program, such as a twin, is behind this port: a read-out board hangs on USB."""
+    from pathlib import Path
+
+    return "://" not in port and str(Path(port).resolve()).startswith("/dev/pts/")
+
+
+def listed() -> list[str]:
+    """Devices of the ports that are plugged in."""
+    from ...capture.readout.ports import ports
+
+    return [port.device for port in ports()]
+
+
+def ask(port: str) -> str:
+    """What the read-out board says of itself. Raises CaptureError where none answers."""
+    from functools import partial
+
+    from ...capture.readout.ports import open_port
+    from ...capture.readout.reader import Reader
+
+    with Reader(partial(open_port, port), port) as reader:
+        info = reader.info
+    assert info is not None
+    version = ".".join(map(str, info.version))
+    return (
+        f"firmware {version} (protocol {info.protocol}), {info.channels} channels by"
+        f" {_CONVERTERS[info.converter]}, {info.rate} Hz"
+    )

@@ -1,0 +1,46 @@
+"""All checks, in the order in which they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+from ...core.errors import StorageError
+from .boards import check_boards
+from .cameras import check_cameras
+from .finding import Finding
+from .kernels import check_cad, check_graphics, check_solver
+from .libraries import check_libraries, check_python
+from .machine import check_machine
+from .programs import check_gamepad, check_midi, check_slicers
+
+#: s that a single check may last.
+LIMIT = 60.0
+
+
+def examine(
+    seconds: float = LIMIT, pictures: Path | None = None, ports: Sequence[str] = ()
+) -> Iterator[Finding]:
+    """Findings as they come; a check may last so many seconds. A picture of each camera goes into
+    the folder `pictures`; `ports` are asked besides those that the system lists. Raises
+    StorageError where the folder cannot be made."""
+    if pictures is not None:
+        try:
+            pictures.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StorageError(f"--pictures {pictures}: {error.strerror}; give a folder") from None
+    checks: list[Callable[[], Iterable[Finding]]] = [
+        lambda: [check_python()],
+        lambda: check_libraries(seconds),
+        lambda: [check_graphics(seconds)],
+        lambda: [check_cad(seconds)],
+        lambda: [check_solver(seconds)],
+        lambda: check_cameras(seconds, pictures),
+        lambda: check_boards(seconds, ports),
+        lambda: [check_slicers()],
+        lambda: check_machine(seconds),
+        lambda: [check_gamepad(seconds)],
+        lambda: [check_midi(seconds)],
+    ]
+    for check in checks:
+        yield from check()
