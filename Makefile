@@ -4,14 +4,14 @@ WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test setup check clean
+.PHONY: demo test setup check guide clean
 
 demo: setup
 	$(BIN)/defsense build fixtures/devices/bar
 
 # Shared fixtures are expensive: a file's tests stay in one worker, which uses one core. Nothing that
 # was kept on this machine is seen: the cache of meshes is an empty folder.
-test: setup check
+test: setup check guide
 	sh setup-system.sh test
 	cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && DEFSENSE_CACHE="$$cache" \
 		OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 \
@@ -22,6 +22,11 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# Warnings are errors: links, anchors and pictures of every page are good, or there is no site.
+guide: setup
+	$(BIN)/python -m sphinx -W --keep-going -q -E -a -b html docs build/guide
+	@echo "open build/guide/index.html"
 
 setup: $(VENV)/.ready
 
