@@ -16,13 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ....core.arrays import Float
+from ....core.arrays import Float, Int
 from ....core.device import Device
 from ....decoding.decoders import fit_decoder
 from ....decoding.trained_model import TrainedModel
 from ....mechanics.elements.point_location import PointLocator
 from ....mechanics.elements.tet10 import QuadraticMesh
 from ....sensing.built_cord import BuiltCord, CordReading
+from ....training.evaluation.decoded_frames import DecodedFrames
 from ....training.ridge.candidates import FORMS, KERNEL, SIMULATED
 from ....training.simulation.simulated_model import simulated_decoder
 from ....twin.scenes.pose_space import PoseSpace
@@ -55,15 +56,19 @@ class MovementError:
 
 
 def movement_error(
-    device: Device, session: Path, model: TrainedModel, trained: Float, tested: Float, kind: str
-) -> MovementError:
+    device: Device, session: Path, model: TrainedModel, trained: Float, tested: DecodedFrames,
+    kind: str,
+) -> MovementError:  # fmt: skip
     """Of the device's design for a decoder of this `kind`, as training names them, of movements as
-    in the twin's session at times `trained` (t,) and `tested` (u,) s; markers are the model's."""
+    in the twin's session at times `trained` (t,) s and in the `tested` pictures, of the markers
+    that were seen there: tags turn away from cameras where a body is bent most."""
     form = form_of(kind)
     moved = _designed(device, model)
-    training = _some(trained, _KERNEL if form == KERNEL else _MOMENTS)
-    S, P = moved(_weights(device, session, training))
-    s, p = moved(_weights(device, session, _some(tested, _MOMENTS)))
+    training = _some(len(trained), _KERNEL if form == KERNEL else _MOMENTS)
+    S, P = moved(_weights(device, session, trained[training]))
+    test = _some(len(tested.time), _MOMENTS)
+    s, p = moved(_weights(device, session, tested.time[test]))
+    weights = tested.weights[test]
     reading, cords = CordReading.of(device), _cords(device)
     noise = np.array([reading.noise(cords[name]) for name in model.channels])
     decode: Callable[[Float], Float]
@@ -74,11 +79,11 @@ def movement_error(
     said = decode(s).reshape(p.shape)
     rng = np.random.default_rng(_SEED)
     shaken = [
-        ((decode(s + noise * rng.standard_normal(s.shape)).reshape(p.shape) - said) ** 2).sum(2)
-        for _ in range(_DRAWS)
+        decode(s + noise * rng.standard_normal(s.shape)).reshape(p.shape) for _ in range(_DRAWS)
     ]
-    free = float(((said - p) ** 2).sum(2).mean())
-    return MovementError(form, float(np.sqrt(free)), float(np.sqrt(np.mean(shaken))))
+    return MovementError(
+        form, _rms(said - p, weights), _rms(np.array(shaken) - said, np.array([weights] * _DRAWS))
+    )
 
 
 def form_of(kind: str) -> str:
@@ -92,9 +97,14 @@ def _weights(device: Device, session: Path, times: Float) -> Float:
     return true_weights(session, times)[:, : len(device.poses)]
 
 
-def _some(times: Float, count: int) -> Float:
-    chosen = np.linspace(0, len(times) - 1, min(count, len(times))).round().astype(int)
-    return np.asarray(times[np.unique(chosen)])
+def _some(count: int, most: int) -> Int:
+    """Indices of at most so many of so many, evenly taken."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
+
+
+def _rms(off: Float, weights: Float) -> float:
+    """Root mean square length of vectors (..., 3) with weights (...)."""
+    return float(np.sqrt((weights * (off**2).sum(-1)).sum() / weights.sum()))
 
 
 def _cords(device: Device) -> dict[str, BuiltCord]:

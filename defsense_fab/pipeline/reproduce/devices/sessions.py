@@ -33,7 +33,7 @@ from .unit_errors import unit_errors
 #: Markers that the cameras see in a smaller share of the pictures are left out.
 _SEEN = 0.1
 #: Raised when a test tells other things of the same session.
-_TESTED = 2
+_TESTED = 3
 #: Of the twin at a small size: relative edges, states a way to move, at most, and mm.
 _SMALL = MechanicsTraits(edge=1.0, states=8, most=40, accuracy=0.2)
 

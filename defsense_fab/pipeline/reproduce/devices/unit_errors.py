@@ -43,9 +43,7 @@ def unit_errors(
     assert affine.test is not None
     frames = found.models[0].evaluation.frames
     moved = {
-        name: movement_error(
-            device, session, training.model, training.trained.time, frames.time, kind
-        )
+        name: movement_error(device, session, training.model, training.trained.time, frames, kind)
         for name, kind in ((AFFINE, AFFINE), ("chosen", training.chosen))
     }
     return {
