@@ -20,6 +20,7 @@ from . import (
     dataset,
     evaluate,
     modes,
+    new,
     recalibrate,
     reproduce,
     run,
@@ -50,6 +51,7 @@ _INTERRUPTED = {
     "calibrate": "interrupted; what was recorded is there, and the same command goes on",
     "dataset": "interrupted; nothing was written, and a dataset before is untouched",
     "evaluate": "interrupted; nothing was written, and an evaluation before is untouched",
+    "new": "interrupted; nothing was written",
     "study": "interrupted; what was done is kept, and the same command goes on",
     "train": "interrupted; no model was written, and the one before is untouched",
     "reproduce": "interrupted; what was made is kept, and the same command goes on from there",
@@ -131,6 +133,7 @@ def make_parser() -> CommandParser:
     )
     parser.add_argument("--version", action="version", version=f"defsense-fab {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    new.add(commands)
     build.add(commands)
     modes.add(commands)
     study.add(commands)
