@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shlex
 import sys
 from pathlib import Path
@@ -142,6 +143,7 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     """A device from a body of one's own."""
     from ..pipeline.starts.body_ends import find_ends
     from ..pipeline.starts.first_device import FirstDevice, begin_from, usual_material
+    from ..pipeline.starts.units import unusual
     from .new_questions import answered, ask_cord, ask_poses, cord_row, pose_names, process_row
 
     unit = _unit(found, options, asked)
@@ -166,12 +168,15 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
         raise DeviceError(f"--cords {first.cords}: give a number from 1 to 16")
     with silent_stdout(), progress_bars(options) as progress:
         begun = begin_from(found, options.folder, first, progress)
+    lengths = re.compile(r"\bmm(?=3?\b)")  # repairs are told in the unit of the file
+    size = found.size(unit)
     return {
         "device": str(options.folder), "name": first.name, "body": f"{found.name}{found.suffix}",
-        "size_mm": [float(f"{x:.4g}") for x in found.size(unit)], "unit": unit,
-        "repaired": list(found.repaired), "edge_length": first.edge_length,
+        "size_mm": [float(f"{x:.4g}") for x in size], "unit": unit,
+        "repaired": [lengths.sub(unit, line) for line in found.repaired],
+        "edge_length": first.edge_length,
         "poses": list(begun), "cord": first.cord, "cords": first.cords,
-        "material": first.material, "process": process,
+        "material": first.material, "process": process, "unusual": unusual(size),
     }  # fmt: skip
 
 
@@ -222,6 +227,7 @@ def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
         say([
             f"Wrote:   {folder / 'device.toml'} and {begun['body']}{size}",
             *(f"Mended:  {line}" for line in mended),
+            *([f"note: {begun['unusual']}"] if begun.get("unusual") else []),
             f"Poses:   {', '.join(begun['poses'])}",
             f"Cords:   {begun['cords']} of {begun['cord']}; body of {begun['material']} by"
             f" {begun['process']}",

@@ -21,6 +21,8 @@ END_POSES = {
 _END = 15  # of the longest axis: a region at either end
 _EDGES = 1.5  # a narrower region's strain depends on the mesh
 _SLANTED = 1.1  # a body is this much longer along its own axis than along x, y or z
+_SLENDER = 0.6  # of that length, its width: else its own axis says little
+_STANDS = 1.15  # what is so much lower than long still stands, rather than lies
 _HEAVIER = 0.05  # of the length: so far from the middle the centre of mass lies at a thick end
 _FLAT = 3.0  # wider than that many times its thickness a body does not bend sideways
 #: Degrees for each time that the body is longer than thick, the least and the most.
@@ -71,11 +73,12 @@ class BodyEnds:
 
 def find_ends(surface: Surface) -> BodyEnds:
     """Of a body in mm: along its longest side, or along its own axis where it lies slanted. A body
-    that is longest upwards is held at its foot, others at their thicker end."""
+    that stands is held at its foot, others at their thicker end."""
     center, axes = _principal(surface)
     extents = np.ptp(surface.vertices, axis=0)
-    if np.ptp(surface.vertices @ axes[0]) < _SLANTED * extents.max():
-        axes = np.eye(3)[np.argsort(-extents, kind="stable")]
+    own = np.ptp(surface.vertices @ axes.T, axis=0)
+    if own[0] < _SLANTED * extents.max() or own[1:].max() > _SLENDER * own[0]:
+        axes = np.eye(3)[np.argsort(-extents * [1, 1, _STANDS], kind="stable")]
     along = surface.vertices @ axes[0]
     middle, length = (along.min() + along.max()) / 2, np.ptp(along)
     upright = int(np.abs(axes[0]).argmax()) == 2

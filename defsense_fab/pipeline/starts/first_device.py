@@ -104,7 +104,9 @@ def check_unit(dropped: DroppedBody, unit: str) -> None:
     """Raises BodyError for a body that is no device of mm."""
     size = float(np.linalg.norm(dropped.size(unit)))
     if not SIZES[0] <= size <= SIZES[1]:
-        units = "choose another unit" if dropped.key == "mesh" else "make it in mm"
+        units = (
+            "choose another unit" if dropped.key == "mesh" else "export it again in its right unit"
+        )
         raise BodyError(f"{dropped.name}: would be {size:.3g} mm across; {units}")
 
 

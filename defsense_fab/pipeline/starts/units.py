@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ...core.arrays import Float
+
 #: Units of lengths, and mm in each; those that programs write more often first.
 UNITS = {"mm": 1.0, "inch": 25.4, "cm": 10.0, "m": 1000.0, "um": 0.001}
 #: The same in words.
@@ -18,3 +20,12 @@ def likely_unit(longest: float) -> tuple[str, bool]:
         if _USUAL[0] <= longest * scale <= _USUAL[1]:
             return unit, unit != "mm"
     return "mm", True
+
+
+def unusual(size: Float) -> str:
+    """What to say of extents (3,) mm that soft devices do not have; nothing of others."""
+    longest = float(size.max())
+    if _USUAL[0] <= longest <= _USUAL[1]:
+        return ""
+    how = "long" if longest > _USUAL[1] else "small"
+    return f"{longest:,.4g} mm is unusually {how} for a soft device; check the unit of the file"
