@@ -16,6 +16,7 @@ class Module:
 #: By task, in the order in which the help shows them.
 TASKS: dict[str, tuple[Module, ...]] = {
     "design and make a device": (
+        Module("design.new", ("new",)),
         Module("design.build", ("build", "mesh", "simulate", "optimize", "fabricate", "report")),
         Module("design.modes", ("modes",)),
         Module("design.study", ("study",)),

@@ -36,6 +36,7 @@ _INTERRUPTED = {
     "calibrate": "interrupted; what was recorded is there, and the same command goes on",
     "dataset": "interrupted; nothing was written, and a dataset before is untouched",
     "evaluate": "interrupted; nothing was written, and an evaluation before is untouched",
+    "new": "interrupted; nothing was written",
     "study": "interrupted; what was done is kept, and the same command goes on",
     "train": "interrupted; no model was written, and the one before is untouched",
     "reproduce": "interrupted; what was made is kept, and the same command goes on from there",

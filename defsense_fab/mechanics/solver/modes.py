@@ -147,10 +147,22 @@ def propose(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[Proposed
         else:
             across = turn - (turn @ axis) * axis
             rotation = TURN * _mirrored(_upright(across / np.linalg.norm(across)), mirrors)
+        if any(_same(rotation, translation, other) for other in out):
+            continue
         names[mode.kind] = names.get(mode.kind, 0) + 1
         name = mode.kind if names[mode.kind] == 1 else f"{mode.kind}_{names[mode.kind]}"
         out.append(ProposedPose(name, mode, origin, axis, rotation, translation))
     return out
+
+
+def _same(rotation: Float, translation: Float, other: ProposedPose) -> bool:
+    """Whether a handle moved so is moved as in another pose, or backwards: what differs between
+    their modes is not led by the end."""
+    turned, pulled = rotation.any(), not np.isnan(translation).any()
+    if turned != other.rotation.any() or pulled == np.isnan(other.translation).any():
+        return False
+    a, b = (rotation, other.rotation) if turned else (translation, other.translation)
+    return bool(abs(a @ b) > np.cos(_LEANS) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def _axis(mesh: QuadraticMesh, fixed: Int) -> tuple[Float, Float, float]:

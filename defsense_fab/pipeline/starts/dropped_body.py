@@ -1,39 +1,40 @@
-"""A device from a file of a body: what it may be measured in, and a first device.toml."""
+"""A file of a body as it came, looked at: its surface, the unit that it is likely in."""
 
 from __future__ import annotations
 
-import re
+import ast
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import tomlkit
 
 from ...core.arrays import Float
-from ...core.device_file import parse_device
+from ...core.device import BodySpec
 from ...core.errors import BodyError
-from ...core.files import free_path
+from ...core.files import storage_errors
 from ...core.mesh import Surface
-from ...geometry.bodies.body import SIZES
+from ...geometry.bodies.body import load_body
 from ...geometry.bodies.foreign_body import read_foreign
 from ...geometry.bodies.meshes.file_kind import kind_of_file
 from ...geometry.bodies.meshes.mesh_files import KINDS
-from .starting_devices import put_device
+from .body_ends import thickness
+from .names import safe_name
+from .units import UNITS, likely_unit
 
-#: Units of meshes, and mm in each; those that programs write more often first.
-UNITS = {"mm": 1.0, "inch": 25.4, "cm": 10.0, "m": 1000.0}
-_USUAL = (15.0, 600.0)  # mm: what soft devices measure along their longest axis
-_THIN, _LONG, _MOST_TETS = 5, 6, 60000
-_END = 15  # of the longest axis: a region at either end
-_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)  # names that are devices
+_THICK, _LONG, _MOST_TETS = 5, 10, 60000
+SCRIPT = ".py"
 
 
 @dataclass(frozen=True)
 class DroppedBody:
     """A body's file as it came: its `content`, a `name` that is safe beside others and has no
     suffix, the `suffix` by its content; its `surface` in the file's unit; the `unit` that it is
-    likely in, and whether that is `doubtful`; what was `repaired`."""
+    likely in, and whether that is `doubtful`; what was `repaired`. Of a script also the
+    `parameters` that it has defaults for, and the `others` that it needs, by their place beside
+    it."""
 
     content: bytes
     name: str
@@ -42,16 +43,43 @@ class DroppedBody:
     unit: str
     doubtful: bool
     repaired: tuple[str, ...]
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    others: Mapping[str, bytes] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """What it is called under [body] of device.toml."""
+        return {".step": "step", SCRIPT: "script"}.get(self.suffix, "mesh")
 
     def size(self, unit: str) -> Float:
         """Extents (3,) mm where the file is in that unit."""
         return np.asarray(np.ptp(self.surface.vertices, axis=0) * UNITS[unit])
 
+    def in_mm(self, unit: str) -> Surface:
+        """Its surface where the file is in that unit."""
+        return Surface(self.surface.vertices * UNITS[unit], self.surface.faces)
+
     def edge_length(self, unit: str) -> float:
         """A fifth of the thickness, within what can be solved soon, mm."""
-        size, volume = self.size(unit), self.surface.volume * UNITS[unit] ** 3
-        edge = min(size.min() / _THIN, size.max() / _LONG)
-        return _short(max(edge, float(np.cbrt(8.5 * volume / _MOST_TETS))))
+        surface = self.in_mm(unit)
+        edge = min(thickness(surface) / _THICK, self.size(unit).max() / _LONG)
+        return float(f"{max(edge, float(np.cbrt(8.5 * surface.volume / _MOST_TETS))):.2g}")
+
+
+def look_at(path: Path) -> DroppedBody:
+    """A body's file on this machine: a script, which is run, or what `look_at_file` takes. Raises
+    BodyError, StorageError."""
+    if path.is_dir():
+        raise BodyError(f"{path}: is a folder; give the file of a body")
+    if not path.exists():
+        raise BodyError(f"{path}: no such file; check its name and folder")
+    with storage_errors(path):
+        content = path.read_bytes()
+    if not content:
+        raise BodyError(f"{path}: is empty; export the body again")
+    if path.suffix.lower() == SCRIPT:
+        return _look_at_script(path, content)
+    return look_at_file(path.name, content)
 
 
 def look_at_file(name: str, content: bytes) -> DroppedBody:
@@ -72,80 +100,31 @@ def look_at_file(name: str, content: bytes) -> DroppedBody:
     return DroppedBody(content, shown, suffix, found.surface, unit, doubtful, found.repaired)
 
 
-def likely_unit(longest: float) -> tuple[str, bool]:
-    """The unit in which so long a body is a device, and whether that is doubtful: only of mm it is
-    not, since most files are in mm."""
-    for unit, scale in UNITS.items():
-        if _USUAL[0] <= longest * scale <= _USUAL[1]:
-            return unit, unit != "mm"
-    return "mm", True
+def _look_at_script(path: Path, content: bytes) -> DroppedBody:
+    path = path.absolute()
+    body = load_body(BodySpec("script", path, {}))
+    beside = [s.path for s in body.sources if s.content and s.path.is_relative_to(path.parent)]
+    with storage_errors(path):
+        others = {
+            p.relative_to(path.parent).as_posix(): p.read_bytes() for p in beside if p != path
+        }
+    return DroppedBody(
+        content, safe_name(path.name), SCRIPT, body.surface, "mm", False, body.repairs,
+        _defaults(content), others,
+    )  # fmt: skip
 
 
-def begin_from(
-    dropped: DroppedBody, folder: Path, name: str, unit: str, material: str, edge_length: float
-) -> None:
-    """Write the body and its device.toml into a folder, which may not be there yet. Raises
-    BodyError for a body of impossible size, DeviceError for a device that can be none, StorageError
-    where there is a device, or the folder cannot be written."""
-    size = float(np.linalg.norm(dropped.size(unit)))
-    if not SIZES[0] <= size <= SIZES[1]:
-        raise BodyError(f"{dropped.name}: would be {size:.3g} mm across; choose another unit")
-    file = free_path(folder / f"{dropped.name}{dropped.suffix}").name
-    text = device_text(dropped, file, name, unit, material, edge_length)
-    with tempfile.TemporaryDirectory(prefix="defsense-") as other:  # is it a device?
-        (Path(other) / file).touch()
-        parse_device(text, Path(other), complete=False)
-    put_device(folder, file, dropped.content, text)
-
-
-def device_text(
-    dropped: DroppedBody, file: str, name: str, unit: str, material: str, edge_length: float
-) -> str:
-    """device.toml as a person would begin it: the body held at one end of its longest axis, moved
-    at the other; no poses and cords yet."""
-    step = dropped.suffix == ".step"
-    filled = any(line.startswith("filled ") for line in dropped.repaired)
-    scale = UNITS[unit]
-    lines = [
-        "schema = 1", f"name = {_quoted(name)}", "",
-        "[body]", f"{'step' if step else 'mesh'} = {_quoted(file)}",
-        *([f"scale = {scale:g}  # of the unit of the file: {unit}"] if scale != 1 else []),
-        *(["fill_cavities = true  # what is closed cannot be made"] if filled else []), "",
-        "[material]", f"name = {_quoted(material)}", "",
-        "[mesh]", f"edge_length = {_short(edge_length):g}", "",
-        *_regions(scale * dropped.surface.vertices, edge_length), "",
-        "[outputs]", "markers = 40", 'anchor = "base"', "",
-        "[cord]", 'name = "rubber-2mm"', "",
-        "[fabrication]", 'process = "fdm-tpu"',
-    ]  # fmt: skip
-    return "\n".join(lines) + "\n"
-
-
-def safe_name(name: str) -> str:
-    """A name for a file, made of one that came from elsewhere: no folders, no suffix, no hidden
-    files, none that a system keeps for itself."""
-    last = re.split(r"[/\\]", name)[-1]
-    stem = re.sub(r"[^\w-]+", "-", last.rpartition(".")[0] or last, flags=re.ASCII)
-    stem = stem.strip("-_")[:60] or "body"
-    return f"body-{stem}" if _RESERVED.fullmatch(stem) else stem
-
-
-def _regions(vertices: Float, edge_length: float) -> list[str]:
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    axis = int((high - low).argmax())
-    depth = max(float((high - low)[axis]) / _END, edge_length)
-    out = [f"# The ends along {'xyz'[axis]}.", "[regions]"]
-    for name, at, sign in (("base", low[axis] + depth, -1), ("tip", high[axis] - depth, 1)):
-        origin, normal = [0.0] * 3, [0] * 3
-        origin[axis], normal[axis] = _short(float(at), 4), sign
-        shown = ", ".join(f"{x:g}" for x in origin)
-        out.append(f"{name} = {{ half_space = {{ origin = [{shown}], normal = {normal} }} }}")
-    return out
-
-
-def _short(value: float, digits: int = 2) -> float:
-    return float(f"{value:.{digits}g}")
-
-
-def _quoted(text: str) -> str:
-    return tomlkit.item(text).as_string()
+def _defaults(script: bytes) -> dict[str, Any]:
+    """Of body(...), those that device.toml can hold."""
+    found: dict[str, Any] = {}
+    for node in ast.parse(script).body:
+        if not isinstance(node, ast.FunctionDef) or node.name != "body":
+            continue
+        a = node.args
+        places = a.posonlyargs + a.args
+        pairs = [*zip(places[len(places) - len(a.defaults) :], a.defaults, strict=True)]
+        pairs += [(k, d) for k, d in zip(a.kwonlyargs, a.kw_defaults, strict=True) if d]
+        for argument, default in pairs:
+            if isinstance(default, ast.Constant) and isinstance(default.value, str | int | float):
+                found[argument.arg] = default.value
+    return found

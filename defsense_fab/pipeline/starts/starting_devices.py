@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import tempfile
 import threading
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -10,9 +13,10 @@ from typing import Any
 
 import tomlkit
 
-from ...core.device_file import DEVICE
+from ...core.device_file import DEVICE, parse_device
 from ...core.errors import StorageError
 from ...core.files import replacing, storage_errors, write_text
+from .device_comments import commented
 
 _one = threading.Lock()  # two people may begin at once
 _FOLDER = files("defsense_fab") / "data" / "devices"
@@ -51,26 +55,54 @@ STARTS = (
 )
 
 
-def begin_with(start: StartingDevice, folder: Path, name: str) -> None:
-    """Put the device into a folder, which may not be there yet, under a `name` of its own. Raises
-    StorageError where the folder has a device or one of its files, and where it cannot be
-    written."""
+def begin_with(start: StartingDevice, folder: Path, name: str, cord: str | None = None) -> None:
+    """Put the device into a folder, which may not be there yet, under a `name` of its own, and with
+    another `cord` where one is given. Raises StorageError where the folder has a device or one of
+    its files, and where it cannot be written."""
     source = _FOLDER / start.name
-    document = tomlkit.parse((source / DEVICE).read_text(encoding="utf-8"))
+    document: Any = tomlkit.parse((source / DEVICE).read_text(encoding="utf-8"))
     document["name"] = name
-    body: Any = document["body"]
+    if cord is not None:
+        document["cord"]["name"] = cord
+        document["cord"].pop("noise", None)  # that of the cord before
+    body = document["body"]
     file = str(body.get("script") or body.get("mesh"))
-    put_device(folder, file, (source / file).read_bytes(), tomlkit.dumps(document))
+    content = (source / file).read_bytes()
+    text = commented(tomlkit.dumps(document))
+    with tempfile.TemporaryDirectory(prefix="defsense-") as other:
+        (Path(other) / file).touch()
+        parse_device(text, Path(other))
+    put_device(folder, {file: content}, text)
 
 
-def put_device(folder: Path, file: str, content: bytes, text: str) -> None:
-    """Write the body's `file`, then the device's; each whole or not at all. Raises StorageError."""
+def put_device(folder: Path, files: Mapping[str, bytes], text: str) -> None:
+    """Write the body's `files`, then the device's, whole or none of them. A file that is there as
+    it would be written stays. Raises StorageError."""
     with _one:
-        with storage_errors(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-        for name in (DEVICE, file):
-            if (folder / name).exists():
-                raise StorageError(f"{folder / name}: is there already; choose another folder")
-        with replacing(folder / file) as temporary:
-            temporary.write_bytes(content)
-        write_text(folder / DEVICE, text)
+        made = [p for p in (folder, *folder.parents) if not p.exists()]  # innermost first
+        written: list[Path] = []
+        try:
+            with storage_errors(folder):
+                folder.mkdir(parents=True, exist_ok=True)
+            if (folder / DEVICE).exists():
+                raise StorageError(f"{folder / DEVICE}: is there already; choose another folder")
+            for name, content in files.items():
+                path = folder / name
+                if path.is_file() and path.read_bytes() == content:
+                    continue
+                if path.exists():
+                    raise StorageError(f"{path}: is there already; choose another folder")
+                with storage_errors(path):
+                    made = [*(p for p in path.parents if not p.exists()), *made]
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                with replacing(path) as temporary:
+                    written.append(path)
+                    temporary.write_bytes(content)
+            write_text(folder / DEVICE, text)
+        except BaseException:
+            for path in written:
+                path.unlink(missing_ok=True)
+            for path in made:
+                with suppress(OSError):  # someone else's files may have come
+                    path.rmdir()
+            raise

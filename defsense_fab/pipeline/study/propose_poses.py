@@ -14,7 +14,7 @@ from tomlkit.items import Array, InlineTable, Table
 
 from ...core.arrays import Float, Int
 from ...core.default_states import default_states
-from ...core.device import Device, Handle, Pose
+from ...core.device import Device, Handle, Pose, StatesSpec
 from ...core.errors import DeviceError
 from ...core.files import storage_errors, write_text
 from ...core.mesh import Surface
@@ -191,15 +191,16 @@ def as_toml(poses: list[ProposedPose], fixed: str, region: str = END) -> str:
         pose.update({"name": p.name, "fixed": [fixed], "handles": tomlkit.aot()})
         pose["handles"].append(handle)
         document["poses"].append(pose)
-    document["states"] = _states(poses, fixed, region)
+    document["states"] = states_table(
+        default_states(
+            [Pose(p.name, (fixed,), (Handle(region, p.rotation, p.translation),)) for p in poses]
+        )
+    )
     return tomlkit.dumps(document)
 
 
-def _states(poses: list[ProposedPose], fixed: str, region: str) -> Table:
-    """What the cords are designed for and judged by, as it would be without the table."""
-    spec = default_states(
-        [Pose(p.name, (fixed,), (Handle(region, p.rotation, p.translation),)) for p in poses]
-    )
+def states_table(spec: StatesSpec) -> Table:
+    """What the cords are designed for and judged by, as the table of device.toml."""
     table = tomlkit.table()
     table.comment("cords are designed for ramp and mixtures, and judged by held_out")
     table["ramp"] = _numbers(np.array(spec.ramp))

@@ -10,7 +10,9 @@ import numpy as np
 
 from ...core.catalogue import read_rows
 from ...core.errors import DefsenseError
-from ...pipeline.starts.dropped_body import UNITS, DroppedBody, begin_from
+from ...pipeline.starts.dropped_body import DroppedBody
+from ...pipeline.starts.first_device import FirstDevice, begin_from
+from ...pipeline.starts.units import UNITS
 from ...runtime.view.first_look import look_at_body
 
 _COLOR = (230, 159, 0)
@@ -49,7 +51,7 @@ class BodyForm:
         """A body that can be read."""
         self._body = body
         self.name.value = body.name
-        self.unit.visible = body.suffix != ".step"
+        self.unit.visible = body.key == "mesh"
         self.panel.visible = True
         self.choose(body.unit)
 
@@ -90,10 +92,11 @@ class BodyForm:
         if self._body is None:
             return
         try:
-            begin_from(
-                self._body, self._folder, self.name.value.strip(), self.unit.value,
-                self.material.value, float(self.edge.value),
+            first = FirstDevice(
+                self.name.value.strip(), self.unit.value, self.material.value,
+                float(self.edge.value),
             )  # fmt: skip
+            begin_from(self._body, self._folder, first)
         except DefsenseError as error:
             self._failed(error)
             return

@@ -9,23 +9,25 @@ from fnmatch import fnmatch
 import numpy as np
 import pytest
 
+from defsense_fab.core.catalogue import read_rows
+from defsense_fab.core.default_states import default_states
 from defsense_fab.core.device_file import load_device
 from defsense_fab.core.errors import BodyError, DeviceError, StorageError
-from defsense_fab.pipeline.starts import dropped_body, starting_devices
-from defsense_fab.pipeline.starts.dropped_body import (
-    DroppedBody,
-    begin_from,
-    likely_unit,
-    look_at_file,
-    safe_name,
-)
+from defsense_fab.core.mesh import Surface
+from defsense_fab.pipeline.starts import starting_devices
+from defsense_fab.pipeline.starts.body_ends import find_ends
+from defsense_fab.pipeline.starts.device_comments import commented
+from defsense_fab.pipeline.starts.dropped_body import DroppedBody, look_at, look_at_file
+from defsense_fab.pipeline.starts.first_device import FirstDevice, begin_from, usual_material
+from defsense_fab.pipeline.starts.names import check_folder_name, safe_name
 from defsense_fab.pipeline.starts.starting_devices import STARTS, begin_with
+from defsense_fab.pipeline.starts.units import UNITS, likely_unit
 from tests.conftest import box_surface
 from tests.places import DEVICES, ROOT
 
 
 def dropped(unit="mm", suffix=".stl"):
-    scale = dropped_body.UNITS[unit]
+    scale = UNITS[unit]
     surface = box_surface(np.array([0, -15, -15]) / scale, np.array([150, 15, 15]) / scale)
     return DroppedBody(b"content", "my-bar", suffix, surface, unit, unit != "mm", ())
 
@@ -37,10 +39,10 @@ def test_a_start_is_the_fixture_under_another_name(start, tmp_path):
     assert device.name == "grip"
     first = load_device(DEVICES / start.name)
     assert device.body.path.read_bytes() == first.body.path.read_bytes()
-    text = (DEVICES / start.name / "device.toml").read_text()
-    assert (device.source / "device.toml").read_text() == text.replace(
-        f'name = "{start.name}"', 'name = "grip"', 1
-    )
+    text = (DEVICES / start.name / "device.toml").read_text(encoding="utf-8")
+    told = (device.source / "device.toml").read_text(encoding="utf-8")
+    assert told == commented(text.replace(f'name = "{start.name}"', 'name = "grip"', 1))
+    assert tomllib.loads(told) == tomllib.loads(text) | {"name": "grip"}
     assert len(list(device.source.iterdir())) == 2
     assert start.picture.startswith(b"\x89PNG")
 
@@ -69,8 +71,11 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path, monkeypatch):
         raise StorageError(f"{path}: the disk is full; free some space and run again")
 
     monkeypatch.setattr(starting_devices, "write_text", full)
-    with pytest.raises(StorageError, match="the disk is full"):
-        begin_with(STARTS[0], tmp_path / "x", "grip")
+    (tmp_path / "mine").mkdir()
+    for folder in (tmp_path / "x" / "y", tmp_path / "mine"):
+        with pytest.raises(StorageError, match="the disk is full"):
+            begin_with(STARTS[0], folder, "grip")
+    assert [p.name for p in tmp_path.rglob("*")] == ["mine"]  # nothing half-written
     (tmp_path / "file").touch()
     with pytest.raises(StorageError, match="Not a directory"):
         begin_with(STARTS[0], tmp_path / "file" / "x", "grip")
@@ -80,11 +85,11 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path, monkeypatch):
 def test_a_dropped_mesh_becomes_a_device_in_mm_held_at_one_end(unit, tmp_path):
     body = dropped(unit)
     assert body.edge_length(unit) == pytest.approx(6.0)
-    begin_from(body, tmp_path, 'a "grip"', unit, "tango-plus", 6.0)
+    begin_from(body, tmp_path, FirstDevice('a "grip"', unit, "tango-plus", 6.0))
     device = load_device(tmp_path, complete=False)
     assert device.name == 'a "grip"'
     assert device.body.path.read_bytes() == b"content"
-    assert device.body.scale == pytest.approx(dropped_body.UNITS[unit])
+    assert device.body.scale == pytest.approx(UNITS[unit])
     assert device.material.name == "tango-plus"
     assert set(device.regions) == {"base", "tip"}
     points = np.array([[0, 0, 0], [9, 0, 0], [75, 0, 0], [141, 0, 0], [150, 0, 0]], float)
@@ -93,16 +98,16 @@ def test_a_dropped_mesh_becomes_a_device_in_mm_held_at_one_end(unit, tmp_path):
 
 
 def test_a_dropped_step_has_its_own_unit(tmp_path):
-    begin_from(dropped(suffix=".step"), tmp_path, "grip", "mm", "tango-plus", 6.0)
+    begin_from(dropped(suffix=".step"), tmp_path, FirstDevice("grip", "mm", "tango-plus", 6.0))
     spec = load_device(tmp_path, complete=False).body
     assert (spec.kind, spec.path.name) == ("step", "my-bar.step")
 
 
 def test_a_dropped_body_whose_cavity_is_filled_says_so_in_its_device(tmp_path):
     filled = replace(dropped(), repaired=("filled a closed cavity of 120 mm3 around (1, 2, 3)",))
-    begin_from(filled, tmp_path / "a", "grip", "mm", "tango-plus", 6.0)
+    begin_from(filled, tmp_path / "a", FirstDevice("grip", "mm", "tango-plus", 6.0))
     assert load_device(tmp_path / "a", complete=False).body.fill_cavities
-    begin_from(dropped(), tmp_path / "b", "grip", "mm", "tango-plus", 6.0)
+    begin_from(dropped(), tmp_path / "b", FirstDevice("grip", "mm", "tango-plus", 6.0))
     assert not load_device(tmp_path / "b", complete=False).body.fill_cavities
 
 
@@ -112,9 +117,13 @@ def test_what_is_no_device_is_not_written(tmp_path):
         (("x", "mm", "tango-plus", 0.0), DeviceError),
         (("x", "mm", "none-such", 6.0), DeviceError),
         (("x", "m", "tango-plus", 6.0), BodyError),  # 150 m
+        (("x", "mile", "tango-plus", 6.0), DeviceError),
+        (("x", "um", "tango-plus", 6.0), BodyError),
+        (("x", "mm", "tango-plus", 6.0, ("bend", "bend")), DeviceError),
+        (("x", "mm", "tango-plus", 6.0, ("modes", "bend")), DeviceError),
     ):
         with pytest.raises(error):
-            begin_from(dropped(), tmp_path / "new", *values)
+            begin_from(dropped(), tmp_path / "new", FirstDevice(*values))
     assert not (tmp_path / "new").exists()
 
 
@@ -123,6 +132,7 @@ def test_units_are_asked_for_where_they_are_doubtful():
     assert likely_unit(6.0) == ("inch", True)
     assert likely_unit(1.0) == ("inch", True)
     assert likely_unit(0.15) == ("m", True)
+    assert likely_unit(180_000.0) == ("um", True)
     assert likely_unit(1e7) == ("mm", True)
 
 
@@ -150,3 +160,62 @@ def test_names_from_elsewhere_are_made_safe(name, safe):
 def test_an_upload_that_is_no_body_is_told_by_its_content():
     with pytest.raises(BodyError, match=r"^x: is neither STEP nor a mesh"):
         look_at_file("x.stl", b"import os")
+
+
+def test_a_chosen_device_is_whole_and_says_its_states(tmp_path):
+    first = FirstDevice("wand", "mm", "ninjaflex-85a", 6.0, ("bend", "twist", "pull"), cords=3)
+    assert begin_from(dropped(), tmp_path, first) == ("bend", "twist", "pull")
+    device = load_device(tmp_path)
+    assert device.propose == 3
+    text = (tmp_path / "device.toml").read_text(encoding="utf-8")
+    spec, given = default_states(device.poses), device.states
+    assert "states" in tomllib.loads(text)
+    assert (spec.ramp, spec.mixtures, spec.held_out) == (given.ramp, given.mixtures, given.held_out)
+    bend, twist, pull = (pose.handles[0] for pose in device.poses)
+    assert bend.rotation @ [1, 0, 0] == 0 != np.linalg.norm(bend.rotation)
+    assert twist.rotation[1:].tolist() == [0, 0]
+    assert pull.translation.tolist() == [15, 0, 0]
+    lines = text.splitlines()
+    for key in ("edge_length", "[regions]", "ramp", "[[poses]]"):
+        at = next(k for k, line in enumerate(lines) if line.startswith(key))
+        assert lines[at - 1].startswith("# ")
+
+
+def test_a_slanted_tapered_body_is_held_at_its_thick_end_along_its_own_axis():
+    surface = box_surface(np.array([0.0, -15, -10]), np.array([150.0, 15, 10]))
+    x = surface.vertices
+    x = x * np.where(x[:, :1] > 75, [1, 0.5, 0.5], 1.0)
+    c = np.sqrt(0.5)
+    turn = np.array([[c, c, 0], [-c, c, 0], [0, 0, 1]])  # the length to (1, 1, 0)
+    for sign in (1, -1):
+        ends = find_ends(Surface(sign * x @ turn, surface.faces[:, ::sign]))
+        assert np.degrees(np.arccos(ends.axes[0] @ [sign * c, sign * c, 0])) < 3
+        assert ends.size == pytest.approx([150, 30, 20], rel=0.05)
+    high = find_ends(Surface(np.roll(x, 2, axis=1) * [1, 1, -1], surface.faces[:, ::-1]))
+    assert high.axes[0].tolist() == [0, 0, 1]  # what stands is held at its foot
+
+
+def test_every_process_has_a_material():
+    assert {usual_material(p) for p in read_rows("printers.csv")} <= set(read_rows("materials.csv"))
+
+
+def test_a_scripts_own_files_come_along(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sizes.py").write_text("RADIUS = 15\n", encoding="utf-8")
+    (tmp_path / "grip.py").write_text(
+        "from build123d import Cylinder\nfrom sizes import RADIUS\n"
+        "def body(length=110, *, more=None):\n    return Cylinder(RADIUS, length)\n",
+        encoding="utf-8",
+    )
+    found = look_at(tmp_path / "grip.py")
+    assert (found.parameters, list(found.others)) == ({"length": 110}, ["sizes.py"])
+    begin_from(found, tmp_path / "new", FirstDevice("grip", "mm", "tango-plus", 6.0))
+    device = load_device(tmp_path / "new", complete=False)
+    assert device.body.parameters == {"length": 110}
+    assert (tmp_path / "new" / "sizes.py").read_text(encoding="utf-8") == "RADIUS = 15\n"
+
+
+@pytest.mark.parametrize("name", ["CON", "lpt1.d", "a:b", "end.", "x" * 130])
+def test_folders_that_not_every_system_can_have_are_refused(name, tmp_path):
+    with pytest.raises(StorageError, match=r"Windows|too long"):
+        check_folder_name(tmp_path / name)

@@ -1,0 +1,238 @@
+"""The command `defsense new`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...core.errors import DeviceError, StorageError
+from ..output import progress_bars, results, say, silent_stdout
+
+if TYPE_CHECKING:
+    from ...pipeline.starts.dropped_body import DroppedBody
+    from ..options import Commands
+
+#: What is written where nothing is said of it.
+_CORD, _CORDS, _PROCESS = "rubber-2mm", 3, "fdm-tpu"
+
+
+def add(commands: Commands) -> None:
+    """`new`."""
+    sub = commands.add_parser(
+        "new",
+        help="begin a device: a folder with a device.toml that can be built",
+        description="Begin a device from one that comes with the package, or from the file of a"
+        " body. What is not given is asked in a terminal; Enter takes what is in brackets.",
+        examples=[
+            "defsense new my-device",
+            "defsense new wand --body wand.step --poses bend,twist",
+            "defsense new bunny --body bunny.stl --units mm --poses modes --cord rubber-1.7mm",
+        ],
+    )
+    sub.add_argument("folder", type=Path, metavar="DIR", help="the folder to make")
+    sub.add_argument(
+        "--body", metavar="WHAT",
+        help="bar, twist-bar, cube, blob, or a file: a script (.py), STEP, or a mesh",
+    )  # fmt: skip
+    sub.add_argument(
+        "--units", metavar="UNIT", help="of a mesh's lengths: mm, cm, m, inch or um (micrometres)"
+    )
+    sub.add_argument(
+        "--poses", metavar="NAMES",
+        help="modes, which finds them by the body's natural modes, or some of bend, bend_side,"
+        " twist and pull, with commas",
+    )  # fmt: skip
+    sub.add_argument("--cord", metavar="NAME", help=f"a row of data/cords.csv ({_CORD})")
+    sub.add_argument("--cords", type=int, metavar="N", help=f"how many are to be found ({_CORDS})")
+    sub.add_argument("--name", help="of the device (that of the folder)")
+    sub.add_argument("--process", metavar="NAME", help=f"a row of data/printers.csv ({_PROCESS})")
+    sub.add_argument(
+        "--material", metavar="NAME", help="a row of data/materials.csv (one that the process has)"
+    )
+    sub.add_argument(
+        "--edge-length", type=float, metavar="MM", help="of the mesh (fitted to the body)"
+    )
+    sub.add_argument(
+        "--json", action="store_true", help="ask nothing, and print the result as JSON"
+    )
+    sub.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    sub.set_defaults(run=_new)
+
+
+def _new(options: argparse.Namespace) -> int:
+    from ...core.device_file import DEVICE
+    from ...pipeline.starts.names import check_folder_name
+    from ...pipeline.starts.starting_devices import STARTS
+
+    folder: Path = options.folder
+    check_folder_name(folder)
+    if folder.exists() and not folder.is_dir():
+        raise StorageError(f"{folder}: is a file; choose another name for the folder")
+    if (folder / DEVICE).exists():
+        raise StorageError(
+            f"{folder / DEVICE}: there is a device already, and it stays as it is; choose another"
+            " folder"
+        )
+    asked = sys.stdin.isatty() and not options.json
+    if not asked and options.body is None:
+        names = ", ".join(start.name for start in STARTS)
+        raise DeviceError(f"--body: give one of {names}, or the file of a body")
+    found = _body(options)
+    begun = _from_file(found, options, asked) if found else _from_start(options, asked)
+    _tell(begun, options)
+    return 0
+
+
+def _body(options: argparse.Namespace) -> DroppedBody | None:
+    """The body of a file; None where `options.body` names a device of the package."""
+    from ...pipeline.starts.dropped_body import look_at
+    from ...pipeline.starts.starting_devices import STARTS
+    from .new_questions import answered, ask_body
+
+    starts = {start.name for start in STARTS}
+
+    def look(word: str) -> tuple[str, DroppedBody | None]:
+        if word in starts:
+            return word, None
+        path = Path(word).expanduser()
+        if not path.exists() and not path.suffix:
+            raise DeviceError(
+                f"{word}: is no file, and none of {', '.join(s.name for s in STARTS)}"
+            )
+        with silent_stdout():
+            return word, look_at(path)
+
+    if options.body is not None:
+        return look(options.body)[1]
+    options.body, found = answered(ask_body, look)
+    return found
+
+
+def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
+    """A device of the package, with its own body and poses."""
+    from ...core.device_file import load_device
+    from ...pipeline.starts.starting_devices import STARTS, begin_with
+    from .new_questions import answered, ask_cord, cord_row
+
+    for name in ("units", "poses", "cords", "process", "material", "edge_length"):
+        if getattr(options, name) is not None:
+            raise DeviceError(
+                f"--{name.replace('_', '-')}: {options.body} comes with its own; leave the option"
+                " out and change device.toml afterwards"
+            )
+    start = next(s for s in STARTS if s.name == options.body)
+    cord = options.cord
+    if cord is None and asked:
+        cord = answered(ask_cord, cord_row)
+    begin_with(start, options.folder, _name(options), cord and cord_row(cord))
+    device = load_device(options.folder)
+    return {
+        "device": str(options.folder), "name": device.name, "body": device.body.path.name,
+        "poses": [p.name for p in device.poses], "cord": device.cord.name,
+        "cords": len(device.sensors) + device.propose, "material": device.material.name,
+        "process": device.fabrication.process,
+    }  # fmt: skip
+
+
+def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> dict[str, Any]:
+    """A device from a body of one's own."""
+    from ...pipeline.starts.body_ends import find_ends
+    from ...pipeline.starts.first_device import FirstDevice, begin_from, usual_material
+    from ...pipeline.starts.units import unusual
+    from .new_questions import answered, ask_cord, ask_poses, cord_row, pose_names, process_row
+
+    unit = _unit(found, options, asked)
+    usual = find_ends(found.in_mm(unit)).usual()
+    poses, cord = options.poses, options.cord
+    if poses is not None:
+        poses = pose_names(poses)
+    elif asked:
+        poses = answered(lambda: ask_poses(usual), pose_names)
+    if cord is not None:
+        cord_row(cord)
+    elif asked:
+        cord = answered(ask_cord, cord_row)
+    process = process_row(options.process or _PROCESS)
+    edge = options.edge_length
+    first = FirstDevice(
+        _name(options), unit, options.material or usual_material(process),
+        found.edge_length(unit) if edge is None else edge, poses or usual, cord or _CORD, process,
+        _CORDS if options.cords is None else options.cords,
+    )  # fmt: skip
+    if first.cords < 1:
+        raise DeviceError(f"--cords {first.cords}: give a number from 1 to 16")
+    with silent_stdout(), progress_bars(options) as progress:
+        begun = begin_from(found, options.folder, first, progress)
+    lengths = re.compile(r"\bmm(?=3?\b)")  # repairs are told in the unit of the file
+    size = found.size(unit)
+    return {
+        "device": str(options.folder), "name": first.name, "body": f"{found.name}{found.suffix}",
+        "size_mm": [float(f"{x:.4g}") for x in size], "unit": unit,
+        "repaired": [lengths.sub(unit, line) for line in found.repaired],
+        "edge_length": first.edge_length,
+        "poses": list(begun), "cord": first.cord, "cords": first.cords,
+        "material": first.material, "process": process, "unusual": unusual(size),
+    }  # fmt: skip
+
+
+def _unit(found: DroppedBody, options: argparse.Namespace, asked: bool) -> str:
+    """The unit of the file's lengths. Raises DeviceError where it is not known, BodyError where no
+    device can be of that size."""
+    from ...pipeline.starts.first_device import check_unit
+    from ...pipeline.starts.units import UNIT_WORDS
+    from .new_questions import answered, ask_unit, sizes, unit_name
+
+    unit: str = found.unit
+    if options.units is not None:
+        unit = unit_name(options.units)
+        if found.key != "mesh" and unit != "mm":
+            raise DeviceError(
+                f"--units {options.units}: is for meshes; a STEP file says its unit, and a script"
+                " gives mm"
+            )
+    elif found.doubtful and asked:
+        unit = answered(lambda: ask_unit(found), unit_name)
+    elif found.doubtful:
+        raise DeviceError(
+            f"--units: the body would be {sizes(found, 'mm')}, and its file does not say the unit;"
+            f" in {UNIT_WORDS[unit]} it is {sizes(found, unit)}: give --units {unit}, or another"
+        )
+    check_unit(found, unit)
+    return unit
+
+
+def _name(options: argparse.Namespace) -> str:
+    from ...pipeline.starts.names import safe_name
+
+    return str(options.name or safe_name(options.folder.absolute().name + "."))
+
+
+def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
+    build = f"defsense build {shlex.quote(begun['device'])}"
+    with results():
+        if options.json:
+            sys.stdout.write(json.dumps({**begun, "next": build}, indent=1) + "\n")
+            return
+        folder = Path(begun["device"])
+        size = ""
+        if "size_mm" in begun:
+            x, y, z = begun["size_mm"]
+            size = f", {x:g} x {y:g} x {z:g} mm"
+        mended = [r for r in begun.get("repaired", []) if not r.startswith("merged")]
+        say([
+            f"Wrote:   {folder / 'device.toml'} and {begun['body']}{size}",
+            *(f"Mended:  {line}" for line in mended),
+            *([f"note: {begun['unusual']}"] if begun.get("unusual") else []),
+            f"Poses:   {', '.join(begun['poses'])}",
+            f"Cords:   {begun['cords']} of {begun['cord']}; body of {begun['material']} by"
+            f" {begun['process']}",
+            f"Next:    {build}",
+            f"Then:    open {folder / 'build' / 'report.html'}: the cords, and the error to expect",
+            f"Change:  poses, regions and cords in {folder / 'device.toml'}, or on the page of"
+            f" defsense studio {shlex.quote(begun['device'])}",
+        ])  # fmt: skip

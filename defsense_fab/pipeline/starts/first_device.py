@@ -1,0 +1,224 @@
+"""A first device.toml for a body: held at one end, moved at the other, by what was chosen."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from ...core.catalogue import read_rows
+from ...core.device_file import DEVICE, load_device, parse_device
+from ...core.errors import BodyError, DeviceError
+from ...core.files import free_path, storage_errors, write_text
+from ...core.progress import Progress, silent
+from ...geometry.bodies.body import SIZES
+from ..artifacts.mesh_lock import FILE as MESH_LOCK
+from .body_ends import END_POSES, BodyEnds, find_ends, numbers
+from .device_comments import commented
+from .dropped_body import DroppedBody
+from .starting_devices import put_device
+from .units import UNIT_WORDS, UNITS
+
+MODES = "modes"
+PROCESS, CORD, CORDS = "fdm-tpu", "rubber-2mm", 3
+#: A material that each kind of process makes; the first whose name begins so.
+_MATERIALS = {
+    "fdm-tpu": "ninjaflex-85a", "polyjet-agilus": "agilus30-black", "polyjet": "tango-black-plus",
+    "sla-elastic": "formlabs-elastic-50a", "sla-flexible": "formlabs-flexible-80a",
+    "sls-tpu": "eos-tpu-1301", "cast-silicone": "dragon-skin-20",
+}  # fmt: skip
+
+
+def usual_material(process: str) -> str:
+    """A row of materials.csv that is made by this row of printers.csv."""
+    return next(m for start, m in _MATERIALS.items() if process.startswith(start))
+
+
+@dataclass(frozen=True)
+class FirstDevice:
+    """What is chosen of a device besides its body: the `unit` of the body's file; `poses`, names of
+    END_POSES, only MODES, or none yet; how many `cords` are to be found, none yet being 0."""
+
+    name: str
+    unit: str
+    material: str
+    edge_length: float
+    poses: tuple[str, ...] = ()
+    cord: str = CORD
+    process: str = PROCESS
+    cords: int = 0
+
+    def __post_init__(self) -> None:
+        if self.unit not in UNITS:
+            raise DeviceError(f"units {self.unit!r}: there is {', '.join(UNITS)}")
+        if not 0 <= self.cords <= 16:
+            raise DeviceError(f"cords {self.cords}: give a number from 1 to 16")
+        if self.poses:
+            check_poses(self.poses)
+
+
+def check_poses(names: tuple[str, ...]) -> None:
+    """Raises DeviceError for other than only MODES, or names of END_POSES, each once."""
+    known = names == (MODES,) or (names and set(names) <= set(END_POSES))
+    if not known or len(set(names)) < len(names):
+        raise DeviceError(
+            f"poses {','.join(names)}: write {MODES}, or some of {', '.join(END_POSES)} with"
+            " commas, each once"
+        )
+
+
+def begin_from(
+    dropped: DroppedBody, folder: Path, first: FirstDevice, progress: Progress = silent
+) -> tuple[str, ...]:
+    """Write the body and its device.toml into a folder, which may not be there yet; returns the
+    names of its poses. Raises BodyError for a body of impossible size, DeviceError for a device
+    that can be none, StorageError where there is a device, or the folder cannot be written: nothing
+    is then left in it."""
+    check_unit(dropped, first.unit)
+    check_room(dropped, first)
+    file = _own_name(dropped, folder)
+    files = {file: dropped.content, **dropped.others}
+    text = device_text(dropped, file, first)
+    with tempfile.TemporaryDirectory(prefix="defsense-") as other:  # is it a device?
+        trial = Path(other)
+        for name, content in files.items():
+            (trial / name).parent.mkdir(parents=True, exist_ok=True)
+            (trial / name).write_bytes(content)
+        if first.poses == (MODES,):
+            text = _with_modes(text, trial, progress)
+            if (trial / MESH_LOCK).exists():
+                files[MESH_LOCK] = (trial / MESH_LOCK).read_bytes()
+        device = parse_device(text, trial, complete=bool(first.poses and first.cords))
+        if first.poses and "states" not in tomlkit.parse(text):
+            text = _with_states(text, device.states)
+    put_device(folder, files, commented(text))
+    return tuple(p.name for p in device.poses)
+
+
+def check_unit(dropped: DroppedBody, unit: str) -> None:
+    """Raises BodyError for a body that is no device of mm."""
+    size = float(np.linalg.norm(dropped.size(unit)))
+    if not SIZES[0] <= size <= SIZES[1]:
+        units = (
+            "choose another unit" if dropped.key == "mesh" else "export it again in its right unit"
+        )
+        raise BodyError(f"{dropped.name}: would be {size:.3g} mm across; {units}")
+
+
+def check_room(dropped: DroppedBody, first: FirstDevice) -> None:
+    """Raises BodyError for a body that is too thin for a cord and its walls."""
+    rows, cords = read_rows("printers.csv"), read_rows("cords.csv")
+    if not first.cords or first.process not in rows or first.cord not in cords:
+        return
+    row = rows[first.process]
+    thick = float(dropped.size(first.unit).min())
+    need = float(cords[first.cord]["diameter"])
+    need += 2 * (float(row["wall"]) + float(row["clearance"]))
+    if thick < need:
+        raise BodyError(
+            f"{dropped.name}: is {thick:.3g} mm thin; the cord {first.cord} with its walls takes"
+            f" {need:.2g} mm: make the body thicker, or check its unit ({UNIT_WORDS[first.unit]})"
+        )
+
+
+def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
+    """device.toml as a person would begin it, without comments and [states]."""
+    scale = UNITS[first.unit]
+    surface = dropped.in_mm(first.unit)
+    ends = find_ends(surface)
+    body: dict[str, Any] = {dropped.key: file}
+    if dropped.parameters:
+        body["parameters"] = _inline(dropped.parameters)
+    if scale != 1:
+        body["scale"] = scale
+    if any(line.startswith("filled ") for line in dropped.repaired):
+        body["fill_cavities"] = True
+    document = tomlkit.document()
+    document.update({"schema": 1, "name": first.name})
+    tables: dict[str, Any] = {
+        "body": body,
+        "material": {"name": first.material},
+        "mesh": {"edge_length": _plain(float(f"{first.edge_length:.2g}"))},
+        "regions": _regions(ends, first),
+        "outputs": {"markers": 40, "anchor": "base"},
+        "cord": {"name": first.cord},
+        "fabrication": {"process": first.process},
+    }
+    if first.cords:
+        tables["design"] = {"sensors": first.cords}
+    for name, values in tables.items():
+        document.add(tomlkit.nl())
+        table = tomlkit.table()
+        table.update(values)
+        document.add(name, table)
+    if first.poses and first.poses != (MODES,):
+        document.add(tomlkit.nl())
+        document.add("poses", _poses(ends, first.poses))
+    return tomlkit.dumps(document)
+
+
+def _own_name(dropped: DroppedBody, folder: Path) -> str:
+    """A free one, or that of the same file where it lies in the folder already."""
+    path = folder / f"{dropped.name}{dropped.suffix}"
+    with storage_errors(path):
+        if path.is_file() and path.read_bytes() == dropped.content:
+            return path.name
+    return free_path(path).name
+
+
+def _regions(ends: BodyEnds, first: FirstDevice) -> dict[str, Any]:
+    names = ("base",) if first.poses == (MODES,) else ("base", "tip")
+    return {n: _inline(_nested(ends.region(n, first.edge_length))) for n in names}
+
+
+def _poses(ends: BodyEnds, names: tuple[str, ...]) -> Any:
+    poses = tomlkit.aot()
+    for name in names:
+        handle, handles, pose = tomlkit.table(), tomlkit.aot(), tomlkit.table()
+        handle.update({"region": "tip", **_nested(ends.move(name))})
+        handles.append(handle)
+        pose.update({"name": name, "fixed": ["base"], "handles": handles})
+        poses.append(pose)
+    return poses
+
+
+def _with_modes(text: str, trial: Path, progress: Progress) -> str:
+    """The device's text with its poses by natural modes. Raises DeviceError where there is none."""
+    from ..study.propose_poses import as_toml, continued, find_poses
+
+    write_text(trial / DEVICE, text)
+    found = find_poses(load_device(trial, complete=False), "base", progress=progress)
+    if not found.poses:
+        kinds = ", ".join(sorted({f"{m.kind} of order {m.order}" for m in found.modes}))
+        raise DeviceError(
+            "poses modes: none of the body's lowest modes leads its far end as a whole (they are"
+            f" {kinds}); give --poses bend,twist in their place"
+        )
+    return continued(text, as_toml(list(found.poses), "base", found.region))
+
+
+def _with_states(text: str, states: Any) -> str:
+    from ..study.propose_poses import states_table
+
+    document = tomlkit.document()
+    document["states"] = states_table(states)
+    return text.rstrip("\n") + "\n\n" + tomlkit.dumps(document)
+
+
+def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: _inline(v) if isinstance(v, dict) else v for k, v in values.items()}
+
+
+def _inline(values: Mapping[str, Any]) -> Any:
+    out = tomlkit.inline_table()
+    out.update(values)
+    return out
+
+
+def _plain(value: float) -> float:
+    return numbers([value])[0]
