@@ -18,6 +18,8 @@ from .repair.solid import one_solid, oriented, remade_solid
 from .repair.words import number, place
 
 _TRIES = 4
+#: What a file's lengths may be in some unit: from micrometres to metres.
+_ANY_UNIT = (1e-6, 1e9)
 
 
 def read_mesh(
@@ -33,7 +35,13 @@ def read_mesh(
     read = read_triangles(path, suffix)
     with np.errstate(over="ignore", invalid="ignore"):
         vertices = read.vertices * scale
-        size = float(np.linalg.norm(np.ptp(vertices[np.unique(read.faces)], axis=0)))
+        in_file = float(np.linalg.norm(np.ptp(read.vertices[np.unique(read.faces)], axis=0)))
+        size = in_file * scale
+    if not _ANY_UNIT[0] <= in_file <= _ANY_UNIT[1]:
+        raise BodyError(
+            f"{path}: the body is {in_file:.3g} across in the file's lengths, of which no unit"
+            " makes a device; export it again"
+        )
     if not sizes[0] <= size <= sizes[1]:
         unit = (
             "the file's lengths were taken as its format has them"
