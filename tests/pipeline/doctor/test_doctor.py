@@ -1,0 +1,92 @@
+"""Broken libraries are told, not suffered; what answers like a board is asked who it is."""
+
+import os
+import sys
+
+import numpy as np
+import pytest
+
+from defsense_fab.pipeline.doctor import boards, cameras, isolated, libraries, licences, machine
+from defsense_fab.pipeline.doctor.finding import Finding
+
+BROKEN = {
+    "raises": ("raise ImportError('no libfoo.so.1')", "ImportError: no libfoo.so.1"),
+    "crashes": ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crashes (SIGSEGV)"),
+    "hangs": ("import time; time.sleep(1000)", "hangs: no answer within 1 s"),
+}
+
+
+@pytest.mark.parametrize("way", BROKEN)
+def test_broken_library_is_told(way, tmp_path, monkeypatch):
+    code, trouble = BROKEN[way]
+    (tmp_path / "broken_library.py").write_text(code, encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)]))
+    seconds = 1 if way == "hangs" else 30
+    answer = isolated.call(libraries.__name__, "load", "broken_library", seconds=seconds)
+    assert answer.trouble == trouble
+
+
+def test_absent_library_is_missing_where_the_core_needs_it():
+    from packaging.requirements import Requirement
+
+    asked = Requirement("no-such-library>=1")
+    core = libraries._check(libraries._Asked(asked, ""), 5)
+    extra = libraries._check(libraries._Asked(asked, "live"), 5)
+    assert (core.status, core.core) == ("missing", True)
+    assert (extra.status, extra.core) == ("not needed", False)
+    assert core.command.endswith("-m pip install 'no-such-library>=1'")
+
+
+def test_old_library_is_told_by_both_versions():
+    from packaging.requirements import Requirement
+
+    found = libraries._check(libraries._Asked(Requirement(f"numpy>{np.__version__}"), ""), 5)
+    assert found.status == "missing"
+    assert found.told == f"{np.__version__} is installed, >{np.__version__} is asked for"
+
+
+def test_cache_that_cannot_be_written_stops_nothing(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "file"))
+    found = machine._cache(60)
+    assert (found.status, found.core) == ("not needed", False)
+    assert "DEFSENSE_CACHE" in found.command
+
+
+def test_what_is_behind_a_pseudo_terminal_is_no_board(monkeypatch):
+    """Whatever it answers: the twin speaks the protocol as boards do."""
+    answer = isolated.Answer("firmware 1.0 (protocol 1), 4 channels")
+    monkeypatch.setattr(boards, "call", lambda *words, seconds: answer)
+    import pty
+
+    _, slave = pty.openpty()
+    assert boards._check(os.ttyname(slave), 1).status == "not needed"
+    assert boards._check("/dev/ttyUSB0", 1).status == "good"
+
+
+def test_finding_checks_itself():
+    with pytest.raises(ValueError, match="for what"):
+        Finding("a", "b", "not needed", "c")
+
+
+def test_licences_are_those_of_the_metadata():
+    found = {one.name.lower(): one.licence for one in licences.installed_licences()}
+    assert "MIT" in found["rich"]
+    assert "BSD" in found["numpy"]
+    assert "pytest" not in found
+
+
+def test_picture_of_a_camera_is_written(tmp_path):
+    """A video stands in for it: the code is the same but for the address."""
+    import cv2
+
+    film = cv2.VideoWriter(
+        str(tmp_path / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 30, (64, 48)
+    )
+    for _ in range(30):
+        film.write(np.full((48, 64, 3), (0, 0, 200), np.uint8))
+    film.release()
+    told = cameras.look(str(tmp_path / "film.avi"), str(tmp_path))
+    image = cv2.imread(str(tmp_path / "camera-film.png"))
+    assert told.startswith("64 x 48 pixels")
+    assert np.abs(image.mean(axis=(0, 1)) - (0, 0, 200)).max() < 10
