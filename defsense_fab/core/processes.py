@@ -13,7 +13,7 @@ from typing import Any
 if sys.platform == "win32":
     OWN_GROUP: dict[str, Any] = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
 else:
-    OWN_GROUP = {"start_new_session": True}
+    OWN_GROUP: dict[str, Any] = {"start_new_session": True}
 
 
 def end_group(pid: int) -> None:

@@ -34,9 +34,9 @@ class SocketLine:
 
     def _run(self) -> None:
         while not self._over.is_set():
-            with contextlib.suppress(OSError):  # nobody came yet, or who came has left
-                with self._server.accept()[0] as line:
-                    self._carry(line)
+            # Nobody came yet, or who came has left.
+            with contextlib.suppress(OSError), self._server.accept()[0] as line:
+                self._carry(line)
 
     def _carry(self, line: socket.socket) -> None:
         while not self._over.is_set():
