@@ -7,12 +7,16 @@ import hashlib
 import json
 import os
 import shutil
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from .errors import DefsenseError, StorageError
+
+_LETS_GO = 2.0  # s within which a virus scanner is done with a new file
 
 
 @contextmanager
@@ -36,7 +40,7 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         with storage_errors(path):
             yield temporary
-            temporary.replace(path)
+            _move(temporary, path)
     finally:
         with suppress(OSError):  # there is none where its folder could not be written
             temporary.unlink()
@@ -59,13 +63,27 @@ def replacing_folder(path: Path, *, over: bool = False) -> Iterator[Path]:
             if path.exists():
                 if path.is_file() or (not over and any(path.iterdir())):
                     raise StorageError(f"{path}: is there already; choose another folder")
-                path.rename(old)
-            new.rename(path)
+                _move(path, old)
+            _move(new, path)
     finally:
         if old.exists() and not path.exists():
             old.rename(path)
         for left in (new, old):
             shutil.rmtree(left, ignore_errors=True)
+
+
+def _move(source: Path, target: Path) -> None:
+    """On Windows a file that another program has open, if only a virus scanner, stays where it is:
+    most let go of it soon."""
+    end = time.monotonic() + (_LETS_GO if sys.platform == "win32" else 0.0)
+    while True:
+        try:
+            source.replace(target)
+            return
+        except PermissionError:
+            if time.monotonic() >= end:
+                raise
+        time.sleep(0.05)
 
 
 def free_path(path: Path) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,23 +12,32 @@ from pathlib import Path
 from .errors import StorageError
 from .files import storage_errors
 
-try:
+if sys.platform == "win32":
+    import msvcrt
+else:
     import fcntl
-except ImportError:  # Windows, which is not supported: nothing is locked there
-    fcntl = None  # type: ignore[assignment]
 
 #: What file systems say that have no locks (some of networks).
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
+#: The byte that is locked on Windows, where nobody reads or writes: other programs cannot reach
+#: what is locked there.
+_FAR = 2**62
 
 
 def claim(file: int) -> bool:
     """Lock an open file, by its descriptor, until it is closed; False where another holds it. True
-    also where the system or the file system has no locks. Raises OSError for other refusals."""
-    if fcntl is None:
-        return True
+    also where the file system has no locks. Raises OSError for other refusals."""
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        if sys.platform == "win32":
+            before = os.lseek(file, 0, os.SEEK_CUR)
+            os.lseek(file, _FAR, os.SEEK_SET)
+            try:
+                msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+            finally:
+                os.lseek(file, before, os.SEEK_SET)
+        else:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):  # the second of Windows
         return False
     except OSError as error:
         if error.errno not in _NO_LOCKS:

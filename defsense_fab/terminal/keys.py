@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
-import select
 import sys
 from types import TracebackType
 
 from ..core.errors import DeviceError
+from .terminal_input import Terminal
 
 _ESCAPE, _END = b"\x1b", b"\x04"
 _REST_OF_KEY = 0.05  # s within which the bytes of one key follow each other
@@ -36,24 +35,14 @@ class Keys:
                 "this command asks for keys, but standard input is no terminal; run it in one, or"
                 f" {self._otherwise}"
             )
-        try:
-            import termios
-            import tty
-        except ImportError:
-            raise DeviceError(
-                f"keys cannot be read one by one on this system; {self._otherwise}"
-            ) from None
-        self._before = termios.tcgetattr(sys.stdin)
-        tty.setcbreak(sys.stdin)
+        self._terminal = Terminal()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:  # fmt: skip
-        import termios
-
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+        self._terminal.close()
 
     def get(self, timeout: float) -> str | None:
         """The next key within `timeout` s, or None: "enter" for the end of a line, "escape", a
@@ -71,12 +60,11 @@ class Keys:
         return _name(key[0])
 
     def _read(self, timeout: float) -> bool:
-        """Add what comes within `timeout` s; False for nothing. Reads the descriptor itself: what a
-        file object keeps in a buffer is not seen by select."""
-        descriptor = sys.stdin.fileno()
-        if not select.select([descriptor], [], [], timeout)[0]:
+        """Add what comes within `timeout` s; False for nothing."""
+        read = self._terminal.read(timeout)
+        if read is None:
             return False
-        self._waiting += os.read(descriptor, 1024) or _END
+        self._waiting += read or _END
         return True
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections import deque
@@ -17,6 +18,8 @@ from .video import quiet
 _KEPT = 4  # frames, if nobody takes them
 _HANGS = 3.0  # s after which a thread that does not come back is left to itself
 _GONE = 2.0  # s without a frame after which a camera has vanished
+#: Of each system; on Windows the first choice of OpenCV takes many seconds to open a camera.
+_BACK_ENDS = {"win32": cv2.CAP_DSHOW, "darwin": cv2.CAP_AVFOUNDATION}
 
 
 class Images(Protocol):
@@ -53,7 +56,7 @@ class Webcam:
     def start(self) -> None:
         quiet()
         index = int(self.name) if self.name.isdigit() else self.name
-        self._capture = cv2.VideoCapture(index)
+        self._capture = cv2.VideoCapture(index, _BACK_ENDS.get(sys.platform, cv2.CAP_ANY))
         if not self._capture.isOpened():
             self._capture.release()
             raise CaptureError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import sys
 from dataclasses import dataclass
 
 import serial
@@ -34,7 +35,7 @@ def ports() -> list[Port]:
 
 
 def open_port(url: str) -> Transport:
-    """A port by its device (/dev/ttyUSB0, COM3) or a socket (socket://host:port).
+    """A port by its device (/dev/ttyUSB0, /dev/cu.usbmodem1, COM3) or a socket (socket://host:port).
 
     Raises CaptureError where it is absent, busy or not ours to open.
     """
@@ -52,7 +53,8 @@ def open_port(url: str) -> Transport:
 def _why(url: str, error: Exception) -> str:
     number = getattr(error, "errno", None)
     text = str(error)
-    if number in (errno.EAGAIN, errno.EBUSY) or "exclusively lock" in text:
+    taken = "exclusively lock" in text or (sys.platform == "win32" and "PermissionError" in text)
+    if number in (errno.EAGAIN, errno.EBUSY) or taken:
         return f"{url}: is in use by another program (the Arduino IDE's monitor?); close that"
     if number == errno.EACCES:
         return (

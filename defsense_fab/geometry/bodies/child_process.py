@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ from pathlib import Path
 from typing import IO
 
 from ...core.errors import DefsenseError
+from ...core.processes import OWN_GROUP, end_group, end_own_group, was_killed
 
 #: Between calls of `on_wait`, s.
 _EVERY = 2.0
@@ -59,7 +59,7 @@ def finished(
         code, said = _run(module, folder, limit, failure, relay, on_wait)
         if not (folder / result).exists():
             why = f"signal {-code}" if code < 0 else f"exit code {code}"
-            if -code == signal.SIGKILL:
+            if was_killed(code):
                 why += ", perhaps for want of memory"
             why += f": {said}" if said else ""
             raise failure.error(f"{failure.who} ended early ({why}); {failure.crashed}")
@@ -82,8 +82,9 @@ def _run(
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        encoding="utf-8",
         errors="replace",
-        start_new_session=True,  # a group of its own, which can be ended with all that it started
+        **OWN_GROUP,
     )
     assert process.stdin is not None
     assert process.stdout is not None
@@ -98,8 +99,7 @@ def _run(
             f" {failure.slow}"
         ) from None
     finally:
-        with contextlib.suppress(ProcessLookupError, PermissionError):  # what it started ends, too
-            os.killpg(process.pid, signal.SIGKILL)
+        end_group(process.pid)  # what it started ends, too
         process.wait()
         process.stdin.close()
         reader.join(1.0)  # a process that the module started may hold the other end
@@ -138,6 +138,6 @@ def end_with_parent() -> None:
 
     def watch() -> None:
         os.read(lifeline, 1)  # returns when the caller's end of the pipe is closed
-        os.killpg(0, signal.SIGKILL)
+        end_own_group()
 
     threading.Thread(target=watch, daemon=True).start()

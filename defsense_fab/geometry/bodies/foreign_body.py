@@ -7,7 +7,6 @@ which may ask for any amount of memory.
 from __future__ import annotations
 
 import json
-import resource
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ import numpy as np
 from ...core.errors import BodyError
 from ...core.files import write_json
 from ...core.mesh import Surface
+from ...core.processes import limit_memory
 from .child_process import Failure, end_with_parent, finished
 from .kernel_loading import loaded_meanwhile
 from .meshes.file_kind import kind_of_file
@@ -122,7 +122,7 @@ def _read(
 
 def _main(folder: Path) -> None:
     end_with_parent()
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    limit_memory(MOST_MEMORY)
     task = json.loads((folder / _TASK).read_text(encoding="utf-8"))
     path = Path(task["path"])
     try:

@@ -54,7 +54,11 @@ def _library() -> Any:
     import pypardiso
 
     try:
-        found = [f.locate() for f in files("mkl") or () if "mkl_rt" in f.name and ".so" in f.name]
+        found = [
+            f.locate()
+            for f in files("mkl") or ()
+            if "mkl_rt" in f.name and (".so" in f.name or f.suffix == ".dll")
+        ]
     except PackageNotFoundError:
         found = []
     before = os.environ.get("PYPARDISO_MKL_RT")
@@ -119,13 +123,16 @@ class SuperLU:
 
     def __init__(self) -> None:
         self._factor: Any = None
+        self._in_order = False  # whether the factor is of the matrix in that order
+        self._order: Any = None  # (n,), by which little fills in: found once, as the analysis is
 
     def factor(self, upper: Any) -> None:
         full = (upper + sp.triu(upper, 1).T).tocsc()
+        known = self._order is not None and len(self._order) == full.shape[0]
         try:
             factor = spl.splu(
-                full,
-                permc_spec="MMD_AT_PLUS_A",
+                full[self._order][:, self._order] if known else full,
+                permc_spec="NATURAL" if known else "MMD_AT_PLUS_A",
                 diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
             )
@@ -133,10 +140,16 @@ class SuperLU:
             raise NotPositiveDefinite from None
         if (factor.U.diagonal() <= 0).any():
             raise NotPositiveDefinite
-        self._factor = factor
+        if not known:
+            self._order = np.argsort(factor.perm_c)
+        self._factor, self._in_order = factor, known
 
     def solve(self, right: Float) -> Float:
-        return np.asarray(self._factor.solve(right))
+        if not self._in_order:
+            return np.asarray(self._factor.solve(right))
+        x = np.empty_like(right, dtype=float)
+        x[self._order] = self._factor.solve(right[self._order])
+        return x
 
     def close(self) -> None:
         self._factor = None

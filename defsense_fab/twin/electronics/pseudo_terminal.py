@@ -9,8 +9,6 @@ import select
 import threading
 from typing import TYPE_CHECKING
 
-from ...core.errors import CaptureError
-
 if TYPE_CHECKING:
     from .readout_twin import ReadoutTwin
 
@@ -22,14 +20,10 @@ class PseudoTerminal:
     closed."""
 
     def __init__(self, board: ReadoutTwin) -> None:
-        """Raises CaptureError where the system has no pseudo-terminals."""
-        try:
-            import pty
-            import tty
-        except ImportError:
-            raise CaptureError(
-                "the twin's read-out board needs a pseudo-terminal, which this system has not"
-            ) from None
+        """On POSIX systems; `SocketLine` is for Windows."""
+        import pty
+        import tty
+
         self._board = board
         self._master, self._slave = pty.openpty()
         tty.setraw(self._slave)

@@ -43,7 +43,7 @@ class Capture:
 
 
 def camera(monkeypatch, capture):
-    monkeypatch.setattr(webcams.cv2, "VideoCapture", lambda index: capture)
+    monkeypatch.setattr(webcams.cv2, "VideoCapture", lambda index, back_end: capture)
     return Webcam("0")
 
 

@@ -12,6 +12,7 @@ from defsense_fab.twin.electronics.cord_twin import CordTraits
 from defsense_fab.twin.electronics.device_cords import DeviceCords
 from defsense_fab.twin.electronics.pseudo_terminal import PseudoTerminal
 from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
+from defsense_fab.twin.electronics.socket_line import SocketLine
 from defsense_fab.twin.scenes.device_motion import Ramp
 from defsense_fab.twin.scenes.pose_player import PosePlayer
 
@@ -49,12 +50,13 @@ def test_cords_follow_the_device_in_time():
     assert cords.now == pytest.approx(3)
 
 
-def test_a_board_on_a_pseudo_terminal_is_read_as_on_a_port():
+@pytest.mark.parametrize("kind", [PseudoTerminal, SocketLine])
+def test_a_board_on_a_line_is_read_as_on_a_port(kind):
     cords = DeviceCords(
         ("a", "b"), np.array([100.0, 80.0]), lambda s: np.zeros(2), QUIET, np.random.default_rng(0)
     )
     board = ReadoutTwin(cords, 1500.0, offset=5.0)
-    line = PseudoTerminal(board)
+    line = kind(board)
     settings = Settings(channels=2, rate=50, led=100)
     try:
         with Reader(lambda: open_port(line.port), line.port, settings) as reader:

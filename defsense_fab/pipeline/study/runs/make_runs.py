@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from ....core.processes import cpu_seconds, peak_memory
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -57,7 +58,7 @@ def _made(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: 
     except Exception as error:
         outcome, message = "broken", f"failed ({type(error).__name__}: {error})"
     message = " ".join(message.replace(f"{source}/", "").replace(str(source), ".").split())
-    cost = Cost(meter.seconds, meter.cpu, meter.shared, _memory())
+    cost = Cost(meter.seconds, meter.cpu, meter.shared, round(peak_memory(), 1))
     return RunRecord(name, values, outcome, message, measures, cost, place())
 
 
@@ -65,13 +66,13 @@ class _Meter:
     """What a run costs: CPU seconds of this process and of its children that have ended."""
 
     def __init__(self) -> None:
-        self._wall, self._cpu = time.perf_counter(), _cpu()
+        self._wall, self._cpu = time.perf_counter(), cpu_seconds()
         self.shared = 0.0
 
     def progress(self, stage: str, fraction: float, message: str) -> None:
         """Called by the build."""
         if message == "done" and fraction == 1 and stage in ("body", "mesh", "simulate"):
-            self.shared = _cpu() - self._cpu
+            self.shared = cpu_seconds() - self._cpu
 
     @property
     def seconds(self) -> float:
@@ -79,18 +80,7 @@ class _Meter:
 
     @property
     def cpu(self) -> float:
-        return round(_cpu() - self._cpu, 3)
-
-
-def _cpu() -> float:
-    used = [resource.getrusage(w) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(u.ru_utime + u.ru_stime for u in used)
-
-
-def _memory() -> float:
-    """Peak of this process and of its largest child so far, MB."""
-    used = [resource.getrusage(w) for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return round(max(u.ru_maxrss for u in used) / 1024, 1)
+        return round(cpu_seconds() - self._cpu, 3)
 
 
 if __name__ == "__main__":

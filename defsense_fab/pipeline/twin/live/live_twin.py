@@ -18,8 +18,8 @@ from ....core.markers import Markers
 from ....sensing.built_cord import CordReading
 from ....twin.electronics.cord_twin import CordTraits
 from ....twin.electronics.device_cords import DeviceCords
-from ....twin.electronics.pseudo_terminal import PseudoTerminal
 from ....twin.electronics.readout_twin import ReadoutTwin
+from ....twin.electronics.twin_line import TwinLine, open_line
 from ....twin.filming.camera_kinds import KINDS, USUAL
 from ....twin.filming.live_camera import LiveCamera
 from ....twin.scenes.device_motion import sway
@@ -50,13 +50,13 @@ class LiveTwin:
     channels: tuple[str, ...]
     truth: DeviceTwin
     began_ns: int
-    line: PseudoTerminal | None = None
+    line: TwinLine | None = None
     extra: dict[str, Any] = field(default_factory=dict)
 
     def port(self) -> str:
-        """A pseudo-terminal on which the read-out board speaks."""
+        """A pseudo-terminal or local socket on which the read-out board speaks."""
         if self.line is None:
-            self.line = PseudoTerminal(self.board)
+            self.line = open_line(self.board)
         return self.line.port
 
     def perform(self, name: str, seconds: float) -> None:
