@@ -14,11 +14,10 @@ from ..core.errors import TrainingError
 from ..core.progress import Progress, silent
 from ..decoding.trained_model import TrainedModel
 from ..pipeline.train.models.model_file import load_model, write_model
-from ..pipeline.train.models.prepare import foretold, found_prior
+from ..pipeline.train.models.prepare import prepare_dataset
 from ..pipeline.train.models.train_device import train_dataset
 from ..sensing.signal import relative_change
 from ..training.data.dataset import Dataset
-from ..training.data.dataset_checks import checked
 from ..training.fitting.train_model import TrainingOptions
 from .layout import Layout
 
@@ -106,11 +105,12 @@ def train(
     if not 0 <= test_share < 1:
         raise TrainingError(f"test_share {test_share!r}: must be at least 0 and below 1")
     device = None if layout is None else layout.poses.device.record
-    prior, notes = found_prior(data, device, "no" if device is None else "yes")
-    found = checked(data, predicted=foretold(prior, data), in_step=in_step)
+    wanted = "no" if device is None else "yes"
+    data, prior, notes = prepare_dataset(
+        data, device, wanted=wanted, in_step=in_step, progress=progress
+    )
     options = TrainingOptions(decoder=decoder, test_share=test_share)
     training = train_dataset(data, options, prior, progress)
     tests = {a.name: a.test for a in training.attempts}
     test = tests[training.chosen]
-    told = (*notes, *(str(p) for p in found))
-    return Model(training.model, None if test is None else test.rmse, told)
+    return Model(training.model, None if test is None else test.rmse, tuple(notes))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from ..data.data_files import DataFiles, told_files
 from .simulated_prior import simulated_prior
 
 AUTO, YES, NO = "auto", "yes", "no"
+Align = Callable[[Dataset], tuple[Dataset, list[str]]]
 _TOLD = 1e-3  # of the places, that are worth a word
 
 
@@ -34,6 +35,18 @@ def prepare(
     was not shown. Raises TrainingError for what forbids training."""
     progress("data", 0.0, "reading")
     dataset = files.load(device)
+    return prepare_dataset(
+        dataset, device, wanted=wanted, without=without, in_step=in_step, align=files.in_step,
+        progress=progress,
+    )  # fmt: skip
+
+
+def prepare_dataset(
+    dataset: Dataset, device: Device | None, *, wanted: str = "auto", without: Sequence[int] = (),
+    in_step: bool = False, align: Align | None = None, progress: Progress = silent,
+) -> tuple[Dataset, Prior | None, list[str]]:  # fmt: skip
+    """As `prepare`, of a dataset that is there; `align` puts its signals and markers in step (None:
+    they stay as they are). Raises TrainingError for what forbids training."""
     notes = told_files(dataset)
     seen = np.any([r.seen.any(axis=0) for r in dataset.recordings], axis=0)
     never = dataset.ids[~seen].tolist()
@@ -45,8 +58,9 @@ def prepare(
     dataset, uncertain = without_uncertain(dataset)
     notes += told_uncertain(uncertain)
     progress("data", 0.4, "putting signals and markers in step")
-    dataset, shifts = files.in_step(dataset)
-    notes += shifts
+    if align is not None:
+        dataset, shifts = align(dataset)
+        notes += shifts
     progress("data", 0.6, "checking")
     prior, why = found_prior(dataset, device, wanted)
     notes += why
