@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
 
+import numpy as np
 from reportlab.lib import colors
 from reportlab.lib.styles import getSampleStyleSheet
 from reportlab.lib.units import mm
@@ -96,19 +97,29 @@ def _step(number: int, step: AssemblyStep, style: Any) -> list[Any]:
 def _passage(passage: ShownPassage, style: Any) -> Any:
     """Sentences, and beside them their picture."""
     lines = [Paragraph(escape(x), style["Normal"], bulletText="-") for x in passage.lines]
-    widths = [share * _WIDTH for share in _SHOWN] if passage.picture else [_WIDTH]
-    cells: list[Any] = [lines]
+    rows: list[list[Any]] = [[line] for line in lines]
+    widths, spans = [_WIDTH], list[Any]()
     if passage.picture:
-        cells.append(_image(passage.picture, widths[1] - 4 * mm, _TALL))
-    if passage.picture is None:
-        made = Table([[line] for line in lines], colWidths=widths)
-    else:
-        made = Table([cells], colWidths=widths)
+        widths = [share * _WIDTH for share in _SHOWN]
+        beside = _beside(lines, widths[0])
+        picture = _image(passage.picture, widths[1] - 4 * mm, _TALL)
+        rows = [[lines[:beside], picture], *([line, ""] for line in lines[beside:])]
+        spans = [("SPAN", (0, k), (1, k)) for k in range(1, len(rows))]
+    made = Table(rows, colWidths=widths, splitInRow=1)
     made.setStyle([
         ("VALIGN", (0, 0), (-1, -1), "TOP"), ("LEFTPADDING", (0, 0), (-1, -1), 0),
-        ("BOTTOMPADDING", (0, 0), (-1, -1), 1), ("TOPPADDING", (0, 0), (-1, -1), 1),
+        ("BOTTOMPADDING", (0, 0), (-1, -1), 1), ("TOPPADDING", (0, 0), (-1, -1), 1), *spans,
     ])  # fmt: skip
     return made
+
+
+def _beside(lines: list[Any], width: float) -> int:
+    """How many sentences stand beside the picture: all where that takes up to half a page, else as
+    many as are no taller than it, and the others below."""
+    tall = np.cumsum([line.wrap(width, _HEIGHT)[1] for line in lines])
+    if tall[-1] <= _HEIGHT / 2:
+        return len(lines)
+    return max(int((tall <= _TALL).sum()), 1)
 
 
 def _templates(guide: Guide, style: Any) -> list[Any]:

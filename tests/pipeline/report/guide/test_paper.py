@@ -148,6 +148,21 @@ def test_a_face_is_turned_to_fit_or_left_out(guide):
     assert CutFace.turned(replace(found, size=np.array([300.0, 300.0])), 182.0, 230.0) is None
 
 
+@pytest.mark.parametrize("count", [1, 3, 80])
+def test_a_step_longer_than_a_page_goes_on_below_its_picture(guide, tmp_path, count):
+    pdfium = pytest.importorskip("pypdfium2")
+    (shown, *_), *_ = (s.passages for s in guide.steps)
+    words = " and lay it into the groove of the lower part, ferrule first" * (
+        20 if count < 9 else 3
+    )
+    lines = tuple(f"Take cord {k}{words}" for k in range(count))
+    long = AssemblyStep("Lay the cords", (replace(shown, lines=lines),))
+    pdf.write_pdf(replace(guide, steps=(long,)), tmp_path / "long.pdf")
+    document = pdfium.PdfDocument(tmp_path / "long.pdf")
+    text = " ".join(page.get_textpage().get_text_range() for page in document)
+    assert all(f"Take cord {k} " in text for k in range(count))
+
+
 def test_the_same_guide_gives_the_same_bytes(guide, tmp_path):
     for name in ("a.pdf", "b.pdf"):
         pdf.write_pdf(guide, tmp_path / name)
