@@ -19,6 +19,13 @@ _DRAWN = 2000  # pictures among which centers are chosen
 _WIDTH = 1.5  # of the functions, in the mean distance from a center to its nearest
 
 
+def form_of(kind: str) -> str:
+    """Which of FORMS a decoder has, by the name of its kind; SIMULATED where it starts from the
+    simulation's own map, and the kind itself where it names none."""
+    parts = kind.split(" + ")
+    return SIMULATED if SIMULATED in parts else next((f for f in FORMS if f in parts), kind)
+
+
 @dataclass(frozen=True)
 class Candidate:
     """A form of decoder, and the past that it sees."""

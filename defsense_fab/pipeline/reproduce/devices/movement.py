@@ -10,7 +10,7 @@ Nothing of the unit's cords, cameras, mesh or material goes in.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +24,8 @@ from ....mechanics.elements.point_location import PointLocator
 from ....mechanics.elements.tet10 import QuadraticMesh
 from ....sensing.built_cord import BuiltCord, CordReading
 from ....training.evaluation.decoded_frames import DecodedFrames
-from ....training.ridge.candidates import FORMS, KERNEL, SIMULATED
+from ....training.ridge.candidates import KERNEL, SIMULATED, form_of
+from ....training.simulation.prior import Prior
 from ....training.simulation.simulated_model import simulated_decoder
 from ....twin.scenes.pose_space import PoseSpace
 from ...artifacts.build_folder import build_folder
@@ -36,7 +37,7 @@ from ...twin.devices.pose_samples import coordinates
 from .unit_session import true_weights
 
 _MOMENTS = 400  # evenly taken from the training, and from the test
-_KERNEL = 100  # of the training, for kernels, whose widths take long to find
+_KERNEL = 100  # of those of the training, for kernels, whose widths take long to find
 _DRAWS, _SEED = 8, 1  # of the read-out's noise
 
 
@@ -55,41 +56,48 @@ class MovementError:
         return float(np.hypot(self.noise_free, self.noise))
 
 
-def movement_error(
-    device: Device, session: Path, model: TrainedModel, trained: Float, tested: DecodedFrames,
-    kind: str,
-) -> MovementError:  # fmt: skip
-    """Of the device's design for a decoder of this `kind`, as training names them, of movements as
-    in the twin's session at times `trained` (t,) s and in the `tested` pictures, of the markers
-    that were seen there: tags turn away from cameras where a body is bent most."""
-    form = form_of(kind)
-    moved = _designed(device, model)
-    training = _some(len(trained), _KERNEL if form == KERNEL else _MOMENTS)
-    S, P = moved(_weights(device, session, trained[training]))
-    test = _some(len(tested.time), _MOMENTS)
-    s, p = moved(_weights(device, session, tested.time[test]))
-    weights = tested.weights[test]
-    reading, cords = CordReading.of(device), _cords(device)
-    noise = np.array([reading.noise(cords[name]) for name in model.channels])
-    decode: Callable[[Float], Float]
-    if form == SIMULATED:
-        decode = simulated_decoder(simulated_prior(device, model.channels, model.rest_points))
-    else:
-        decode = fit_decoder(form, S, P.reshape(len(P), -1), noise)
-    said = decode(s).reshape(p.shape)
-    rng = np.random.default_rng(_SEED)
-    shaken = [
-        decode(s + noise * rng.standard_normal(s.shape)).reshape(p.shape) for _ in range(_DRAWS)
-    ]
-    return MovementError(
-        form, _rms(said - p, weights), _rms(np.array(shaken) - said, np.array([weights] * _DRAWS))
-    )
+class DesignedMovement:
+    """A unit's movement, made by its device's design alone: in the twin's session at times
+    `trained` (t,) s, and in the `tested` pictures, of the markers that were seen there, since tags
+    turn away from cameras where a body is bent most. Markers and channels are the model's."""
 
+    def __init__(
+        self, device: Device, session: Path, model: TrainedModel, trained: Float,
+        tested: DecodedFrames,
+    ) -> None:  # fmt: skip
+        cords = {r.name: r.built for r in load_layout(build_folder(device)).by_channel()}
+        reading = CordReading.of(device)
+        self._prior = simulated_prior(device, model.channels, model.rest_points)
+        self._noise = np.array([reading.noise(cords[name]) for name in model.channels])
+        moved = _designed(device, [cords[n] for n in model.channels], reading, self._prior)
+        self._signals, self._points = moved(
+            _weights(device, session, trained[_some(len(trained), _MOMENTS)])
+        )
+        test = _some(len(tested.time), _MOMENTS)
+        self._test_signals, self._test_points = moved(_weights(device, session, tested.time[test]))
+        self._test_weights = tested.weights[test]
 
-def form_of(kind: str) -> str:
-    """What starts from the simulation is the simulation's own map."""
-    parts = kind.split(" + ")
-    return SIMULATED if SIMULATED in parts else next(f for f in FORMS if f in parts)
+    def error(self, kind: str) -> MovementError:
+        """Of a decoder of this `kind`, as training names them."""
+        form, s, p = form_of(kind), self._test_signals, self._test_points
+        decode = self._decoder(form)
+        said = decode(s).reshape(p.shape)
+        rng = np.random.default_rng(_SEED)
+        shaken = [
+            decode(s + self._noise * rng.standard_normal(s.shape)).reshape(p.shape) - said
+            for _ in range(_DRAWS)
+        ]
+        weights = np.array([self._test_weights] * _DRAWS)
+        return MovementError(
+            form, _rms(said - p, self._test_weights), _rms(np.array(shaken), weights)
+        )
+
+    def _decoder(self, form: str) -> Callable[[Float], Float]:
+        if form == SIMULATED:
+            return simulated_decoder(self._prior)
+        some = _some(len(self._points), _KERNEL if form == KERNEL else _MOMENTS)
+        points = self._points[some].reshape(len(some), -1)
+        return fit_decoder(form, self._signals[some], points, self._noise)
 
 
 def _weights(device: Device, session: Path, times: Float) -> Float:
@@ -107,31 +115,24 @@ def _rms(off: Float, weights: Float) -> float:
     return float(np.sqrt((weights * (off**2).sum(-1)).sum() / weights.sum()))
 
 
-def _cords(device: Device) -> dict[str, BuiltCord]:
-    return {r.name: r.built for r in load_layout(build_folder(device)).by_channel()}
-
-
-def _designed(device: Device, model: TrainedModel) -> Callable[[Float], tuple[Float, Float]]:
+def _designed(
+    device: Device, cords: Sequence[BuiltCord], reading: CordReading, prior: Prior
+) -> Callable[[Float], tuple[Float, Float]]:
     """Signals (t, c) and markers' displacements (t, m, 3) mm at poses' weights (t, d)."""
     folder = build_folder(device)
     fields = load_fields(folder)
     names = [p.name for p in device.poses]
     states = np.array([[w.get(name, 0.0) for name in names] for w in fields.weights])
     space = PoseSpace(coordinates(device.poses), states)
-    markers = simulated_prior(device, model.channels, model.rest_points).displacements[1:]
     locator = PointLocator(QuadraticMesh.from_linear(load_mesh(folder)))
-    cords, reading = _cords(device), CordReading.of(device)
-    ways = {
-        n: locator.displacement(locator.find(cords[n].path), fields.displacements)
-        for n in model.channels
-    }
+    ways = [locator.displacement(locator.find(c.path), fields.displacements) for c in cords]
 
     def moved(weights: Float) -> tuple[Float, Float]:
-        c = space(weights)
+        at = space(weights)
         signals = [
-            reading.signals(cords[n], cords[n].path + np.tensordot(c, ways[n], 1))
-            for n in model.channels
+            reading.signals(cord, cord.path + np.tensordot(at, way, 1))
+            for cord, way in zip(cords, ways, strict=True)
         ]
-        return np.stack(signals, axis=1), np.tensordot(c, markers, 1)
+        return np.stack(signals, axis=1), np.tensordot(at, prior.displacements[1:], 1)
 
     return moved

@@ -22,7 +22,7 @@ from ...train.evaluation.evaluate_models import evaluate_files
 from ...train.evaluation.tables import as_data
 from ...train.models.model_file import load_model
 from ...twin.recordings.run_files import TRUTH
-from .movement import MovementError, movement_error
+from .movement import DesignedMovement, MovementError
 from .unit_session import recording_of, true_weights
 
 #: Of a pose's amplitude, from which on a picture shows it; of others beside it, at most.
@@ -42,10 +42,8 @@ def unit_errors(
     affine = next(a for a in training.attempts if a.name == AFFINE)
     assert affine.test is not None
     frames = found.models[0].evaluation.frames
-    moved = {
-        name: movement_error(device, session, training.model, training.trained.time, frames, kind)
-        for name, kind in ((AFFINE, AFFINE), ("chosen", training.chosen))
-    }
+    designed = DesignedMovement(device, session, training.model, training.trained.time, frames)
+    moved = {AFFINE: designed.error(AFFINE), "chosen": designed.error(training.chosen)}
     return {
         "decoder": training.chosen,
         "frames": {"trained": len(training.trained), "tested": told["errors"]["frames"]},

@@ -8,7 +8,7 @@ from ....decoding.trained_model import TrainedModel
 from ....training.evaluation.decoded_frames import DecodedFrames
 from ....training.evaluation.predicted_error import PredictedError, Promise, predicted_error
 from ....training.fitting.repeatability import Repeatability
-from ....training.ridge.candidates import FORMS, SIMULATED
+from ....training.ridge.candidates import form_of
 from ...artifacts.layout import LayoutRecord, layout_hash
 
 
@@ -28,9 +28,7 @@ def predicted(
 def promised(layout: LayoutRecord, kind: str) -> Promise:
     """By the layout, of a decoder of this `kind`: what starts from the simulation is taken for the
     design's best."""
-    best = layout.prediction
-    parts = kind.split(" + ")
-    form = next((f for f in FORMS if f in parts and SIMULATED not in parts), best.decoder)
+    best, form = layout.prediction, form_of(kind)
     noise = float(np.sqrt(max(best.unseen**2 - best.unseen_noise_free**2, 0.0)))
     rmse = layout.unseen.get(form, best.unseen)
     low, high = (best.unseen, best.unseen)
