@@ -6,7 +6,7 @@ The Python interface is here, and is imported when it is first used (docs/python
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
+from .core.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from .api.device import Device as Device

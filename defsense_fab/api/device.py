@@ -119,7 +119,7 @@ class Device:
 
     def save(self, folder: str | Path) -> Device:
         """Write device.toml and the body into a folder that has no device yet; the device that is
-        there. Raises DeviceError, StorageError."""
+        there. Raises StorageError."""
         self.workspace.save(Path(folder))
         return Device.load(folder)
 

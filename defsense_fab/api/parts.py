@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.errors import StorageError
-from ..core.files import storage_errors
+from ..core.files import replacing_folder
 from ..core.mesh import Surface
 from ..core.prediction import Prediction
 from ..core.progress import Progress, silent
@@ -31,13 +30,12 @@ class Parts:
     warnings: tuple[str, ...]
 
     def save(self, folder: str | Path) -> Path:
-        """Write all files of the parts (STL, 3MF, manifest) into a new folder. Raises
-        StorageError."""
+        """Write all files of the parts (STL, 3MF, manifest) into a new folder, whole or not
+        at all. Raises StorageError."""
         folder = Path(folder)
-        if folder.exists():
-            raise StorageError(f"{folder}: is there already; choose another folder")
-        with storage_errors(folder):
-            shutil.copytree(self.layout.poses.device.workspace.folder / "build" / FOLDER, folder)
+        source = self.layout.poses.device.workspace.folder / "build" / FOLDER
+        with replacing_folder(folder) as new:
+            shutil.copytree(source, new, dirs_exist_ok=True)
         return folder
 
     def __repr__(self) -> str:

@@ -10,16 +10,15 @@ import os
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterator
 from pathlib import Path
 
 from ..core.device import Device
 from ..core.device_file import DEVICE, parse_device
-from ..core.errors import DeviceError
 from ..core.files import storage_errors, write_text
 from ..core.progress import Progress, silent
 from ..pipeline.artifacts.own_files import own_files
 from ..pipeline.build.build import build
+from ..pipeline.starts.starting_devices import put_device
 
 _BUILD = "build"
 
@@ -62,19 +61,16 @@ class Workspace:
         """The build's folder, made as far as the stage `until`. Raises DefsenseError."""
         return build(device, until, progress).folder
 
-    def files(self) -> Iterator[tuple[Path, str]]:
-        """The device's own files, and their names relative to the folder."""
-        for path in own_files(self.folder):
-            yield path, path.relative_to(self.folder).as_posix()
-
     def save(self, folder: Path) -> None:
-        """Copy the device's own files into a new folder. Raises DeviceError, StorageError."""
-        if (folder / DEVICE).exists():
-            raise DeviceError(f"{folder / DEVICE}: is there already; choose another folder")
-        with storage_errors(folder):
-            for path, name in self.files():
-                (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(path, folder / name)
+        """Write the device and its own files into a folder that has none, whole or not at all.
+        Raises StorageError."""
+        with storage_errors(self.folder):
+            files = {
+                path.relative_to(self.folder).as_posix(): path.read_bytes()
+                for path in own_files(self.folder)
+            }
+        files.pop(DEVICE, None)
+        put_device(folder, files, self.text)
 
 
 def _link(source: str, target: str) -> None:

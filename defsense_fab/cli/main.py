@@ -12,8 +12,8 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 
-from .. import __version__
 from ..core.errors import DefsenseError
+from ..core.version import __version__
 from .command_parser import CommandParser
 from .commands import TASKS, module_of
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ... import __version__
 from ...calibration.calibrate import SPREAD, Calibration, calibrate
 from ...calibration.memory import half_width
 from ...calibration.neutral import Policy
@@ -20,6 +19,7 @@ from ...calibration.settling import Creep
 from ...core.errors import CalibrationError
 from ...core.files import digest, storage_errors, write_json, write_text
 from ...core.progress import Progress, silent
+from ...core.version import __version__
 from ..artifacts.session_manifest import FILE
 from . import session as sessions
 

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import __version__
 from ...core.files import replacing
+from ...core.version import __version__
 from .animation import Animation, AnimationFile
 from .deformation_basis import deformation_basis
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .... import __version__
+from ....core.version import __version__
 from ...report import html
 from ..experiments.experiment import AFFINE, PREDICTED, TOLD_APART
 

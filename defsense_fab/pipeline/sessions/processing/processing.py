@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .... import __version__
 from ....capture.cameras.rig_file import Rig
 from ....capture.cameras.video import Video, timing
 from ....capture.clocks.clock_fit import fit_clocks
@@ -24,6 +23,7 @@ from ....core.camera import Camera
 from ....core.errors import CaptureError
 from ....core.progress import Progress, silent
 from ....core.tracks import Tracks
+from ....core.version import __version__
 from ....sensing.signal import relative_change
 from ...tracking.video_detection import VideoDetections, detect_all
 from ...tracking.video_tracks import VideoTracks, assemble

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from .... import __version__
+from ....core.version import __version__
 from ...build import stages
 
 

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from .... import __version__
 from ....core.arrays import Float
 from ....core.errors import TrainingError
 from ....core.files import replacing_folder
+from ....core.version import __version__
 from ....training.data.dataset import Dataset, Recording
 
 SAMPLES, FRAMES = "samples.parquet", "frames.parquet"

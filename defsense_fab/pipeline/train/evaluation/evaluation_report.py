@@ -7,9 +7,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from .... import __version__
 from ....core.errors import TrainingError
 from ....core.files import replacing_folder, write_text
+from ....core.version import __version__
 from ....training.evaluation.error_budget import ErrorBudget
 from ....training.evaluation.model_comparison import LEVEL, Analysis, Comparison, Statistic
 from ...report.html import write_page

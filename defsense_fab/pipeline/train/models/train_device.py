@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from .... import __version__
 from ....core.device import Device
 from ....core.errors import TrainingError
 from ....core.progress import Progress, silent
+from ....core.version import __version__
 from ....decoding.trained_model import TrainedModel
 from ....training.data.dataset import Dataset, Recording
 from ....training.data.fingerprint import fingerprint
