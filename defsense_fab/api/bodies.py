@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from ..core.errors import BodyError
 from ..core.files import storage_errors
 from ..core.mesh import Surface
 from ..geometry.kernels.export import write_stl
+from ..pipeline.starts.dropped_body import look_at
 
 _MM = "bodies are in mm"
 
@@ -39,13 +39,15 @@ def write_body(body: object, folder: Path) -> dict[str, Any]:
 
 
 def _copied(path: Path, folder: Path) -> dict[str, Any]:
-    if not path.is_file():
-        raise BodyError(f"{path}: no such file; give a STEP file, a mesh or a script")
-    with storage_errors(path):
-        shutil.copy2(path, folder / path.name)
-    suffix = path.suffix.lower()
-    kind = {".py": "script", ".step": "step", ".stp": "step"}.get(suffix, "mesh")
-    return {kind: path.name}
+    """With the files beside a script that it reads."""
+    found = look_at(path)
+    name = f"{found.name}{found.suffix}"
+    with storage_errors(folder):
+        for inner, content in {name: found.content, **found.others}.items():
+            target = folder / inner
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+    return {found.key: name}
 
 
 def _surface(vertices: Any, faces: Any) -> Surface:

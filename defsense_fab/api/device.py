@@ -14,6 +14,7 @@ from ..core.device_file import DEVICE, load_device
 from ..core.errors import DeviceError
 from ..core.progress import Progress, silent
 from ..core.regions import Shape
+from ..pipeline.artifacts.own_files import refuse_outside
 from ..pipeline.build.build import build
 from ..pipeline.build.stages import STAGES
 from ..pipeline.study.points.studied_device import studied_text
@@ -38,9 +39,10 @@ class Device:
     @staticmethod
     def load(folder: str | Path) -> Device:
         """The device of a folder with device.toml, and what is up to date of its build. Raises
-        DeviceError for what is wrong in the file, with its line and key."""
+        DeviceError for what is wrong in the file, with its line and key, and for a body outside of
+        the folder."""
         source = Path(folder)
-        load_device(source)
+        refuse_outside(load_device(source))
         text = (source / DEVICE).read_text(encoding="utf-8")
         return Device(Workspace.copy_of(source, text), source)
 
@@ -94,7 +96,7 @@ class Device:
         """The device with other values at dotted keys of device.toml, as in {"cord.noise": 0.002}
         or {"poses.bend.handles.1.rotate.degrees": 20}; what is the same is not computed again.
         Raises DeviceError for a value that cannot be, StudyError for a key that leads nowhere."""
-        text = studied_text(self.workspace.text, _plain(values))
+        text = _with_values(self.workspace.text, values)
         return Device(Workspace.copy_of(self.workspace.folder, text), None)
 
     @property
@@ -172,6 +174,17 @@ def _plain(values: Mapping[str, object]) -> dict[str, Any]:
 
 def _text(data: Mapping[str, Any], values: Mapping[str, object]) -> str:
     try:
-        return studied_text(tomlkit.dumps(dict(data)), _plain(values))
+        return _with_values(tomlkit.dumps(dict(data)), values)
     except (TypeError, ValueError) as error:  # of what TOML cannot hold
-        raise DeviceError(f"device: {error}; give numbers, texts, and lists of them") from None
+        raise _not_toml(error) from None
+
+
+def _with_values(text: str, values: Mapping[str, object]) -> str:
+    try:
+        return studied_text(text, _plain(values))
+    except (TypeError, ValueError) as error:
+        raise _not_toml(error) from None
+
+
+def _not_toml(error: Exception) -> DeviceError:
+    return DeviceError(f"device: {error}; give numbers, texts, and lists of them")

@@ -9,6 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..core.errors import DeviceError
+
 
 @dataclass(frozen=True)
 class Handle:
@@ -78,5 +80,9 @@ class DrawnCord:
 
 
 def plain(values: ArrayLike) -> Any:
-    """Numbers and lists of them, whatever kind of array they came in."""
-    return np.asarray(values).tolist()
+    """Numbers and lists of them, whatever kind of array they came in. Raises DeviceError for
+    what is neither."""
+    try:
+        return np.asarray(values).tolist()
+    except ValueError:
+        raise DeviceError(f"{values!r}: give numbers, or an array of them") from None

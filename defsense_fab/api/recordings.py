@@ -52,6 +52,9 @@ def dataset(
         raise TrainingError("rest_resistances: must be above 0, in ohm, and none NaN")
     if not np.isfinite(places).all():
         raise TrainingError("rest_positions: must be finite, in mm")
+    for name, values in (("resistances", ohm), ("positions", points)):
+        if np.isinf(values).any():
+            raise TrainingError(f"{name}: must not be infinite; NaN is where there is none")
     sigma = np.full(points.shape, np.nan)
     run = Recording("run", "session", "unit", when, ohm, rest, when, points, sigma)
     return Dataset(device, "", tuple(channels), np.arange(len(places)), places, (run,))

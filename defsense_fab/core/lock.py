@@ -21,7 +21,7 @@ else:
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 #: The byte that is locked on Windows, where nobody reads or writes: other programs cannot reach
 #: what is locked there.
-_FAR = 2**62
+_FAR = 2**30
 
 
 def claim(file: int) -> bool:
@@ -33,11 +33,13 @@ def claim(file: int) -> bool:
             os.lseek(file, _FAR, os.SEEK_SET)
             try:
                 msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+            except PermissionError:  # what another holds
+                return False
             finally:
                 os.lseek(file, before, os.SEEK_SET)
         else:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError):  # the second of Windows
+    except BlockingIOError:
         return False
     except OSError as error:
         if error.errno not in _NO_LOCKS:

@@ -94,6 +94,8 @@ def test_a_cord_s_signals_are_told_by_its_model_of_a_twin(layout):
         ({"values": {"cord.noize": 1.0}}, "did you mean 'noise'"),
         ({"regions": {"base": 3}}, "regions.base: is a int"),
         ({"poses": [df.Pose("a", ["bse"], [df.Handle("tip")])]}, "did you mean 'base'"),
+        ({"regions": {"base": df.box([0, 0, 0], [1, 1, 1])}, "body": "none.stl"}, "no such file"),
+        ({"cords": [df.DrawnCord("a", [[1, [2]]], [0, 0, 6], [0, 0, 1], [1, 0, 0])]}, "numbers"),
         (
             {"poses": [df.Pose("a", ["base"], [df.Handle("tip", (0, 1), 3.0)])]},
             "must be 3 numbers, not of shape",
@@ -105,6 +107,28 @@ def test_bad_values_are_named(changes, message):
         small_bar(**changes)
 
 
+def test_a_body_outside_of_its_folder_is_refused(device, tmp_path):
+    device.save(tmp_path / "small")
+    (tmp_path / "small" / "body.stl").rename(tmp_path / "body.stl")
+    path = tmp_path / "small" / "device.toml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('"body.stl"', '"../body.stl"'), encoding="utf-8")
+    with pytest.raises(df.DefsenseError, match=f"{tmp_path / 'body.stl'}: lies outside"):
+        df.Device.load(tmp_path / "small")
+
+
+def test_a_script_brings_what_it_imports(tmp_path):
+    (tmp_path / "sizes.py").write_text("LENGTH = 80.0\n", encoding="utf-8")
+    (tmp_path / "bar.py").write_text(
+        "from build123d import Box\nfrom sizes import LENGTH\n"
+        "def body():\n    return Box(LENGTH, 20, 20)\n",
+        encoding="utf-8",
+    )
+    made = small_bar(body=tmp_path / "bar.py")
+    assert (made.workspace.folder / "sizes.py").is_file()
+    assert made.record.body.kind == "script"
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -113,6 +137,7 @@ def test_bad_values_are_named(changes, message):
         (lambda layout: df.predict(layout, noise=-1.0), "must be a number above 0"),
         (lambda layout: df.predict(layout, decoder="best"), "decoder 'best'"),
         (lambda layout: layout.poses.device.build(), "is in no folder"),
+        (lambda layout: layout.poses.device.changed({"cord.noise": None}), "give numbers"),
         (lambda layout: df.box([0, 0], [1, 1, 1]), "low: must be 3 finite numbers"),
         (
             lambda layout: df.dataset(

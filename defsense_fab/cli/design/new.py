@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ...pipeline.starts.dropped_body import DroppedBody
     from ..options import Commands
 
-#: What is written where nothing is said of it.
+#: What is written where nothing is said of it; as in pipeline/starts, which takes longer to import.
 _CORD, _CORDS, _PROCESS = "rubber-2mm", 3, "fdm-tpu"
 
 
@@ -128,7 +128,7 @@ def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     start = next(s for s in STARTS if s.name == options.body)
     cord = options.cord
     if cord is None and asked:
-        cord = answered(ask_cord, cord_row)
+        cord = answered(lambda: ask_cord(start.cord), cord_row)
     begin_with(start, options.folder, _name(options), cord and cord_row(cord))
     device = load_device(options.folder)
     return {
@@ -156,16 +156,17 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     if cord is not None:
         cord_row(cord)
     elif asked:
-        cord = answered(ask_cord, cord_row)
+        cord = answered(lambda: ask_cord(_CORD), cord_row)
     process = process_row(options.process or _PROCESS)
+    cords = _CORDS if options.cords is None else options.cords
+    if cords < 1:  # none is for devices that are drawn on
+        raise DeviceError(f"--cords {cords}: give a number from 1 to 16")
     edge = options.edge_length
     first = FirstDevice(
         _name(options), unit, options.material or usual_material(process),
         found.edge_length(unit) if edge is None else edge, poses or usual, cord or _CORD, process,
-        _CORDS if options.cords is None else options.cords,
+        cords,
     )  # fmt: skip
-    if first.cords < 1:
-        raise DeviceError(f"--cords {first.cords}: give a number from 1 to 16")
     with silent_stdout(), progress_bars(options) as progress:
         begun = begin_from(found, options.folder, first, progress)
     lengths = re.compile(r"\bmm(?=3?\b)")  # repairs are told in the unit of the file
@@ -209,7 +210,7 @@ def _unit(found: DroppedBody, options: argparse.Namespace, asked: bool) -> str:
 def _name(options: argparse.Namespace) -> str:
     from ...pipeline.starts.names import safe_name
 
-    return str(options.name or safe_name(options.folder.absolute().name + "."))
+    return str(options.name or safe_name(options.folder.resolve().name + "."))
 
 
 def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:

@@ -58,11 +58,12 @@ def ask_poses(usual: Sequence[str]) -> str:
         " limbs or a shape of their own.",
         [*END_POSES.items(), ("modes", "bends, twists and stretches that cost the least force")],
         ",".join(usual),
+        several=True,
     )
 
 
-def ask_cord() -> str:
-    """A row of cords.csv."""
+def ask_cord(usual: str) -> str:
+    """A row of cords.csv; `usual` for no answer."""
     from ...core.catalogue import read_rows
 
     rows = [
@@ -73,7 +74,7 @@ def ask_cord() -> str:
         )
         for name, row in read_rows("cords.csv").items()
     ]
-    return _choose("Which cord?", rows, rows[0][0])
+    return _choose("Which cord?", rows, usual)
 
 
 def pose_names(text: str) -> tuple[str, ...]:
@@ -121,8 +122,10 @@ def _row(table: str, what: str, text: str) -> str:
     return text
 
 
-def _choose(question: str, rows: Sequence[tuple[str, str]], usual: str) -> str:
-    """An answer, or `usual` for none; a row may be given by its number."""
+def _choose(
+    question: str, rows: Sequence[tuple[str, str]], usual: str, several: bool = False
+) -> str:
+    """An answer, or `usual` for none; a row may be given by its number, `several` with commas."""
     width = max(len(name) for name, _ in rows)
     lines = [f"  {k}  {name:<{width}}  {about}" for k, (name, about) in enumerate(rows, 1)]
     say(["", question, *lines])
@@ -131,6 +134,7 @@ def _choose(question: str, rows: Sequence[tuple[str, str]], usual: str) -> str:
     line = sys.stdin.readline()
     if not line:
         raise KeyboardInterrupt  # the terminal was closed
-    words = [word.strip() for word in line.strip().strip("'\"").split(",")]
+    answer = line.strip().strip("'\"")
+    words = [word.strip() for word in answer.split(",")] if several else [answer]
     numbered = {str(k): name for k, (name, _) in enumerate(rows, 1)}
     return ",".join(numbered.get(word, word) for word in words if word) or usual

@@ -6,6 +6,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from ...core.device import Device
+from ...core.errors import DeviceError
 from .session_manifest import FILE as SESSION
 from .session_manifest import OLD_FILE as OLD_SESSION
 
@@ -33,6 +35,16 @@ def own_files(folder: Path, without: Path | None = None) -> Iterator[Path]:
             if n not in left and not n.startswith(".") and not _holds(here / n, here, without)
         )
         yield from (here / n for n in sorted(names) if not n.startswith("."))
+
+
+def refuse_outside(device: Device) -> None:
+    """Raises DeviceError for a device whose body does not go along with a copy of its folder."""
+    path = device.body.path.resolve()
+    if not path.is_relative_to(device.source.resolve()):
+        raise DeviceError(
+            f"{path}: lies outside of the device's folder, of which a copy is worked on; copy it"
+            f" into {device.source}"
+        )
 
 
 def _holds(folder: Path, *others: Path | None) -> bool:

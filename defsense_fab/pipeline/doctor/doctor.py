@@ -8,7 +8,7 @@ from pathlib import Path
 from ...core.errors import StorageError
 from .boards import check_boards
 from .cameras import check_cameras
-from .finding import Finding
+from .finding import Finding, judged
 from .kernels import check_cad, check_graphics, check_solver
 from .libraries import check_libraries, check_python
 from .machine import check_machine
@@ -29,18 +29,22 @@ def examine(
             pictures.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise StorageError(f"--pictures {pictures}: {error.strerror}; give a folder") from None
-    checks: list[Callable[[], Iterable[Finding]]] = [
-        lambda: [check_python()],
-        lambda: check_libraries(seconds),
-        lambda: [check_graphics(seconds)],
-        lambda: [check_cad(seconds)],
-        lambda: [check_solver(seconds)],
-        lambda: check_cameras(seconds, pictures),
-        lambda: check_boards(seconds, ports),
-        lambda: [check_slicers()],
-        lambda: check_machine(seconds),
-        lambda: [check_gamepad(seconds)],
-        lambda: [check_midi(seconds)],
-    ]
-    for check in checks:
-        yield from check()
+    checks: dict[str, Callable[[], Iterable[Finding]]] = {
+        "Python": lambda: [check_python()],
+        "libraries": lambda: check_libraries(seconds),
+        "OpenGL": lambda: [check_graphics(seconds)],
+        "CAD kernels": lambda: [check_cad(seconds)],
+        "solver": lambda: [check_solver(seconds)],
+        "cameras": lambda: check_cameras(seconds, pictures),
+        "read-out boards": lambda: check_boards(seconds, ports),
+        "slicers": lambda: [check_slicers()],
+        "machine": lambda: check_machine(seconds),
+        "gamepad": lambda: [check_gamepad(seconds)],
+        "MIDI": lambda: [check_midi(seconds)],
+    }
+    for about, check in checks.items():
+        try:
+            yield from list(check())
+        except OSError as error:  # a camera that is unplugged just then, a folder not to be seen
+            told = f"could not be looked at ({error})"
+            yield judged("system", about, False, told, needed_for=about)

@@ -10,6 +10,8 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
+from ...core.processes import OWN_GROUP, end_group
+
 _ANSWER = "defsense-doctor-answer:"
 _CALL = f"""
 import importlib, json, sys
@@ -41,7 +43,7 @@ def call(module: str, function: str, *words: str, seconds: float) -> Answer:
         env=environment,
         encoding="utf-8",
         errors="replace",
-        start_new_session=True,
+        **OWN_GROUP,
     )
     try:
         out, err = process.communicate(timeout=seconds)
@@ -59,10 +61,7 @@ def call(module: str, function: str, *words: str, seconds: float) -> Answer:
 
 def _end(process: subprocess.Popen[str]) -> None:
     """The process and what it started: its children would keep its pipes open."""
-    if sys.platform == "win32":
-        process.kill()
-    else:
-        os.killpg(process.pid, signal.SIGKILL)
+    end_group(process.pid)
     process.communicate()
 
 

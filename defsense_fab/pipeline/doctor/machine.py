@@ -50,17 +50,17 @@ def _cache(seconds: float) -> Finding:
     if answer.trouble:
         return judged("machine", "cache", False, answer.trouble, needed_for=needed_for)
     folder = Path(answer.value)
-    there = next(p for p in (folder, *folder.parents) if p.exists())
     try:
+        there = next(p for p in (folder, *folder.parents) if p.exists())
         with tempfile.TemporaryFile(dir=there):
             pass
+        size = sum(p.stat().st_size for p in folder.glob("*.npz")) / _GB
     except OSError as error:
         return judged(
             "machine", "cache", False, f"{folder}: {error.strerror}",
             command="export DEFSENSE_CACHE=DIR, a folder that you may write to",
             needed_for=needed_for,
         )  # fmt: skip
-    size = sum(p.stat().st_size for p in folder.glob("*.npz")) / _GB if folder.is_dir() else 0.0
     told = f"{folder} ({size:.2f} GB)"
     return judged("machine", "cache", True, told, needed_for=needed_for)
 

@@ -125,6 +125,8 @@ def _defaults(script: bytes) -> dict[str, Any]:
         pairs = [*zip(places[len(places) - len(a.defaults) :], a.defaults, strict=True)]
         pairs += [(k, d) for k, d in zip(a.kwonlyargs, a.kw_defaults, strict=True) if d]
         for argument, default in pairs:
+            if argument in a.posonlyargs:
+                continue  # parameters are given by their names
             if isinstance(default, ast.Constant) and isinstance(default.value, str | int | float):
                 found[argument.arg] = default.value
     return found

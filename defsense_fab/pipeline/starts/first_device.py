@@ -25,7 +25,7 @@ from .starting_devices import put_device
 from .units import UNIT_WORDS, UNITS
 
 MODES = "modes"
-PROCESS, CORD, CORDS = "fdm-tpu", "rubber-2mm", 3
+PROCESS, CORD = "fdm-tpu", "rubber-2mm"
 #: A material that each kind of process makes; the first whose name begins so.
 _MATERIALS = {
     "fdm-tpu": "ninjaflex-85a", "polyjet-agilus": "agilus30-black", "polyjet": "tango-black-plus",
@@ -35,8 +35,12 @@ _MATERIALS = {
 
 
 def usual_material(process: str) -> str:
-    """A row of materials.csv that is made by this row of printers.csv."""
-    return next(m for start, m in _MATERIALS.items() if process.startswith(start))
+    """A row of materials.csv that is made by this row of printers.csv. Raises DeviceError for a row
+    of one's own."""
+    for start, material in _MATERIALS.items():
+        if process.startswith(start):
+            return material
+    raise DeviceError(f"process {process}: say which material it prints, as --material NAME")
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ def safe_name(name: str) -> str:
 
 def check_folder_name(folder: Path) -> None:
     """Raises StorageError for a folder whose name not every system can have."""
-    name = folder.absolute().name
+    name = folder.resolve().name
     if _RESERVED.fullmatch(name.partition(".")[0]):
         raise StorageError(f"{folder}: Windows keeps the name {name!r} for itself; choose another")
     bad = _FORBIDDEN.search(name)

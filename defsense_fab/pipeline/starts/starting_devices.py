@@ -38,6 +38,12 @@ class StartingDevice:
         return None if name is None else (_FOLDER / self.name / name).read_bytes()
 
     @property
+    def cord(self) -> str:
+        """Its row of cords.csv."""
+        told = tomlkit.parse((_FOLDER / self.name / DEVICE).read_text(encoding="utf-8"))
+        return str(told.unwrap()["cord"]["name"])
+
+    @property
     def picture(self) -> bytes:
         """A PNG file."""
         return (_FOLDER / f"{self.name}.png").read_bytes()
@@ -62,7 +68,7 @@ def begin_with(start: StartingDevice, folder: Path, name: str, cord: str | None 
     source = _FOLDER / start.name
     document: Any = tomlkit.parse((source / DEVICE).read_text(encoding="utf-8"))
     document["name"] = name
-    if cord is not None:
+    if cord is not None and cord != start.cord:
         document["cord"]["name"] = cord
         document["cord"].pop("noise", None)  # that of the cord before
     body = document["body"]

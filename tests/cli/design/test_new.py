@@ -35,6 +35,16 @@ def test_enter_takes_the_first_device_of_the_gallery(typed, tmp_path, capsys):
     assert f"defsense build '{tmp_path / 'my bar'}'" in capsys.readouterr().out
 
 
+def test_a_path_may_have_commas_and_the_folder_points(typed, tmp_path, monkeypatch):
+    body = tmp_path / "blob, second.stl"
+    body.write_bytes((DEVICES / "blob" / "blob.stl").read_bytes())
+    (tmp_path / "device" / "inner").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "device" / "inner")
+    typed(str(body), "", "")
+    assert main(["new", ".."]) == 0
+    assert load_device(tmp_path / "device").name == "device"
+
+
 def test_wrong_answers_are_told_and_asked_again(typed, tmp_path, capsys):
     typed("none.stl", BLOB, "fly", "1,3", "rope", "2")
     assert main(["new", str(tmp_path / "blob")]) == 0

@@ -6,7 +6,15 @@ import sys
 import numpy as np
 import pytest
 
-from defsense_fab.pipeline.doctor import boards, cameras, isolated, libraries, licences, machine
+from defsense_fab.pipeline.doctor import (
+    boards,
+    cameras,
+    doctor,
+    isolated,
+    libraries,
+    licences,
+    machine,
+)
 from defsense_fab.pipeline.doctor.finding import Finding
 
 BROKEN = {
@@ -90,3 +98,17 @@ def test_picture_of_a_camera_is_written(tmp_path):
     image = cv2.imread(str(tmp_path / "camera-film.png"))
     assert told.startswith("64 x 48 pixels")
     assert np.abs(image.mean(axis=(0, 1)) - (0, 0, 200)).max() < 10
+
+
+def test_a_check_that_the_system_refuses_does_not_end_the_others(monkeypatch):
+    def refused(*_):
+        raise PermissionError(13, "Permission denied")
+
+    for name in ("check_libraries", "check_cameras", "check_boards"):
+        monkeypatch.setattr(doctor, name, lambda *_: [])
+    for name in ("check_graphics", "check_cad", "check_solver", "check_gamepad", "check_midi"):
+        monkeypatch.setattr(doctor, name, lambda *_, name=name: Finding("a", name, "good", "b"))
+    monkeypatch.setattr(doctor, "check_machine", refused)
+    found = {one.about: one for one in doctor.examine(5)}
+    assert "Permission denied" in found["machine"].told
+    assert found["check_midi"].status == "good"

@@ -219,3 +219,25 @@ def test_a_scripts_own_files_come_along(tmp_path, monkeypatch):
 def test_folders_that_not_every_system_can_have_are_refused(name, tmp_path):
     with pytest.raises(StorageError, match=r"Windows|too long"):
         check_folder_name(tmp_path / name)
+
+
+def test_a_process_of_ones_own_needs_its_material_told():
+    with pytest.raises(DeviceError, match="say which material"):
+        usual_material("my-printer")
+
+
+def test_only_parameters_that_can_be_given_by_name_are_written(tmp_path):
+    script = tmp_path / "bar.py"
+    script.write_text(
+        "from build123d import Box\n"
+        "def body(length=60.0, /, width=20.0):\n    return Box(length, width, 20)\n",
+        encoding="utf-8",
+    )
+    assert look_at(script).parameters == {"width": 20.0}
+
+
+def test_a_cord_that_is_the_starts_own_keeps_its_noise(tmp_path):
+    for name, cord in (("same", "rubber-2mm"), ("none", None)):
+        begin_with(STARTS[0], tmp_path / name, "bar", cord)
+    told = [(tmp_path / n / "device.toml").read_text(encoding="utf-8") for n in ("same", "none")]
+    assert told[0] == told[1]

@@ -15,6 +15,7 @@ from ....core.device_file import DEVICE
 from ....core.errors import DefsenseError, StudyError
 from ....core.files import digest, storage_errors
 from ....core.toml_table import Asked
+from ...artifacts.own_files import refuse_outside
 from ...build.stages import Versions, installed, keys
 from ..points.designs import points
 from ..points.studied_device import known_keys, nearest, script_keys, studied_device
@@ -80,7 +81,7 @@ def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
         runs.setdefault(run.name, run)
     if whole is not None:
         _refuse_unknown(study, text, asked, whole)
-        _refuse_outside(whole)
+        refuse_outside(whole)
     if all(run.problem for run in runs.values()):
         first = next(iter(runs.values()))
         raise StudyError(
@@ -105,16 +106,6 @@ def _refuse_unknown(study: Study, text: str, asked: Asked, device: Device) -> No
             near = nearest(parameter.key, known)
             hint = f"did you mean {' or '.join(near)}?" if near else "docs/device.md has all keys"
             fail_at(study, parameter.key, f"is no key of {DEVICE}; {hint}")
-
-
-def _refuse_outside(device: Device) -> None:
-    """Runs are made from a copy of the device's folder."""
-    path = device.body.path.resolve()
-    if not path.is_relative_to(device.source.resolve()):
-        raise StudyError(
-            f"{path}: lies outside of the device's folder, which is all that runs are sent; copy it"
-            f" into {device.source}"
-        )
 
 
 def batches(runs: Sequence[Run], workers: int, most: int | None = None) -> list[tuple[Run, ...]]:
