@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
-from fnmatch import fnmatch
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ from defsense_fab.pipeline.starts.names import check_folder_name, safe_name
 from defsense_fab.pipeline.starts.starting_devices import STARTS, begin_with
 from defsense_fab.pipeline.starts.units import UNITS, likely_unit
 from tests.conftest import box_surface
-from tests.places import DEVICES, ROOT
+from tests.places import DEVICES
 
 
 def dropped(unit="mm", suffix=".stl"):
@@ -45,17 +44,6 @@ def test_a_start_is_the_fixture_under_another_name(start, tmp_path):
     assert tomllib.loads(told) == tomllib.loads(text) | {"name": "grip"}
     assert len(list(device.source.iterdir())) == 2
     assert start.picture.startswith(b"\x89PNG")
-
-
-def test_the_package_carries_what_the_starts_need():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    patterns = settings["tool"]["setuptools"]["package-data"]["defsense_fab"]
-    for start in STARTS:
-        device = load_device(DEVICES / start.name)
-        for name in (f"{start.name}.png", f"{start.name}/device.toml",
-                     f"{start.name}/{device.body.path.name}"):  # fmt: skip
-            assert (ROOT / "defsense_fab" / "data" / "devices" / name).is_file()
-            assert any(fnmatch(f"data/devices/{name}", p) for p in patterns), name
 
 
 def test_nothing_is_overwritten(tmp_path):
