@@ -42,7 +42,7 @@ def test_absent_library_is_missing_where_the_core_needs_it():
     extra = libraries._check(libraries._Asked(asked, "live"), 5)
     assert (core.status, core.core) == ("missing", True)
     assert (extra.status, extra.core) == ("not needed", False)
-    assert core.command.endswith("-m pip install 'no-such-library>=1'")
+    assert core.command.endswith('-m pip install "no-such-library>=1"')
 
 
 def test_old_library_is_told_by_both_versions():
