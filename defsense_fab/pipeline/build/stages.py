@@ -18,7 +18,7 @@ from ..artifacts import mesh_lock
 from . import body_sources
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 32
+CODE_VERSION = 33
 _WATCHED = "optimize"
 
 Report = Callable[[float, str], None]
