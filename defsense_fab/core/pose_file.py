@@ -9,11 +9,13 @@ import numpy as np
 from .arrays import Float
 from .default_states import RAMP, default_states
 from .device import Handle, PointDrag, Pose, RegionPressure, StatesSpec, SymmetryPlane
+from .file_names import folded
 from .toml_table import Table, is_number
 
 #: Largest size of a movement (mm), stiffness, load.
 LARGEST = 1e5
 MOST_DEGREES = 3600.0
+_LONGEST = 60  # letters of a pose's name
 
 
 def read_poses(top: Table, regions: Sequence[str], required: bool = True) -> tuple[Pose, ...]:
@@ -21,10 +23,15 @@ def read_poses(top: Table, regions: Sequence[str], required: bool = True) -> tup
     poses: list[Pose] = []
     for t in top.tables("poses"):
         name = t.string("name")
-        if name in [p.name for p in poses] or name == "rest":
+        like = next(
+            (n for n in ("rest", *(p.name for p in poses)) if folded(n) == folded(name)), ""
+        )
+        if like == name:
             t.fail("name", f"{name!r} is used already; choose another name")
-        if not name.replace("_", "").replace("-", "").isalnum():
-            t.fail("name", "use letters, digits, - and _ only: it names files")
+        if like:
+            t.fail("name", f"{name!r} and {like!r} are one file for Windows; choose another name")
+        if not name.replace("_", "").replace("-", "").isalnum() or len(name) > _LONGEST:
+            t.fail("name", f"use up to {_LONGEST} letters, digits, - and _ only: it names files")
         poses.append(_pose(t, name, regions))
     if required and not poses:
         top.fail(

@@ -14,7 +14,15 @@ from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver.batch import solve_all
 from ...mechanics.solver.linear_solver import solver_name
 from ...mechanics.solver.load_stepping import Equilibrium
-from ..artifacts.fields import FOLDER, FieldIndex, StateRecord, field_path, save_field, save_index
+from ..artifacts.fields import (
+    FOLDER,
+    FieldIndex,
+    StateRecord,
+    field_path,
+    save_field,
+    save_index,
+    state_file,
+)
 from ..artifacts.mesh import load_mesh, load_mesh_record
 from .load_cases import Loading, jobs, loadings
 from .stages import Report, Solve
@@ -81,7 +89,7 @@ def _refuse_unreached(
     if last.largest is not None and last.amplitude > 0:
         folder = device.source / "not-reached"
         folder.mkdir(exist_ok=True)
-        path = folder / f"{label.split('@')[0]}@{last.amplitude:.3g}.vtu"
+        path = folder / f"{state_file(label.split('@')[0])}@{last.amplitude:.3g}.vtu"
         save_field(path, mesh, last.largest.u, {})
         offered = f" (the body at that amplitude: {path})"
     raise SolveError(

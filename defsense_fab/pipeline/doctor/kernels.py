@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from ...core.optional_libraries import pip_install
 from .finding import Finding, judged
 from .isolated import call
 
@@ -65,7 +66,7 @@ def check_solver(seconds: float) -> Finding:
         return judged("solver", "Pardiso", True, f"{answer.value} solves equations")
     return judged(
         "solver", "Pardiso", False, f"{answer.value} stands in for it",
-        command=f"{sys.executable} -m pip install pypardiso",
+        command=pip_install("pypardiso"),
         needed_for="quick simulations on x86",
     )  # fmt: skip
 

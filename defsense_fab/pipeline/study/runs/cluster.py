@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 from ....core.errors import StudyError
+from ....core.optional_libraries import optional
 from .batch import Batch, Tell
 from .run_log import RunRecord, decoded
 from .versions import difference, installed
@@ -30,12 +31,8 @@ Item = TypeVar("Item")
 def connected(address: str) -> Iterator[Any]:
     """A client of the scheduler at an `address`, whose workers have this machine's software. Raises
     StudyError where there is no scheduler, no worker, or another version."""
-    try:
+    with optional(StudyError, "--scheduler", "cluster", otherwise="and so on each worker"):
         import distributed
-    except ImportError:
-        raise StudyError(
-            "--scheduler needs Dask: pip install defsense-fab[cluster], here and on the workers"
-        ) from None
     for name in ("distributed", "distributed.client"):  # what goes wrong is told here
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ....core.errors import OutputError
+from ....core.optional_libraries import optional
 
 _ALSA = Path("/dev/snd/seq")
 
@@ -82,13 +83,9 @@ def _mido() -> Any:
     # RtMidi would write its own complaint to the terminal.
     if sys.platform.startswith("linux") and not _ALSA.exists():
         raise OutputError(_no_midi(f"no {_ALSA}"))
-    try:
+    with optional(OutputError, "midi", "live"):
         import mido
         import rtmidi  # noqa: F401  # what mido opens ports with
-    except ImportError as error:
-        raise OutputError(
-            f"midi: needs the package {error.name}; pip install 'defsense-fab[live]' brings it"
-        ) from None
     return mido
 
 
