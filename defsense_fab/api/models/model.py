@@ -121,6 +121,10 @@ def train(
     known to go together in time, as a twin's do. Raises TrainingError for what forbids training,
     and for data of another device than the layout's.
     """
+    if not isinstance(data, Dataset):
+        raise TrainingError(
+            f"data: is a {type(data).__name__}; make it by load_sessions, dataset or record_twin"
+        )
     if not 0 <= test_share < 1:
         raise TrainingError(f"test_share {test_share!r}: must be at least 0 and below 1")
     if shift != "auto" and not (isinstance(shift, int | float) and np.isfinite(shift)):
