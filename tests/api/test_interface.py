@@ -1,19 +1,23 @@
 """The path from Python values to predicted errors, beside what the command line makes of them."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 from dataclasses import replace
 from datetime import datetime
+from pathlib import Path
 from threading import Timer
 
 import numpy as np
 import pytest
+import tomlkit
 
 import defsense_fab as df
 from defsense_fab.cli.main import main
+from defsense_fab.core.device_file import parse_device
 from defsense_fab.core.mesh import Surface
 from defsense_fab.pipeline.artifacts.body import load_surface
 from defsense_fab.pipeline.artifacts.fields import load_fields
@@ -22,6 +26,7 @@ from defsense_fab.pipeline.artifacts.manifest import load_manifest
 from defsense_fab.pipeline.artifacts.mesh import load_mesh
 from defsense_fab.pipeline.train.models import train_device
 from tests.api.conftest import small_bar
+from tests.places import ROOT
 
 
 def test_results_are_those_of_the_command_line_to_the_last_digit(device, poses, layout, saved):
@@ -264,6 +269,33 @@ def test_bad_calls_of_models_are_told(layout, model, call, message):
 
 def other(model, **changes):
     return replace(model, record=replace(model.record, **changes))
+
+
+def test_the_blocks_of_its_page_run_in_their_order(twin, saved, sessions, tmp_path, monkeypatch):
+    """With a small device in place of the bar, and a minute of its twin in place of two."""
+    page = (ROOT / "docs/python.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    assert len(blocks) == page.count("```python") == 10
+    monkeypatch.chdir(tmp_path)
+    Path("fixtures/devices").mkdir(parents=True)
+    for place, folder in zip(
+        ("fixtures/devices/bar", "session-1", "session-2"), (saved, *sessions), strict=True
+    ):
+        Path(place).symlink_to(folder)
+    run = twin.recordings[0]
+    ohm = np.interp(run.time, run.sample_time, run.ohm[:, 0])[:, None]
+    places = np.concatenate([twin.rest_points[None], run.points[1:]])
+    np.savez("taken.npz", time=run.time, ohm=ohm, positions=places)
+    names = {"__name__": "page"}
+    for block in blocks:
+        exec(block.replace("seconds=120", "seconds=60"), names)
+    assert {p.name for p in tmp_path.iterdir()} >= {"parts", "block", "model.json"}
+    assert names["skin"].vertices.shape == (36, 87, 3)
+    assert names["live"].closed
+    assert names["frame"].quality == "trusted"
+    table = tomlkit.parse(names["block"].text)
+    table["poses"].extend(pose.table() for pose in names["more"])
+    assert len(parse_device(tomlkit.dumps(table), tmp_path / "block").poses) == 7
 
 
 def test_the_package_is_imported_without_what_is_not_used():
