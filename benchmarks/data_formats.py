@@ -111,7 +111,7 @@ def table(session: Path, device: Device, options: TrainingOptions, folder: Path)
     made: dict[str, tuple[TrainedModel, Float]] = {}
     print(f"{'form':30}{'decoder':32}{'weights':>9}{'mm':>9}{'no sigma':>10}")
     for name, given in files.items():
-        data, prior, _ = prepare(given, device)
+        data, prior, _ = prepare(given.load(device), device)
         model = train_dataset(data, options, prior).model
         made[name] = model, predicted(model, data)
         of, found = made[name]

@@ -12,14 +12,20 @@ if TYPE_CHECKING:
     from .api.device import Device as Device
     from .api.layout import Layout as Layout
     from .api.layout import optimise as optimise
-    from .api.model import Model as Model
-    from .api.model import train as train
+    from .api.models.live import Live as Live
+    from .api.models.live import live as live
+    from .api.models.model import Model as Model
+    from .api.models.model import train as train
+    from .api.models.moving_surface import MovingSurface as MovingSurface
     from .api.parts import Parts as Parts
     from .api.parts import fabricate as fabricate
     from .api.picture import Picture as Picture
+    from .api.poses import Drag as Drag
     from .api.poses import DrawnCord as DrawnCord
     from .api.poses import Handle as Handle
     from .api.poses import Pose as Pose
+    from .api.poses import Pressure as Pressure
+    from .api.poses import Symmetry as Symmetry
     from .api.prediction import predict as predict
     from .api.recordings import dataset as dataset
     from .api.recordings import load_sessions as load_sessions
@@ -31,19 +37,23 @@ if TYPE_CHECKING:
     from .api.simulation import Simulation as Simulation
     from .api.simulation import simulate as simulate
     from .core.errors import DefsenseError as DefsenseError
+    from .runtime.frames.live_frame import LiveFrame as LiveFrame
 
 _MODULES = {
     "api.device": ("Device",),
     "api.layout": ("Layout", "optimise"),
-    "api.model": ("Model", "train"),
+    "api.models.live": ("Live", "live"),
+    "api.models.model": ("Model", "train"),
+    "api.models.moving_surface": ("MovingSurface",),
     "api.parts": ("Parts", "fabricate"),
     "api.picture": ("Picture",),
-    "api.poses": ("DrawnCord", "Handle", "Pose"),
+    "api.poses": ("Drag", "DrawnCord", "Handle", "Pose", "Pressure", "Symmetry"),
     "api.prediction": ("predict",),
     "api.recordings": ("dataset", "load_sessions", "record_twin"),
     "api.regions": ("box", "cylinder", "half_space", "sphere"),
     "api.simulation": ("Simulation", "simulate"),
     "core.errors": ("DefsenseError",),
+    "runtime.frames.live_frame": ("LiveFrame",),
 }
 _PLACES = {name: module for module, names in _MODULES.items() for name in names}
 

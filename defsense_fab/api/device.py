@@ -168,8 +168,13 @@ def table_html(title: str, rows: Mapping[str, str]) -> str:
     return f"<table><caption>{escape(title)}</caption>{body}</table>"
 
 
-def _plain(values: Mapping[str, object]) -> dict[str, Any]:
-    return {k: v.tolist() if hasattr(v, "tolist") else v for k, v in values.items()}
+def _plain(value: Any) -> Any:
+    """Without arrays in it, however deep."""
+    if isinstance(value, Mapping):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _text(data: Mapping[str, Any], values: Mapping[str, object]) -> str:

@@ -11,55 +11,114 @@ from numpy.typing import ArrayLike
 
 from ..core.errors import DeviceError
 
+Free = Literal["free"]
+
 
 @dataclass(frozen=True)
 class Handle:
     """A `region` that is moved rigidly: turned by `degrees` about `axis` (3,) through the point
-    `about` (3,) mm (None: the region's centre), and moved by `translate` (3,) mm, or to where no
-    force acts on it ("free")."""
+    `about` (3,) mm (None: the region's centre), and moved by `translate` (3,) mm.
+
+    What is "free" goes to where nothing acts against it: `degrees` of a hinge with that axis,
+    `axis` of a region that turns in any way, `translate` or each of its three components.
+    """
 
     region: str
-    axis: ArrayLike = (0.0, 0.0, 1.0)
-    degrees: float = 0.0
-    translate: ArrayLike | Literal["free"] = (0.0, 0.0, 0.0)
+    axis: ArrayLike | Free = (0.0, 0.0, 1.0)
+    degrees: float | Free = 0.0
+    translate: ArrayLike | Free | Sequence[float | Free] = (0.0, 0.0, 0.0)
     about: ArrayLike | None = None
 
     def table(self) -> dict[str, Any]:
-        """As in `[[poses.handles]]`."""
-        rotate = {"axis": plain(self.axis), "degrees": plain(self.degrees)}
-        if self.about is not None:
-            rotate["about"] = plain(self.about)
-        free = isinstance(self.translate, str)
+        """As in `[[poses.handles]]`. Raises DeviceError for what says two things at once."""
         return {
             "region": self.region,
-            "rotate": rotate,
-            "translate": self.translate if free else plain(self.translate),
+            "rotate": self._rotate(),
+            "translate": _maybe_free(self.translate),
         }
+
+    def _rotate(self) -> object:
+        if isinstance(self.axis, str):
+            if self.degrees != 0.0 or self.about is not None:
+                raise DeviceError(
+                    f"handle of {self.region!r}: has a free axis, and degrees or a point about"
+                    " which it turns; give an axis (3,) with these"
+                )
+            return self.axis
+        rotate = {"axis": plain(self.axis), "degrees": _maybe_free(self.degrees)}
+        if self.about is not None:
+            rotate["about"] = plain(self.about)
+        return rotate
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """A flat `region` whose points stay in its plane, of this `normal` (3,)."""
+
+    region: str
+    normal: ArrayLike
+
+    def table(self) -> dict[str, Any]:
+        """As in `symmetry`."""
+        return {"region": self.region, "normal": plain(self.normal)}
+
+
+@dataclass(frozen=True)
+class Drag:
+    """A spring of so much `stiffness` (N/mm) that pulls the point `at` (3,) mm by (3,) mm `by`."""
+
+    at: ArrayLike
+    by: ArrayLike
+    stiffness: float = 1.0
+
+    def table(self) -> dict[str, Any]:
+        """As in `drags`."""
+        return {k: plain(getattr(self, k)) for k in ("at", "by", "stiffness")}
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure of `value` MPa on the surface in a `region`, which it follows; positive pushes
+    inwards."""
+
+    region: str
+    value: float
+
+    def table(self) -> dict[str, Any]:
+        """As in `pressures`."""
+        return {"region": self.region, "value": plain(self.value)}
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A deformation that the device is to sense: regions by name that are `fixed`, and `handles`
-    that are moved."""
+    """A deformation that the device is to sense: regions by name that are `fixed`, `handles` that
+    are moved, planes of `symmetry`, points that `drags` pull, `pressures`, and `gravity` (3,) in
+    multiples of g (None: none)."""
 
     name: str
-    fixed: Sequence[str]
-    handles: Sequence[Handle]
+    fixed: Sequence[str] = ()
+    handles: Sequence[Handle] = ()
+    symmetry: Sequence[Symmetry] = ()
+    drags: Sequence[Drag] = ()
+    pressures: Sequence[Pressure] = ()
+    gravity: ArrayLike | None = None
 
     def table(self) -> dict[str, Any]:
         """As in `[[poses]]`."""
-        return {
-            "name": self.name,
-            "fixed": list(self.fixed),
-            "handles": [h.table() for h in self.handles],
-        }
+        parts = {k: getattr(self, k) for k in ("handles", "symmetry", "drags", "pressures")}
+        table: dict[str, Any] = {"name": self.name, "fixed": list(self.fixed)}
+        table |= {k: [each.table() for each in some] for k, some in parts.items() if len(some)}
+        if self.gravity is not None:
+            table["gravity"] = plain(self.gravity)
+        return table
 
 
 @dataclass(frozen=True)
 class DrawnCord:
     """A cord's path as it is drawn: `control_points` (k >= 4, 2) mm in the plane through `origin`
     (3,) mm with this `normal` (3,) and `x_axis` (3,), and what the optimiser may change of it: its
-    "path", its "plane", or the plane's "offset" alone; nothing: the cord stays."""
+    "path", its "plane", or the plane's "offset" alone; nothing: the cord stays. `tangents` (k, 2)
+    mm at the points are those of Catmull and Rom where none are given."""
 
     name: str
     control_points: ArrayLike
@@ -67,16 +126,28 @@ class DrawnCord:
     normal: ArrayLike
     x_axis: ArrayLike
     free: Sequence[str] = ("path", "plane")
+    tangents: ArrayLike | None = None
 
     def table(self) -> dict[str, Any]:
         """As in `[[sensors]]`."""
-        plane = {k: plain(getattr(self, k)) for k in ("origin", "normal", "x_axis")}
-        return {
+        table = {
             "name": self.name,
-            "plane": plane,
+            "plane": {k: plain(getattr(self, k)) for k in ("origin", "normal", "x_axis")},
             "control_points": plain(self.control_points),
             "free": list(self.free),
         }
+        if self.tangents is not None:
+            table["tangents"] = plain(self.tangents)
+        return table
+
+
+def _maybe_free(values: Any) -> Any:
+    """Numbers, and the word "free" where it stands."""
+    if isinstance(values, str):
+        return values
+    if isinstance(values, Sequence):
+        return [each if isinstance(each, str) else plain(each) for each in values]
+    return plain(values)
 
 
 def plain(values: ArrayLike) -> Any:

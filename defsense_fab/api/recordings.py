@@ -16,6 +16,8 @@ from ..pipeline.twin.recordings.twin_recordings import simulate_recordings
 from ..training.data.dataset import Dataset, Recording
 from .layout import Layout
 
+UNNAMED = "device"  # the name of one that was given none
+
 
 def load_sessions(*sessions: str | Path) -> Dataset:
     """Processed sessions, folders of datasets and XDF files as one dataset. Raises TrainingError
@@ -33,13 +35,14 @@ def dataset(
     rest_resistances: ArrayLike,
     rest_positions: ArrayLike,
     channels: Sequence[str],
-    device: str = "device",
+    device: str = UNNAMED,
 ) -> Dataset:
     """A recording of arrays, all taken at the same times.
 
     `time` (t,) s, increasing; `resistances` (t, c) ohm, NaN where a channel gave none; `positions`
     (t, m, 3) mm of m markers in the device's rest frame, NaN where one was not seen; those at rest,
-    (c,) ohm and (m, 3) mm; the names of the c `channels`. Raises TrainingError for shapes that do
+    (c,) ohm and (m, 3) mm; the names of the c `channels`, and of the `device`, which is that of the
+    layout that a model is trained with where none is given. Raises TrainingError for shapes that do
     not go together, times that do not increase, and numbers that are none.
     """
     when, ohm = _array("time", time, 1), _array("resistances", resistances, 2)

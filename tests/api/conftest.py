@@ -4,6 +4,7 @@ import pytest
 import trimesh
 
 import defsense_fab as df
+from defsense_fab.cli.main import main
 
 
 def small_bar(**changes):
@@ -43,3 +44,31 @@ def poses(device):
 @pytest.fixture(scope="session")
 def layout(poses):
     return df.optimise(poses)
+
+
+@pytest.fixture(scope="session")
+def saved(device, tmp_path_factory):
+    """The device's folder, built by the commands but for its report."""
+    folder = tmp_path_factory.mktemp("saved") / "small"
+    device.save(folder)
+    assert main(["fabricate", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="session")
+def sessions(saved):
+    """Folders of two processed sessions of a minute, as a twin writes them."""
+    out = saved.parent / "sessions"
+    assert main(["twin", str(saved), "--minutes", "1", "--sessions", "2", "--out", str(out)]) == 0
+    return [out / "session-1", out / "session-2"]
+
+
+@pytest.fixture(scope="session")
+def twin(layout):
+    """A minute of a simulated built device."""
+    return df.record_twin(layout, seconds=60.0, seed=3)
+
+
+@pytest.fixture(scope="session")
+def model(twin, layout):
+    return df.train(twin, layout, decoder="affine", in_step=True)

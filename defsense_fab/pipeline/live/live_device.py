@@ -57,10 +57,8 @@ def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
     TrainingError for what is no model, CaptureError for a device that is not built."""
     model = load_model(path)
     own = folder or _beside(path)
-    reference, rest = _told(model)
-    lying = _lying(model)
     if own is None:
-        return LiveDevice(model, None, None, None, None, (), model.channels, reference, rest, lying)
+        return without_build(model)
     device = load_device(own)
     built = build_folder(device)
     layout = load_layout(built, LiveError) if (built / LAYOUT).exists() else None
@@ -71,9 +69,7 @@ def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
         )
     if layout is None:
         if folder is None:
-            return LiveDevice(
-                model, device, None, None, None, (), model.channels, reference, rest, lying
-            )
+            return without_build(model, device)
         raise LiveError(f"{own}: is not built; run 'defsense build {own}'")
     why = misfit(model, device, layout)
     if why is Misfit.CORDS:
@@ -82,20 +78,35 @@ def live_device(path: Path, folder: Path | None = None) -> LiveDevice:
             f" ({layout_hash(layout)}); give --device the build that it was recorded with, or"
             " record and train anew"
         )
-    wired = tuple(cord.name for cord in layout.by_channel())
     if why is Misfit.CHANNELS:
+        wired = ", ".join(cord.name for cord in layout.by_channel())
         raise LiveError(
-            f"{path}: knows the channels {', '.join(model.channels)}, and {own} has"
-            f" {', '.join(wired)}; train with all of this device's cords"
+            f"{path}: knows the channels {', '.join(model.channels)}, and {own} has {wired}; train"
+            " with all of this device's cords"
         )
+    return with_build(model, device)
+
+
+def without_build(model: TrainedModel, device: Device | None = None) -> LiveDevice:
+    """What the model alone tells."""
+    reference, rest = _told(model)
+    return LiveDevice(
+        model, device, None, None, None, (), model.channels, reference, rest, _lying(model)
+    )
+
+
+def with_build(model: TrainedModel, device: Device) -> LiveDevice:
+    """Of a built device that the model fits. Raises CaptureError where it is not built."""
     found = simulated_device(device, model.rest_points)
     cords = tuple(
         LiveCord(name, cord.path, moved)
         for name, cord, moved in zip(found.names, found.cords, found.moved, strict=True)
     )
+    reference, rest = _told(model)
     return LiveDevice(
-        model, device, found.rest, found.skin, _poses(found), cords, wired, reference, rest, lying
-    )
+        model, device, found.rest, found.skin, _poses(found), cords, found.names, reference, rest,
+        _lying(model),
+    )  # fmt: skip
 
 
 def _beside(path: Path) -> Path | None:

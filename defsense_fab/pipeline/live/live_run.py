@@ -24,15 +24,15 @@ from ...runtime.frames.live_decoder import LiveDecoder
 from ...runtime.outputs.live_file import open_outputs
 from ...runtime.outputs.newest_wins import NewestWins
 from ...runtime.outputs.settings import Settings as OutputSettings
-from ...runtime.surface.live_surface import LiveSurface, Mode, make_surface
-from ...runtime.surface.surface_basis import SurfaceBasis
+from ...runtime.surface.live_surface import LiveSurface, Mode
 from ...runtime.view.live_view import LiveView
 from ...runtime.view.page_place import PagePlace
 from ...runtime.view.viewed_device import ViewedDevice
 from ..twin.recordings.walking_board import WalkingBoard, parse_faults, walking_board
 from .animations import Animations
+from .device_surface import device_surface, typical_deviation
 from .live_device import LiveDevice
-from .live_loop import BUDGET, LiveLoop, Sending, deviation
+from .live_loop import BUDGET, LiveLoop, Sending
 from .panel_links import follow, panel_actions
 from .raw_recording import RawRecording, since_last_run
 from .run_folder import RunFolder, new_run_folder
@@ -52,7 +52,7 @@ class RunOptions:
     port of a page of its own, or a place of one that is there, None without one;
     whether the readings are kept (`keep`), in the folder `record` or in a new one of the device's;
     the file of an `animation`, None: none. `live_file` is where `controls` were read from, if from
-    a file.
+    a file. `surface` is how it is solved, None: not at all; `views` get frames with it, besides.
     """
 
     port: str
@@ -62,12 +62,13 @@ class RunOptions:
     view: int | PagePlace | None = None
     outputs: tuple[OutputSettings, ...] = ()
     controls: tuple[ControlSpec, ...] = ()
-    surface: Mode = "default"
+    surface: Mode | None = "default"
     fallback: bool = True
     keep: bool = True
     record: Path | None = None
     animation: Path | None = None
     live_file: Path | None = None
+    views: tuple[Sending, ...] = ()
 
 
 @dataclass
@@ -105,8 +106,9 @@ class LiveRun:
 def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent) -> LiveRun:
     """Raises LiveError, CaptureError, OutputError and StorageError for what cannot be opened."""
     model, notes = live.model, list[str]()
-    reference = _reference(live, options, notes)
-    source, twin = _source(live, options, reference, progress)
+    twin = _twin(live, options.port, progress)
+    reference = _reference(live, options, twin, notes)
+    source = _source(live, options, reference, twin)
     order = [live.wired.index(name) for name in model.channels]
     rest = None if options.rest is None else options.rest[order]
     decoder = LiveDecoder(
@@ -116,10 +118,10 @@ def live_run(live: LiveDevice, options: RunOptions, progress: Progress = silent)
     folder = new_run_folder(live.device.source if live.device else Path())
     if options.record is not None:
         folder = RunFolder(options.record)
-    views, view, surface, told = list[Sending](), None, None, ""
+    views, view, surface, told = list(options.views), None, None, ""
     animations: Animations | None = None
     with contextlib.ExitStack() as undo:
-        if options.view is not None or options.animation is not None:
+        if options.surface and (options.view is not None or options.animation or views):
             surface, animations = _surface(live, options, folder, notes, progress)
             told = surface.choice if surface is not None else ""
         if animations is not None:
@@ -179,7 +181,7 @@ def _surface(
         )
         return None, None
     progress("live", 0.5, "preparing the surface")
-    surface = make_surface(_basis(live), live.model.rest_points, _typical(live), options.surface)
+    surface = device_surface(live, options.surface or "default")
     surface(live.model.rest_points, None, BUDGET)
     surface.reset()
     device = live.device.source if live.device else Path()
@@ -196,29 +198,31 @@ def _same(view: LiveView) -> LiveView:
 
 
 def _source(
-    live: LiveDevice, options: RunOptions, reference: Float, progress: Progress
-) -> tuple[Source, WalkingBoard | None]:
+    live: LiveDevice, options: RunOptions, reference: Float, twin: WalkingBoard | None
+) -> Source:
     """With the dividers' `reference` (c,) ohm in the model's order."""
     word, _, rest = options.port.partition(":")
     settings = Settings(channels=len(live.model.channels), rate=options.rate)
-    if word == _TWIN:
-        twin = _twin(live, options.port, rest, progress)
-        return Reader(twin.open, options.port, settings), twin
+    if twin is not None:
+        return Reader(twin.open, options.port, settings)
     if word == _REPLAY or options.port.endswith(".csv"):
         path = Path(rest if word == _REPLAY else options.port)
         if path.is_dir() and is_session(path):
             order = [live.model.channels.index(name) for name in live.wired]
-            wired = reference[order]
-            return SessionPlay(path, live.device, live.wired, live.model.ids, wired), None
+            return SessionPlay(path, live.device, live.wired, live.model.ids, reference[order])
         if not path.is_file():
             raise LiveError(f"{path}: no such recording; give a board.csv, or a session's folder")
-        return Replay(path), None
-    return Reader(partial(open_port, options.port), options.port, settings), None
+        return Replay(path)
+    return Reader(partial(open_port, options.port), options.port, settings)
 
 
-def _twin(live: LiveDevice, text: str, words: str, progress: Progress) -> WalkingBoard:
+def _twin(live: LiveDevice, port: str, progress: Progress) -> WalkingBoard | None:
+    """None for other ports."""
+    kind, _, words = port.partition(":")
+    if kind != _TWIN:
+        return None
     if live.device is None or live.states is None:
-        raise LiveError(f"{text}: a twin needs a built device; give its folder (--device)")
+        raise LiveError(f"{port}: a twin needs a built device; give its folder (--device)")
     values, faults = {"unit": 1, "seed": 101, "minutes": 5}, []
     for word in filter(None, words.split(",")):
         name, equals, number = word.partition("=")
@@ -227,10 +231,10 @@ def _twin(live: LiveDevice, text: str, words: str, progress: Progress) -> Walkin
         elif "@" in word:
             faults.append(word)
         else:
-            raise LiveError(f"{text}: write twin:unit=1,seed=7,minutes=5,cut=NAME@20-30, each or"
+            raise LiveError(f"{port}: write twin:unit=1,seed=7,minutes=5,cut=NAME@20-30, each or"
                             " none")  # fmt: skip
     if not 1 <= values["minutes"] <= 60:
-        raise LiveError(f"{text}: minutes are from 1 to 60")
+        raise LiveError(f"{port}: minutes are from 1 to 60")
     return walking_board(
         live.device, unit=values["unit"], seed=values["seed"], seconds=60.0 * values["minutes"],
         faults=parse_faults(live.wired, faults), progress=progress,
@@ -246,35 +250,22 @@ def _lying(live: LiveDevice, port: str) -> Float | None:
     return live.lying
 
 
-def _reference(live: LiveDevice, options: RunOptions, notes: list[str]) -> Float:
-    """(c,) ohm in the model's order."""
+def _reference(
+    live: LiveDevice, options: RunOptions, twin: WalkingBoard | None, notes: list[str]
+) -> Float:
+    """(c,) ohm in the model's order: as given, as the training tells, or as a twin has them."""
     order = [live.wired.index(name) for name in live.model.channels]
     if options.reference is not None:
         return options.reference[order]
     if live.reference is not None:
         return live.reference
+    if twin is not None:
+        return twin.made.converter.reference[order]
     notes.append(
         f"the training does not tell the dividers' resistors: {REFERENCE:g} ohm are taken for"
         " each; give --reference"
     )
     return np.full(len(order), REFERENCE)
-
-
-def _typical(live: LiveDevice) -> Float:
-    """(m,) mm: standard deviations of the markers near the training."""
-    m = len(live.model.ids)
-    intervals = live.model.main.intervals
-    radius = np.full(m, np.nan) if intervals is None else intervals(np.array([0.7]))[0]
-    return deviation(radius)
-
-
-def _basis(live: LiveDevice) -> SurfaceBasis:
-    assert live.rest is not None
-    assert live.states is not None
-    fixed = np.abs(live.states).max(axis=(0, 2)) < 1e-9
-    return SurfaceBasis(
-        live.rest.vertices, np.asarray(live.rest.faces, np.int64), live.states, fixed
-    )
 
 
 def _viewed(live: LiveDevice) -> ViewedDevice:
@@ -285,7 +276,7 @@ def _viewed(live: LiveDevice) -> ViewedDevice:
         None if live.rest is None else live.rest.faces, model.channels,
         tuple(by[name] for name in model.channels if name in by),
         live.device.cord.diameter / 2 if live.device else 1.0, low, high,
-        float(RADIUS_90 * np.median(_typical(live))),
+        float(RADIUS_90 * np.median(typical_deviation(model))),
     )  # fmt: skip
 
 

@@ -96,6 +96,22 @@ def shifted(dataset: Dataset, seconds: float | Mapping[str, float] | Literal["au
     return replace(dataset, recordings=recordings, provenance=told)
 
 
+def put_in_step(dataset: Dataset, shift: float | Literal["auto"]) -> tuple[Dataset, list[str]]:
+    """The dataset with `shift` s added to the times of its samples, or what is found ("auto"), and
+    notes on what was found. Raises TrainingError where they are out of step by more than that."""
+    if shift != "auto":
+        return (shifted(dataset, shift) if shift else dataset), []
+    dataset = shifted(dataset, "auto")
+    by = dataset.provenance["shifts"]
+    far = [name for name, s in by.items() if abs(s) > 0.95 * WITHIN]
+    if far:
+        raise TrainingError(
+            f"{far[0]}: signals and markers are out of step by {WITHIN:.0f} s or more; give"
+            " --offset, or --shift with a number"
+        )
+    return dataset, [f"{name}: signals are shifted by {s:+.2f} s" for name, s in by.items()]
+
+
 def _movements(r: Recording) -> tuple[Float, Float] | None:
     """Main movements (t, k) mm of the markers at times (t,) s."""
     often = r.seen.mean(axis=0) > _OFTEN

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....core.device import Device
-from ....core.errors import TrainingError
 from ....training.data.dataset import Dataset
-from ....training.data.in_step import WITHIN, shifted
+from ....training.data.in_step import put_in_step
 from .datasets import load_datasets
 from .pair_dataset import Offset
 
@@ -35,19 +34,8 @@ class DataFiles:
         )  # fmt: skip
 
     def in_step(self, dataset: Dataset) -> tuple[Dataset, list[str]]:
-        """The dataset with its samples shifted as asked for, and notes on what was found. Raises
-        TrainingError where they are out of step by more than can be found."""
-        if self.shift != "auto":
-            return (shifted(dataset, self.shift) if self.shift else dataset), []
-        dataset = shifted(dataset, "auto")
-        by = dataset.provenance["shifts"]
-        far = [name for name, s in by.items() if abs(s) > 0.95 * WITHIN]
-        if far:
-            raise TrainingError(
-                f"{far[0]}: signals and markers are out of step by {WITHIN:.0f} s or more; give"
-                " --offset, or --shift with a number"
-            )
-        return dataset, [f"{name}: signals are shifted by {s:+.2f} s" for name, s in by.items()]
+        """The dataset with its samples shifted as asked for: see `put_in_step`."""
+        return put_in_step(dataset, self.shift)
 
 
 def told_files(dataset: Dataset) -> list[str]:

@@ -70,18 +70,29 @@ def load_datasets(
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise TrainingError(f"{twice[0]} is given twice; give each recording once")
-    whole = join(parts)
-    if name is not None and whole.device != name:
-        raise TrainingError(f"the recordings are of {whole.device}, not of {name}; give this one's")
-    if known and whole.layout and whole.layout != known:
+    return of_device(join(parts), device)
+
+
+def of_device(dataset: Dataset, device: Device | None) -> Dataset:
+    """The dataset with its channels in the order of the device's cords, where it is built. Raises
+    TrainingError for recordings of another device, or of other cords."""
+    if device is None:
+        return dataset
+    if dataset.device != device.name:
         raise TrainingError(
-            f"the recordings are of other cords ({whole.layout}) than {name} is built with"
+            f"the recordings are of {dataset.device}, not of {device.name}; give this one's"
+        )
+    layout = device_layout(device)
+    if layout is None:
+        return dataset
+    known = layout_hash(layout)
+    if dataset.layout and dataset.layout != known:
+        raise TrainingError(
+            f"the recordings are of other cords ({dataset.layout}) than {device.name} is built with"
             f" ({known}); train with the build that they were recorded with"
         )
-    if layout is None:
-        return whole
-    whole = in_order(whole, [cord.name for cord in layout.by_channel()])
-    return replace(whole, layout=known)
+    ordered = in_order(dataset, [cord.name for cord in layout.by_channel()])
+    return replace(ordered, layout=known)
 
 
 def _markers(device: Device | None, path: Path | None) -> Markers | None:

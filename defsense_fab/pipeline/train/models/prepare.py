@@ -1,8 +1,8 @@
-"""A dataset that can be trained on: loaded, put in step where that was asked for, and checked."""
+"""A dataset that can be trained on: put in step where that was asked for, and checked."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,41 +12,31 @@ from ....core.errors import DefsenseError, TrainingError
 from ....core.progress import Progress, silent
 from ....training.data.dataset import Dataset
 from ....training.data.dataset_checks import checked
+from ....training.data.in_step import put_in_step
 from ....training.data.joining import without_markers
 from ....training.data.uncertain_places import without_uncertain
 from ....training.ridge.frames import Frames
 from ....training.simulation.coverage import coverage
 from ....training.simulation.expected_signals import expected_signals
 from ....training.simulation.prior import Prior
-from ..data.data_files import DataFiles, told_files
+from ..data.data_files import told_files
+from ..data.datasets import of_device
+from ..data.pair_dataset import Offset
 from .simulated_prior import simulated_prior
 
 AUTO, YES, NO = "auto", "yes", "no"
-Align = Callable[[Dataset], tuple[Dataset, list[str]]]
 _TOLD = 1e-3  # of the places, that are worth a word
 
 
 def prepare(
-    files: DataFiles, device: Device | None, *, wanted: str = "auto", without: Sequence[int] = (),
-    in_step: bool = False, progress: Progress = silent,
-) -> tuple[Dataset, Prior | None, list[str]]:  # fmt: skip
-    """The dataset of the `files`, `without` some markers, checked (`in_step` as in `checked`); what
-    the simulation says of its device, if that is `wanted`; and notes: what is doubtful, and what
-    was not shown. Raises TrainingError for what forbids training."""
-    progress("data", 0.0, "reading")
-    dataset = files.load(device)
-    return prepare_dataset(
-        dataset, device, wanted=wanted, without=without, in_step=in_step, align=files.in_step,
-        progress=progress,
-    )  # fmt: skip
-
-
-def prepare_dataset(
     dataset: Dataset, device: Device | None, *, wanted: str = "auto", without: Sequence[int] = (),
-    in_step: bool = False, align: Align | None = None, progress: Progress = silent,
+    in_step: bool = False, shift: Offset = 0.0, progress: Progress = silent,
 ) -> tuple[Dataset, Prior | None, list[str]]:  # fmt: skip
-    """As `prepare`, of a dataset that is there; `align` puts its signals and markers in step (None:
-    they stay as they are). Raises TrainingError for what forbids training."""
+    """The dataset, as the `device`'s, `without` some markers, its samples shifted (`put_in_step`),
+    checked (`in_step` as in `checked`); what the simulation says of its device, if that is
+    `wanted`; and notes: what is doubtful, and what was not shown. Raises TrainingError for what
+    forbids training."""
+    dataset = of_device(dataset, device)
     notes = told_files(dataset)
     seen = np.any([r.seen.any(axis=0) for r in dataset.recordings], axis=0)
     never = dataset.ids[~seen].tolist()
@@ -58,9 +48,8 @@ def prepare_dataset(
     dataset, uncertain = without_uncertain(dataset)
     notes += told_uncertain(uncertain)
     progress("data", 0.4, "putting signals and markers in step")
-    if align is not None:
-        dataset, shifts = align(dataset)
-        notes += shifts
+    dataset, shifts = put_in_step(dataset, shift)
+    notes += shifts
     progress("data", 0.6, "checking")
     prior, why = found_prior(dataset, device, wanted)
     notes += why

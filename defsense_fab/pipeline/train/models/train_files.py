@@ -36,9 +36,11 @@ def train_files(
     model.json of the device or the first session. Raises TrainingError, StorageError, and what the
     readers raise."""
     path = model_path(out, device, [p for p in files.sources if p.is_dir()])
+    progress("data", 0.0, "reading")
     dataset, prior, notes = prepare(
-        files, device, wanted=wanted, without=without, in_step=in_step, progress=progress
-    )
+        files.load(device), device, wanted=wanted, without=without, in_step=in_step,
+        shift=files.shift, progress=progress,
+    )  # fmt: skip
     training = train_dataset(dataset, how, prior, progress)
     write_model(path, training.model)
     return TrainedFiles(path, training, tuple(notes))

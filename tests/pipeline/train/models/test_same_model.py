@@ -32,7 +32,7 @@ def folder(tmp_path_factory):
 
 def trained(files):
     """The model, and what it says of its own data."""
-    data, _, _ = prepare(files, None)
+    data, _, _ = prepare(files.load(), None)
     model = train_dataset(data, TrainingOptions("quadratic", memory=False)).model
     (own,) = data.recordings
     return model, model.decode(own.sample_time, own.signals, own.time).points

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.arrays import Float
-from ..core.blas_threads import one_blas_thread
-from ..core.errors import TrainingError
-from ..core.progress import Progress, silent
-from ..decoding.trained_model import TrainedModel
-from ..pipeline.train.models.model_file import load_model, write_model
-from ..pipeline.train.models.prepare import prepare_dataset
-from ..pipeline.train.models.train_device import train_dataset
-from ..sensing.signal import relative_change
-from ..training.data.dataset import Dataset
-from ..training.fitting.train_model import TrainingOptions
-from .layout import Layout
+from ...core.arrays import Float
+from ...core.blas_threads import one_blas_thread
+from ...core.errors import TrainingError
+from ...core.progress import Progress, silent
+from ...decoding.trained_model import TrainedModel
+from ...pipeline.train.models.model_file import load_model, write_model
+from ...pipeline.train.models.prepare import NO, YES, prepare
+from ...pipeline.train.models.train_device import train_dataset
+from ...runtime.surface.live_surface import Mode
+from ...sensing.signal import relative_change
+from ...training.data.dataset import Dataset
+from ...training.fitting.train_model import TrainingOptions
+from ..layout import Layout
+from ..recordings import UNNAMED
+from .moving_surface import MovingSurface, moving_surface
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,6 +85,16 @@ class Model:
         known = np.where(ohm > 0, ohm, np.nan)
         return self.record.decode(when, relative_change(known, rest), when).points
 
+    def surface(
+        self, positions: ArrayLike, layout: Layout, mode: Mode = "default"
+    ) -> MovingSurface:
+        """The device's surface, of positions (t, m, 3) mm of the markers in the order of time, as
+        `predict` gives them, NaN where one is not known; each picture begins with the shape of the
+        one before. "default" takes modes of the simulated states, and is as rigid as possible
+        beyond them; "basis" takes the modes alone, "arap" is as rigid as possible without them.
+        Raises LiveError for other shapes, and for a layout that the model was not trained on."""
+        return moving_surface(self.record, positions, layout, mode)
+
     def __repr__(self) -> str:
         tested = "" if self.test_rmse is None else f", {self.test_rmse:.2f} mm RMSE on its test"
         return f"<Model of {self.record.device!r}: {self.record.kind}{tested}>"
@@ -92,23 +107,35 @@ def train(
     *,
     decoder: str = "auto",
     test_share: float = TrainingOptions.test_share,
+    without_markers: Sequence[int] = (),
+    shift: float | Literal["auto"] = 0.0,
     in_step: bool = False,
     progress: Progress = silent,
 ) -> Model:
-    """A model of a dataset, as `defsense train` makes it; with what the simulation says of the
-    `layout` where that is given.
+    """A model of a dataset, the same that `defsense train` makes; with what the simulation says of
+    the `layout` where that is given.
 
     `decoder` is the name of one, or "auto" for the best; `test_share` of the pictures, at the end,
-    are held out. With `in_step`, signals and markers are known to go together in time, as a twin's
-    do. Raises TrainingError for what forbids training.
+    are held out; markers of the numbers `without_markers` are left out. `shift` s are added to the
+    times of the resistances, or what is found, "auto". With `in_step`, signals and markers are
+    known to go together in time, as a twin's do. Raises TrainingError for what forbids training,
+    and for data of another device than the layout's.
     """
+    if not isinstance(data, Dataset):
+        raise TrainingError(
+            f"data: is a {type(data).__name__}; make it by load_sessions, dataset or record_twin"
+        )
     if not 0 <= test_share < 1:
         raise TrainingError(f"test_share {test_share!r}: must be at least 0 and below 1")
+    if shift != "auto" and not (isinstance(shift, int | float) and np.isfinite(shift)):
+        raise TrainingError(f"shift {shift!r}: must be s, or 'auto'")
     device = None if layout is None else layout.poses.device.record
-    wanted = "no" if device is None else "yes"
-    data, prior, notes = prepare_dataset(
-        data, device, wanted=wanted, in_step=in_step, progress=progress
-    )
+    if device is not None and data.device == UNNAMED:
+        data = replace(data, device=device.name)
+    data, prior, notes = prepare(
+        data, device, wanted=NO if device is None else YES, without=without_markers,
+        in_step=in_step, shift=shift, progress=progress,
+    )  # fmt: skip
     options = TrainingOptions(decoder=decoder, test_share=test_share)
     training = train_dataset(data, options, prior, progress)
     tests = {a.name: a.test for a in training.attempts}

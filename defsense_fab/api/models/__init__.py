@@ -1,0 +1,1 @@
+"""Models: trained, used on readings that are there, and run live."""
