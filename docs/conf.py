@@ -1,6 +1,10 @@
 """How Sphinx builds the guide: `make guide` writes it to build/guide, to be opened from there."""
 
 import re
+import sys
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
 
 project = "defsense-fab"
 author = "the defsense-fab authors"
@@ -25,5 +29,8 @@ def _links(_app, _docname, source):
 
 def setup(app):
     """Sphinx calls this."""
+    from device_reference import DeviceKeys
+
     app.connect("source-read", _links)
+    app.add_directive("device-keys", DeviceKeys)
     return {"parallel_read_safe": True}
