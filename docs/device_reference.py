@@ -72,6 +72,7 @@ name = "top"
 plane = { origin = [0, 0, 0], normal = [0, 0, 1], x_axis = [1, 0, 0] }
 control_points = [[0, 0], [1, 0], [2, 0], [3, 0]]
 tangents = [[1, 0], [1, 0], [1, 0], [1, 0]]
+free = ["path"]
 """
 
 
@@ -101,6 +102,8 @@ def variants():
     for name in read_rows("materials.csv"):
         yield changed((own[0], own[1].format(name)))
     yield changed(("[cord]", '[cord]\nresponse = "response.json"'))
+    sheet = "diameter = 2\nohm_per_mm = 15\ngauge_factor = 2\nmax_strain = 0.5"
+    yield changed(('name = "rubber-2mm"', sheet))
     for name in read_rows("cords.csv"):
         yield changed(("rubber-2mm", name))
     silicone = ("young_modulus = 0.6\npoisson_ratio = 0.49", 'name = "dragon-skin-30"')

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from .catalogue import read_rows
+from .cord_table import read_cord
 from .curve import Hermite, Plane, catmull_rom
 from .device import (
     ASSEMBLIES,
-    COMPRESSION,
     CONVERTERS,
     DECODERS,
     FREEDOMS,
@@ -27,11 +27,10 @@ from .device import (
     OutputsSpec,
     Sensor,
 )
-from .errors import CalibrationError, DeviceError
+from .errors import DeviceError
 from .material_table import read_material
 from .pose_file import read_poses, read_states
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
-from .response import ResponseSpec, read_measured, read_response
 from .silicone import silicone
 from .toml_table import Table, is_number, load_toml, parse_toml
 
@@ -74,7 +73,7 @@ def read_device(
     poses = read_poses(top, list(regions), complete)
     fabrication = _fabrication(top.table("fabrication", required=False))
     hanging = 0.0 if fabrication.pockets else fabrication.lead
-    cord = _cord(top.table("cord"), hanging, folder)
+    cord = read_cord(top.table("cord"), hanging, folder)
     sensors = _sensors(top)
     body = _body(top.table("body"), folder, overrides)
     _agree(top, body, cord, fabrication)
@@ -261,58 +260,6 @@ def _outputs(t: Table, regions: Sequence[str]) -> OutputsSpec:
     return OutputsSpec(value, anchor)
 
 
-def _cord(t: Table, lead: float, folder: Path) -> CordSpec:
-    name = t.string("name")
-    rows = read_rows("cords.csv")
-    t.choice("name", name, list(rows), "cord")
-    words = ("name", "source", "compression")
-    row = {k: float(v) for k, v in rows[name].items() if k not in words}
-    row["noise"] = t.number("noise", row["noise"], low=0)
-    for key in ("contact", "min_stretch"):
-        row[key] = t.size(key, row[key])
-    compression = t.string("compression", rows[name]["compression"])
-    t.choice("compression", compression, list(COMPRESSION), "behaviour under compression")
-    response = _from_data_sheet(row.pop("gauge_factor"), compression)
-    measured = None
-    if t.has("response"):
-        if t.has("compression"):
-            t.fail("compression", "the response tells it; remove this key or 'response'")
-        compression = "measured"
-        try:
-            response = read_response(folder / t.string("response"))
-            measured = read_measured(folder / t.string("response"))
-        except CalibrationError as error:
-            t.fail("response", str(error))
-    shortest, longest = 0.0, float("inf")
-    if t.has("length"):
-        shortest, longest = t.vector("length", 2).tolist()
-        if not 0 <= shortest <= longest - 1:
-            t.fail("length", "give the least and the greatest length of a piece, as in [100, 400]")
-        if longest < 2 * lead + 1:
-            t.fail(
-                "length",
-                f"a piece of {longest:g} mm is used up by its two free ends of {lead:g} mm"
-                " ([fabrication] lead)",
-            )
-    t.done()
-    return CordSpec(
-        name=name,
-        response=response,
-        lengths=(shortest, longest),
-        compression=compression,
-        measured=measured,
-        **row,
-    )
-
-
-def _from_data_sheet(gauge_factor: float, compression: str) -> ResponseSpec:
-    """The response of a cord of which only its behaviour in tension is known."""
-    if COMPRESSION[compression] == 1:
-        return ResponseSpec.line(gauge_factor)
-    slopes = {"tension": gauge_factor, "compression": gauge_factor * COMPRESSION[compression]}
-    return ResponseSpec("two-slopes", slopes)
-
-
 def _fabrication(t: Table) -> FabricationSpec:
     rows = read_rows("printers.csv")
     name = t.string("process", next(iter(rows)))
@@ -333,9 +280,9 @@ def _fabrication(t: Table) -> FabricationSpec:
         assembly=t.string("assembly", ASSEMBLIES[0]),
         prestretch=t.size("prestretch") if t.has("prestretch") else None,
         kind=row["kind"],
-        line=float(row["line"]),
-        layer=float(row["layer"]),
-        hole=float(row["hole"]),
+        line=t.number("line", float(row["line"]), low=0),
+        layer=t.number("layer", float(row["layer"]), low=0),
+        hole=t.size("hole", float(row["hole"])),
         spacing=float(row["spacing"]),
         supports=row["supports"],
         copies=t.count("copies", FabricationSpec.copies),

@@ -217,7 +217,36 @@ KEYS: Mapping[str, Mapping[str, Key]] = {
         ),
     },
     "[cord]": {
-        "name": Key("a row of `defsense_fab/data/cords.csv`"),
+        "name": Key(
+            "a row of `defsense_fab/data/cords.csv`, or any name with the four keys below",
+            default='needed; `"custom"` with them',
+        ),
+        "diameter": Key("of the cord", "mm", default="the row's; needed without one"),
+        "ohm_per_mm": Key(
+            "resistance at rest: a tenth of the ohm/cm of sellers",
+            "Ω/mm",
+            default="the row's; needed without one",
+        ),
+        "gauge_factor": Key(
+            "(R - R0)/R0 divided by the strain: 2 where the resistance doubles at 50 %",
+            default="the row's; needed without one",
+        ),
+        "max_strain": Key(
+            "the largest strain that the cord takes, 0.5 for 50 %",
+            default="the row's; needed without one",
+        ),
+        "min_bend_radius": Key(
+            "least radius of the channel's middle line",
+            "mm",
+            default="the row's, or 2.5 diameters",
+        ),
+        "ferrule_diameter": Key(
+            "outside of the ferrule that joins cord and wire",
+            "mm",
+            default="the row's, or the diameter and 0.6",
+        ),
+        "ferrule_length": Key("of that ferrule", "mm", default="the row's, or 7"),
+        "modulus": Key("Young's modulus of the rubber", "MPa", default="the row's, or 3"),
         "noise": Key("standard deviation of (R - R0)/R0 that does not depend on the cord's length"),
         "contact": Key(
             "standard deviation of the resistance of each joint of cord and wire: short cords feel"
@@ -228,6 +257,7 @@ KEYS: Mapping[str, Mapping[str, Key]] = {
             "least length that is stretched between a cord's ends; shorter cords are not proposed,"
             " and drawn ones refused",
             "mm",
+            default="the row's, or 10 diameters",
         ),
         "compression": Key(
             "what the data sheet does not say, for bonded cords: below zero strain `same` has the"
@@ -260,6 +290,9 @@ KEYS: Mapping[str, Mapping[str, Key]] = {
         ),
         "wall": Key("least wall between a channel and the surface", "mm"),
         "lead": Key("free cord at each end, where there are no pockets", "mm"),
+        "line": Key("width of what the nozzle lays", "mm"),
+        "layer": Key("height of a layer", "mm"),
+        "hole": Key("the least hole that stays open", "mm"),
         "bed": Key("width, depth and height of what your printer makes", "mm"),
         "copies": Key("how many devices lie on the plates (`docs/fabrication.md`)"),
         "assembly": Key(
