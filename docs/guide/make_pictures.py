@@ -1,4 +1,4 @@
-"""Takes the pictures of the first page: `python docs/guide/make_pictures.py FOLDER`.
+"""Takes the pictures of the first page: `python docs/guide/make_pictures.py FOLDER [NAME...]`.
 
 FOLDER is where the page's commands were typed; what is missing there is made first. A Chromium must
 be installed; its windows are drawn by the processor.
@@ -28,6 +28,7 @@ MADE = {  # what is there once a command has been typed
 SIZE = {"width": 1100, "height": 640}
 COLORS = 96
 PORT = 8123
+WAIT, SETTLED = 300_000, 40_000  # ms
 
 
 def defsense(*words):
@@ -49,35 +50,57 @@ def page_of(folder, *words):
             running.terminate()
 
 
-def save(shot, name):
-    """As a PNG of few colours."""
-    image = Image.open(BytesIO(shot)).convert("RGB")
+def save(page, name):
+    """What the page shows, as a PNG of few colours."""
+    image = Image.open(BytesIO(page.screenshot(timeout=WAIT))).convert("RGB")
     image.quantize(COLORS, dither=Image.Dither.NONE).save(HERE / f"{name}.png", optimize=True)
 
 
-def take(browser, folder):
-    """All pictures."""
-    page = browser.new_page(viewport=SIZE)
+def report(page, folder):
+    """Its beginning, down to the view of body and cords."""
+    page.set_viewport_size(SIZE | {"height": 1000})
     page.goto((folder / DEVICE / "build/report.html").absolute().as_uri())
-    page.wait_for_timeout(8000)
-    save(page.screenshot(), "report")
+    page.locator("[data-ready]").first.wait_for(timeout=WAIT)
+    page.get_by_label("see through").check()
+    page.wait_for_timeout(SETTLED)
+    save(page, "report")
+
+
+def assembly(page, folder):
+    """The view of the assembly guide, with its parts apart."""
     page.goto((folder / DEVICE / "build/guide.html").absolute().as_uri())
-    page.wait_for_timeout(8000)
-    save(page.screenshot(), "assembly")
+    page.locator("[data-ready]").first.wait_for(timeout=WAIT)
+    page.locator("[data-open]").first.evaluate(
+        "it => { it.value = it.max; it.dispatchEvent(new Event('input')); }"
+    )
+    page.wait_for_timeout(SETTLED)
+    save(page, "assembly")
+
+
+def studio(page, folder):
+    """The studio as it opens."""
     with page_of(folder, "studio", DEVICE, "--port", str(PORT), "--no-browser", "--trust") as url:
-        page.goto(url)
-        page.wait_for_timeout(30_000)
-        save(page.screenshot(), "studio")
-    live = ("run", MODEL, "--port", "twin", "--view", str(PORT), "--no-browser")
-    with page_of(folder, *live) as url:
-        page.goto(url)
-        page.wait_for_timeout(30_000)
-        save(page.screenshot(), "live")
+        page.goto(url, timeout=WAIT)
+        page.wait_for_timeout(SETTLED)
+        save(page, "studio")
+
+
+def live(page, folder):
+    """The page of a run, whose twin moves by itself."""
+    words = ("run", MODEL, "--device", DEVICE, "--port", "twin")
+    with page_of(folder, *words, "--view", str(PORT), "--no-browser") as url:
+        page.goto(url, timeout=WAIT)
+        page.wait_for_timeout(SETTLED)
+        save(page, "live")
+
+
+PICTURES = {"report": report, "assembly": assembly, "studio": studio, "live": live}
 
 
 def main():
     """See above."""
-    folder = Path(sys.argv[1])
+    folder, *names = sys.argv[1:]
+    folder = Path(folder)
     folder.mkdir(exist_ok=True)
     for made, words in MADE.items():
         if not (folder / made).exists():
@@ -86,9 +109,10 @@ def main():
     switches = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
     switches += ["--no-sandbox"] if os.geteuid() == 0 else []
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=switches)
-        take(browser, folder)
-        browser.close()
+        for name in names or PICTURES:
+            browser = playwright.chromium.launch(executable_path=chromium, args=switches)
+            PICTURES[name](browser.new_page(viewport=SIZE), folder)
+            browser.close()
 
 
 if __name__ == "__main__":
