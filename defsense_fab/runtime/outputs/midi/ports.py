@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from ....core.errors import OutputError
 
 _ALSA = Path("/dev/snd/seq")
+_LAST_WITH_WHEEL = (3, 12)  # Python that python-rtmidi 1.5 has wheels for, as in pyproject.toml
 
 
 class MidiPort(Protocol):
@@ -86,10 +87,14 @@ def _mido() -> Any:
         import mido
         import rtmidi  # noqa: F401  # what mido opens ports with
     except ImportError as error:
-        raise OutputError(
-            f"midi: needs the package {error.name}; pip install 'defsense-fab[live]' brings it"
-        ) from None
+        raise OutputError(f"midi: needs the package {error.name}; {_brought_by(error)}") from None
     return mido
+
+
+def _brought_by(error: ImportError) -> str:
+    if error.name == "rtmidi" and sys.version_info[:2] > _LAST_WITH_WHEEL:
+        return "pip install python-rtmidi compiles it, for it has no wheel for this Python"
+    return "pip install 'defsense-fab[midi]' brings it"
 
 
 def _no_midi(why: str) -> str:
