@@ -9,20 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.errors import StorageError
 from ...core.mesh import Surface
-
-
-def load_lib3mf() -> Any:
-    """The library of 3MF files. Raises StorageError where it is not installed."""
-    try:
-        import lib3mf
-    except ImportError as error:
-        raise StorageError(
-            f"3MF files cannot be read or written: lib3mf cannot be imported ({error}); install it,"
-            " or build on another system: docs/platforms.md"
-        ) from None
-    return lib3mf
 
 
 def write_stl(surface: Surface, path: Path) -> None:
@@ -41,8 +28,9 @@ def write_stl(surface: Surface, path: Path) -> None:
 
 def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bool = True) -> None:
     """Named parts in mm: one assembly (3MF core specification: object with components), or each
-    an item of its own that a slicer can move. Raises StorageError where there is no lib3mf."""
-    lib3mf = load_lib3mf()
+    an item of its own that a slicer can move."""
+    import lib3mf
+
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)

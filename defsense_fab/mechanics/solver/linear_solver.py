@@ -1,7 +1,7 @@
 """Symmetric positive definite sparse solves behind one interface.
 
-MKL Pardiso where there is MKL (x86), RSLAB elsewhere or with DEFSENSE_SOLVER=rslab: it is about as
-quick and has wheels for every system (`python -m benchmarks.solvers`).
+MKL Pardiso where it is installed (x86, 1 GB), RSLAB elsewhere or with DEFSENSE_SOLVER=rslab: it is
+about as quick and has wheels for every system (`python -m benchmarks.solvers`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def make_solver(threads: int = 1) -> SymmetricSolver:
     if os.environ.get("DEFSENSE_SOLVER") != "rslab":
         try:
             return Pardiso(threads)
-        except ImportError:  # no MKL on this platform
+        except ImportError:  # no MKL here
             pass
     return Rslab(threads)
 

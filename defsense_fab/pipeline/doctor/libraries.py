@@ -21,6 +21,7 @@ PROJECT = "defsense-fab"
 _MODULES = {
     "libigl": "igl",
     "netgen-mesher": "netgen.meshing",
+    "py-lib3mf": "lib3mf",
     "pyserial": "serial",
     "opencv-contrib-python-headless": "cv2",
     "python-rtmidi": "rtmidi",

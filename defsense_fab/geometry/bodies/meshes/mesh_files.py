@@ -11,7 +11,6 @@ import numpy as np
 
 from ....core.arrays import Float, Int
 from ....core.errors import BodyError
-from ...kernels.export import load_lib3mf
 from .tet_files import TET_SUFFIXES, read_tets
 
 #: Of the files that are read.
@@ -114,7 +113,9 @@ def _read_gltf(path: Path, suffix: str) -> tuple[Float, Int]:
 
 
 def _read_3mf(path: Path) -> tuple[Float, Int]:
-    model = load_lib3mf().get_wrapper().CreateModel()
+    import lib3mf
+
+    model = lib3mf.get_wrapper().CreateModel()
     model.QueryReader("3mf").ReadFromFile(str(path))
     unit = _3MF_UNITS[model.GetUnit().name]
     merged = model.MergeToModel()  # build items with their components and transforms
