@@ -33,6 +33,7 @@ SYSTEMS = {
 MACOS = "15.0"
 PYTHONS = ("3.11", "3.12", "3.13")
 LACKING = re.compile(r"Wheels are (?:required|available) for `([A-Za-z0-9._-]+)`")
+NONE = "no wheel"
 MARKER = "; python_version < '3'"  # never: what is so overridden is left out
 
 
@@ -114,36 +115,39 @@ def whole(found: dict[tuple[str, str, str], Resolution], markdown: bool) -> None
 
 
 def packages(found: dict[tuple[str, str, str], Resolution], markdown: bool) -> None:
-    """A row a package that is compiled: its version on each system, or the Pythons that differ."""
+    """A row a package that is compiled and not the same everywhere; the others' names."""
     seen: dict[str, dict[str, dict[str, str]]] = defaultdict(lambda: defaultdict(dict))
     pure, of = set(), {}
     for (group, system, python), one in found.items():
         for name in one.lacking:
-            seen[name][system][python] = "-"
+            seen[name][system][python] = NONE
             of.setdefault(name, group)
         for name, (version, file, _) in one.wheels.items():
             of.setdefault(name, group)
             if file.endswith("-any.whl"):
                 pure.add(name)
             seen[name][system].setdefault(python, version)
-    rows = [["compiled", "of", *SYSTEMS]]
-    for name in sorted(set(seen) - {n for n in pure if not _lacks(seen[n])}):
-        cells = []
-        for system in SYSTEMS:
-            by = defaultdict(list)
-            for python in PYTHONS:
-                by[seen[name][system].get(python, "not needed")].append(python)
-            cells.append(
-                next(iter(by)) if len(by) == 1
-                else ", ".join(f"{v} ({', '.join(p)})" for v, p in by.items())
-            )  # fmt: skip
-        rows.append([name, of[name], *cells])
+    pure -= {n for n in pure if any(NONE in by.values() for by in seen[n].values())}
+    rows, same = [["compiled", "of", *SYSTEMS]], []
+    for name in sorted(set(seen) - pure):
+        cells = [_cell(seen[name][system]) for system in SYSTEMS]
+        if len(set(cells)) > 1 or NONE in cells[0]:
+            rows.append([name, of[name], *cells])
+        else:
+            same.append(f"{name} {cells[0]}")
     table(rows, markdown)
+    print(f"Compiled, and the same everywhere: {', '.join(same)}.\n")
     print(f"{len(pure)} more are pure Python, for every system.\n")
 
 
-def _lacks(systems: dict[str, dict[str, str]]) -> bool:
-    return any("-" in pythons.values() for pythons in systems.values())
+def _cell(versions: dict[str, str]) -> str:
+    """The version; the Pythons of each, where they differ."""
+    by = defaultdict(list)
+    for python in PYTHONS:
+        by[versions.get(python, "not needed")].append(python)
+    if len(by) == 1:
+        return next(iter(by))
+    return "; ".join(f"{version} ({', '.join(pythons)})" for version, pythons in by.items())
 
 
 def sizes(found: dict[tuple[str, str, str], Resolution], markdown: bool) -> None:
