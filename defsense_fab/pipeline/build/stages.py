@@ -151,7 +151,7 @@ STAGES = (
         ("fields",),
         lambda d: plain((d.material, d.poses, d.states)),
         _runner("simulate"),
-        ("numpy", "scipy", "numba", "pypardiso", "mkl"),
+        ("numpy", "scipy", "numba", "pypardiso", "mkl", "rslab"),
         _COARSER,
     ),
     Stage(

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "libigl": "igl",
     "netgen-mesher": "netgen.meshing",
+    "py-lib3mf": "lib3mf",
     "pyserial": "serial",
     "opencv-contrib-python-headless": "cv2",
     "python-rtmidi": "rtmidi",
@@ -31,6 +32,7 @@ _FOR = {
     "cadquery": "bodies from CadQuery scripts",
     "exchange": "C3D, Parquet and XDF files",
     "live": "the live view, and outputs to other programs",
+    "midi": "MIDI ports",
     "cluster": "studies on a cluster",
     "animation": "recorded animations in USD",
 }
@@ -83,7 +85,7 @@ def _asked() -> Iterator[_Asked]:
     extras = [e for e in metadata.metadata(PROJECT).get_all("Provides-Extra") or () if e != "dev"]
     for text in metadata.requires(PROJECT) or ():
         one = Requirement(text)
-        if one.name in _TRIED_ELSEWHERE:
+        if one.name in _TRIED_ELSEWHERE or one.name == PROJECT:  # the extra of all extras
             continue
         if one.marker is None or one.marker.evaluate({"extra": ""}):
             yield _Asked(one, "")

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ....core.errors import OutputError
-from ....core.optional_libraries import optional
+from ....core.optional_libraries import missing
 
 _ALSA = Path("/dev/snd/seq")
+_LAST_WITH_WHEEL = (3, 12)  # Python that python-rtmidi 1.5 has wheels for, as in pyproject.toml
 
 
 class MidiPort(Protocol):
@@ -83,10 +84,19 @@ def _mido() -> Any:
     # RtMidi would write its own complaint to the terminal.
     if sys.platform.startswith("linux") and not _ALSA.exists():
         raise OutputError(_no_midi(f"no {_ALSA}"))
-    with optional(OutputError, "midi", "live"):
+    try:
         import mido
         import rtmidi  # noqa: F401  # what mido opens ports with
+    except ImportError as error:
+        raise OutputError(_brought_by(error)) from None
     return mido
+
+
+def _brought_by(error: ImportError) -> str:
+    if error.name == "rtmidi" and sys.version_info[:2] > _LAST_WITH_WHEEL:
+        compiled = "it has no wheel for this Python and is compiled"
+        return missing("midi", error, package="python-rtmidi", otherwise=compiled)
+    return missing("midi", error, "midi")
 
 
 def _no_midi(why: str) -> str:
