@@ -1,13 +1,29 @@
 """How Sphinx builds the guide: `make guide` writes it to build/guide, to be opened from there."""
 
 import re
+import sys
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
 
 project = "defsense-fab"
 author = "the defsense-fab authors"
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
 source_suffix = {".md": "markdown"}
 myst_heading_anchors = 3
 nitpicky = True
+nitpick_ignore_regex = [("py:.*", ".*")]  # types of other libraries have no page here
+default_role = "code"  # docstrings mark names by single backticks
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+autodoc_type_aliases = {
+    name: name for name in ("ArrayLike", "Float", "Bool", "Int", "Progress", "Shape")
+}
+add_module_names = False
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 80
+toc_object_entries_show_parents = "hide"
 html_theme = "furo"  # no fonts or scripts from elsewhere: the site works from a file, offline
 html_title = "defsense-fab"
 html_copy_source = False
@@ -25,5 +41,10 @@ def _links(_app, _docname, source):
 
 def setup(app):
     """Sphinx calls this."""
+    from device_reference import DeviceKeys
+    from python_reference import PythonNames
+
     app.connect("source-read", _links)
+    app.add_directive("device-keys", DeviceKeys)
+    app.add_directive("python-names", PythonNames)
     return {"parallel_read_safe": True}

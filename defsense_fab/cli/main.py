@@ -13,9 +13,11 @@ import threading
 from collections.abc import Iterator, Sequence
 
 from ..core.errors import DefsenseError
+from ..core.optional_libraries import missing
 from ..core.version import __version__
 from .command_parser import CommandParser
 from .commands import TASKS, module_of
+from .exit_codes import REFUSED, STOPPED
 
 #: What to do where the memory does not suffice.
 _LIGHTER = {
@@ -29,20 +31,26 @@ _LIGHTER = {
     "reproduce": "give fewer NAMEs at a time, or --quick",
     "twin": "give fewer --minutes or --sessions, or fewer [outputs] markers",
 }
-_INTERRUPTED = {
-    "build": "interrupted; the last build is untouched, and the same command goes on from the last"
-    " finished stage",
-    "capture": "interrupted; what was recorded is there, and files that were being written are not",
-    "calibrate": "interrupted; what was recorded is there, and the same command goes on",
-    "dataset": "interrupted; nothing was written, and a dataset before is untouched",
-    "evaluate": "interrupted; nothing was written, and an evaluation before is untouched",
-    "new": "interrupted; nothing was written",
-    "study": "interrupted; what was done is kept, and the same command goes on",
-    "train": "interrupted; no model was written, and the one before is untouched",
-    "reproduce": "interrupted; what was made is kept, and the same command goes on from there",
-    "run": "interrupted; what was read is kept",
-    "doctor": "interrupted; nothing was changed",
-    "twin": "interrupted; no session is left half-written, and shapes that were solved are kept",
+#: What is kept where a command is stopped by Ctrl-C.
+_KEPT = {
+    "build": "the last build is untouched, and the same command goes on from the last finished"
+    " stage",
+    "capture": "what was recorded is kept, and files that were being written are not",
+    "calibrate": "what was recorded is kept, and the same command goes on",
+    "dataset": "nothing was written, and a dataset before is untouched",
+    "evaluate": "nothing was written, and an evaluation before is untouched",
+    "modes": "nothing was written",
+    "new": "nothing was written",
+    "study": "what was done is kept, and the same command goes on",
+    "train": "no model was written, and the one before is untouched",
+    "recalibrate": "no model was written, and the one before is untouched",
+    "reproduce": "what was made is kept, and the same command goes on from there",
+    "run": "what was read is kept",
+    "studio": "every change is kept",
+    "doctor": "nothing was changed",
+    "licences": "nothing was changed",
+    "completion": "nothing was changed",
+    "twin": "no session is left half-written, and shapes that were solved are kept",
 }
 
 
@@ -50,41 +58,55 @@ _log = logging.getLogger(__name__)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0, or 2 for an error the user can mend."""
+    """Run one command; returns one of `exit_codes`."""
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
         from .help.completion import complete
 
         complete(make_parser())
     words = sys.argv[1:] if arguments is None else arguments
-    options = make_parser(words[0] if words else None).parse_args(words)
-    level = logging.DEBUG if options.verbose else logging.WARNING
-    logging.basicConfig(level=level, format="%(name)s: %(message)s", stream=sys.stderr)
-    for noisy in ("matplotlib", "numba", "trimesh", "build123d", "PIL"):
-        logging.getLogger(noisy).setLevel(logging.WARNING)
+    options = argparse.Namespace(command=words[0] if words else "")
     with _interrupts() as interrupted:
         try:
+            make_parser(options.command or None).parse_args(words, options)
+            _log_to_standard_error(options.verbose)
             return int(options.run(options))
         except DefsenseError as error:
             return _refuse(str(error))
         except KeyboardInterrupt:
-            return _refuse(_INTERRUPTED.get(options.command, _INTERRUPTED["build"]))
+            return _stopped(options.command)
         except Exception as error:
             if interrupted:
-                return _refuse(_INTERRUPTED.get(options.command, _INTERRUPTED["build"]))
-            if not isinstance(error, MemoryError | OSError):
+                return _stopped(options.command)
+            if not isinstance(error, MemoryError | OSError) and not _foreign_import(error):
                 raise
             _log.debug("where it happened", exc_info=True)
             return _refuse(_refused_by_the_system(error, options))
 
 
-def _refused_by_the_system(error: MemoryError | OSError, options: argparse.Namespace) -> str:
+def _log_to_standard_error(verbose: bool) -> None:
+    level = logging.DEBUG if verbose else logging.WARNING
+    logging.basicConfig(level=level, format="%(name)s: %(message)s", stream=sys.stderr)
+    for noisy in ("matplotlib", "numba", "trimesh", "build123d", "PIL"):
+        logging.getLogger(noisy).setLevel(logging.WARNING)
+
+
+def _foreign_import(error: Exception) -> bool:
+    """Whether a library is missing or does not load; an import of our own is our mistake."""
+    own = __name__.partition(".")[0]
+    return isinstance(error, ImportError) and (error.name or "").partition(".")[0] != own
+
+
+def _refused_by_the_system(error: Exception, options: argparse.Namespace) -> str:
     """What was being done, or which file it was about."""
     doing = " ".join(["defsense", options.command, *filter(None, [getattr(options, "step", "")])])
     if "doing" in options:
         doing += f", {options.doing}"
+    if isinstance(error, ImportError):
+        return missing(doing, error)
     if isinstance(error, MemoryError):
         hint = _LIGHTER.get(options.command, _LIGHTER["build"])
         return f"{doing}: the memory does not suffice; {hint}"
+    assert isinstance(error, OSError)
     where = doing if error.filename is None else os.fsdecode(error.filename)
     return f"{where}: {error.strerror or error}; check the path, its permissions and the disk"
 
@@ -109,9 +131,18 @@ def _interrupts() -> Iterator[list[int]]:
 
 
 def _refuse(message: str) -> int:
+    _tell("error: " + " ".join(message.split()))
+    return REFUSED
+
+
+def _stopped(command: str) -> int:
+    _tell(f"stopped; {_KEPT.get(command, _KEPT['build'])}")
+    return STOPPED
+
+
+def _tell(line: str) -> None:
     with contextlib.suppress(BrokenPipeError):
-        sys.stderr.write("error: " + " ".join(message.split()) + "\n")
-    return 2
+        sys.stderr.write(f"{line}\n")
 
 
 def make_parser(command: str | None = None) -> CommandParser:
@@ -120,8 +151,8 @@ def make_parser(command: str | None = None) -> CommandParser:
         prog="defsense",
         description="Soft objects that sense their own deformation: from a device folder to"
         " printable parts with a predicted accuracy.",
-        epilog="exit codes: 0 done; 2 refused, with one line that says what to do, or interrupted;"
-        " anything else is an error of defsense itself.",
+        epilog="exit codes: 0 done; 2 refused, with one line that says what to do; 130 stopped by"
+        " Ctrl-C, with one line that says what is kept (docs/commands.md).",
         examples=["defsense build fixtures/devices/bar"],
         tasks={task: [c for m in modules for c in m.commands] for task, modules in TASKS.items()},
     )

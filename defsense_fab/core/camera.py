@@ -17,11 +17,11 @@ import numpy as np
 
 from .arrays import Float
 from .errors import CaptureError
+from .file_names import FORBIDDEN, folded, is_reserved
 
 #: What a capture session calls its own files: no camera may.
 _TAKEN = ("frames", "log", "session", "cameras", "markers")
-_DEVICES = ("con", "prn", "aux", "nul", *(f"{d}{k}" for d in ("com", "lpt") for k in range(1, 10)))
-_FORBIDDEN = '/\\:*?"<>|%'  # of the file systems, and % of numbered images
+_FORBIDDEN = FORBIDDEN + "%"  # of numbered images
 _LONGEST = 60
 _NAMING = (
     "a camera's name is part of file names: give it 1 to 60 characters, none of them a control"
@@ -121,7 +121,7 @@ def check_name(name: str) -> None:
     odd = any(unicodedata.category(c).startswith("C") or c in _FORBIDDEN for c in name)
     if odd or not 1 <= len(name) <= _LONGEST or name != name.strip().strip("."):
         raise CaptureError(f"camera {name!r}: {_NAMING}")
-    if _folded(name) in _TAKEN or _folded(name).split(".")[0].rstrip() in _DEVICES:
+    if folded(name) in _TAKEN or is_reserved(name):
         raise CaptureError(
             f"camera {name!r}: this name belongs to a file of a capture session"
             f" ({', '.join(_TAKEN)}) or to a device of the operating system; choose another name"
@@ -134,7 +134,7 @@ def check_names(names: Sequence[str]) -> None:
     files: dict[str, str] = {}
     for name in names:
         check_name(name)
-        for file in (_folded(name), _folded(name) + "-frames"):
+        for file in (folded(name), folded(name) + "-frames"):
             if file in files:
                 raise CaptureError(_clash(files[file], name))
             files[file] = name
@@ -147,11 +147,6 @@ def _clash(one: str, other: str) -> str:
         f"cameras {one!r} and {other!r} would write the same files; give them names that differ by"
         " more than capital letters or an ending -frames"
     )
-
-
-def _folded(name: str) -> str:
-    """Equal for names that some file system takes for one."""
-    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
 def distort(plane: Float, coefficients: Float, *, fisheye: bool = False) -> tuple[Float, Float]:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from .catalogue import read_rows
+from .cord_table import read_cord
 from .curve import Hermite, Plane, catmull_rom
 from .device import (
     ASSEMBLIES,
-    COMPRESSION,
     CONVERTERS,
     DECODERS,
     FREEDOMS,
@@ -27,17 +27,21 @@ from .device import (
     OutputsSpec,
     Sensor,
 )
-from .errors import CalibrationError, DeviceError
+from .errors import DeviceError
 from .material_table import read_material
 from .pose_file import read_poses, read_states
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
-from .response import ResponseSpec, read_measured, read_response
 from .silicone import silicone
 from .toml_table import Table, is_number, load_toml, parse_toml
 
 SCHEMA = 1
 DEVICE = "device.toml"
 MOST_COPIES = 100
+MOST_SHRINKAGE = 0.1
+#: Least and greatest relative accuracy of signals that a mesh may be asked for.
+ACCURACIES = (0.0001, 0.2)
+#: Least and greatest edge of what a printer makes, mm.
+BEDS = (30.0, 5000.0)
 #: Width, height and depth of a connector bay, mm: a row of header pins or a JST-XH of 4 ways.
 BAY = (14.0, 7.0, 8.0)
 
@@ -69,7 +73,7 @@ def read_device(
     poses = read_poses(top, list(regions), complete)
     fabrication = _fabrication(top.table("fabrication", required=False))
     hanging = 0.0 if fabrication.pockets else fabrication.lead
-    cord = _cord(top.table("cord"), hanging, folder)
+    cord = read_cord(top.table("cord"), hanging, folder)
     sensors = _sensors(top)
     body = _body(top.table("body"), folder, overrides)
     _agree(top, body, cord, fabrication)
@@ -79,13 +83,13 @@ def read_device(
     readout.choice("converter", converter, list(CONVERTERS), "converter")
     readout.done()
     design = top.table("design", required=False)
-    wanted = _count(design, "sensors")
-    planes = _count(design, "planes")
+    wanted = design.count("sensors")
+    planes = design.count("planes")
     decoder = design.string("decoder", "auto")
     design.choice("decoder", decoder, (*DECODERS, "auto"), "decoder")
     prefer = design.string("prefer", PREFERENCES[0])
     design.choice("prefer", prefer, PREFERENCES, "preference")
-    seed, searches = _count(design, "seed"), _count(design, "searches")
+    seed, searches = design.count("seed", Device.seed), design.count("searches")
     design.done()
     if complete and not sensors and not wanted:
         top.fail("sensors", "draw [[sensors]] with planes and paths, or give [design] sensors = 3")
@@ -109,7 +113,7 @@ def read_device(
         decoder=decoder,
         prefer=prefer,
         converter=converter,
-        seed=seed or Device.seed,
+        seed=seed,
         searches=searches,
     )
     top.done()
@@ -147,16 +151,6 @@ def _stretching(top: Table, cord: CordSpec, f: FabricationSpec) -> None:
         t.fail("prestretch", f"the cord {cord.name!r} takes strains up to {cord.max_strain:g}")
 
 
-def _count(t: Table, key: str) -> int | None:
-    """A whole number of at least 1, or None where there is none."""
-    if key not in t.data:
-        return None
-    value = t.number(key, 0.5, low=0)
-    if value != int(value):
-        t.fail(key, "must be a whole number of at least 1")
-    return int(value)
-
-
 def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
     kinds: tuple[BodyKind, ...] = ("script", "step", "mesh")
     given = [k for k in kinds if t.has(k)]
@@ -190,9 +184,9 @@ def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
 
 def _bay(t: Table) -> BaySpec:
     at = t.vector("at")
-    width, height, depth = t.vector("size").tolist() if t.has("size") else BAY
-    if min(width, height, depth) < 2:
-        t.fail("size", "is width, height and depth, each at least 2 mm")
+    width, height, depth = t.vector("size", default=BAY).tolist()
+    least = "is width, height and depth, each at least 2 mm"
+    t.within("size", min(width, height, depth), 2, np.inf, least)
     t.done()
     return BaySpec(at, (width, height, depth))
 
@@ -204,8 +198,11 @@ def _mesh(t: Table) -> MeshSpec:
         t.number("edge_length")  # says what is missing or misspelt
     if edge is not None and accuracy is not None:
         t.fail("edge_length", "give either edge_length = 6.0 (mm) or accuracy = 0.01 (of signals)")
-    if accuracy is not None and not 1e-4 <= accuracy <= 0.2:
-        t.fail("accuracy", f"must lie between 0.0001 and 0.2, not {accuracy:g}")
+    if accuracy is not None:
+        low, high = ACCURACIES
+        t.within(
+            "accuracy", accuracy, low, high, f"must lie between {low} and {high}, not {accuracy:g}"
+        )
     limit = t.number("time_limit", MeshSpec.time_limit, low=0)
     t.done()
     return MeshSpec(edge, accuracy, limit)
@@ -263,58 +260,6 @@ def _outputs(t: Table, regions: Sequence[str]) -> OutputsSpec:
     return OutputsSpec(value, anchor)
 
 
-def _cord(t: Table, lead: float, folder: Path) -> CordSpec:
-    name = t.string("name")
-    rows = read_rows("cords.csv")
-    t.choice("name", name, list(rows), "cord")
-    words = ("name", "source", "compression")
-    row = {k: float(v) for k, v in rows[name].items() if k not in words}
-    row["noise"] = t.number("noise", row["noise"], low=0)
-    for key in ("contact", "min_stretch"):
-        row[key] = t.size(key, row[key])
-    compression = t.string("compression", rows[name]["compression"])
-    t.choice("compression", compression, list(COMPRESSION), "behaviour under compression")
-    response = _from_data_sheet(row.pop("gauge_factor"), compression)
-    measured = None
-    if t.has("response"):
-        if t.has("compression"):
-            t.fail("compression", "the response tells it; remove this key or 'response'")
-        compression = "measured"
-        try:
-            response = read_response(folder / t.string("response"))
-            measured = read_measured(folder / t.string("response"))
-        except CalibrationError as error:
-            t.fail("response", str(error))
-    shortest, longest = 0.0, float("inf")
-    if t.has("length"):
-        shortest, longest = t.vector("length", 2).tolist()
-        if not 0 <= shortest <= longest - 1:
-            t.fail("length", "give the least and the greatest length of a piece, as in [100, 400]")
-        if longest < 2 * lead + 1:
-            t.fail(
-                "length",
-                f"a piece of {longest:g} mm is used up by its two free ends of {lead:g} mm"
-                " ([fabrication] lead)",
-            )
-    t.done()
-    return CordSpec(
-        name=name,
-        response=response,
-        lengths=(shortest, longest),
-        compression=compression,
-        measured=measured,
-        **row,
-    )
-
-
-def _from_data_sheet(gauge_factor: float, compression: str) -> ResponseSpec:
-    """The response of a cord of which only its behaviour in tension is known."""
-    if COMPRESSION[compression] == 1:
-        return ResponseSpec.line(gauge_factor)
-    slopes = {"tension": gauge_factor, "compression": gauge_factor * COMPRESSION[compression]}
-    return ResponseSpec("two-slopes", slopes)
-
-
 def _fabrication(t: Table) -> FabricationSpec:
     rows = read_rows("printers.csv")
     name = t.string("process", next(iter(rows)))
@@ -328,26 +273,28 @@ def _fabrication(t: Table) -> FabricationSpec:
         bed=_bed(t, row),
         pockets=t.boolean("pockets", True),
         limit_cuts=t.boolean("limit_cuts", False),
-        strain_relief=t.boolean("strain_relief", True) if t.has("strain_relief") else None,
+        strain_relief=t.boolean("strain_relief") if t.has("strain_relief") else None,
         wire_diameter=t.number("wire_diameter", 1.1, low=0),
-        marker_seats=_count(t, "marker_seats") or 0,
+        marker_seats=t.count("marker_seats") or 0,
         marker_size=t.number("marker_size", 10.0, low=0),
         assembly=t.string("assembly", ASSEMBLIES[0]),
         prestretch=t.size("prestretch") if t.has("prestretch") else None,
         kind=row["kind"],
-        line=float(row["line"]),
-        layer=float(row["layer"]),
-        hole=float(row["hole"]),
+        line=t.number("line", float(row["line"]), low=0),
+        layer=t.number("layer", float(row["layer"]), low=0),
+        hole=t.size("hole", float(row["hole"])),
         spacing=float(row["spacing"]),
         supports=row["supports"],
-        copies=_count(t, "copies") or 1,
+        copies=t.count("copies", FabricationSpec.copies),
         mould_wall=t.number("mould_wall", FabricationSpec.mould_wall, low=2),
         shrinkage=t.size("shrinkage") if t.has("shrinkage") else None,
     )
-    if spec.copies > MOST_COPIES:
-        t.fail("copies", f"must be at most {MOST_COPIES}, not {spec.copies}")
-    if spec.shrinkage is not None and spec.shrinkage > 0.1:
-        t.fail("shrinkage", f"is a share of the length, as in 0.002, not {spec.shrinkage:g}")
+    if t.has("copies"):
+        most = f"must be at most {MOST_COPIES}, not {spec.copies}"
+        t.within("copies", spec.copies, 1, MOST_COPIES, most)
+    if spec.shrinkage is not None:
+        share = f"is a share of the length, as in 0.002, not {spec.shrinkage:g}"
+        t.within("shrinkage", spec.shrinkage, 0, MOST_SHRINKAGE, share)
     if spec.kind == "cast" and spec.limit_cuts:
         t.fail("limit_cuts", "parts that wrap round the end of a cut cannot be cast; remove it")
     for key in ("mould_wall", "shrinkage"):
@@ -362,11 +309,11 @@ def _fabrication(t: Table) -> FabricationSpec:
 
 def _bed(t: Table, row: Mapping[str, str]) -> tuple[float, float, float]:
     """The bed that is stated, or that of the process, mm."""
-    if not t.has("bed"):
-        return float(row["bed_x"]), float(row["bed_y"]), float(row["bed_z"])
-    x, y, z = t.vector("bed").tolist()
-    if not 30 <= min(x, y, z) <= max(x, y, z) <= 5000:
-        t.fail("bed", "is width, depth and height of what the printer makes, 30 to 5000 mm each")
+    of_process = [float(row[f"bed_{axis}"]) for axis in "xyz"]
+    bed, (low, high) = t.vector("bed", default=of_process), BEDS
+    what = "is width, depth and height of what the printer makes"
+    t.within("bed", bed, low, high, f"{what}, {low:g} to {high:g} mm each")
+    x, y, z = bed.tolist()
     return x, y, z
 
 

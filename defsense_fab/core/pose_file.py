@@ -9,11 +9,13 @@ import numpy as np
 from .arrays import Float
 from .default_states import RAMP, default_states
 from .device import Handle, PointDrag, Pose, RegionPressure, StatesSpec, SymmetryPlane
+from .file_names import folded
 from .toml_table import Table, is_number
 
 #: Largest size of a movement (mm), stiffness, load.
 LARGEST = 1e5
 MOST_DEGREES = 3600.0
+_LONGEST = 60  # letters of a pose's name
 
 
 def read_poses(top: Table, regions: Sequence[str], required: bool = True) -> tuple[Pose, ...]:
@@ -21,10 +23,15 @@ def read_poses(top: Table, regions: Sequence[str], required: bool = True) -> tup
     poses: list[Pose] = []
     for t in top.tables("poses"):
         name = t.string("name")
-        if name in [p.name for p in poses] or name == "rest":
+        like = next(
+            (n for n in ("rest", *(p.name for p in poses)) if folded(n) == folded(name)), ""
+        )
+        if like == name:
             t.fail("name", f"{name!r} is used already; choose another name")
-        if not name.replace("_", "").replace("-", "").isalnum():
-            t.fail("name", "use letters, digits, - and _ only: it names files")
+        if like:
+            t.fail("name", f"{name!r} and {like!r} are one file for Windows; choose another name")
+        if not name.replace("_", "").replace("-", "").isalnum() or len(name) > _LONGEST:
+            t.fail("name", f"use up to {_LONGEST} letters, digits, - and _ only: it names files")
         poses.append(_pose(t, name, regions))
     if required and not poses:
         top.fail(
@@ -78,8 +85,8 @@ def _unit(t: Table, key: str) -> Float:
 
 def _sane(t: Table, key: str, values: Float) -> Float:
     """Numbers that a real device can have; beyond, arithmetic overflows."""
-    if np.abs(values).max(initial=0.0) > LARGEST:
-        t.fail(key, f"has a number beyond {LARGEST:g}, which no device can mean")
+    beyond = f"has a number beyond {LARGEST:g}, which no device can mean"
+    t.within(key, values, -LARGEST, LARGEST, beyond)
     return values
 
 
@@ -99,8 +106,8 @@ def _handle(t: Table, regions: Sequence[str]) -> Handle:
             free = axis[None]
         else:
             degrees = r.number("degrees")
-            if abs(degrees) > MOST_DEGREES:
-                r.fail("degrees", f"must be within {MOST_DEGREES:g}, not {degrees:g}")
+            most = f"must be within {MOST_DEGREES:g}, not {degrees:g}"
+            r.within("degrees", degrees, -MOST_DEGREES, MOST_DEGREES, most)
             rotation = axis * np.deg2rad(degrees)
         r.done()
     translation = _translation(t)
@@ -164,7 +171,7 @@ def _weights(t: Table, key: str, poses: Sequence[str]) -> tuple[dict[str, float]
 def read_states(t: Table, of: Sequence[Pose]) -> StatesSpec:
     """The `[states]` table; without mixtures in it, those that cover what the poses span."""
     poses = [p.name for p in of]
-    ramp = t.array("ramp", (None,)) if t.has("ramp") else np.array(RAMP)
+    ramp = t.array("ramp", (None,), RAMP)
     if len(ramp) == 0 or (ramp <= 0).any() or (ramp > 1).any():
         t.fail("ramp", "must be fractions above 0 and up to 1, for example [0.5, 1.0]")
     fractions = tuple(float(r) for r in np.unique(ramp))

@@ -6,8 +6,9 @@ import difflib
 import re
 import tomllib
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, overload
 
 import numpy as np
 
@@ -41,7 +42,21 @@ def parse_toml(text: str, path: Path) -> Table:
         raise DeviceError(f"{path}: not valid TOML: {error}") from None
 
 
-Asked = dict[tuple[Any, ...], set[str]]
+@dataclass(frozen=True)
+class Reading:
+    """How a key was read: the kinds of its value, whether it must be there, its default, what it
+    must be greater than, the least and the greatest that it may be, and the texts that are allowed.
+    The reference of the files' keys is made of these."""
+
+    kinds: tuple[str, ...] = ()
+    required: bool = False
+    default: Any = None
+    above: float = -np.inf
+    within: tuple[float, float] = (-np.inf, np.inf)
+    options: tuple[str, ...] = ()
+
+
+Asked = dict[tuple[Any, ...], dict[str, Reading]]
 
 
 class Table:
@@ -57,12 +72,12 @@ class Table:
     ) -> None:
         self.data, self._file, self._text, self._path = data, file, text, path
         self._asked: Asked = {} if asked is None else asked
-        self._known = self._asked.setdefault(path, set())
+        self._known = self._asked.setdefault(path, {})
 
     @property
     def asked(self) -> Asked:
-        """Which keys were asked for so far, of this table and all that were read from the same
-        file, by the tables' paths: names of keys, and numbers from 0 in lists."""
+        """Which keys were asked for so far, and how, of this table and all that were read from the
+        same file, by the tables' paths: names of keys, and numbers from 0 in lists."""
         return self._asked
 
     def fail(self, key: str | None, problem: str) -> NoReturn:
@@ -73,8 +88,19 @@ class Table:
         where = f"{self._file.name}:{line}" if line else self._file.name
         raise DeviceError(f"{where}: {dotted or 'file'}: {problem}")
 
-    def _get(self, key: str, default: Any) -> Any:
-        self._known.add(key)
+    def _note(self, key: str, **how: Any) -> Reading:
+        reading = self._known[key] = replace(self._known.get(key, Reading()), **how)
+        return reading
+
+    def _get(self, key: str, default: Any, kind: str) -> Any:
+        known = key in self._known  # asked for before: it may be left out
+        reading = self._note(key)
+        if kind not in reading.kinds:
+            self._note(key, kinds=(*reading.kinds, kind))
+        if default is _REQUIRED:
+            self._note(key, required=reading.required or not known)
+        elif default is not None:
+            self._note(key, default=default)
         if key in self.data:
             return self.data[key]
         if default is _REQUIRED:
@@ -85,18 +111,19 @@ class Table:
         return default
 
     def has(self, key: str) -> bool:
-        self._known.add(key)
+        self._note(key)
         return key in self.data
 
     def string(self, key: str, default: Any = None) -> str:
-        value = self._get(key, _REQUIRED if default is None else default)
+        value = self._get(key, _REQUIRED if default is None else default, "text")
         if not isinstance(value, str) or not value:
             self.fail(key, f"must be a text in quotes, not {value!r}")
         return value
 
     def number(self, key: str, default: Any = None, low: float = -np.inf) -> float:
         """A finite number above `low`."""
-        value = self._get(key, _REQUIRED if default is None else default)
+        value = self._get(key, _REQUIRED if default is None else default, "number")
+        self._note(key, above=low)
         if not is_number(value):
             self.fail(key, f"must be a number, not {_short(value)}")
         if value <= low:
@@ -106,23 +133,50 @@ class Table:
     def size(self, key: str, default: Any = None) -> float:
         """A finite number that is not negative."""
         value = self.number(key, default)
+        self._note(key, within=(0.0, np.inf))
         if value < 0:
             self.fail(key, f"must not be negative, and is {value:g}")
         return value
 
-    def boolean(self, key: str, default: bool) -> bool:
-        value = self._get(key, default)
+    @overload
+    def count(self, key: str) -> int | None: ...
+
+    @overload
+    def count(self, key: str, default: int) -> int: ...
+
+    def count(self, key: str, default: int | None = None) -> int | None:
+        """A whole number of at least 1, or the default where there is none."""
+        value = self._get(key, default, "whole number")
+        self._note(key, within=(1.0, np.inf))
+        if key not in self.data:
+            return default
+        if not is_number(value):
+            self.fail(key, f"must be a number, not {_short(value)}")
+        if value < 1 or value != int(value):
+            self.fail(key, f"must be a whole number of at least 1, not {value:g}")
+        return int(value)
+
+    def within(self, key: str, values: float | Float, low: float, high: float, else_: str) -> None:
+        """Fail with `else_` unless all values, read from `key`, are from `low` to `high`."""
+        self._note(key, within=(low, high))
+        if not ((low <= np.asarray(values)) & (np.asarray(values) <= high)).all():
+            self.fail(key, else_)
+
+    def boolean(self, key: str, default: bool | None = None) -> bool:
+        value = self._get(key, _REQUIRED if default is None else default, "true or false")
         if not isinstance(value, bool):
             self.fail(key, f"must be true or false, not {_short(value)}")
         return value
 
-    def vector(self, key: str, size: int = 3) -> Float:
-        return self.array(key, (size,))
+    def vector(self, key: str, size: int = 3, default: Sequence[float] | None = None) -> Float:
+        return self.array(key, (size,), default)
 
-    def array(self, key: str, shape: tuple[int | None, ...]) -> Float:
+    def array(
+        self, key: str, shape: tuple[int | None, ...], default: Sequence[float] | None = None
+    ) -> Float:
         """Numbers of the given shape; None is any length."""
-        value = self._get(key, _REQUIRED)
         want = " x ".join("any" if n is None else str(n) for n in shape)
+        value = self._get(key, _REQUIRED if default is None else list(default), f"{want} numbers")
         try:
             if not _numeric(value):
                 raise ValueError
@@ -136,22 +190,22 @@ class Table:
         return out
 
     def strings(self, key: str, default: Sequence[str] | None = None) -> list[str]:
-        value = self._get(key, _REQUIRED if default is None else list(default))
+        value = self._get(key, _REQUIRED if default is None else list(default), "texts")
         if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
             self.fail(key, f"must be a list of texts, not {value!r}")
         return value
 
     def raw(self, key: str, default: Any = None) -> Any:
-        return self._get(key, default)
+        return self._get(key, default, "any")
 
     def table(self, key: str, required: bool = True) -> Table:
-        value = self._get(key, _REQUIRED if required else {})
+        value = self._get(key, _REQUIRED if required else {}, "table")
         if not isinstance(value, dict):
             self.fail(key, f"must be a table, not {value!r}")
         return Table(value, self._file, self._text, (*self._path, key), self._asked)
 
     def tables(self, key: str) -> list[Table]:
-        value = self._get(key, [])
+        value = self._get(key, [], "tables")
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
             self.fail(key, "must be a list of tables")
         return [
@@ -161,6 +215,7 @@ class Table:
 
     def choice(self, key: str, name: str, options: Sequence[str], what: str) -> None:
         """Fail unless `name` is one of `options`, with the nearest ones."""
+        self._note(key, options=tuple(options))
         if name not in options:
             near = difflib.get_close_matches(name, options, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""

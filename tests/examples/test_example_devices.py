@@ -14,6 +14,13 @@ ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 
 
+@pytest.mark.parametrize(("name", "body"), [("bar", "bar.py"), ("twist-bar", "bar.py")])
+def test_examples_that_are_fixtures_too_are_the_same(name, body):
+    for file in (body, "device.toml"):
+        fixture = ROOT / "fixtures" / "devices" / name / file
+        assert (EXAMPLES / name / file).read_bytes() == fixture.read_bytes()
+
+
 @pytest.mark.parametrize(("name", "degrees"), [("sheet", 45), ("character", 30)])
 def test_poses_go_as_far_as_the_paper_shows(name, degrees):
     for pose in load_device(EXAMPLES / name).poses:

@@ -12,6 +12,7 @@ from defsense_fab.capture.readout.ports import open_port
 from defsense_fab.capture.readout.reader import Reader, Settings
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.core.errors import CaptureError
+from defsense_fab.pipeline.doctor import boards
 from tests.firmware.build import FIRMWARE
 from tests.firmware.conftest import collect
 
@@ -96,6 +97,12 @@ def test_the_host_sets_the_board_up(board):
     assert np.diff(times[5:]).mean() == pytest.approx(25_000, rel=0.01)
     assert {i.sample.led for i in items} == {True, False}
     assert len(latest.sample.sums) == 2
+
+
+def test_doctor_tells_the_board_and_its_firmware(board):
+    told = boards.ask(board("divider").port)
+    assert told.startswith("firmware 1.0 (protocol 1), ")
+    assert "the microcontroller's converter" in told
 
 
 def test_a_board_that_cannot_do_what_is_asked(board):

@@ -17,6 +17,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import CaptureError
 from ...core.files import replacing
+from ...core.optional_libraries import optional
 from ...core.tracks import Tracks
 from .c3d_header import MOST_FRAMES, check_whole
 from .even_frames import JITTER, FrameGrid, frame_grid
@@ -147,8 +148,6 @@ def _strings(group: dict[str, Any], name: str) -> list[str]:
 
 
 def _library(path: Path) -> Any:
-    try:
+    with optional(CaptureError, path, "exchange"):
         import ezc3d
-    except ImportError:
-        raise CaptureError(f"{path}: C3D needs ezc3d; pip install defsense-fab[exchange]") from None
     return ezc3d

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.errors import CaptureError
 from ...core.files import replacing
+from ...core.optional_libraries import optional
 from ...core.tracks import Tracks
 from .c3d import read_c3d, write_c3d
 from .even_frames import WrittenFrames, frame_grid, on_even_frames
@@ -116,13 +117,9 @@ def read_parquet(path: Path) -> Tracks:
 
 
 def _libraries(path: Path) -> tuple[Any, Any]:
-    try:
+    with optional(CaptureError, path, "exchange"):
         import pyarrow
         import pyarrow.parquet
-    except ImportError:
-        raise CaptureError(
-            f"{path}: Parquet needs pyarrow; pip install defsense-fab[exchange]"
-        ) from None
     return pyarrow, pyarrow.parquet
 
 

@@ -180,7 +180,10 @@ def _fit(options: argparse.Namespace, bars: Bars) -> int:
 
 def _common(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
-        "--cord", default="rubber-2mm", metavar="NAME", help="of data/cords.csv (rubber-2mm)"
+        "--cord",
+        default="rubber-2mm",
+        metavar="NAME",
+        help="of data/cords.csv, or the diameter of another, mm (rubber-2mm)",
     )
     sub.add_argument(
         "--process", default="fdm-tpu", metavar="NAME", help="of data/printers.csv (fdm-tpu)"

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import CaptureError, DefsenseError, DeviceError
+from ..exit_codes import DONE, STOPPED
 from ..options import REFERENCE, numbers, references, within
 
 if TYPE_CHECKING:
@@ -352,7 +353,7 @@ def _recorded(options: argparse.Namespace, session: CalibrationSession, done: bo
             f"stopped with {total - left} of {total} readings; every frame is in {session.folder}\n"
             "Next:    the same command goes on with the others; fit takes what there is\n"
         )
-    return 0
+    return DONE if done and not left else STOPPED
 
 
 def _reference(options: argparse.Namespace) -> int:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.errors import CaptureError, DeviceError
+from ..exit_codes import DONE, NO
 from ..options import twin_values
 from ..output import say
 
@@ -311,7 +312,7 @@ def _check(options: argparse.Namespace, bars: Bars) -> int:
             "order": cause and cause.order and [options.sources[k] for k in cause.order],
         }  # fmt: skip
         sys.stdout.write(json.dumps(data, indent=1) + "\n")
-        return 0 if check.holds else 1
+        return DONE if check.holds else NO
     own = ", ".join(
         f"{name} {f'{x:.2f} px' if isfinite(x) else 'did not see the board'}"
         for name, x in zip(found.names, check.own, strict=True)
@@ -328,7 +329,7 @@ def _check(options: argparse.Namespace, bars: Bars) -> int:
         )
     said = "The calibration does not hold: " + _why(options, board, found) if cause else ""
     say([*lines, said or "The calibration holds."])
-    return 0 if check.holds else 1
+    return DONE if check.holds else NO
 
 
 def _finite(value: float) -> float | None:

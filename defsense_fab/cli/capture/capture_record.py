@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..device import device_folder
+from ..exit_codes import DONE, STOPPED
 from ..options import REFERENCE, references, twin_values, within
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def _told(options: argparse.Namespace, session: CaptureSession, done: bool) -> i
 
     if options.json:
         sys.stdout.write(json.dumps(as_mapping(session), indent=1) + "\n")
-        return 0
+        return DONE if done else STOPPED
     run = session.runs[-1]
     lines = [f"{run}: {ending(run)}; {len(finished(session))} of {len(session.steps)} steps"]
     if done:
@@ -133,4 +134,4 @@ def _told(options: argparse.Namespace, session: CaptureSession, done: bool) -> i
             f" {session.folder} takes what there is"
         )
     sys.stdout.write("\n".join(lines) + "\n")
-    return 0
+    return DONE if done else STOPPED

@@ -13,7 +13,9 @@ from ..options import numbers, within
 from ..output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
+    from ...core.progress import Progress
     from ...pipeline.build.asked import Asked
+    from ...pipeline.build.stages import Solve
     from ..options import Commands
 
 _STAGES = {
@@ -24,6 +26,9 @@ _STAGES = {
     "fabricate": ("fabricate", "make the parts, after what they need"),
     "report": ("report", "write the report, after what it needs"),
 }
+
+
+_BEFORE_POSES = ("mesh",)
 
 
 def add(commands: Commands) -> None:
@@ -45,6 +50,12 @@ def add(commands: Commands) -> None:
                 "--bed", metavar="X,Y,Z",
                 help="of the printer, mm, in place of [fabrication] bed",
             )  # fmt: skip
+        if name not in _BEFORE_POSES:
+            sub.add_argument(
+                "--scheduler", metavar="ADDRESS",
+                help="solve the poses on a cluster of Dask: the address of its scheduler,"
+                " tcp://HOST:8786 (here)",
+            )  # fmt: skip
         sub.set_defaults(until=until, run=_build)
 
 
@@ -57,7 +68,8 @@ def _build(options: argparse.Namespace) -> int:
 
     before = recorded(device, device.source / "build")
     with silent_stdout(), progress_bars(options) as progress:
-        result = build(device, options.until, progress, asked=asked)
+        solve = _solve_elsewhere(options, progress)
+        result = build(device, options.until, progress, asked=asked, solve=solve)
     data = {**summary(result.folder), "made": result.made, "reused": result.reused}
     with results():
         if options.json:
@@ -71,6 +83,16 @@ def _build(options: argparse.Namespace) -> int:
                     " [fabrication] in device.toml"
                 ])  # fmt: skip
     return 0
+
+
+def _solve_elsewhere(options: argparse.Namespace, progress: Progress) -> Solve | None:
+    """What solves the poses where a cluster is given."""
+    address = getattr(options, "scheduler", None)
+    if address is None:
+        return None
+    from ...pipeline.study.runs.poses_on_cluster import cluster_solver
+
+    return cluster_solver(address, lambda told: progress("simulate", 0.0, told))
 
 
 def _asked(options: argparse.Namespace) -> Asked:

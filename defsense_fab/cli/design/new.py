@@ -66,7 +66,7 @@ def add(commands: Commands) -> None:
 
 def _new(options: argparse.Namespace) -> int:
     from ...core.device_file import DEVICE
-    from ...pipeline.starts.names import check_folder_name
+    from ...core.file_names import check_folder_name
     from ...pipeline.starts.starting_devices import STARTS
 
     folder: Path = options.folder
@@ -208,7 +208,7 @@ def _unit(found: DroppedBody, options: argparse.Namespace, asked: bool) -> str:
 
 
 def _name(options: argparse.Namespace) -> str:
-    from ...pipeline.starts.names import safe_name
+    from ...core.file_names import safe_name
 
     return str(options.name or safe_name(options.folder.resolve().name + "."))
 

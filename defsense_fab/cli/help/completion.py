@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.errors import DeviceError
+from ...core.optional_libraries import optional
 from ..device import device_folder
 from ..output import results
 
@@ -32,12 +33,8 @@ def add(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    try:
+    with optional(DeviceError, "completion"):
         from argcomplete.shell_integration import shellcode
-    except ImportError:
-        raise DeviceError(
-            "completion needs the package argcomplete: pip install argcomplete"
-        ) from None
     with results():
         sys.stdout.write(shellcode(["defsense"], shell=options.shell) + "\n")
     return 0

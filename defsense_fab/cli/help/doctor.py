@@ -12,6 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..exit_codes import DONE, REFUSED
 from ..options import within
 from ..output import results
 
@@ -64,7 +65,7 @@ def _run(options: argparse.Namespace) -> int:
             )
         else:
             sys.stdout.write(_sum(found, options.verbose, good))
-    return 0 if good else 2
+    return DONE if good else REFUSED
 
 
 def _summed(finding: Finding) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...core.errors import BodyError
+from ...core.optional_libraries import missing
 
 _LONGEST = 300  # characters of a message; CAD kernels list every signature that they have
 _SIGNATURES = re.compile(r"The following argument types are supported:.*?Invoked with:")
@@ -24,6 +25,8 @@ def script_failure(raised: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
             f"{where}: the script ends the program{said} in place of returning a body; remove that"
             " call, or raise an error that says what is wrong"
         )
+    if raised.get("module"):
+        return BodyError(_missing(where, str(raised["module"])))
     if not message:
         kernel = raised["type"].startswith(("Standard_", "StdFail_", "gp_"))
         message = "no message"
@@ -34,6 +37,13 @@ def script_failure(raised: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
         f"{where}: the script raised {raised['type']}: {message}; mend the script or its"
         f" parameters{f' ({given})' if given else ''}"
     )
+
+
+def _missing(where: str, module: str) -> str:
+    error = ModuleNotFoundError(name=module)
+    if module.partition(".")[0] == "cadquery":
+        return missing(where, error, "cadquery")
+    return missing(where, error, otherwise="or put what the script imports into its folder")
 
 
 def _plain(message: str) -> str:

@@ -30,6 +30,7 @@ ANGLE = 0.06
 #: Largest distance of a channel's arcs (`core/biarc.py`) from the path, mm.
 PATH_TOLERANCE = 0.01
 _LOST = 2e-3  # of the parts' volume
+_MENDED = 1e-6  # share of the volume that a mended solid may differ by
 _NOTHING = 1e-3  # mm^3
 _STAMP = "1980-01-01T00:00:00"  # of STEP files
 _USE = re.compile(rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+")
@@ -263,9 +264,16 @@ def centroid(solid: Any) -> Float:
 
 
 def one_solid(shape: Any) -> Any:
-    """The TopoDS_Solid that a build123d shape consists of. Raises FabricationError where it is not
-    one valid solid."""
+    """The TopoDS_Solid that a build123d shape consists of; faults that boolean operations leave at
+    times (edges that miss their surface by more than their tolerance) are mended. Raises
+    FabricationError where it is not one valid solid."""
     solids = list(shape.solids())
-    if len(solids) != 1 or not solids[0].is_valid or solids[0].volume <= 0:
+    if len(solids) != 1 or solids[0].volume <= 0:
         raise FabricationError(f"the geometry kernel made {len(solids)} solids of one part")
-    return solids[0].wrapped
+    solid = solids[0]
+    if not solid.is_valid:
+        mended = solid.fix()
+        if not mended.is_valid or abs(mended.volume / solid.volume - 1) > _MENDED:
+            raise FabricationError("the geometry kernel made a solid of one part that is not valid")
+        solid = mended
+    return solid.wrapped

@@ -13,6 +13,7 @@ import build123d as bd
 
 from ...core.errors import FabricationError
 from ..kernels.occ import one_solid
+from .lettering import lettering
 
 PEG = 4.0  # mm, diameter of the peg
 _DEPTH, _PLATE, _WIDTH, _BESIDE = 5.0, 8.0, 24.0, 4.0  # of sockets; of a plate; beside features
@@ -63,7 +64,7 @@ def coupon(cord: float, clearances: Sequence[float]) -> dict[str, Any]:
         hole = bd.Cylinder((PEG + clearance) / 2, 2 * _DEPTH, align=center)
         hollows.append(bd.Pos(x + step, _SOCKET, 0) * hole)
         label = f"{clearance:.2f}".rstrip("0").rstrip(".")
-        text = bd.Text(label, font_size=_FONT, align=center[:2])
+        text = lettering(label, _FONT)
         at = bd.Pos(x + step, _LABEL, -_ENGRAVED)
         hollows.append(bd.extrude(at * text, amount=_ENGRAVED + 1))
     plate -= hollows  # one by one, each takes longer than the one before

@@ -21,6 +21,7 @@ import numpy as np
 from ...core.bending import bent_strain
 from ...core.errors import FabricationError
 from ..kernels.occ import one_solid
+from .lettering import lettering
 
 _CHAMFER = 0.5  # mm, of the channels' mouths
 _PIN_LENGTH = 4.0
@@ -134,7 +135,7 @@ def jig(s: Specimen, radius: float | None) -> Any:
         _strip(s, radius, -1.0, s.thickness, stops=False), 2 * s.channel_diameter + 4
     )
     name = "FLAT" if radius is None else f"R{radius:g}"
-    text = bd.Text(name, font_size=6.0, align=(bd.Align.CENTER, bd.Align.CENTER))
+    text = lettering(name, 6.0)
     at = bd.Plane(
         origin=(0, -outer / 2, (radius or 0.0) - _SHELL / 2), x_dir=(1, 0, 0), z_dir=(0, -1, 0)
     )

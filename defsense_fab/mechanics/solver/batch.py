@@ -17,10 +17,12 @@ from .newton import System
 
 @dataclass(frozen=True)
 class Job:
-    """Equilibria at increasing `fractions` of the way from rest to `conditions`."""
+    """Equilibria at increasing `fractions` of the way from rest to `conditions`; its `name` is for
+    people."""
 
     conditions: BoundaryConditions
     fractions: tuple[float, ...]
+    name: str = ""
 
 
 def solve_all(

@@ -1,6 +1,7 @@
 """Symmetric positive definite sparse solves behind one interface.
 
-MKL Pardiso where there is MKL (x86), SciPy's SuperLU elsewhere or with DEFSENSE_SOLVER=superlu.
+MKL Pardiso where it is installed (x86, 1 GB), RSLAB elsewhere or with DEFSENSE_SOLVER=rslab: it is
+about as quick and has wheels for every system (`python -m benchmarks.solvers`).
 """
 
 from __future__ import annotations
@@ -13,8 +14,6 @@ from importlib.metadata import PackageNotFoundError, files
 from typing import Any, Protocol
 
 import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as spl
 
 from ...core.arrays import Float
 
@@ -40,12 +39,12 @@ class SymmetricSolver(Protocol):
 
 def make_solver(threads: int = 1) -> SymmetricSolver:
     """The fastest solver of this machine."""
-    if os.environ.get("DEFSENSE_SOLVER") != "superlu":
+    if os.environ.get("DEFSENSE_SOLVER") != "rslab":
         try:
             return Pardiso(threads)
-        except ImportError:  # no MKL on this platform
+        except ImportError:  # no MKL here
             pass
-    return SuperLU()
+    return Rslab(threads)
 
 
 @cache
@@ -116,43 +115,37 @@ class Pardiso:
             self._matrix = None
 
 
-class SuperLU:
-    """SciPy's SuperLU in symmetric mode; several times slower, on every platform."""
+class Rslab:
+    """RSLAB's L D L^T; analysed once. Any number of threads gives the same digits."""
 
-    name = "SciPy SuperLU"
+    name = "RSLAB"
 
-    def __init__(self) -> None:
+    def __init__(self, threads: int = 1) -> None:
+        self._threads = threads
+        self._symbolic: Any = None
         self._factor: Any = None
-        self._in_order = False  # whether the factor is of the matrix in that order
-        self._order: Any = None  # (n,), by which little fills in: found once, as the analysis is
 
     def factor(self, upper: Any) -> None:
-        full = (upper + sp.triu(upper, 1).T).tocsc()
-        known = self._order is not None and len(self._order) == full.shape[0]
+        import rslab
+
+        upper.sort_indices()  # where they are not
+        if self._symbolic is None:
+            self._symbolic = rslab.analyze(upper.T, path="ldlt", threads=self._threads)
         try:
-            factor = spl.splu(
-                full[self._order][:, self._order] if known else full,
-                permc_spec="NATURAL" if known else "MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
-        except RuntimeError:  # exactly singular
+            factor = self._symbolic.factor(upper.data)
+        except RuntimeError:  # singular, or not finite
             raise NotPositiveDefinite from None
-        if (factor.U.diagonal() <= 0).any():
+        if factor.inertia[0] < upper.shape[0]:
             raise NotPositiveDefinite
-        if not known:
-            self._order = np.argsort(factor.perm_c)
-        self._factor, self._in_order = factor, known
+        self._factor = factor
 
     def solve(self, right: Float) -> Float:
-        if not self._in_order:
-            return np.asarray(self._factor.solve(right))
-        x = np.empty_like(right, dtype=float)
-        x[self._order] = self._factor.solve(right[self._order])
-        return x
+        if right.ndim == 1:
+            return np.asarray(self._factor.solve(np.ascontiguousarray(right, float)))
+        return np.asarray(self._factor.solve_many(np.ascontiguousarray(right, float)))
 
     def close(self) -> None:
-        self._factor = None
+        self._symbolic = self._factor = None
 
 
 def solver_name() -> str:

@@ -11,6 +11,7 @@ import meshio
 import numpy as np
 
 from ...core.arrays import Bool, Float
+from ...core.files import digest
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver import fields
 from . import typed_json
@@ -21,6 +22,7 @@ FOLDER, INDEX = "fields", "fields/index.json"
 #: Fields are stored to this many decimals of a mm: what threads change in the last digits of a
 #: solution must not reach the layout.
 _DECIMALS = 5
+_LONGEST = 80  # characters of a state in the name of a file
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,14 @@ def load_index(folder: Path) -> FieldIndex:
 
 def field_path(folder: Path, state: str) -> Path:
     """The VTU of a state."""
-    return folder / FOLDER / f"{state}.vtu"
+    return folder / FOLDER / f"{state_file(state)}.vtu"
+
+
+def state_file(state: str) -> str:
+    """A state's name as every file system takes it: mixtures are told as 0.5*bend+1*twist, and may
+    be of many poses."""
+    name = state.replace("*", "-")
+    return name if len(name) <= _LONGEST else f"{name[:_LONGEST]}-{digest(state)}"
 
 
 def save_field(path: Path, mesh: QuadraticMesh, u: Float, stats: Mapping[str, float]) -> None:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ...core.device import Device
@@ -23,7 +24,7 @@ from ...core.lock import locked
 from ...core.progress import Progress, silent
 from . import body_sources
 from .asked import PLATES, Asked, record, recorded
-from .stages import STAGES, Stage, Watch, installed, keys, read_json
+from .stages import STAGES, Solve, Stage, Watch, installed, keys, read_json
 from .state import STATE, load_state
 
 LOCK = ".build-lock"
@@ -45,9 +46,11 @@ def build(
     progress: Progress = silent,
     watch: Watch | None = None,
     asked: Asked = _AS_IT_IS,
+    solve: Solve | None = None,
 ) -> BuildResult:
     """Run all stages up to `until`, reusing those that are up to date. `watch` sees what the search
-    for cords comes to, which is the same whether it is seen or not. What is `asked` for in place of
+    for cords comes to, which is the same whether it is seen or not; poses are solved by `solve`,
+    where it is given, in place of on this machine. What is `asked` for in place of
     the device's own is kept with the build, also by builds that end before its parts.
 
     Raises a DefsenseError where a stage fails; `build/` is then untouched.
@@ -75,7 +78,8 @@ def build(
             return BuildResult(final, (), tuple(s.name for s in stages))
         working.mkdir(exist_ok=True)
         try:
-            made, reused = _make(own, asked, working, final, stages, progress, watch)
+            more = _given(watch, solve)
+            made, reused = _make(own, asked, working, final, stages, progress, more)
         except (DefsenseError, OSError):
             _keep_what_is_new(device, working, final)
             raise
@@ -86,6 +90,12 @@ def build(
     return BuildResult(final, tuple(made), tuple(reused))
 
 
+def _given(watch: Watch | None, solve: Solve | None) -> dict[str, dict[str, Any]]:
+    """What stages are given beside the device, by their names."""
+    given: dict[str, dict[str, Any]] = {} if solve is None else {"simulate": {"solve": solve}}
+    return given | ({} if watch is None else {"optimize": {"watch": watch}})
+
+
 def _make(
     own: Device,
     asked: Asked,
@@ -93,7 +103,7 @@ def _make(
     final: Path,
     stages: tuple[Stage, ...],
     progress: Progress,
-    watch: Watch | None,
+    more: Mapping[str, Mapping[str, Any]],
 ) -> tuple[list[str], list[str]]:
     """Fill the `working` folder: the names of the stages that were made, and of those reused."""
     device, made, reused, versions = asked.of(own), [], [], installed()
@@ -112,7 +122,7 @@ def _make(
             reused.append(stage.name)
         elif stage in stages:
             progress(stage.name, 0.0, stage.title)
-            run_stage(stage, device, working, progress, watch)
+            run_stage(stage, device, working, progress, more.get(stage.name, {}))
             progress(stage.name, 1.0, "done")
             made.append(stage.name)
         else:
@@ -156,11 +166,16 @@ def finished(device: Device, folder: Path, stage: Stage, wanted: dict[str, str])
 
 
 def run_stage(
-    stage: Stage, device: Device, folder: Path, progress: Progress, watch: Watch | None = None
+    stage: Stage,
+    device: Device,
+    folder: Path,
+    progress: Progress,
+    more: Mapping[str, Any] = MappingProxyType({}),
 ) -> None:
-    """Make a stage's files. Raises a DefsenseError where it fails."""
+    """Make a stage's files; `more` is what its `run` is given. Raises a DefsenseError where it
+    fails."""
     try:
-        stage.run(device, folder, partial(progress, stage.name), watch)
+        stage.run(device, folder, partial(progress, stage.name), **more)
     except MemoryError:
         raise CapacityError(
             f"{device.source}: the memory does not suffice to {stage.title}; {stage.lighter}"

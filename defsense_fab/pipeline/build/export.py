@@ -11,6 +11,7 @@ from pathlib import Path
 from ...core.device import Device
 from ...core.device_file import DEVICE
 from ...core.errors import StorageError
+from ...core.file_names import is_reserved
 from ...core.files import replacing
 from ..artifacts import mesh_lock
 from ..artifacts.layout import LAYOUT
@@ -27,7 +28,8 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)  # of all files, so that the same build gives the
 
 def export_name(device: Device) -> str:
     """Of the zip: the device's name, as file systems take it."""
-    return (re.sub(r"[^\w.-]+", "-", device.name).strip("-.") or "device") + ".zip"
+    name = re.sub(r"[^\w.-]+", "-", device.name)[:80].strip("-.") or "device"
+    return f"device-{name}.zip" if is_reserved(name) else f"{name}.zip"
 
 
 def export(device: Device, path: Path) -> tuple[str, ...]:

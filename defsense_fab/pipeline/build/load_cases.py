@@ -83,5 +83,5 @@ def jobs(
         ):
             held = np.flatnonzero(device.regions[name].contains(mesh.nodes))
             warnings += narrow(mesh, held, name)
-        out.append(Job(conditions, loading.fractions))
+        out.append(Job(conditions, loading.fractions, loading.state(loading.fractions[-1])))
     return kept, out, list(dict.fromkeys(warnings))

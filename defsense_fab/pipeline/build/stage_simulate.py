@@ -14,17 +14,25 @@ from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver.batch import solve_all
 from ...mechanics.solver.linear_solver import solver_name
 from ...mechanics.solver.load_stepping import Equilibrium
-from ..artifacts.fields import FOLDER, FieldIndex, StateRecord, field_path, save_field, save_index
+from ..artifacts.fields import (
+    FOLDER,
+    FieldIndex,
+    StateRecord,
+    field_path,
+    save_field,
+    save_index,
+    state_file,
+)
 from ..artifacts.mesh import load_mesh, load_mesh_record
 from .load_cases import Loading, jobs, loadings
-from .stages import Report
+from .stages import Report, Solve
 
 #: Tets with a smaller dihedral angle (degrees) are warned of.
 SLIVER = 2.0
 
 
-def run(device: Device, folder: Path, report: Report) -> None:
-    """Solve every state, and save its field."""
+def run(device: Device, folder: Path, report: Report, solve: Solve = solve_all) -> None:
+    """Solve every state, and save its field; `solve` is `solve_all`, or does the same elsewhere."""
     mesh = QuadraticMesh.from_linear(load_mesh(folder))
     material = Material.from_spec(device.material)
     (folder / FOLDER).mkdir()
@@ -51,7 +59,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
             report(sum(reached) / len(plan), f"{label}: {100 * at:.0f} %")
 
     index = []
-    for loading, results in zip(plan, solve_all(mesh, material, todo, show), strict=True):
+    for loading, results in zip(plan, solve(mesh, material, todo, show), strict=True):
         if not loading.optional:
             _refuse_unreached(device, mesh, loading, results[-1])
         for fraction, result in zip(loading.fractions, results, strict=not loading.optional):
@@ -81,7 +89,7 @@ def _refuse_unreached(
     if last.largest is not None and last.amplitude > 0:
         folder = device.source / "not-reached"
         folder.mkdir(exist_ok=True)
-        path = folder / f"{label.split('@')[0]}@{last.amplitude:.3g}.vtu"
+        path = folder / f"{state_file(label.split('@')[0])}@{last.amplitude:.3g}.vtu"
         save_field(path, mesh, last.largest.u, {})
         offered = f" (the body at that amplitude: {path})"
     raise SolveError(

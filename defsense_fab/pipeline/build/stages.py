@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from importlib import import_module, metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...core.blas_threads import one_blas_thread
 from ...core.device import Device, FabricationSpec, Sensor
@@ -17,9 +17,11 @@ from ...core.files import digest
 from ..artifacts import mesh_lock
 from . import body_sources
 
+if TYPE_CHECKING:
+    from ...mechanics.solver.load_stepping import Equilibrium
+
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 32
-_WATCHED = "optimize"
+CODE_VERSION = 33
 
 Report = Callable[[float, str], None]
 
@@ -37,19 +39,22 @@ class Seen:
 
 
 Watch = Callable[[Seen], None]
+#: Takes what `mechanics.solver.batch.solve_all` takes, and gives the same.
+Solve = Callable[..., list[list["Equilibrium"]]]
 
 
 @dataclass(frozen=True)
 class Stage:
-    """`run(device, folder, report, watch)` writes `outputs` (names in the folder); `inputs` are
-    hashed, and so are the versions of `libraries` (distributions) that shape the result; `lighter`
-    is what to do where the memory does not suffice."""
+    """`run(device, folder, report)` writes `outputs` (names in the folder), "simulate" with another
+    `solve` and "optimize" with a `watch` where they are given; `inputs` are hashed, and so are the
+    versions of `libraries` (distributions) that shape the result; `lighter` is what to do where the
+    memory does not suffice."""
 
     name: str
     title: str
     outputs: tuple[str, ...]
     inputs: Callable[[Device], Any]
-    run: Callable[[Device, Path, Report, Watch | None], None]
+    run: Callable[..., None]
     libraries: tuple[str, ...]
     lighter: str
 
@@ -107,15 +112,13 @@ def _search(d: Device) -> tuple[Any, ...]:
     return () if usual else (d.seed, d.searches)
 
 
-def _runner(name: str) -> Callable[[Device, Path, Report, Watch | None], None]:
-    """`run` of the module `stage_<name>`, imported when it is called: CAD and VTK are heavy. Only
-    the search for cords can be watched."""
+def _runner(name: str) -> Callable[..., None]:
+    """`run` of the module `stage_<name>`, imported when it is called: CAD and VTK are heavy."""
 
-    def run(device: Device, folder: Path, report: Report, watch: Watch | None) -> None:
+    def run(device: Device, folder: Path, report: Report, **more: Any) -> None:
         module = import_module(f"{__package__}.stage_{name}")
         # The solver of the poses gives the same with any number of threads, and gains from them.
         with nullcontext() if name == "simulate" else one_blas_thread():
-            more = {"watch": watch} if name == _WATCHED and watch is not None else {}
             module.run(device, folder, report, **more)
 
     return run
@@ -148,7 +151,7 @@ STAGES = (
         ("fields",),
         lambda d: plain((d.material, d.poses, d.states)),
         _runner("simulate"),
-        ("numpy", "scipy", "numba", "pypardiso", "mkl"),
+        ("numpy", "scipy", "numba", "pypardiso", "mkl", "rslab"),
         _COARSER,
     ),
     Stage(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from ...core.files import storage_errors, write_json
 from ...core.mesh import Surface
 
 _DEVIATION = 0.01  # mm, of facets from the solid
+_THICKEST = 20.0  # mm, of a cord
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,10 @@ class PrintFiles:
 
 
 def cord_diameter(name: str) -> float:
-    """Of a row of `cords.csv`, mm."""
+    """Of a row of `cords.csv`, or of a cord that is given by its diameter itself, mm."""
+    with suppress(ValueError):
+        if 0 < (given := float(name)) < _THICKEST:
+            return given
     return float(_row("cords.csv", "cord", name)["diameter"])
 
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import urlsplit
 
+from ...core.local_access import LOCAL
 from .finding import Finding, judged
 from .isolated import call
 
@@ -28,17 +31,22 @@ def _check(port: str, seconds: float) -> Finding:
     if answer.trouble:
         told = answer.trouble.removeprefix("defsense_fab.core.errors.CaptureError: ")
         return judged("ports", port, False, told.removeprefix(f"{port}: "), needed_for=_FOR)
-    if simulated(port):
-        told = f"{answer.value}, but from a program (a pseudo-terminal): this is no board"
+    if way := of_program(port):
+        told = f"{answer.value}, but from a program ({way}), such as a twin: this is no board"
         return judged("ports", port, False, told, needed_for=_FOR)
     return judged("ports", port, True, answer.value, needed_for=_FOR)
 
 
-def simulated(port: str) -> bool:
-    """Whether a program, such as a twin, is behind this port: a read-out board hangs on USB."""
-    from pathlib import Path
-
-    return "://" not in port and str(Path(port).resolve()).startswith("/dev/pts/")
+def of_program(port: str) -> str:
+    """How a program of this machine, such as a twin, is behind this port, in words; nothing where a
+    read-out board may be: it hangs on USB, or on another machine."""
+    if "://" in port:
+        try:
+            local = urlsplit(port).hostname in LOCAL
+        except ValueError:
+            local = False
+        return "a socket of this machine" if local else ""
+    return "a pseudo-terminal" if str(Path(port).resolve()).startswith("/dev/pts/") else ""
 
 
 def listed() -> list[str]:

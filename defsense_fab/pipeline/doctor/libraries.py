@@ -10,17 +10,18 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from ...core.optional_libraries import PROJECT, pip_install
 from .finding import Finding, judged
 from .isolated import call
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
-PROJECT = "defsense-fab"
 #: Modules that are not called as their distribution is.
 _MODULES = {
     "libigl": "igl",
     "netgen-mesher": "netgen.meshing",
+    "py-lib3mf": "lib3mf",
     "pyserial": "serial",
     "opencv-contrib-python-headless": "cv2",
     "python-rtmidi": "rtmidi",
@@ -31,6 +32,7 @@ _FOR = {
     "cadquery": "bodies from CadQuery scripts",
     "exchange": "C3D, Parquet and XDF files",
     "live": "the live view, and outputs to other programs",
+    "midi": "MIDI ports",
     "cluster": "studies on a cluster",
     "animation": "recorded animations in USD",
 }
@@ -58,7 +60,7 @@ def check_python() -> Finding:
                   command="" if good else "python3.11 -m venv .venv")  # fmt: skip
 
 
-_REINSTALL = f"{sys.executable} -m pip install --force-reinstall {PROJECT}"
+_REINSTALL = pip_install("--force-reinstall", PROJECT)
 
 
 def _absent(error: ImportError) -> str:
@@ -83,7 +85,7 @@ def _asked() -> Iterator[_Asked]:
     extras = [e for e in metadata.metadata(PROJECT).get_all("Provides-Extra") or () if e != "dev"]
     for text in metadata.requires(PROJECT) or ():
         one = Requirement(text)
-        if one.name in _TRIED_ELSEWHERE:
+        if one.name in _TRIED_ELSEWHERE or one.name == PROJECT:  # the extra of all extras
             continue
         if one.marker is None or one.marker.evaluate({"extra": ""}):
             yield _Asked(one, "")
@@ -97,7 +99,8 @@ def _asked() -> Iterator[_Asked]:
 def _check(asked: _Asked, seconds: float) -> Finding:
     one, extra = asked.requirement, asked.extra
     needed_for = _FOR.get(extra, f"the extra {extra}") if extra else ""
-    command = f"{sys.executable} -m pip install '{one.name}{one.specifier}'"
+    asked_for = f"{one.name}{one.specifier}"
+    command = pip_install(asked_for)
     try:
         version = metadata.version(one.name)
     except metadata.PackageNotFoundError:
@@ -110,7 +113,7 @@ def _check(asked: _Asked, seconds: float) -> Finding:
             trouble = call(__name__, "load", module, seconds=seconds).trouble
             if trouble:
                 good, told = False, f"{version}: its import {_as_clause(trouble)}"
-                command = command.replace("install", "install --force-reinstall", 1)
+                command = pip_install("--force-reinstall", asked_for)
     return judged("libraries", one.name, good, told, command=command, needed_for=needed_for)
 
 

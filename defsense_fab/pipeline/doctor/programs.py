@@ -7,6 +7,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from ...core.optional_libraries import pip_install
 from .finding import Finding, judged
 from .isolated import call
 
@@ -47,7 +48,7 @@ def check_gamepad(seconds: float) -> Finding:
                    seconds=seconds).trouble  # fmt: skip
     told = f"evdev: {trouble}" if trouble else f"{_UINPUT} and evdev are there"
     return judged("outputs", "gamepad", not trouble, told,
-                  command=f"{sys.executable} -m pip install evdev",
+                  command=pip_install("evdev"),
                   needed_for=needed_for)  # fmt: skip
 
 

@@ -22,11 +22,12 @@ from .devices.layouts import built_layout, simulated_device
 from .devices.pictures import device_pictures
 from .devices.sessions import tags_of, tested_unit, traits_of
 from .experiments.experiment import OPTIMISED, Experiment
+from .results.kept import keep, kept
 from .results.numbers import as_row, compared
 from .results.page import write_page
 from .time_left import TimeLeft
 
-RESULTS, PAGE = "results.json", "index.html"
+RESULTS, PAGE, WHOLE = "results.json", "index.html", "experiment.json"
 
 
 def reproduce(
@@ -34,20 +35,39 @@ def reproduce(
 ) -> dict[str, Any]:
     """Run the experiments, as they are sized, into folders of `out`, and write `index.html` and
     `results.json` there after each; what is there already is taken where all that it was made from
-    is unchanged. The results in plain values. Raises a DefsenseError where one fails: those before
-    it are on the page."""
+    is unchanged. Other experiments of this size that were made there before stay on the page. The
+    results in plain values. Raises a DefsenseError where one fails: those before it are on the
+    page."""
     left = TimeLeft([step for e in experiments for step in _steps(e)], progress)
-    done: list[dict[str, Any]] = []
     with storage_errors(out):
         out.mkdir(parents=True, exist_ok=True)
     with locked(out / REPRODUCED, f"{out}: another run writes there; wait for it, or give --out"):
+        quick = experiments[0].quick
+        before, asked = _made_before(out, quick), [e.name for e in experiments]
+        order = [*asked, *(n for n in before if n not in asked)]
+        done = dict(before)
         for experiment in experiments:
-            done.append(reproduce_one(experiment, out / experiment.name, left))
-            data = {"quick": experiments[0].quick, "experiments": done}
+            folder = out / experiment.name
+            with storage_errors(folder):
+                folder.mkdir(exist_ok=True)
+            done[experiment.name] = reproduce_one(experiment, folder, left)
+            keep(folder / WHOLE, _size(quick), done[experiment.name])
+            data = {"quick": quick, "experiments": [done[n] for n in order if n in done]}
             write_json(out / RESULTS, _without_pictures(data))
             write_page(out / PAGE, data)
-    plain: dict[str, Any] = _without_pictures(data)
+    made = {"quick": quick, "experiments": [done[n] for n in asked]}
+    plain: dict[str, Any] = _without_pictures(made)
     return plain
+
+
+def _made_before(out: Path, quick: bool) -> dict[str, dict[str, Any]]:
+    """What `reproduce_one` gave in folders of `out`, by the experiments' names."""
+    found = {p.parent.name: kept(p, _size(quick)) for p in sorted(out.glob(f"*/{WHOLE}"))}
+    return {name: whole for name, whole in found.items() if whole is not None}
+
+
+def _size(quick: bool) -> str:
+    return "quick" if quick else "full"
 
 
 def _steps(experiment: Experiment) -> list[str]:
@@ -70,12 +90,10 @@ def _steps(experiment: Experiment) -> list[str]:
 def reproduce_one(
     experiment: Experiment, out: Path, left: TimeLeft | None = None
 ) -> dict[str, Any]:
-    """One experiment into its folder: its description, what came out by layout or cord, and its
-    numbers, in plain values, with `pictures` as data URIs. Raises a DefsenseError where it
-    fails."""
+    """One experiment into its folder, which is there: its description, what came out by layout or
+    cord, and its numbers, in plain values, with `pictures` as data URIs. Raises a DefsenseError
+    where it fails."""
     left = left or TimeLeft(_steps(experiment), silent)
-    with storage_errors(out):
-        out.mkdir(parents=True, exist_ok=True)
     told = _told(experiment)
     if experiment.cords is not None:
         with left.step(f"{experiment.name}: cords") as progress:

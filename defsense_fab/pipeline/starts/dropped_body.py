@@ -14,6 +14,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device import BodySpec
 from ...core.errors import BodyError
+from ...core.file_names import safe_name
 from ...core.files import storage_errors
 from ...core.mesh import Surface
 from ...geometry.bodies.body import load_body
@@ -21,7 +22,6 @@ from ...geometry.bodies.foreign_body import read_foreign
 from ...geometry.bodies.meshes.file_kind import kind_of_file
 from ...geometry.bodies.meshes.mesh_files import KINDS
 from .body_ends import thickness
-from .names import safe_name
 from .units import UNITS, likely_unit
 
 _THICK, _LONG, _MOST_TETS = 5, 10, 60000

@@ -7,7 +7,6 @@ import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,11 @@ import tomlkit
 from ...core.device_file import DEVICE, parse_device
 from ...core.errors import StorageError
 from ...core.files import replacing, storage_errors, write_text
+from ...core.package_data import package_data
 from .device_comments import commented
 
 _one = threading.Lock()  # two people may begin at once
-_FOLDER = files("defsense_fab") / "data" / "devices"
+_FOLDER = package_data("devices")
 
 
 @dataclass(frozen=True)

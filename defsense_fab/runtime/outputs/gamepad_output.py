@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.errors import OutputError
+from ...core.optional_libraries import optional
 from ..frames.live_frame import LiveFrame
 from .output import controls_known, signals_of, unknown_controls
 from .settings import GamepadMapping, GamepadSettings
@@ -24,6 +25,10 @@ _BUTTONS = {  # BTN_SOUTH ...
     "select": 0x13A,
     "start": 0x13B,
 }
+_COMPILED = (
+    "it is compiled, and needs a C compiler and the kernel's headers"
+    " (apt install gcc linux-libc-dev)"
+)
 _ORDER = ("x", "y", "rx", "ry", "z", "rz")  # sticks first
 
 
@@ -39,13 +44,8 @@ class GamepadOutput:
                 f"gamepad: there is no {device}; on Linux load it (sudo modprobe uinput), elsewhere"
                 " there is no virtual gamepad: use osc or midi"
             )
-        try:
+        with optional(OutputError, "gamepad", package="evdev", otherwise=_COMPILED):
             import evdev
-        except ImportError:
-            raise OutputError(
-                "gamepad: needs the package evdev: pip install evdev, which is compiled and needs a"
-                " C compiler and the kernel's headers (apt install gcc linux-libc-dev)"
-            ) from None
         axes = [(code, evdev.AbsInfo(0, -_FULL, _FULL, 16, 0, 0)) for code in _AXES.values()]
         try:
             self._pad = evdev.UInput(

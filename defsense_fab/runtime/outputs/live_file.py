@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from ...core.errors import ControlError, DeviceError, OutputError
+from ...core.optional_libraries import optional
 from ...core.toml_table import Table, is_number, load_toml
 from ..controls.control_spec import ControlSpec
 from ..controls.shaping import Shaping
@@ -133,16 +134,11 @@ def open_outputs(settings: Iterable[Settings]) -> list[NewestWins]:
 
 def _open(kind: str, settings: Settings) -> Output:
     module, name = _CLASSES[kind]
-    try:
+    with optional(OutputError, kind, "live"):
         opener: Callable[[Settings], Output] = getattr(
             import_module(f".{module}", __package__), name
         )
-        return opener(settings)
-    except ImportError as error:
-        raise OutputError(
-            f"{kind}: needs the package {error.name}; pip install 'defsense-fab[live]' brings it"
-            "; defsense doctor tells more"
-        ) from None
+    return opener(settings)
 
 
 def _record(t: Table, kind: type[Any]) -> Any:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...core.errors import LiveError, StorageError
 from ...core.files import replacing
+from ...core.optional_libraries import optional
 from .animation import Animation, AnimationFile, Float32
 
 _SAVE = 64e6  # bytes of samples after which they are written, so that they do not fill the memory
@@ -41,13 +42,8 @@ def write_usd(path: Path, animation: Animation) -> AnimationFile:
 
 def require_usd(path: Path) -> None:
     """Raises LiveError where the package that writes USD is missing."""
-    try:
+    with optional(LiveError, path, "animation", "usd-core", "or choose .glb"):
         import pxr.Usd  # noqa: F401
-    except ImportError:
-        raise LiveError(
-            f"{path}: needs the package usd-core; pip install 'defsense-fab[animation]' brings it,"
-            " or choose .glb"
-        ) from None
 
 
 def _write(path: Path, animation: Animation) -> None:

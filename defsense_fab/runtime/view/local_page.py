@@ -19,6 +19,7 @@ from typing import Any
 
 from ...core.errors import OutputError
 from ...core.local_access import LOCAL, Access
+from ...core.optional_libraries import optional
 from . import page_cookie
 from .plain_markdown import plain_markdown
 
@@ -34,15 +35,10 @@ def local_page(port: int, label: str, access: Access | None = None, host: str = 
     """The viser server at http://`host`:`port`, where `access` says who may see it (this machine).
     Raises OutputError for a port that is taken, an address that this machine has not, and where
     viser is not installed."""
-    try:
+    with optional(OutputError, "the page", "live"):
         import viser
         import websockets.asyncio.server as sockets
         from viser import _gui_handles, _messages
-    except ImportError:
-        raise OutputError(
-            "the page needs viser: install it with pip install 'defsense-fab[live]'"
-            "; defsense doctor tells more"
-        ) from None
     _need_free(host, port)
     for noisy in ("websockets", "viser"):
         logging.getLogger(noisy).setLevel(logging.ERROR)

@@ -6,6 +6,7 @@ from typing import Any
 
 from tomlkit import TOMLDocument
 
+from ...core.cord_table import SHEET
 from .edit import Edit
 from .tables import inline, number, rename_key, rows
 
@@ -44,7 +45,10 @@ _OF_MATERIAL = (
     "young_modulus", "shore", "poisson_ratio", "density",
     "model", "c10", "c01", "c20", "c30",
 )  # fmt: skip
-_OF_CORD = ("response", "compression", "contact", "min_stretch")
+_OF_CORD = (
+    *("response", "compression", "contact", "min_stretch", "min_bend_radius", "ferrule_diameter"),
+    *("ferrule_length", "modulus", *SHEET),
+)
 
 
 def choose_material(name: str) -> Edit:

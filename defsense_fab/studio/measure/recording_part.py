@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from ...core.errors import DefsenseError
+from ...core.file_names import refusal
 from ...core.files import free_path
 from ...core.markers import read_markers
 from ...pipeline.sessions.recording import session as sessions
@@ -61,8 +62,10 @@ class RecordingPart(ThreadWork):
             self._told.content = "A recording is under way; stop it first."
             return
         name = self._name.value.strip()
-        if name in ("", "..") or Path(name).name != name:
-            self._told.content = "**Session: give the name of a folder in the device's.**"
+        inside = name not in ("", "..") and Path(name).name == name
+        why = refusal(name) if inside else "give the name of a folder in the device's"
+        if why:
+            self._told.content = f"**Session: {why}.**"
             return
         options, folder = self._options(), self._bench.project.folder / name
         self._start.disabled, self._asked.visible = True, False

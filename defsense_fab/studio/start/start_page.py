@@ -11,9 +11,9 @@ from typing import Any
 
 from ...core.device_file import load_device
 from ...core.errors import DefsenseError
+from ...core.file_names import safe_name
 from ...geometry.bodies.meshes.mesh_files import KINDS
 from ...pipeline.starts.dropped_body import look_at_file
-from ...pipeline.starts.names import safe_name
 from ...pipeline.starts.starting_devices import STARTS, StartingDevice, begin_with
 from ...runtime.view.upload_limit import MOST
 from ..project.agreement import Agreement

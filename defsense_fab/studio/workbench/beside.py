@@ -10,10 +10,14 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from multiprocessing.connection import Connection
 from typing import Any
 
 from ...core.errors import DefsenseError, StorageError
+
+if sys.platform == "win32":
+    from multiprocessing.connection import PipeConnection as Connection
+else:
+    from multiprocessing.connection import Connection
 
 CANCELLED = "cancelled"
 _log = logging.getLogger(__name__)

@@ -6,8 +6,11 @@ from __future__ import annotations
 import contextlib
 import os
 import select
+import sys
 import threading
 from typing import TYPE_CHECKING
+
+assert sys.platform != "win32"  # `SocketLine` is for Windows
 
 if TYPE_CHECKING:
     from .readout_twin import ReadoutTwin
@@ -20,7 +23,6 @@ class PseudoTerminal:
     closed."""
 
     def __init__(self, board: ReadoutTwin) -> None:
-        """On POSIX systems; `SocketLine` is for Windows."""
         import pty
         import tty
 

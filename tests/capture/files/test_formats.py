@@ -376,7 +376,7 @@ def test_libraries_that_are_missing(tmp_path, monkeypatch):
     for suffix, name in ((".parquet", "pyarrow"), (".c3d", "ezc3d")):
         monkeypatch.setitem(sys.modules, name, None)
         for call in (read_any, lambda path: write_any(path, made(3, 2))):
-            with pytest.raises(CaptureError, match=r"pip install defsense-fab\[exchange\]"):
+            with pytest.raises(CaptureError, match=r"pip install \"defsense-fab\[exchange\]\""):
                 call(tmp_path / f"a{suffix}")
 
 

@@ -7,6 +7,7 @@ import json
 
 import pytest
 
+from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.cli.main import main
 from defsense_fab.core.device_file import load_device
 from tests.places import DEVICES
@@ -67,8 +68,8 @@ def test_flags_ask_nothing(tmp_path, capsys, monkeypatch):
 
 def test_a_terminal_that_closes_leaves_nothing(typed, tmp_path, capsys):
     typed(BLOB)
-    assert main(["new", str(tmp_path / "x")]) == 2
-    assert "interrupted; nothing was written" in capsys.readouterr().err
+    assert main(["new", str(tmp_path / "x")]) == STOPPED
+    assert "stopped; nothing was written" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.files.formats import read_any
 from defsense_fab.cli.design import build
+from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.cli.main import main
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.device_file import load_device
@@ -236,8 +237,9 @@ def test_an_interrupted_build_leaves_the_last_one_and_resumes(copy, capsys, monk
 
     with monkeypatch.context() as m:
         m.setattr(stage_report, "run", interrupt)
-        assert main(["build", str(copy)]) == 2
-    assert "interrupted" in capsys.readouterr().err
+        assert main(["build", str(copy)]) == STOPPED
+    told = "stopped; the last build is untouched, and the same command goes on"
+    assert told in capsys.readouterr().err
     assert snapshot(copy / "build") == before
     assert main(["build", str(copy), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == ["report"]
@@ -316,8 +318,8 @@ def test_an_error_after_ctrl_c_counts_as_the_interrupt(capsys, monkeypatch):
             raise ImportError("initialization failed") from None
 
     monkeypatch.setattr(build, "_build", clumsy)
-    assert main(["build", str(BAR)]) == 2
-    assert "error: interrupted" in capsys.readouterr().err
+    assert main(["build", str(BAR)]) == STOPPED
+    assert capsys.readouterr().err.startswith("stopped; ")
 
 
 def test_output_that_nobody_reads_is_no_traceback(tmp_path):

@@ -16,6 +16,12 @@ from defsense_fab.pipeline.doctor import (
     machine,
 )
 from defsense_fab.pipeline.doctor.finding import Finding
+from defsense_fab.sensing.response import Response
+from defsense_fab.twin.electronics.cord_twin import CordTraits
+from defsense_fab.twin.electronics.device_cords import DeviceCords
+from defsense_fab.twin.electronics.pseudo_terminal import PseudoTerminal
+from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
+from defsense_fab.twin.electronics.socket_line import SocketLine
 
 BROKEN = {
     "raises": ("raise ImportError('no libfoo.so.1')", "ImportError: no libfoo.so.1"),
@@ -42,7 +48,7 @@ def test_absent_library_is_missing_where_the_core_needs_it():
     extra = libraries._check(libraries._Asked(asked, "live"), 5)
     assert (core.status, core.core) == ("missing", True)
     assert (extra.status, extra.core) == ("not needed", False)
-    assert core.command.endswith("-m pip install 'no-such-library>=1'")
+    assert core.command.endswith('-m pip install "no-such-library>=1"')
 
 
 def test_old_library_is_told_by_both_versions():
@@ -61,15 +67,31 @@ def test_cache_that_cannot_be_written_stops_nothing(tmp_path, monkeypatch):
     assert "DEFSENSE_CACHE" in found.command
 
 
-def test_what_is_behind_a_pseudo_terminal_is_no_board(monkeypatch):
-    """Whatever it answers: the twin speaks the protocol as boards do."""
-    answer = isolated.Answer("firmware 1.0 (protocol 1), 4 channels")
-    monkeypatch.setattr(boards, "call", lambda *words, seconds: answer)
-    import pty
+@pytest.mark.parametrize(
+    ("kind", "way"),
+    [(PseudoTerminal, "a pseudo-terminal"), (SocketLine, "a socket of this machine")],
+)
+def test_a_twin_answers_as_boards_do_and_is_told_as_a_program(kind, way):
+    response = CordTraits(Response.line(1.0))
+    cords = DeviceCords(
+        ("a", "b"), np.array([100.0, 80.0]), lambda s: np.zeros(2), response,
+        np.random.default_rng(0),
+    )  # fmt: skip
+    line = kind(ReadoutTwin(cords, 1500.0, offset=5.0))
+    try:
+        found = boards._check(line.port, 30)
+    finally:
+        line.close()
+    assert found.status == "not needed"
+    assert found.told.startswith("firmware ")
+    assert f"2 channels by the microcontroller's converter, 50 Hz, but from a program ({way})" in (
+        found.told
+    )
 
-    _, slave = pty.openpty()
-    assert boards._check(os.ttyname(slave), 1).status == "not needed"
-    assert boards._check("/dev/ttyUSB0", 1).status == "good"
+
+def test_boards_are_on_usb_or_on_other_machines():
+    for port in ("/dev/ttyUSB0", "COM3", "socket://192.168.1.7:4000", "socket://[bad"):
+        assert not boards.of_program(port)
 
 
 def test_finding_checks_itself():

@@ -58,6 +58,18 @@ def test_a_device_is_built_recorded_tested_and_told(done, out):
     assert "2.40" in page
     assert f"{unit['chosen']['rmse']:.2f}" in page
     assert json.loads((out / RESULTS).read_text()) == done
+
+
+def test_the_page_keeps_experiments_that_were_made_there_before(done, out, monkeypatch):
+    (found,) = done["experiments"]
+    other = {**found, "name": "another", "title": "Another device"}
+    monkeypatch.setattr(module, "reproduce_one", lambda *_: other)
+    (small,) = find_experiments(["sheet"])
+    again = reproduce([replace(small.at_size(quick=True), name="another")], out, silent)
+    assert [e["name"] for e in again["experiments"]] == ["another"]
+    both = json.loads((out / RESULTS).read_text())["experiments"]
+    assert [e["name"] for e in both] == ["another", found["name"]]
+    assert "Another device" in (out / PAGE).read_text()
     assert (out / "twist-bar" / "pictures" / "twist_left-straight.png").stat().st_size > 3000
 
 

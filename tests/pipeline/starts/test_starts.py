@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
-from fnmatch import fnmatch
 
 import numpy as np
 import pytest
@@ -19,11 +18,10 @@ from defsense_fab.pipeline.starts.body_ends import find_ends
 from defsense_fab.pipeline.starts.device_comments import commented
 from defsense_fab.pipeline.starts.dropped_body import DroppedBody, look_at, look_at_file
 from defsense_fab.pipeline.starts.first_device import FirstDevice, begin_from, usual_material
-from defsense_fab.pipeline.starts.names import check_folder_name, safe_name
 from defsense_fab.pipeline.starts.starting_devices import STARTS, begin_with
 from defsense_fab.pipeline.starts.units import UNITS, likely_unit
 from tests.conftest import box_surface
-from tests.places import DEVICES, ROOT
+from tests.places import DEVICES
 
 
 def dropped(unit="mm", suffix=".stl"):
@@ -45,17 +43,6 @@ def test_a_start_is_the_fixture_under_another_name(start, tmp_path):
     assert tomllib.loads(told) == tomllib.loads(text) | {"name": "grip"}
     assert len(list(device.source.iterdir())) == 2
     assert start.picture.startswith(b"\x89PNG")
-
-
-def test_the_package_carries_what_the_starts_need():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    patterns = settings["tool"]["setuptools"]["package-data"]["defsense_fab"]
-    for start in STARTS:
-        device = load_device(DEVICES / start.name)
-        for name in (f"{start.name}.png", f"{start.name}/device.toml",
-                     f"{start.name}/{device.body.path.name}"):  # fmt: skip
-            assert (ROOT / "defsense_fab" / "data" / "devices" / name).is_file()
-            assert any(fnmatch(f"data/devices/{name}", p) for p in patterns), name
 
 
 def test_nothing_is_overwritten(tmp_path):
@@ -136,27 +123,6 @@ def test_units_are_asked_for_where_they_are_doubtful():
     assert likely_unit(1e7) == ("mm", True)
 
 
-@pytest.mark.parametrize(
-    ("name", "safe"),
-    [
-        ("body.stl", "body"),
-        ("../../etc/passwd", "passwd"),
-        ("..\\..\\x.stl", "x"),
-        ("/etc/cron.d/job", "job"),
-        ("CON.stl", "body-CON"),
-        ("lpt1", "body-lpt1"),
-        (".bashrc", "bashrc"),
-        ("..", "body"),
-        ("", "body"),
-        ("a\0b\n<img>.stl", "a-b-img"),
-        ("grüße 2.obj", "gr-e-2"),
-        ("x" * 300 + ".stl", "x" * 60),
-    ],
-)
-def test_names_from_elsewhere_are_made_safe(name, safe):
-    assert safe_name(name) == safe
-
-
 def test_an_upload_that_is_no_body_is_told_by_its_content():
     with pytest.raises(BodyError, match=r"^x: is neither STEP nor a mesh"):
         look_at_file("x.stl", b"import os")
@@ -213,12 +179,6 @@ def test_a_scripts_own_files_come_along(tmp_path, monkeypatch):
     device = load_device(tmp_path / "new", complete=False)
     assert device.body.parameters == {"length": 110}
     assert (tmp_path / "new" / "sizes.py").read_text(encoding="utf-8") == "RADIUS = 15\n"
-
-
-@pytest.mark.parametrize("name", ["CON", "lpt1.d", "a:b", "end.", "x" * 130])
-def test_folders_that_not_every_system_can_have_are_refused(name, tmp_path):
-    with pytest.raises(StorageError, match=r"Windows|too long"):
-        check_folder_name(tmp_path / name)
 
 
 def test_a_process_of_ones_own_needs_its_material_told():

@@ -3,6 +3,7 @@
 import json
 import socket
 
+import meshio
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -148,7 +149,9 @@ def test_a_scheduler_that_is_not_there_is_told_within_seconds(folder, capsys, mo
     assert "`dask scheduler`" in error
 
 
-def test_a_cluster_makes_the_same_and_refuses_other_versions(folder, capsys, monkeypatch):
+def test_a_cluster_makes_the_same_and_refuses_other_versions(
+    folder, capsys, monkeypatch, tmp_path_factory
+):
     from distributed import LocalCluster
 
     with LocalCluster(
@@ -163,4 +166,20 @@ def test_a_cluster_makes_the_same_and_refuses_other_versions(folder, capsys, mon
         is_whole(study(capsys, folder, *words))
         (record, *_) = read_records(folder / "study" / "runs.log").values()
         assert isinstance(record, RunRecord)
+        there = solved_fields(folder, tmp_path_factory.mktemp("there"), *words)
+        here = solved_fields(folder, tmp_path_factory.mktemp("here"))
+        assert len(here) == 3  # the whole, a half, and what is proposed to be kept out
+        for name, u in here.items():
+            np.testing.assert_array_equal(there[name], u)
         local.scale(0)
+
+
+def solved_fields(source, folder, *words):
+    """Displacements of a pose and its half by their names, solved anew."""
+    for name in ("box.stl", "device.toml"):
+        (folder / name).write_bytes((source / name).read_bytes())
+    with (folder / "device.toml").open("a") as file:
+        file.write("[states]\nramp = [0.5, 1.0]\n")
+    assert main(["simulate", str(folder), "--json", *words]) == 0
+    fields = (folder / "build" / "fields").glob("*.vtu")
+    return {f.name: meshio.read(f).point_data["displacement"] for f in fields}

@@ -9,6 +9,7 @@ import wave
 from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
+from types import SimpleNamespace
 
 import mido
 import numpy as np
@@ -87,6 +88,49 @@ def test_osc_receiver(run):
         assert example.prints(wanted, lambda: [output.send(one) for one in both])
         assert example.prints(f"{name + ' quality':20} trusted")
     output.close()
+
+
+def test_blender_markers(monkeypatch):
+    """Blender itself is stood in for by what the script uses of it."""
+    objects, timers, namespace = {}, [], {}
+
+    class Scene(dict):
+        collection = SimpleNamespace(objects=SimpleNamespace(link=lambda o: None))
+
+    def new(name, data):
+        assert data is None  # an empty
+        objects[name] = SimpleNamespace()
+        return objects[name]
+
+    blender = SimpleNamespace(
+        app=SimpleNamespace(
+            driver_namespace=namespace, timers=SimpleNamespace(register=timers.append)
+        ),
+        context=SimpleNamespace(scene=Scene()),
+        data=SimpleNamespace(objects=SimpleNamespace(get=objects.get, new=new)),
+    )
+    monkeypatch.setitem(sys.modules, "bpy", blender)
+    code = (EXAMPLES / "blender_markers.py").read_text(encoding="utf-8")
+    for _ in range(2):  # run again, the first one's timer ends
+        exec(code.replace("PORT = 9000", "PORT = 0"), {})
+    (first, step), scene = timers, blender.context.scene
+    assert first() is None
+    output = OscOutput(
+        OscSettings(port=namespace["defsense"].getsockname()[1], send=("controls", "markers"))
+    )
+    sent = frame(1)
+    for _ in range(200):
+        output.send(sent)
+        assert step() > 0
+        if objects and "bar twist" in scene:
+            break
+        threading.Event().wait(0.02)
+    output.close()
+    namespace["defsense"].close()
+    assert scene["bar twist"] == pytest.approx(-0.5)
+    for number, place in zip(sent.ids, sent.markers, strict=True):
+        at = objects[f"bar marker {number}"].location
+        assert at == pytest.approx(place / 1000, abs=1e-6)
 
 
 def test_websocket_client(run):

@@ -233,5 +233,5 @@ def test_a_package_that_is_not_installed(monkeypatch):
     (output,) = open_outputs([WebSocketSettings()])
     assert output.wait_until_tried(20)
     assert "websocket: needs the package websockets" in output.trouble
-    assert "pip install 'defsense-fab[live]'" in output.trouble
+    assert 'pip install "defsense-fab[live]"' in output.trouble
     output.close()

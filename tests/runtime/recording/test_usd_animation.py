@@ -73,7 +73,9 @@ def test_no_half_file(tmp_path):
 
 def test_without_the_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pxr", None)
-    with pytest.raises(LiveError, match=r"needs the package usd-core; pip install .*animation"):
+    with pytest.raises(
+        LiveError, match=r"needs the package usd-core, .*pip install .*\[animation\]"
+    ):
         write_usd(tmp_path / "bar.usdc", animation(3))
 
 

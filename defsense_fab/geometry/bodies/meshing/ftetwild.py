@@ -15,12 +15,17 @@ IN, OUT = "surface.npz", "mesh.npz"
 
 
 def main(folder: str) -> None:
-    """Read vertices, faces, edge_length (mm) and epsilon; write nodes and tets, or the error."""
+    """Read vertices, faces, edge_length (mm) and epsilon; write nodes and tets, or the error,
+    or what is missing of fTetWild itself."""
     end_with_parent()
     os.chdir(folder)  # fTetWild leaves a file of its own there
-    import pytetwild
-
     found: dict[str, Any]
+    try:
+        import pytetwild
+    except ImportError as error:
+        np.savez("unfinished.npz", missing=str(error))
+        Path("unfinished.npz").replace(OUT)
+        return
     with np.load(IN) as given:
         try:
             nodes, tets = pytetwild.tetrahedralize(

@@ -61,7 +61,7 @@ class Watch:
 
 def run(mesher: ModuleType, surface: Surface, task: Mapping[str, Any], watch: Watch) -> TetMesh:
     """The tets that a mesher makes. Raises MeshingError, UnusableMesherError."""
-    name = "Netgen" if mesher is netgen else "fTetWild"
+    name, package = ("Netgen", "netgen-mesher") if mesher is netgen else ("fTetWild", "pytetwild")
     failure = Failure(MeshingError, name, "", "")
 
     def give(folder: Path) -> None:
@@ -77,7 +77,8 @@ def run(mesher: ModuleType, surface: Surface, task: Mapping[str, Any], watch: Wa
         if "missing" in made:
             raise UnusableMesherError(
                 f"{name} cannot be imported ({made['missing']}), so that the mesh would be another"
-                " one than elsewhere; install netgen-mesher and what it needs"
+                f" one than elsewhere; install {package} and what it needs, or mesh the body on"
+                " another system: docs/platforms.md"
             )
         if "error" in made:
             raise MeshingError(f"{name} failed: {made['error']}")

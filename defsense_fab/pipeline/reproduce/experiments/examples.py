@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 
 from ....core.errors import ExperimentError
+from ....core.package_data import package_data
 from .experiment import Experiment
 from .experiment_file import FILE, load_experiment
 
@@ -48,7 +48,7 @@ def _place(word: str, known: Sequence[str]) -> Path:
 
 
 def _folder() -> Path:
-    return Path(str(files("defsense_fab") / "data" / "examples"))
+    return package_data("examples")
 
 
 def _first_figure(experiment: Experiment) -> int:

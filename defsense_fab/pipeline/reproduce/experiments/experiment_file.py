@@ -9,6 +9,7 @@ from typing import Any
 from ....core.bending import RADII
 from ....core.device_file import DEVICE
 from ....core.errors import ExperimentError
+from ....core.file_names import folded, refusal
 from ....core.toml_table import Table, load_toml
 from ....twin.electronics.cord_kinds import CORD_KINDS
 from ....twin.filming.camera_kinds import KINDS
@@ -80,10 +81,10 @@ def _layouts(top: Table, folder: Path) -> tuple[LayoutChoice, ...]:
     out: list[LayoutChoice] = []
     for t in top.tables("layouts"):
         name = t.string("name")
-        if not _NAME.fullmatch(name) or name in _TAKEN:
+        if not _NAME.fullmatch(name) or name in _TAKEN or refusal(name):
             t.fail("name", f"{name!r} names a folder: letters, digits and hyphens, and none of"
-                   f" {', '.join(_TAKEN)}")  # fmt: skip
-        if name in [x.name for x in out]:
+                   f" {', '.join(_TAKEN)}, or of Windows (con, nul, ...)")  # fmt: skip
+        if folded(name) in [folded(x.name) for x in out]:
             t.fail("name", f"{name!r} is used already; choose another name")
         cords = t.string("cords")
         t.choice("cords", cords, CORDS, "way to lay cords")

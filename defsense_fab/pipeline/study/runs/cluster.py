@@ -1,4 +1,4 @@
-"""Batches on a cluster, through a scheduler of Dask."""
+"""Work on a cluster, through a scheduler of Dask: batches of runs, and whatever else is `Work`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
 
 from ....core.errors import StudyError
+from ....core.optional_libraries import optional
 from .batch import Batch, Tell
 from .run_log import RunRecord, decoded
 from .versions import difference, installed
@@ -23,17 +24,15 @@ _GONE = "the scheduler has gone; what was done until then is kept, and the same 
 _AHEAD = 2  # batches sent for each worker's thread: one is worked on, one is there already
 _INSTALL = "install the same versions there, or take that worker away"
 
+Item = TypeVar("Item")
+
 
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
     """A client of the scheduler at an `address`, whose workers have this machine's software. Raises
     StudyError where there is no scheduler, no worker, or another version."""
-    try:
+    with optional(StudyError, "--scheduler", "cluster", otherwise="and so on each worker"):
         import distributed
-    except ImportError:
-        raise StudyError(
-            "--scheduler needs Dask: pip install defsense-fab[cluster], here and on the workers"
-        ) from None
     for name in ("distributed", "distributed.client"):  # what goes wrong is told here
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
@@ -57,6 +56,29 @@ def threads_there(client: Any) -> int:
     return max(1, sum(_workers(client).values()))
 
 
+@dataclass(frozen=True)
+class Work(Generic[Item]):
+    """What is to be done with items on a cluster: `what` names it to the workers, `arguments` are
+    sent for an item, `done` is told its result, and `lost` what took so many workers with it, which
+    returns what is to be tried in its place."""
+
+    what: str
+    arguments: Callable[[Item], tuple[Any, ...]]
+    done: Callable[[Item, Any], None]
+    lost: Callable[[Item, int], list[Item]]
+
+
+def work_on_cluster(
+    client: Any, items: Sequence[Item], work: Work[Item], note: Callable[[str], None]
+) -> None:
+    """Do the work of all items. `note` is told of workers that go: what they were at goes to
+    others.
+
+    Raises StudyError where the scheduler goes, no worker is left, one fails or has another version.
+    """
+    _Cluster(client, work, note).work_off(list(items))
+
+
 def run_on_cluster(
     client: Any,
     batches: Sequence[Batch],
@@ -64,58 +86,69 @@ def run_on_cluster(
     tell: Tell,
     note: Callable[[str], None],
 ) -> None:
-    """Make all batches; the records of each are told when it is done. `note` is told of workers
-    that go: their batches go to others, and where one has taken several workers with it, its runs
-    are tried one by one, and those that do so again are broken.
+    """Make all batches; the records of each are told when it is done. Where a batch has taken
+    several workers with it, its runs are tried one by one, and those that do so again are broken.
 
-    Raises StudyError where the scheduler goes, no worker is left, or one has another version.
+    Raises StudyError as `work_on_cluster` does.
     """
-    _Cluster(client, files, tell, note).work_off(list(batches))
+
+    def done(_: Batch, records: Sequence[str]) -> None:
+        for line in records:
+            tell(decoded(line))
+
+    def lost(batch: Batch, workers: int) -> list[Batch]:
+        if len(batch.runs) > 1:
+            note("a batch took several workers with it; its runs are tried one by one")
+            return [replace(batch, runs=(run,)) for run in batch.runs]
+        run, values = batch.runs[0]
+        why = f"{workers} workers died on it, perhaps for want of memory"
+        tell(RunRecord(run, values, "broken", why))
+        return []
+
+    work = Work("batch", lambda batch: (as_text(batch), files), done, lost)
+    work_on_cluster(client, batches, work, note)
 
 
-class _Cluster:
-    def __init__(self, client: Any, files: bytes, tell: Tell, note: Callable[[str], None]) -> None:
-        self._client, self._files, self._tell, self._note = client, files, tell, note
-        self._work, self._wanted = travelling()[0], installed()
+class _Cluster(Generic[Item]):
+    def __init__(self, client: Any, work: Work[Item], note: Callable[[str], None]) -> None:
+        self._client, self._work, self._note = client, work, note
+        self._function, self._wanted = travelling()[0], installed()
         self._there = set(_workers(client))
         self._since = time.monotonic()  # when workers were last there
 
-    def work_off(self, waiting: list[Batch]) -> None:
-        pending: dict[Any, Batch] = {}
-        try:
-            while waiting or pending:
-                while waiting and len(pending) < _AHEAD * max(1, threads_there(self._client)):
-                    batch = waiting.pop(0)
-                    pending[self._submit(batch)] = batch
-                done = [f for f in pending if f.done()]
-                if not done:
-                    time.sleep(_LOOK)
-                self._watch()
-                for future in done:
-                    waiting += self._ended(future, pending.pop(future))
-        finally:
-            if pending and self._client.status == "running":
-                self._client.cancel(list(pending))
+    def work_off(self, waiting: list[Item]) -> None:
+        import dask
 
-    def _submit(self, batch: Batch) -> Any:
-        return self._client.submit(
-            self._work, as_text(batch), self._files, self._wanted, pure=False
-        )
+        pending: dict[Any, Item] = {}
+        # A mesh is sent with each of its poses; Dask would warn of that.
+        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TB"}):
+            try:
+                while waiting or pending:
+                    while waiting and len(pending) < _AHEAD * max(1, threads_there(self._client)):
+                        item = waiting.pop(0)
+                        pending[self._submit(item)] = item
+                    done = [f for f in pending if f.done()]
+                    if not done:
+                        time.sleep(_LOOK)
+                    self._watch()
+                    for future in done:
+                        waiting += self._ended(future, pending.pop(future))
+            finally:
+                if pending and self._client.status == "running":
+                    self._client.cancel(list(pending))
 
-    def _ended(self, future: Any, batch: Batch) -> list[Batch]:
+    def _submit(self, item: Item) -> Any:
+        sent = self._work.arguments(item)
+        return self._client.submit(self._function, self._work.what, self._wanted, *sent, pure=False)
+
+    def _ended(self, future: Any, item: Item) -> list[Item]:
         """What is to be tried again."""
         import distributed
 
         try:
             result = future.result(timeout=ANSWERS)
         except distributed.KilledWorker as error:
-            if len(batch.runs) > 1:
-                self._note("a batch took several workers with it; its runs are tried one by one")
-                return [replace(batch, runs=(run,)) for run in batch.runs]
-            run, values = batch.runs[0]
-            why = f"{error.allowed_failures + 1} workers died on it, perhaps for want of memory"
-            self._tell(RunRecord(run, values, "broken", why))
-            return []
+            return self._work.lost(item, error.allowed_failures + 1)
         except (OSError, CancelledError, TimeoutError):
             raise StudyError(_GONE) from None
         except Exception as error:
@@ -126,8 +159,7 @@ class _Cluster:
             raise StudyError(f"a worker {result['refused']}; {_INSTALL}")
         if "failed" in result:
             raise StudyError(f"a worker cannot work: {result['failed']}")
-        for line in result["records"]:
-            self._tell(decoded(line))
+        self._work.done(item, result["result"])
         return []
 
     def _watch(self) -> None:
@@ -138,7 +170,7 @@ class _Cluster:
         if self._client.status != "running":
             raise StudyError(_GONE)
         for address in sorted(self._there - there):
-            self._note(f"the worker {address} has gone; its batch goes to another")
+            self._note(f"the worker {address} has gone; its work goes to another")
         self._there = there
         if there:
             self._since = time.monotonic()

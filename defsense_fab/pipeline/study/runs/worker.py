@@ -1,4 +1,4 @@
-"""What a worker of a cluster does with a batch: plain values in, plain values out."""
+"""What a worker of a cluster does: plain values and bytes in, plain values and bytes out."""
 
 from __future__ import annotations
 
@@ -10,33 +10,39 @@ import msgspec
 
 from ....core.errors import DefsenseError
 from .batch import Batch, run_batch
+from .pose_solves import solved
 from .run_log import encoded
 from .versions import difference, installed
 
 
-def work_off(batch: str, files: bytes, wanted: Mapping[str, str]) -> dict[str, Any]:
-    """The `records` of a batch, as lines; `refused` in words where this machine's software is not
-    as `wanted`, `failed` where its disk does not let it work."""
+def work_off(what: str, wanted: Mapping[str, str], *arguments: Any) -> dict[str, Any]:
+    """The `result` of a "batch" of runs (their records as lines) or of a "pose" (its equilibria as
+    bytes); `refused` in words where this machine's software is not as `wanted`, `failed` where it
+    cannot work."""
     other = difference(wanted, installed())
     if other:
         return {"refused": f"has {other}"}
     try:
-        records = run_batch(msgspec.json.decode(batch, type=Batch), files)
+        return {"result": solved(*arguments) if what == "pose" else _records(*arguments)}
     except DefsenseError as error:
         return {"failed": str(error)}
-    return {"records": [encoded(r) for r in records]}
+
+
+def _records(batch: str, files: bytes) -> list[str]:
+    records = run_batch(msgspec.json.decode(batch, type=Batch), files)
+    return [encoded(r) for r in records]
 
 
 def travelling() -> tuple[Callable[..., dict[str, Any]], Callable[[], dict[str, str]]]:
     """`work_off` and `installed` as functions that are sent whole: neither the scheduler nor a
     worker needs this package to receive them, and a worker without it says so."""
 
-    def work(batch: str, files: bytes, wanted: dict[str, str]) -> dict[str, Any]:
+    def work(what: str, wanted: dict[str, str], *arguments: Any) -> dict[str, Any]:
         try:
             from defsense_fab.pipeline.study.runs.worker import work_off
         except ImportError as error:
-            return {"refused": f"has no defsense-fab that runs studies ({error})"}
-        return work_off(batch, files, wanted)
+            return {"refused": f"has no defsense-fab that works for others ({error})"}
+        return work_off(what, wanted, *arguments)
 
     def versions() -> dict[str, str]:
         try:

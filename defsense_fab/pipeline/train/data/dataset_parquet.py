@@ -20,6 +20,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.errors import TrainingError
 from ....core.files import replacing_folder
+from ....core.optional_libraries import optional
 from ....core.version import __version__
 from ....training.data.dataset import Dataset, Recording
 
@@ -92,13 +93,9 @@ def read_dataset(path: Path) -> Dataset:
 
 def parquet_library(path: Path) -> tuple[Any, Any]:
     """pyarrow and its Parquet. Raises TrainingError where it is missing."""
-    try:
+    with optional(TrainingError, path, "exchange"):
         import pyarrow
         import pyarrow.parquet
-    except ImportError:
-        raise TrainingError(
-            f"{path}: Parquet needs pyarrow; pip install defsense-fab[exchange]"
-        ) from None
     return pyarrow, pyarrow.parquet
 
 

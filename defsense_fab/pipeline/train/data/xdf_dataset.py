@@ -15,6 +15,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.errors import TrainingError
 from ....core.markers import Markers
+from ....core.optional_libraries import optional
 from ....core.tracks import Tracks
 from ....training.data.dataset import Dataset
 from .pair_dataset import QUIET, Offset, of_series
@@ -147,12 +148,8 @@ def _tracks(path: Path, stream: _Stream, start: float) -> Tracks:
 
 def _read(path: Path) -> list[_Stream]:
     """The streams of numbers."""
-    try:
+    with optional(TrainingError, path, "exchange"):
         import pyxdf
-    except ImportError:
-        raise TrainingError(
-            f"{path}: XDF needs pyxdf; pip install defsense-fab[exchange]"
-        ) from None
     try:
         with path.open("rb") as file:
             head = file.read(len(_MAGIC))

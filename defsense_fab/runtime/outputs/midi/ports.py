@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ....core.errors import OutputError
+from ....core.optional_libraries import missing
 
 _ALSA = Path("/dev/snd/seq")
+_LAST_WITH_WHEEL = (3, 12)  # Python that python-rtmidi 1.5 has wheels for, as in pyproject.toml
 
 
 class MidiPort(Protocol):
@@ -86,10 +88,15 @@ def _mido() -> Any:
         import mido
         import rtmidi  # noqa: F401  # what mido opens ports with
     except ImportError as error:
-        raise OutputError(
-            f"midi: needs the package {error.name}; pip install 'defsense-fab[live]' brings it"
-        ) from None
+        raise OutputError(_brought_by(error)) from None
     return mido
+
+
+def _brought_by(error: ImportError) -> str:
+    if error.name == "rtmidi" and sys.version_info[:2] > _LAST_WITH_WHEEL:
+        compiled = "it has no wheel for this Python and is compiled"
+        return missing("midi", error, package="python-rtmidi", otherwise=compiled)
+    return missing("midi", error, "midi")
 
 
 def _no_midi(why: str) -> str:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
-from defsense_fab.geometry.bodies.meshing import mesh_quality, netgen, tetrahedra
+from defsense_fab.geometry.bodies.meshing import ftetwild, mesh_quality, netgen, tetrahedra
 from defsense_fab.geometry.bodies.meshing.boundary_fit import facet_gaps, fit_boundary
 from defsense_fab.geometry.bodies.meshing.mesh_quality import quality
 from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch, run, tidy
@@ -181,6 +181,16 @@ def test_a_netgen_that_cannot_be_imported_is_told(bar, monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(MeshingError, match=r"cannot be imported \(libGLU.so.1 is missing\)"):
         tetrahedralise(bar, 14.0)
+
+
+def test_ftetwild_that_is_not_installed_is_told(bar, monkeypatch, tmp_path):
+    """As on Macs with Intel."""
+    (tmp_path / "pytetwild.py").write_text("raise ImportError('no wheel')")
+    monkeypatch.syspath_prepend(tmp_path)
+    watch = Watch(60.0, lambda _: None, "fTetWild", 1.0, "nothing")
+    task = {"edge_length": 14.0, "epsilon": 1e-3}
+    with pytest.raises(MeshingError, match=r"fTetWild .* \(no wheel\).* install pytetwild"):
+        run(ftetwild, bar, task, watch)
 
 
 def test_a_mesh_that_is_not_sound_is_refused(bar, monkeypatch):

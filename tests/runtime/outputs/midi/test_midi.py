@@ -1,5 +1,6 @@
 """MIDI: files read by mido, a device that is pulled out, learning, garbage."""
 
+import re
 import sys
 
 import mido
@@ -58,6 +59,22 @@ def test_the_board_is_reset():
     frames = [*moved([0.1] * 500), *moved([0.2, 0.6])]
     ((_, _, loud),) = sent_by(MidiMapping("bend", note=60), frames)
     assert loud == 127  # 0.4 in 10 ms
+
+
+@pytest.mark.parametrize(
+    ("last", "told"),
+    [
+        ((3, 99), 'pip install "defsense-fab[midi]"'),
+        ((3, 0), "pip install python-rtmidi; it has no wheel for this Python and is compiled"),
+    ],
+)
+def test_a_package_that_is_not_installed(monkeypatch, tmp_path, last, told):
+    """The extra, where there is a wheel for this Python; else what compiles it."""
+    monkeypatch.setattr(ports, "_ALSA", tmp_path)
+    monkeypatch.setattr(ports, "_LAST_WITH_WHEEL", last)
+    monkeypatch.setitem(sys.modules, "rtmidi", None)
+    with pytest.raises(OutputError, match="needs the package .*" + re.escape(told)):
+        SystemPorts().names(inputs=False)
 
 
 def test_a_file_is_read_by_others(tmp_path):

@@ -1,0 +1,151 @@
+"""What a machine without MKL Pardiso waits for: the same equations and poses by RSLAB.
+
+    OMP_NUM_THREADS=1 python -m benchmarks.solvers fixtures/devices/bar fixtures/devices/character
+    python -m benchmarks.solvers fixtures/devices/bar --build     # all of a build, twice
+
+Of each device, on its own mesh and one core: the tangent at rest factored with the ordering kept,
+as every factor of a pose but the first is, and solved once (medians of CPU seconds); the device's
+first pose from rest to its end; how far the solutions differ. With `--build` the device is built
+with each solver in copies of its folder: CPU seconds, and the error and parts that come out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from defsense_fab.core.device_file import load_device
+from defsense_fab.mechanics.elements import tet10
+from defsense_fab.mechanics.elements.material import Material
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
+from defsense_fab.mechanics.loading.boundary_conditions import rest
+from defsense_fab.mechanics.solver.linear_solver import Pardiso, Rslab
+from defsense_fab.mechanics.solver.load_stepping import follow
+from defsense_fab.mechanics.solver.newton import System
+from defsense_fab.pipeline.artifacts.layout import load_layout
+from defsense_fab.pipeline.artifacts.manifest import load_manifest
+from defsense_fab.pipeline.artifacts.mesh import load_mesh
+from defsense_fab.pipeline.build.build import build
+from defsense_fab.pipeline.build.load_cases import jobs, loadings
+
+SWITCH = "DEFSENSE_SOLVER"
+SOLVERS = {Pardiso.name: {}, Rslab.name: {SWITCH: "rslab"}}
+
+
+@contextmanager
+def copied(device: Path) -> Iterator[Path]:
+    """A copy of the device's folder without what was built."""
+    with tempfile.TemporaryDirectory() as folder:
+        to = Path(folder, device.name)
+        shutil.copytree(device, to, ignore=shutil.ignore_patterns("build", ".build-next"))
+        yield to
+
+
+def seconds(work: Callable[[], object], repeat: int) -> float:
+    """Median of CPU seconds."""
+    taken = []
+    for _ in range(repeat):
+        start = time.process_time()
+        work()
+        taken.append(time.process_time() - start)
+    return float(np.median(taken))
+
+
+def equations(device: Path, repeat: int) -> None:
+    """A matrix and a pose by both."""
+    with copied(device) as folder:
+        read = load_device(folder)
+        mesh = QuadraticMesh.from_linear(load_mesh(build(read, "mesh").folder))
+        law = Material.from_spec(read.material)
+        _, todo, _ = jobs(read, mesh, loadings(read))
+    goal = todo[0].conditions
+    taken, found = {}, {}
+    for name, environment in SOLVERS.items():
+        os.environ.pop(SWITCH, None)
+        os.environ.update(environment)
+        system = System(mesh, law, goal)
+        if system.solver.name != name:
+            sys.exit(f"{name} is not to be had here, but {system.solver.name}")
+        start = rest(goal, len(mesh.nodes))
+        matrix = system.reduction.matrix(
+            start, law, tet10.deformation_gradient(mesh, start.u, 1), 1.0,
+            system.loads.blocks(goal, start.u), None, 1,
+        )  # fmt: skip
+        right = np.random.default_rng(0).normal(size=matrix.shape[0])
+        first = seconds(lambda s=system, m=matrix: s.solver.factor(m), 1)
+        again = seconds(lambda s=system, m=matrix: s.solver.factor(m), repeat)
+        solved = seconds(lambda s=system, r=right: s.solver.solve(r), repeat)
+        x = system.solver.solve(right)
+        system.close()
+
+        def pose() -> object:
+            one = System(mesh, law, goal)
+            try:
+                return follow(one, rest(goal, len(mesh.nodes)), goal, check=False)[-1]
+            finally:
+                one.close()
+
+        u = pose().u  # compiled now
+        taken[name] = (first, again, solved, seconds(pose, repeat))
+        found[name] = (x, u)
+    print(f"\n{device.name}: {len(mesh.cells)} tets, {matrix.shape[0]} unknowns, CPU s, one core")
+    print(f"{'':<16}{'first factor':>14}{'factor':>10}{'solve':>10}{'pose':>10}")
+    for name, times in taken.items():
+        print(f"{name:<16}{times[0]:>14.3f}" + "".join(f"{t:>10.3f}" for t in times[1:]))
+    few, many = taken.values()
+    print(f"{'ratio':<16}{many[0] / few[0]:>14.1f}", end="")
+    print("".join(f"{b / a:>10.1f}" for a, b in zip(few[1:], many[1:], strict=True)))
+    (x, u), (y, v) = found.values()
+    print(f"largest difference: solution {np.abs(x - y).max() / np.abs(x).max():.1e} of it, "
+          f"pose {np.abs(u - v).max():.1e} mm")  # fmt: skip
+
+
+def builds(device: Path) -> None:
+    """A build by each, in a process of its own."""
+    print(f"\n{device.name}, built to the end")
+    for name, environment in SOLVERS.items():
+        with copied(device) as folder:
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            start = time.perf_counter()
+            subprocess.run(
+                [sys.executable, "-m", "defsense_fab.cli.main", "build", str(folder)],
+                env={k: v for k, v in os.environ.items() if k != SWITCH} | environment,
+                check=True, stdout=subprocess.DEVNULL,
+            )  # fmt: skip
+            wall = time.perf_counter() - start
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+            layout, manifest = load_layout(folder / "build"), load_manifest(folder / "build")
+            unseen = ", ".join(f"{k} {v:.3f}" for k, v in layout.unseen.items())
+            print(f"{name:<16}{cpu:>8.0f} CPU s{wall:>7.0f} s  {len(manifest.parts)} parts, "
+                  f"{len(layout.sensors)} cords; unseen states, mm: {unseen}; "
+                  f"as built {layout.band.median:.3f}", flush=True)  # fmt: skip
+
+
+def main() -> None:
+    """For the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("devices", nargs="+", type=Path)
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--build", action="store_true", help="build each with both")
+    arguments = parser.parse_args()
+    for device in arguments.devices:
+        if arguments.build:
+            builds(device)
+        else:
+            equations(device, arguments.repeat)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""Takes the pictures of the first page: `python docs/guide/make_pictures.py FOLDER [NAME...]`.
+
+FOLDER is where the page's commands were typed; what is missing there is made first. A Chromium must
+be installed; its windows are drawn by the processor.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+HERE = Path(__file__).parent
+DEVICE, SESSION, MODEL = "my-device", "session", "my-device/model.json"
+MADE = {  # what is there once a command has been typed
+    "my-device/device.toml": ("new", DEVICE, "--body", "twist-bar"),
+    "my-device/build/guide.html": ("build", DEVICE),
+    "session/session.json": ("twin", DEVICE, "--minutes", "1.5", "--out", SESSION),
+    MODEL: ("train", SESSION, "--device", DEVICE),
+}
+SIZE = {"width": 1100, "height": 640}
+COLORS = 96
+PORT = 8123
+WAIT, SETTLED = 300_000, 40_000  # ms
+
+
+def defsense(*words):
+    """The command, as a process is started."""
+    return [sys.executable, "-m", "defsense_fab.cli.main", *words]
+
+
+@contextmanager
+def page_of(folder, *words):
+    """A page that a command shows, while it is needed."""
+    with subprocess.Popen(
+        defsense(*words), cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
+    ) as running:
+        try:
+            while (line := running.stdout.readline()) and str(PORT) not in line:
+                pass
+            yield f"http://localhost:{PORT}"
+        finally:
+            running.terminate()
+
+
+def save(page, name):
+    """What the page shows, as a PNG of few colours."""
+    image = Image.open(BytesIO(page.screenshot(timeout=WAIT))).convert("RGB")
+    image.quantize(COLORS, dither=Image.Dither.NONE).save(HERE / f"{name}.png", optimize=True)
+
+
+def report(page, folder):
+    """Its beginning, down to the view of body and cords."""
+    page.set_viewport_size(SIZE | {"height": 1000})
+    page.goto((folder / DEVICE / "build/report.html").absolute().as_uri())
+    page.locator("[data-ready]").first.wait_for(timeout=WAIT)
+    page.get_by_label("see through").check()
+    page.wait_for_timeout(SETTLED)
+    save(page, "report")
+
+
+def assembly(page, folder):
+    """The view of the assembly guide, with its parts apart."""
+    page.goto((folder / DEVICE / "build/guide.html").absolute().as_uri())
+    page.locator("[data-ready]").first.wait_for(timeout=WAIT)
+    page.locator("[data-open]").first.evaluate(
+        "it => { it.value = it.max; it.dispatchEvent(new Event('input')); }"
+    )
+    page.wait_for_timeout(SETTLED)
+    save(page, "assembly")
+
+
+def studio(page, folder):
+    """The studio as it opens."""
+    with page_of(folder, "studio", DEVICE, "--port", str(PORT), "--no-browser", "--trust") as url:
+        page.goto(url, timeout=WAIT)
+        page.wait_for_timeout(SETTLED)
+        save(page, "studio")
+
+
+def live(page, folder):
+    """The page of a run, whose twin moves by itself."""
+    words = ("run", MODEL, "--device", DEVICE, "--port", "twin")
+    with page_of(folder, *words, "--view", str(PORT), "--no-browser") as url:
+        page.goto(url, timeout=WAIT)
+        page.wait_for_timeout(SETTLED)
+        save(page, "live")
+
+
+PICTURES = {"report": report, "assembly": assembly, "studio": studio, "live": live}
+
+
+def main():
+    """See above."""
+    folder, *names = sys.argv[1:]
+    folder = Path(folder)
+    folder.mkdir(exist_ok=True)
+    for made, words in MADE.items():
+        if not (folder / made).exists():
+            subprocess.run(defsense(*words), cwd=folder, check=True)
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    switches = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    switches += ["--no-sandbox"] if os.geteuid() == 0 else []
+    with sync_playwright() as playwright:
+        for name in names or PICTURES:
+            browser = playwright.chromium.launch(executable_path=chromium, args=switches)
+            PICTURES[name](browser.new_page(viewport=SIZE), folder)
+            browser.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""Markers and controls of a device in Blender, as they move: run this in Blender's text editor.
+
+    defsense run my-device/model.json --port twin --output 'osc,send=["controls","markers"]'
+
+Each marker becomes an empty, `bar marker 0` and so on, 100 mm being 0.1 units as in recordings;
+each control becomes a custom property of the scene, `bar bend`, which drivers read. Run the script
+again to begin anew; it ends with Blender. It needs nothing else.
+"""
+
+import socket
+import struct
+
+import bpy
+
+PORT = 9000
+EVERY = 1 / 60  # s
+
+
+def text_at(data, at):
+    """A string that ends with one to four zeros, and what comes after it."""
+    end = data.index(b"\0", at)
+    return data[at:end].decode("ascii"), end + 4 - end % 4
+
+
+def messages(data):
+    """Address and values of all messages in a datagram of OSC 1.0."""
+    if data.startswith(b"#bundle\0"):
+        at = 16  # the name and the time
+        while at < len(data):
+            (size,) = struct.unpack_from(">i", data, at)
+            yield from messages(data[at + 4 : at + 4 + size])
+            at += 4 + size
+        return
+    address, at = text_at(data, 0)
+    tags, at = text_at(data, at)
+    values = []
+    for tag in tags[1:]:
+        if tag == "s":
+            value, at = text_at(data, at)
+        else:  # i, f, d
+            (value,) = struct.unpack_from(">" + tag, data, at)
+            at += struct.calcsize(">" + tag)
+        values.append(value)
+    yield address, values
+
+
+def empty(name):
+    """The empty of this name, made where there is none."""
+    found = bpy.data.objects.get(name)
+    if found is None:
+        found = bpy.data.objects.new(name, None)
+        found.empty_display_type = "SPHERE"
+        found.empty_display_size = 0.002
+        bpy.context.scene.collection.objects.link(found)
+    return found
+
+
+def show(address, values):
+    """One message, in the scene."""
+    parts = address.split("/")
+    if len(parts) != 5 or parts[1] != "defsense":
+        return
+    _, _, device, kind, name = parts
+    if kind == "marker":
+        empty(f"{device} marker {name}").location = [v / 1000 for v in values[:3]]
+    elif kind == "control":
+        bpy.context.scene[f"{device} {name}"] = values[0]
+
+
+def begin():
+    """Listen, and let Blender call `step` between its pictures."""
+    before = bpy.app.driver_namespace.get("defsense")
+    if before is not None:
+        before.close()
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    receiver.bind(("127.0.0.1", PORT))
+    receiver.setblocking(False)
+    bpy.app.driver_namespace["defsense"] = receiver
+
+    def step():
+        if receiver.fileno() < 0:
+            return None  # the script was run again: this timer ends
+        while True:
+            try:
+                for address, values in messages(receiver.recv(65536)):
+                    show(address, values)
+            except BlockingIOError:
+                break
+            except (ValueError, struct.error, UnicodeDecodeError, RecursionError):
+                continue  # not OSC
+        return EVERY
+
+    bpy.app.timers.register(step)
+
+
+begin()

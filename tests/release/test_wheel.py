@@ -1,0 +1,95 @@
+"""The wheel of an sdist of what is tracked: what it carries, and that it runs far from here."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+
+import pytest
+
+from tests.places import ROOT
+
+_BUILD = "import sys; from setuptools import build_meta as b; b.build_{kind}(sys.argv[1])"
+
+
+def _tracked():
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+    return [n for n in listed.stdout.decode().split("\0") if n and (ROOT / n).is_file()]
+
+
+@pytest.fixture(scope="module")
+def unpacked(tmp_path_factory):
+    """A wheel, built as PyPI's are: of an sdist, which was built of what is tracked."""
+    top = tmp_path_factory.mktemp("release")
+    left_out = ("tests/", "benchmarks/", "fixtures/c3d/")
+    for name in _tracked():
+        if not name.startswith(left_out):
+            (top / "checkout" / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / name, top / "checkout" / name)
+    _run(_BUILD.format(kind="sdist"), top / "checkout", top)
+    (sdist,) = top.glob("*.tar.gz")
+    with tarfile.open(sdist) as file:
+        file.extractall(top / "sdist", filter="data")
+    (source,) = (top / "sdist").iterdir()
+    _run(_BUILD.format(kind="wheel"), source, top)
+    (wheel,) = top.glob("*.whl")
+    with zipfile.ZipFile(wheel) as file:
+        file.extractall(top / "site")
+    return top / "site"
+
+
+def _run(program, folder, *words):
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    done = subprocess.run(
+        [sys.executable, "-c", program, *map(str, words)],
+        cwd=folder, env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_it_has_every_file_of_the_package_and_nothing_else(unpacked):
+    found = {p.relative_to(unpacked).as_posix() for p in unpacked.rglob("*") if p.is_file()}
+    found = {n for n in found if ".dist-info/" not in n}
+    package = {n for n in _tracked() if n.startswith("defsense_fab/")}
+    carried = {n for n in found if n.startswith(tuple(f"defsense_fab/data/{k}/" for k in
+               ("devices", "examples", "firmware")))}  # fmt: skip
+    assert found - carried == package
+    for name, folder in (("devices", "fixtures/devices"), ("examples", "examples"),
+                         ("firmware", "firmware")):  # fmt: skip
+        there = [n for n in carried if n.startswith(f"defsense_fab/data/{name}/")]
+        assert there
+        for one in there:
+            of = ROOT / folder / one.removeprefix(f"defsense_fab/data/{name}/")
+            assert (unpacked / one).read_bytes() == of.read_bytes()
+
+
+_TRY = """
+import defsense_fab
+assert defsense_fab.__file__.startswith({here!r}), defsense_fab.__file__
+from defsense_fab.core.device_file import load_device
+from defsense_fab.core.package_data import package_data
+from defsense_fab.pipeline.reproduce.experiments.examples import example_names, find_experiments
+from defsense_fab.pipeline.starts.starting_devices import STARTS, begin_with
+from pathlib import Path
+for start in STARTS:
+    begin_with(start, Path(start.name), "grip")
+    assert load_device(Path(start.name)).poses and start.picture
+for one in find_experiments(example_names()):
+    assert one.cords or load_device(one.folder).body.path.is_file()
+assert (package_data("firmware") / "DefSense" / "src" / "DefSense.cpp").is_file()
+from defsense_fab.core.catalogue import read_rows
+from defsense_fab.pipeline.report.viewer import page
+"""
+
+
+def test_what_needs_its_files_runs_far_from_the_repository(unpacked, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(unpacked)}
+    program = _TRY.format(here=str(unpacked))
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, env=environment,
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.returncode == 0, done.stderr
