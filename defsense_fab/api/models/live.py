@@ -21,7 +21,7 @@ from ...runtime.surface.live_surface import Mode
 from ..layout import Layout
 from .fitting_device import fitting_device
 from .model import Model
-from .moving_surface import MODES
+from .surface import MODES
 
 _LOOK = 0.1  # s, after which it is looked whether the run goes on: Ctrl-C is heard between
 _RATES = 10, 500  # Hz
