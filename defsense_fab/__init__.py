@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .api.models.live import live as live
     from .api.models.model import Model as Model
     from .api.models.model import train as train
-    from .api.models.moving_surface import MovingSurface as MovingSurface
+    from .api.models.surface import MovingSurface as MovingSurface
     from .api.parts import Parts as Parts
     from .api.parts import fabricate as fabricate
     from .api.picture import Picture as Picture
@@ -44,7 +44,7 @@ _MODULES = {
     "api.layout": ("Layout", "optimise"),
     "api.models.live": ("Live", "live"),
     "api.models.model": ("Model", "train"),
-    "api.models.moving_surface": ("MovingSurface",),
+    "api.models.surface": ("MovingSurface",),
     "api.parts": ("Parts", "fabricate"),
     "api.picture": ("Picture",),
     "api.poses": ("Drag", "DrawnCord", "Handle", "Pose", "Pressure", "Symmetry"),

@@ -14,7 +14,7 @@ import defsense_fab
 
 #: In the order of the work; modules that are not named here come after these.
 _ORDER = ("device", "bodies", "regions", "poses", "simulation", "layout", "prediction", "parts",
-          "recordings", "model", "live", "surface", "picture", "errors")  # fmt: skip
+          "recordings", "model", "surface", "live", "live_frame", "picture", "errors")  # fmt: skip
 
 
 def public_names():
@@ -33,12 +33,16 @@ def public_names():
     return {module: found[module] for module in sorted(found, key=place)}
 
 
+def _title(module):
+    return module.rpartition(".")[2].replace("_", " ").capitalize()
+
+
 def markdown():
     """A section a module, with its names as autodoc shows them."""
     parts = []
     for module, names in public_names().items():
         about = inspect.getdoc(sys.modules[module]).splitlines()[0]
-        parts.append(f"## {module.rpartition('.')[2].capitalize()}\n\n{about}\n\n```{{eval-rst}}")
+        parts.append(f"## {_title(module)}\n\n{about}\n\n```{{eval-rst}}")
         for name in names:
             kind = "class" if inspect.isclass(getattr(defsense_fab, name)) else "function"
             parts.append(f".. auto{kind}:: defsense_fab.{name}")

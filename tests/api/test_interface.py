@@ -245,6 +245,7 @@ def test_bad_calls_are_told(layout, call, message):
         (lambda m, la: m.surface(np.zeros((1, 10, 3)), la.poses), "is a Simulation; give the layo"),
         (lambda m, la: df.live(other(m, device="cube"), la, port="twin"), "of another device"),
         (lambda m, la: df.live(other(m, layout="0"), la, port="twin"), "of other cords"),
+        (lambda m, la: df.live("model.json", la, port="twin"), "model: is a str; give that of"),
         (lambda m, la: df.live(m, port="twin"), "a twin needs the layout"),
         (lambda m, la: df.live(m, la, port="twin:speed=2"), "twin:speed=2: write twin:unit=1"),
         (lambda m, la: df.live(m, la, port="/dev/none"), "/dev/none: "),

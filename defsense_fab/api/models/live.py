@@ -21,7 +21,7 @@ from ...runtime.surface.live_surface import Mode
 from ..layout import Layout
 from .fitting_device import fitting_device
 from .model import Model
-from .moving_surface import MODES
+from .surface import MODES
 
 _LOOK = 0.1  # s, after which it is looked whether the run goes on: Ctrl-C is heard between
 _RATES = 10, 500  # Hz
@@ -121,6 +121,8 @@ def live(
     Raises LiveError for what does not go together, CaptureError for a port that cannot be opened,
     StorageError where readings cannot be kept.
     """
+    if not isinstance(model, Model):
+        raise LiveError(f"model: is a {type(model).__name__}; give that of train or Model.load")
     device = fitting_device(model.record, layout)
     if not isinstance(port, str) or not port:
         raise LiveError(f"port {port!r}: must be text, as in '/dev/ttyUSB0' or 'twin'")

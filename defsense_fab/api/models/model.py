@@ -24,7 +24,7 @@ from ...training.data.dataset import Dataset
 from ...training.fitting.train_model import TrainingOptions
 from ..layout import Layout
 from ..recordings import UNNAMED
-from .moving_surface import MovingSurface, moving_surface
+from .surface import MovingSurface, moving_surface
 
 
 @dataclass(frozen=True, repr=False)
