@@ -4,7 +4,10 @@ from __future__ import annotations
 
 
 class DefsenseError(Exception):
-    """Base of all errors that a user can cause and mend."""
+    """Base of all errors that a user can cause and mend. One that is `of_the_machine` need not come
+    again: memory, disk or time did not suffice."""
+
+    of_the_machine = False
 
 
 class DeviceError(DefsenseError):
@@ -66,6 +69,10 @@ class StudyError(DefsenseError):
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
 
+    of_the_machine = True
+
 
 class CapacityError(DefsenseError):
     """The machine's memory does not suffice for what was asked."""
+
+    of_the_machine = True

@@ -88,7 +88,7 @@ def _count_cords(options: argparse.Namespace) -> int:
 
 def _range(text: str) -> tuple[int, int]:
     least, dots, most = text.partition("..")
-    if not (least.isdigit() and (most.isdigit() if dots else not most)):
+    if not (least.isdecimal() and (most.isdecimal() if dots else not most)):
         raise DeviceError(f"--sensors {text}: write a range such as 1..6, or one number")
     a, b = int(least), int(most or least)
     if not 1 <= a <= b <= 16:

@@ -62,7 +62,9 @@ def finished(
             if was_killed(code):
                 why += ", perhaps for want of memory"
             why += f": {said}" if said else ""
-            raise failure.error(f"{failure.who} ended early ({why}); {failure.crashed}")
+            error = failure.error(f"{failure.who} ended early ({why}); {failure.crashed}")
+            error.of_the_machine = was_killed(code)
+            raise error
         yield folder
 
 
@@ -94,10 +96,12 @@ def _run(
     try:
         code = _ended(process, limit, on_wait)
     except subprocess.TimeoutExpired:
-        raise failure.error(
+        error = failure.error(
             f"{failure.who} did not end within {round(limit, 2):g} s and was stopped;"
             f" {failure.slow}"
-        ) from None
+        )
+        error.of_the_machine = True
+        raise error from None
     finally:
         end_group(process.pid)  # what it started ends, too
         process.wait()

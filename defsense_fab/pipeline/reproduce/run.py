@@ -9,6 +9,7 @@ from typing import Any
 
 from ...core.blas_threads import one_blas_thread
 from ...core.device import Device
+from ...core.errors import ExperimentError
 from ...core.files import storage_errors, write_json
 from ...core.lock import locked
 from ...core.progress import Progress, silent
@@ -39,6 +40,11 @@ def reproduce(
     results in plain values. Raises a DefsenseError where one fails: those before it are on the
     page."""
     left = TimeLeft([step for e in experiments for step in _steps(e)], progress)
+    for e in experiments:
+        if (out / e.name).resolve() == e.folder.resolve():
+            raise ExperimentError(
+                f"{out}: results would go into {e.folder} itself; give another --out"
+            )
     with storage_errors(out):
         out.mkdir(parents=True, exist_ok=True)
     with locked(out / REPRODUCED, f"{out}: another run writes there; wait for it, or give --out"):

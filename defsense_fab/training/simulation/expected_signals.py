@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.errors import TrainingError
 from ...decoding.input_features import InputFeatures, all_products
 from ..data.dataset import Recording
 from ..ridge.weighted_ridge import Whitened, solve, sums
@@ -18,11 +19,16 @@ _NOISE = 0.05  # of the movements, in their spread over the states
 
 def expected_signals(prior: Prior, r: Recording, rest_points: Float) -> Float:
     """(R - R0)/R0 (t, c) at the pictures of a recording, whose markers are at rest at (m, 3) mm;
-    NaN where fewer than half of the markers are seen."""
+    NaN where fewer than half of the markers are seen. Raises TrainingError where none moves."""
     s, m = prior.displacements.shape[:2]
     flat = prior.displacements.reshape(s, -1)
     _, size, across = np.linalg.svd(flat, full_matrices=False)
     k = min(_MOVEMENTS, int((size > 1e-6 * size[0]).sum()))
+    if k == 0:
+        raise TrainingError(
+            "no marker moves in any of the simulated states; put markers where the poses move the"
+            " device"
+        )
     V = across[:k]
     states = flat @ V.T
     spread = np.maximum(states.std(0), 1e-9)

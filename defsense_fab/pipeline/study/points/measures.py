@@ -45,6 +45,10 @@ MEANING: dict[str, dict[str, str]] = {
 }
 
 
+#: Those that are no numbers.
+WORDS = ("decoder",)
+
+
 def of_stage(until: str) -> list[str]:
     """Names of the measures that a run up to a stage has."""
     names: list[str] = []

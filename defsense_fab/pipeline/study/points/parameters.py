@@ -40,7 +40,12 @@ class Parameter:
 
 def read_parameters(t: Table) -> tuple[Parameter, ...]:
     """Of the table `[parameters]`, in its order. Raises DeviceError with file and line."""
-    return tuple(_read(t, ""))
+    found = _read(t, "")
+    keys = [p.key for p in found]
+    twice = next((k for k in keys if keys.count(k) > 1), None)
+    if twice is not None:
+        t.fail(twice, "is given twice, with and without quotes; leave one of them out")
+    return tuple(found)
 
 
 def _read(t: Table, prefix: str) -> list[Parameter]:

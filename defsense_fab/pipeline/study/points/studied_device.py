@@ -90,7 +90,7 @@ def _place(rows: list[Any], name: str, key: str) -> int:
     for k, row in enumerate(rows):
         if isinstance(row, dict) and row.get("name") == name:
             return k
-    if name.isdigit() and 1 <= int(name) <= len(rows):
+    if name.isdecimal() and 1 <= int(name) <= len(rows):
         return int(name) - 1
     names = [str(r["name"]) for r in rows if isinstance(r, dict) and "name" in r]
     there = ", ".join(names) or f"1 to {len(rows)}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ....core.toml_table import Table, load_toml
 from ...build.stages import STAGES
-from .measures import of_stage
+from .measures import WORDS, of_stage
 from .parameters import Parameter, read_parameters
 
 FILE, SCHEMA = "study.toml", 1
@@ -55,11 +55,14 @@ def load_study(folder: Path) -> Study:
         top.fail("parameters", "give at least one, as in cord.noise = [0.001, 0.01]")
     measured = of_stage(until)
     record = top.strings("record", measured)
+    if not record:
+        top.fail("record", f"give at least one of {', '.join(measured)}")
     for name in record:
         top.choice("record", name, measured, f"measure of the stage {until}")
     minimise = top.string("minimise", "error" if "error" in record else "none")
     if minimise != "none":
-        top.choice("minimise", minimise, record, "recorded measure")
+        numbers = [name for name in record if name not in WORDS]
+        top.choice("minimise", minimise, numbers, "recorded measure that is a number")
     study = Study(
         parameters=parameters,
         design=design,

@@ -57,7 +57,12 @@ def refuse_others(device: Path, name: str) -> None:
     """Raise StudyError where the place of the results holds what is not this device's."""
     path = device / FOLDER / PARQUET
     library = _pyarrow()
-    if path.exists() and library is not None:
+    if path.exists():
+        if library is None:
+            raise StudyError(
+                f"{path}: cannot be read without pyarrow (pip install defsense-fab[exchange]), and"
+                " would be replaced; install it, or move the file away"
+            )
         told = _told(library, path)
         if told is None or told.get("device") != name:
             whose = f"the device {told.get('device')!r}" if told else "something else"
@@ -66,7 +71,10 @@ def refuse_others(device: Path, name: str) -> None:
     if path.exists():
         with storage_errors(path), path.open(encoding="utf-8", errors="replace") as file:
             found = csv.reader(file)
-            head, first = next(found, []), next(found, [])
+            try:
+                head, first = next(found, []), next(found, [])
+            except csv.Error:  # longer than any table's
+                head, first = [], []
         if head[:3] != ["device", "run", "outcome"]:
             raise StudyError(f"{path}: is no table of a study; move it away, and run it again")
         if first and first[0] != name:
@@ -115,7 +123,7 @@ def _alike(values: list[Any]) -> list[Any]:
     """Of one type, as a column asks for: numbers, switches, or texts."""
     there = [v for v in values if v is not None]
     if all(is_number(v) for v in there):
-        whole = all(isinstance(v, int) for v in there)
+        whole = all(isinstance(v, int) and abs(v) < 2**63 for v in there)
         return [v if v is None or whole else float(v) for v in values]
     if all(isinstance(v, bool) for v in there):
         return values

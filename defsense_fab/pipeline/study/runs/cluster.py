@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
@@ -33,13 +34,18 @@ def connected(address: str) -> Iterator[Any]:
     StudyError where there is no scheduler, no worker, or another version."""
     with optional(StudyError, "--scheduler", "cluster", otherwise="and so on each worker"):
         import distributed
-    for name in ("distributed", "distributed.client"):  # what goes wrong is told here
+    for name in ("distributed", "distributed.client", "distributed.core"):  # it is told here
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    try:
+
+    def client_there() -> Any:
         # A client that could not be made prints a traceback where it is thrown away.
         distributed.comm.resolve_address(address)
-        client = distributed.Client(address, timeout=ANSWERS, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
+        return distributed.Client(address, timeout=ANSWERS, set_as_default=False)
+
+    end = time.monotonic() + 2 * ANSWERS
+    try:
+        client = _waited(client_there, lambda: time.monotonic() > end)
+    except Exception as error:
         raise StudyError(
             f"--scheduler {address}: no scheduler answers there ({_first_line(error)}); start one"
             " with `dask scheduler`, whose first lines tell its address"
@@ -145,8 +151,8 @@ class _Cluster(Generic[Item]):
         """What is to be tried again."""
         import distributed
 
-        try:
-            result = future.result(timeout=ANSWERS)
+        try:  # what comes back may be large
+            result = _waited(future.result, lambda: self._client.status != "running")
         except distributed.KilledWorker as error:
             return self._work.lost(item, error.allowed_failures + 1)
         except (OSError, CancelledError, TimeoutError):
@@ -181,6 +187,25 @@ class _Cluster(Generic[Item]):
             )
 
 
+def _waited(work: Callable[[], Any], given_up: Callable[[], bool]) -> Any:
+    """What `work` returns or raises in a thread of its own, which is left alone once it is given
+    up: TimeoutError is raised then."""
+    found: Future[Any] = Future()
+
+    def run() -> None:
+        try:
+            found.set_result(work())
+        except BaseException as error:  # whatever it is, who waits is told
+            found.set_exception(error)
+
+    threading.Thread(target=run, daemon=True, name="cluster").start()
+    while not found.done():
+        wait([found], _LOOK)
+        if given_up() and not found.done():
+            raise TimeoutError("no answer in time")
+    return found.result()
+
+
 def _workers(client: Any) -> dict[str, int]:
     """Addresses of the workers, and their threads."""
     return {address: int(threads) for address, threads in client.nthreads().items()}
@@ -194,7 +219,13 @@ def _check_workers(client: Any, address: str) -> None:
             f"--scheduler {address}: no worker has come to it within {COMES:.0f} s; start some with"
             f" `dask worker {address} --nthreads 1`"
         ) from None
-    wanted, there = installed(), client.run(travelling()[1])
+    try:
+        wanted, there = installed(), client.run(travelling()[1])
+    except Exception as error:
+        raise StudyError(
+            f"--scheduler {address}: its workers cannot tell their versions"
+            f" ({type(error).__name__}: {_first_line(error)}); {_INSTALL}"
+        ) from None
     for worker, versions in sorted(there.items()):
         if other := difference(wanted, versions):
             raise StudyError(f"the worker {worker} has {other}; {_INSTALL}")

@@ -36,7 +36,7 @@ def main(folder: Path) -> None:
 
 
 def _made(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: Path) -> Any:
-    from ....core.errors import CapacityError, DefsenseError, StorageError
+    from ....core.errors import DefsenseError
     from ...build.build import build
     from ..points.measures import measure
     from ..points.studied_device import studied_device
@@ -49,10 +49,8 @@ def _made(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: 
     try:
         device = studied_device(job["text"], source, values)
         measures = measure(build(device, job["until"], meter.progress).folder, job["until"])
-    except (CapacityError, StorageError) as error:
-        outcome, message = "broken", str(error)
     except DefsenseError as error:
-        outcome, message = "refused", str(error)
+        outcome, message = ("broken" if error.of_the_machine else "refused"), str(error)
     except MemoryError:
         outcome, message = "broken", "the memory does not suffice; use a larger [mesh] edge_length"
     except Exception as error:

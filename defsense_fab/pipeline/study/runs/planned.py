@@ -71,6 +71,7 @@ def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
         values = {**fixed, **point}
         try:
             device = studied_device(text, folder, values, asked)
+            refuse_outside(device)
         except DefsenseError as error:
             run = Run(
                 digest(files.digest, sorted(values.items()), str(error)), values, "", str(error)
@@ -81,7 +82,6 @@ def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
         runs.setdefault(run.name, run)
     if whole is not None:
         _refuse_unknown(study, text, asked, whole)
-        refuse_outside(whole)
     if all(run.problem for run in runs.values()):
         first = next(iter(runs.values()))
         raise StudyError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping
 
 from ....core.version import __version__
@@ -11,7 +12,8 @@ from ...build import stages
 def installed() -> dict[str, str]:
     """Versions by name: the package, the number of its results, and the libraries of all stages
     that runs go to ("none" where one is not installed)."""
-    found = {"defsense-fab": __version__, "its results": str(stages.CODE_VERSION)}
+    python = ".".join(platform.python_version_tuple()[:2])
+    found = {"defsense-fab": __version__, "its results": str(stages.CODE_VERSION), "Python": python}
     for stage, libraries in stages.installed().items():
         if stage != "report":
             found |= {name: version or "none" for name, version in libraries}

@@ -24,8 +24,8 @@ def work_off(what: str, wanted: Mapping[str, str], *arguments: Any) -> dict[str,
         return {"refused": f"has {other}"}
     try:
         return {"result": solved(*arguments) if what == "pose" else _records(*arguments)}
-    except DefsenseError as error:
-        return {"failed": str(error)}
+    except (DefsenseError, OSError, MemoryError) as error:
+        return {"failed": str(error) or "its memory does not suffice"}
 
 
 def _records(batch: str, files: bytes) -> list[str]:
