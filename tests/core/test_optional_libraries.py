@@ -26,6 +26,7 @@ _ELSEWHERE = {
     "runtime/view/upload_limit.py": "drawn on a page that local_page has opened",
     "studio/measure/recording_screen.py": "drawn on a page that local_page has opened",
     "studio/optimise/watched_search.py": "drawn on a page that local_page has opened",
+    "runtime/outputs/midi/ports.py": "tells by `missing` itself, which of two packages brings it",
     "pipeline/study/runs/cluster.py": "called once `connected` has imported it",
     "pipeline/study/results/study_table.py": "writes CSV without it",
     "pipeline/doctor/programs.py": "in a process of its own, whose end is told",
