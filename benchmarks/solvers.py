@@ -1,4 +1,4 @@
-"""What a machine without MKL Pardiso waits for: the same equations and poses by RSLAB.
+"""What a machine without MKL Pardiso waits for: the same equations and poses by the others.
 
     OMP_NUM_THREADS=1 python -m benchmarks.solvers fixtures/devices/bar fixtures/devices/character
     python -m benchmarks.solvers fixtures/devices/bar --build     # all of a build, twice
@@ -30,7 +30,7 @@ from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.loading.boundary_conditions import rest
-from defsense_fab.mechanics.solver.linear_solver import Pardiso, Rslab
+from defsense_fab.mechanics.solver.linear_solver import Pardiso, Rslab, SuperLU
 from defsense_fab.mechanics.solver.load_stepping import follow
 from defsense_fab.mechanics.solver.newton import System
 from defsense_fab.pipeline.artifacts.layout import load_layout
@@ -40,7 +40,7 @@ from defsense_fab.pipeline.build.build import build
 from defsense_fab.pipeline.build.load_cases import jobs, loadings
 
 SWITCH = "DEFSENSE_SOLVER"
-SOLVERS = {Pardiso.name: {}, Rslab.name: {SWITCH: "rslab"}}
+SOLVERS = {kind.name: {SWITCH: kind.__name__.lower()} for kind in (Pardiso, Rslab, SuperLU)}
 
 
 @contextmanager
@@ -63,7 +63,7 @@ def seconds(work: Callable[[], object], repeat: int) -> float:
 
 
 def equations(device: Path, repeat: int) -> None:
-    """A matrix and a pose by both."""
+    """A matrix and a pose by each."""
     with copied(device) as folder:
         read = load_device(folder)
         mesh = QuadraticMesh.from_linear(load_mesh(build(read, "mesh").folder))
@@ -103,12 +103,13 @@ def equations(device: Path, repeat: int) -> None:
     print(f"{'':<16}{'first factor':>14}{'factor':>10}{'solve':>10}{'pose':>10}")
     for name, times in taken.items():
         print(f"{name:<16}{times[0]:>14.3f}" + "".join(f"{t:>10.3f}" for t in times[1:]))
-    few, many = taken.values()
-    print(f"{'ratio':<16}{many[0] / few[0]:>14.1f}", end="")
-    print("".join(f"{b / a:>10.1f}" for a, b in zip(few[1:], many[1:], strict=True)))
-    (x, u), (y, v) = found.values()
-    print(f"largest difference: solution {np.abs(x - y).max() / np.abs(x).max():.1e} of it, "
-          f"pose {np.abs(u - v).max():.1e} mm")  # fmt: skip
+    least, (x, u) = taken[Pardiso.name], found[Pardiso.name]
+    for name in [n for n in SOLVERS if n != Pardiso.name]:
+        ratios = [b / a for a, b in zip(least, taken[name], strict=True)]
+        y, v = found[name]
+        print(f"{name:<16}{ratios[0]:>13.1f}x" + "".join(f"{r:>9.1f}x" for r in ratios[1:])
+              + f"  off by {np.abs(x - y).max() / np.abs(x).max():.0e} of the largest, pose "
+              f"{np.abs(u - v).max():.0e} mm")  # fmt: skip
 
 
 def builds(device: Path) -> None:

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Iterator, Sequence
 
 from ..core.errors import DefsenseError
-from ..core.optional_libraries import missing
+from ..core.optional_libraries import CORE, missing
 from ..core.version import __version__
 from .command_parser import CommandParser
 from .commands import TASKS, module_of
@@ -102,7 +102,7 @@ def _refused_by_the_system(error: Exception, options: argparse.Namespace) -> str
     if "doing" in options:
         doing += f", {options.doing}"
     if isinstance(error, ImportError):
-        return missing(doing, error)
+        return missing(doing, error, CORE)
     if isinstance(error, MemoryError):
         hint = _LIGHTER.get(options.command, _LIGHTER["build"])
         return f"{doing}: the memory does not suffice; {hint}"

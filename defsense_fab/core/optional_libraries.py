@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from .errors import DefsenseError
 
-PROJECT = "defsense-fab"
+PROJECT, CORE = "defsense-fab", "core"
 
 
 def pip_install(*words: str) -> str:
@@ -23,15 +23,16 @@ def missing(
     about: object, error: ImportError, extra: str = "", package: str = "", otherwise: str = ""
 ) -> str:
     """One line for an import that failed: `about` is what needs it. The `package` (that of the
-    module where it is not named) is brought by an `extra` of this project, or by itself;
-    `otherwise` is another way out."""
+    module where it is not named) is brought by an `extra` of this project, by the project itself
+    (`CORE`), or alone; `otherwise` is another way out."""
     package = package or (error.name or "").partition(".")[0] or "a library"
     more = f"; {otherwise}" if otherwise else ""
     more += "; defsense doctor tells more"
     if not isinstance(error, ModuleNotFoundError):  # it is there, and cannot be loaded
         why = " ".join(str(error).split())
         return f"{about}: needs the package {package}, whose import fails ({why}){more}"
-    command = pip_install(f"{PROJECT}[{extra}]" if extra else package)
+    brings = {CORE: PROJECT, "": package}.get(extra, f"{PROJECT}[{extra}]")
+    command = pip_install(brings)
     return f"{about}: needs the package {package}, which is not installed; type: {command}{more}"
 
 

@@ -43,8 +43,9 @@ def page_of(folder, *words):
         defsense(*words), cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
     ) as running:
         try:
-            while (line := running.stdout.readline()) and str(PORT) not in line:
-                pass
+            while str(PORT) not in (line := running.stdout.readline()):
+                if not line:
+                    sys.exit(f"defsense {' '.join(words)} showed no page")
             yield f"http://localhost:{PORT}"
         finally:
             running.terminate()

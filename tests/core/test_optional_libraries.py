@@ -11,7 +11,7 @@ import pytest
 
 from defsense_fab.core import optional_libraries
 from defsense_fab.core.errors import CaptureError, DefsenseError
-from defsense_fab.core.optional_libraries import missing, optional, pip_install
+from defsense_fab.core.optional_libraries import CORE, missing, optional, pip_install
 from tests.places import ROOT
 
 PACKAGE = ROOT / "defsense_fab"
@@ -146,3 +146,6 @@ def test_a_command_that_is_typed_arrives_whole(monkeypatch):
     assert words == ["/home/a b/python", "-m", "pip", "install", "numpy>=2", "evdev"]
     error = ModuleNotFoundError(name="foo.bar")
     assert "needs the package foo, which is not installed" in missing("a", error)
+    assert missing("a", error, CORE).endswith(
+        "pip install defsense-fab; defsense doctor tells more"
+    )

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.errors import DeviceError
-from ...core.optional_libraries import optional
+from ...core.optional_libraries import CORE, optional
 from ..device import device_folder
 from ..output import results
 
@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    with optional(DeviceError, "completion"):
+    with optional(DeviceError, "completion", CORE):
         from argcomplete.shell_integration import shellcode
     with results():
         sys.stdout.write(shellcode(["defsense"], shell=options.shell) + "\n")

@@ -52,6 +52,7 @@ def _run(options: argparse.Namespace) -> int:
 
     within("--timeout", options.timeout, 0.1, 3600)
     found: list[Finding] = []
+    good = True  # as far as a reader of the output stayed to hear
     with results():
         for finding in examine(options.timeout, options.pictures, options.port):
             found.append(finding)
@@ -89,6 +90,7 @@ def told(finding: Finding) -> str:
 
 def _sum(found: Iterable[Finding], verbose: bool, good: bool) -> str:
     libraries = [f for f in found if _summed(f)]
-    line = "" if verbose else f"{'good':<{_INDENT}}{len(libraries)} libraries import\n"
+    line = f"{'good':<{_INDENT}}{len(libraries)} libraries import\n"
+    line = line if libraries and not verbose else ""
     return line + ("\nDevices can be built here.\n" if good else
                    "\nWhat is missing has to be mended first.\n")  # fmt: skip

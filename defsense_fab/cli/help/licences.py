@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
+import textwrap
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -37,6 +39,10 @@ def _run(options: argparse.Namespace) -> int:
             sys.stdout.write(json.dumps([asdict(f) for f in found], indent=1) + "\n")
             return 0
         wide = max(len(f.name) for f in found)
+        long = max(len(f.version) for f in found)
+        width = max(shutil.get_terminal_size().columns, wide + long + 24)
         for f in found:
-            sys.stdout.write(f"{f.name:<{wide}}  {f.version[:14]:<14}  {f.licence}"[:80] + "\n")
+            lead = f"{f.name:<{wide}}  {f.version:<{long}}  "
+            lines = textwrap.wrap(f.licence, width - len(lead), break_on_hyphens=False)
+            sys.stdout.write(lead + f"\n{'':{len(lead)}}".join(lines) + "\n")
     return 0

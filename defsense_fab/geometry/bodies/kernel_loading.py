@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import ModuleType
 
@@ -18,8 +18,14 @@ def loaded_meanwhile(module: str) -> Iterator[Callable[[], ModuleType]]:
 
     Nothing else may import the kernel before: two threads that do so at once find it half made. A
     program that ended before the import is done would show its traceback: it waits at the end.
+    An import that fails is tried again, and fails, where the kernel is asked for.
     """
-    thread = threading.Thread(target=import_module, args=(f"{kernels.__name__}.{module}",))
+
+    def load() -> None:
+        with suppress(ImportError):
+            import_module(f"{kernels.__name__}.{module}")
+
+    thread = threading.Thread(target=load)
 
     def brep() -> ModuleType:
         thread.join()

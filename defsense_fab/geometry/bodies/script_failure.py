@@ -26,7 +26,7 @@ def script_failure(raised: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
             " call, or raise an error that says what is wrong"
         )
     if raised.get("module"):
-        return BodyError(_missing(where, str(raised["module"])))
+        return BodyError(_missing(where, str(raised["module"]), raised["type"], message))
     if not message:
         kernel = raised["type"].startswith(("Standard_", "StdFail_", "gp_"))
         message = "no message"
@@ -39,7 +39,10 @@ def script_failure(raised: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
     )
 
 
-def _missing(where: str, module: str) -> str:
+def _missing(where: str, module: str, kind: str, message: str) -> str:
+    """A library that is not installed, or does not load."""
+    if kind != ModuleNotFoundError.__name__:
+        return missing(where, ImportError(message, name=module))
     error = ModuleNotFoundError(name=module)
     if module.partition(".")[0] == "cadquery":
         return missing(where, error, "cadquery")

@@ -39,7 +39,7 @@ def main(folder: Path) -> None:
             "line": frames[-1].lineno if frames else getattr(error, "lineno", None),
             "type": type(error).__name__,
             "message": " ".join(str(error).split()),
-            "module": error.name if isinstance(error, ModuleNotFoundError) else None,
+            "module": error.name if isinstance(error, ImportError) else None,
         }
     else:
         opened.active = False

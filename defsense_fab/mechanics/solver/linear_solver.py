@@ -1,7 +1,8 @@
 """Symmetric positive definite sparse solves behind one interface.
 
-MKL Pardiso where it is installed (x86, 1 GB), RSLAB elsewhere or with DEFSENSE_SOLVER=rslab: it is
-about as quick and has wheels for every system (`python -m benchmarks.solvers`).
+MKL Pardiso where there is MKL (x86); else RSLAB, which is about as quick and has wheels for every
+system; else SciPy's SuperLU, several times slower (`python -m benchmarks.solvers`). The environment
+variable DEFSENSE_SOLVER chooses another one of them.
 """
 
 from __future__ import annotations
@@ -9,13 +10,17 @@ from __future__ import annotations
 import copy
 import ctypes
 import os
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, files
 from typing import Any, Protocol
 
 import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spl
 
 from ...core.arrays import Float
+from ...core.errors import SolveError
 
 
 class NotPositiveDefinite(Exception):
@@ -38,13 +43,22 @@ class SymmetricSolver(Protocol):
 
 
 def make_solver(threads: int = 1) -> SymmetricSolver:
-    """The fastest solver of this machine."""
-    if os.environ.get("DEFSENSE_SOLVER") != "rslab":
+    """The fastest solver of this machine, or the one that DEFSENSE_SOLVER names. Raises SolveError
+    where that one is not to be had."""
+    asked = os.environ.get("DEFSENSE_SOLVER")
+    for name in [asked] if asked else _KINDS:
         try:
-            return Pardiso(threads)
-        except ImportError:  # no MKL here
-            pass
-    return Rslab(threads)
+            return _KINDS[name](threads)
+        except KeyError:
+            raise SolveError(
+                f"DEFSENSE_SOLVER: {name!r} is none of {', '.join(_KINDS)}; set one, or none"
+            ) from None
+        except ImportError as error:
+            if asked:
+                raise SolveError(
+                    f"DEFSENSE_SOLVER: {name} cannot be used ({error}); install it, or set none"
+                ) from None
+    raise AssertionError("SciPy is there")
 
 
 @cache
@@ -121,16 +135,17 @@ class Rslab:
     name = "RSLAB"
 
     def __init__(self, threads: int = 1) -> None:
+        import rslab
+
+        self._analyse = rslab.analyze
         self._threads = threads
         self._symbolic: Any = None
         self._factor: Any = None
 
     def factor(self, upper: Any) -> None:
-        import rslab
-
         upper.sort_indices()  # where they are not
         if self._symbolic is None:
-            self._symbolic = rslab.analyze(upper.T, path="ldlt", threads=self._threads)
+            self._symbolic = self._analyse(upper.T, path="ldlt", threads=self._threads)
         try:
             factor = self._symbolic.factor(upper.data)
         except RuntimeError:  # singular, or not finite
@@ -146,6 +161,53 @@ class Rslab:
 
     def close(self) -> None:
         self._symbolic = self._factor = None
+
+
+class SuperLU:
+    """SciPy's SuperLU in symmetric mode, on every platform."""
+
+    name = "SciPy SuperLU"
+
+    def __init__(self, threads: int = 1) -> None:  # noqa: ARG002 - it takes one alone
+        self._factor: Any = None
+        self._in_order = False  # whether the factor is of the matrix in that order
+        self._order: Any = None  # (n,), by which little fills in: found once, as the analysis is
+
+    def factor(self, upper: Any) -> None:
+        full = (upper + sp.triu(upper, 1).T).tocsc()
+        known = self._order is not None and len(self._order) == full.shape[0]
+        try:
+            factor = spl.splu(
+                full[self._order][:, self._order] if known else full,
+                permc_spec="NATURAL" if known else "MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError:  # exactly singular
+            raise NotPositiveDefinite from None
+        if (factor.U.diagonal() <= 0).any():
+            raise NotPositiveDefinite
+        if not known:
+            self._order = np.argsort(factor.perm_c)
+        self._factor, self._in_order = factor, known
+
+    def solve(self, right: Float) -> Float:
+        if not self._in_order:
+            return np.asarray(self._factor.solve(right))
+        x = np.empty_like(right, dtype=float)
+        x[self._order] = self._factor.solve(right[self._order])
+        return x
+
+    def close(self) -> None:
+        self._factor = None
+
+
+#: The fastest first.
+_KINDS: Mapping[str, Callable[[int], SymmetricSolver]] = {
+    "pardiso": Pardiso,
+    "rslab": Rslab,
+    "superlu": SuperLU,
+}
 
 
 def solver_name() -> str:

@@ -6,16 +6,16 @@ import sys
 
 from .finding import Finding, judged
 from .isolated import call
-
-_GL = "sudo apt-get install libgl1 libegl1 libxrender1"
+from .system_libraries import GRAPHICS, system_command
 
 
 def check_graphics(seconds: float) -> Finding:
     """OpenGL without a screen."""
     answer = call(__name__, "render", seconds=seconds)
     told = answer.trouble or answer.value
+    absent = answer.trouble.startswith(ModuleNotFoundError.__name__)  # told with the libraries
     return judged("graphics", "OpenGL", not answer.trouble, told,
-                  command=_GL if sys.platform == "linux" else "")  # fmt: skip
+                  command=GRAPHICS if sys.platform == "linux" and not absent else "")  # fmt: skip
 
 
 def render() -> str:
@@ -40,7 +40,7 @@ def check_cad(seconds: float) -> Finding:
     """OpenCascade and manifold3d cut a box."""
     answer = call(__name__, "cut", seconds=seconds)
     return judged("cad", "CAD kernels", not answer.trouble, answer.trouble or answer.value,
-                  command=_GL if "libGL" in answer.trouble else "")  # fmt: skip
+                  command=system_command(answer.trouble))  # fmt: skip
 
 
 def cut() -> str:

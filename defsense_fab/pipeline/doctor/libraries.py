@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from ...core.optional_libraries import PROJECT, pip_install
 from .finding import Finding, judged
 from .isolated import call
+from .system_libraries import system_command
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
@@ -54,13 +55,14 @@ def check_python() -> Finding:
         asked = metadata.metadata(PROJECT)["Requires-Python"] or ""
         from packaging.specifiers import SpecifierSet
     except ImportError as error:  # PackageNotFoundError, too
-        return judged("python", "Python", False, f"{is_}; {_absent(error)}", command=_REINSTALL)
+        return judged("python", "Python", False, f"{is_}; {_absent(error)}", command=_INSTALL)
     good = SpecifierSet(asked).contains(is_)
     return judged("python", "Python", good, f"{is_} ({asked} is asked for)",
                   command="" if good else "python3.11 -m venv .venv")  # fmt: skip
 
 
-_REINSTALL = pip_install("--force-reinstall", PROJECT)
+#: Brings what is missing of the core.
+_INSTALL = pip_install(PROJECT)
 
 
 def _absent(error: ImportError) -> str:
@@ -74,7 +76,7 @@ def check_libraries(seconds: float) -> list[Finding]:
     try:
         asked = list(_asked())
     except ImportError as error:
-        return [judged("libraries", "libraries", False, _absent(error), command=_REINSTALL)]
+        return [judged("libraries", "libraries", False, _absent(error), command=_INSTALL)]
     with ThreadPoolExecutor(_TOGETHER) as pool:
         return list(pool.map(lambda one: _check(one, seconds), asked))
 
@@ -113,7 +115,7 @@ def _check(asked: _Asked, seconds: float) -> Finding:
             trouble = call(__name__, "load", module, seconds=seconds).trouble
             if trouble:
                 good, told = False, f"{version}: its import {_as_clause(trouble)}"
-                command = pip_install("--force-reinstall", asked_for)
+                command = system_command(trouble) or pip_install("--force-reinstall", asked_for)
     return judged("libraries", one.name, good, told, command=command, needed_for=needed_for)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from ...core.optional_libraries import pip_install
 from .finding import Finding, judged
 from .isolated import call
+from .system_libraries import system_command
 
 #: Names of each slicer on PATH, and where macOS has it.
 _SLICERS = {
@@ -56,7 +57,8 @@ def check_midi(seconds: float) -> Finding:
     """MIDI of the system."""
     answer = call(__name__, "midi", seconds=seconds)
     told = f"no MIDI here ({answer.trouble})" if answer.trouble else answer.value
-    return judged("outputs", "MIDI", not answer.trouble, told, needed_for="--output midi")
+    return judged("outputs", "MIDI", not answer.trouble, told,
+                  command=system_command(answer.trouble), needed_for="--output midi")  # fmt: skip
 
 
 def midi() -> str:

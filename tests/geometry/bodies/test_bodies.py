@@ -118,6 +118,14 @@ def test_a_broken_file_is_one_line(tmp_path):
             r"body\.py:2: .* ValueError: too short",
         ),
         ("x = ", r"body\.py:1: the script raised SyntaxError"),
+        (
+            "\nimport no_such.thing",
+            r"body\.py:2: needs the package no_such, which is not installed",
+        ),
+        (
+            "raise ImportError('libGL.so.1: no such file', name='OCP.OCP')",
+            r"body\.py:1: needs the package OCP, whose import fails \(libGL.so.1: no .*doctor",
+        ),
         ("import sys\nsys.exit(3)", r"body\.py:2: the script ends the program \(3\) in place of"),
         (
             "import build123d as bd\ndef body(width=-5): return bd.Box(9, width, 9)",

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device import PointDrag
+from defsense_fab.core.errors import SolveError
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.material import neo_hookean
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh, deformation_gradient
@@ -24,6 +25,7 @@ from defsense_fab.mechanics.solver.linear_solver import (
     NotPositiveDefinite,
     Pardiso,
     Rslab,
+    SuperLU,
     make_solver,
 )
 from defsense_fab.mechanics.solver.load_stepping import (
@@ -372,8 +374,8 @@ def random_spd(seed):
     return sp.csr_matrix(np.triu(a @ a.T + np.eye(20))), rng.normal(size=20)
 
 
-@pytest.mark.parametrize("kind", [Pardiso, Rslab])
-def test_both_solvers_solve_and_refuse(kind):
+@pytest.mark.parametrize("kind", [Pardiso, Rslab, SuperLU])
+def test_all_solvers_solve_and_refuse(kind):
     import scipy.sparse as sp
 
     solver = kind()
@@ -392,12 +394,17 @@ def test_both_solvers_solve_and_refuse(kind):
 
 def test_without_mkl_the_poses_are_the_same(mesh, clamp, monkeypatch):
     goal = clamp(mesh, [0, -1.0, 0])
-    fast = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
-    monkeypatch.setenv("DEFSENSE_SOLVER", "rslab")
-    assert make_solver().name == Rslab.name
-    slow = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
-    assert slow.status == Status.OK
-    assert np.abs(fast.u - slow.u).max() < 1e-4
+    assert make_solver().name == Pardiso.name
+    by_mkl = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
+    for kind in (Rslab, SuperLU):
+        monkeypatch.setenv("DEFSENSE_SOLVER", kind.__name__.lower())
+        assert make_solver().name == kind.name
+        other = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
+        assert other.status == Status.OK
+        assert np.abs(by_mkl.u - other.u).max() < 1e-4
+    monkeypatch.setenv("DEFSENSE_SOLVER", "mumps")
+    with pytest.raises(SolveError, match="is none of pardiso, rslab, superlu"):
+        make_solver()
 
 
 def test_pressure_on_an_open_face_bends_the_bar_to_equilibrium(clamp):

@@ -59,6 +59,19 @@ def test_old_library_is_told_by_both_versions():
     assert found.told == f"{np.__version__} is installed, >{np.__version__} is asked for"
 
 
+def test_a_library_of_the_system_is_not_mended_by_pip(monkeypatch):
+    from packaging.requirements import Requirement
+
+    for name, package in (("libGL.so.1", "libgl1"), ("libasound.so.2", "libasound2")):
+        trouble = f"ImportError: {name}: cannot open shared object file"
+        answer = isolated.Answer(trouble=trouble)
+        monkeypatch.setattr(libraries, "call", lambda *words, seconds, a=answer: a)
+        found = libraries._check(libraries._Asked(Requirement("numpy"), ""), 5)
+        assert found.status == "missing"
+        assert found.command.startswith("sudo apt-get install ")
+        assert package in found.command
+
+
 def test_cache_that_cannot_be_written_stops_nothing(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "file"))
