@@ -32,7 +32,7 @@ class Live:
 
     What is slower than the read-out board misses frames, which their `number` tells; nothing waits
     for it. Leaving the loop in any way closes port and threads, as do `close`, the end of a `with`
-    block, and the end of a recording that is played. Frames are `LiveFrame`s: `time` s, `markers`
+    block, and the end of a recording that is played. Each `LiveFrame` has `time` s, `markers`
     (m, 3) mm and `radius` (m,) mm around them, `quality`, `signals` (c,), `controls` by the poses'
     names, `notes`, and `vertices` (v, 3) mm of the surface, whose triangles are the run's `faces`
     (f, 3), both None without a layout.
