@@ -28,7 +28,7 @@ MADE = {  # what is there once a command has been typed
 SIZE = {"width": 1100, "height": 640}
 COLORS = 96
 PORT = 8123
-WAIT, SETTLED = 300_000, 40_000  # ms
+WAIT, SETTLED = 300_000, 12_000  # ms
 
 
 def defsense(*words):
@@ -78,10 +78,17 @@ def assembly(page, folder):
     save(page, "assembly")
 
 
+def opened(page, url):
+    """Show a page that is drawn live, without the note that no graphics card draws it."""
+    page.goto(url, timeout=WAIT)
+    page.locator(".mantine-Notification-closeButton").first.click(timeout=WAIT)
+
+
 def studio(page, folder):
-    """The studio as it opens."""
+    """The studio, with the cords to be drawn."""
     with page_of(folder, "studio", DEVICE, "--port", str(PORT), "--no-browser", "--trust") as url:
-        page.goto(url, timeout=WAIT)
+        opened(page, url)
+        page.get_by_role("button", name="Cords", exact=True).click(timeout=WAIT)
         page.wait_for_timeout(SETTLED)
         save(page, "studio")
 
@@ -90,7 +97,8 @@ def live(page, folder):
     """The page of a run, whose twin moves by itself."""
     words = ("run", MODEL, "--device", DEVICE, "--port", "twin")
     with page_of(folder, *words, "--view", str(PORT), "--no-browser") as url:
-        page.goto(url, timeout=WAIT)
+        opened(page, url)
+        page.get_by_text("trusted").first.wait_for(timeout=WAIT)
         page.wait_for_timeout(SETTLED)
         save(page, "live")
 

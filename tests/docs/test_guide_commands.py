@@ -45,21 +45,15 @@ def make_smaller(device):
     device.write_text(text, encoding="utf-8")
 
 
-_ROUTINE = "capture record my-device --cameras none --port"
 _SHORT = "my-device/model.json --port twin --seconds 3 --json"
 #: What other pages say to type, and what is run for it where that needs hardware or takes long: the
 #: same command with a twin for the port, less time, or names of what is there ("": as it stands).
 ELSEWHERE = {
     "capture": {
         "capture board my-cameras --measured 29.95": "",
-        "capture convert take.c3d tracks.csv": "capture convert session/run-1/tracks.csv take.c3d",
         "capture camera calibrate twin --board my-cameras --calibration rehearsal.toml": "",
         "capture camera arrange twin --board my-cameras --calibration rehearsal.toml": "",
         "capture camera check twin --board my-cameras --calibration rehearsal.toml": "",
-    },
-    "evaluation": {
-        "evaluate model.json session --against affine.json --last-share 0.3":
-            "evaluate my-device/model.json session --against my-device/model.json --last-share 0.3",
     },
     "live": {
         "run my-device/model.json --port twin:seed=7,cut=left@20-30":
@@ -82,11 +76,17 @@ ELSEWHERE = {
             "dataset session --lerobot policy-data --rate 30",
     },
     "training": {
-        f"{_ROUTINE} /dev/ttyUSB0 --rounds 3 --seconds 5 --free 0 --rest 5 --out routine":
-            f"{_ROUTINE} twin --rounds 1 --seconds 2 --free 0 --rest 5 --out routine",
-        "recalibrate my-device/model.json routine": "",
+        "recalibrate my-device/model.json routine": "recalibrate my-device/model.json session",
     },
-    "twin": {"twin my-device --list-assumptions": ""},
+    "evaluation": {
+        "evaluate model.json session --against affine.json --last-share 0.3":
+            "evaluate my-device/model.json session --against my-device/recalibrated.json",
+    },
+    "twin": {
+        "twin my-device --list-assumptions": "",
+        "twin my-device --off relaxation,hysteresis,mullins":
+            "twin my-device --off relaxation,hysteresis,mullins --minutes 1 --out plain",
+    },
 }  # fmt: skip
 
 
