@@ -12,6 +12,7 @@ import time
 import numpy as np
 import pytest
 
+from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.settling import Criterion
 from defsense_fab.capture.readout.recording import read_recording
@@ -251,7 +252,7 @@ def test_the_wizard_in_a_terminal(tmp_path):
     screen.until("2 of 5 readings")
     screen.key("q")
     screen.until("stopped with 2 of 5 readings")
-    assert screen.end() == 0
+    assert screen.end() == STOPPED
     screen = Terminal(*command)
     for done in (2, 3, 4):
         screen.until(f"(?s){done} of 5 readings.*Enter measure")

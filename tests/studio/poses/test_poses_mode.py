@@ -245,7 +245,7 @@ def test_poses_are_added_copied_renamed_and_deleted(mode):
     assert [p.name for p in device_of(mode).poses] == ["bend_up", "twist", "bow"]
     poses._name.value = "a pose"
     poses.rename()
-    assert "use letters, digits" in mode.bench._message.content
+    assert "letters, digits, - and _ only" in mode.bench._message.content
     assert poses.chosen == "bow"
     poses.delete()
     assert [p.name for p in device_of(mode).poses] == ["bend_up", "twist"]
