@@ -12,11 +12,11 @@ import time
 import numpy as np
 import pytest
 
-from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.calibration.calibrate import calibrate
 from defsense_fab.calibration.settling import Criterion
 from defsense_fab.capture.readout.recording import read_recording
 from defsense_fab.capture.readout.source import Event, ReadoutStatistics, StampedSample
+from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.core.errors import CalibrationError, CaptureError
 from defsense_fab.pipeline.calibrate import session as sessions
 from defsense_fab.pipeline.calibrate.guided_measurement import run_guided_measurement
