@@ -55,7 +55,7 @@ def run_study(
     clusters that cannot be used, and where all runs fail, which are then told in the files.
     """
     study = load_study(folder)
-    plan = planned(folder, study, fixed)
+    plan = planned(folder, study, fixed, progress)
     name = _name(plan, folder)
     refuse_others(folder, name)
     with RunLog(folder) as log:

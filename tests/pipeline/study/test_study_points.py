@@ -174,3 +174,10 @@ def test_batches_are_divided_where_workers_would_stand_idle(folder):
 def test_every_stage_measures_something_of_its_own():
     assert set(MEANING) == set(UNTIL)
     assert of_stage("mesh") == ["volume", "tets", "min_dihedral"]
+
+
+def test_reading_many_points_is_told(folder):
+    told = []
+    text = "[parameters]\ncord.noise = { range = [0.001, 0.04], steps = 1200 }"
+    planned(folder, study(folder, text), {}, lambda *said: told.append(said))
+    assert [message for _, _, message in told] == ["500 points read", "1000 points read"]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ....core.bending import RADII
-from ....core.device_file import DEVICE
-from ....core.errors import ExperimentError
+from ....core.device_file import DEVICE, read_device
+from ....core.errors import DeviceError, ExperimentError
 from ....core.file_names import folded, refusal
 from ....core.toml_table import Table, load_toml
 from ....twin.electronics.cord_kinds import CORD_KINDS
@@ -102,9 +103,25 @@ def _layouts(top: Table, folder: Path) -> tuple[LayoutChoice, ...]:
         if count is not None and (cords == DRAWN or file is not None):
             t.fail("count", "cords that are drawn are as many as they are; leave it out")
         design = t.table("design", required=False).data
+        _refuse_design(t, folder / DEVICE, design)
         out.append(LayoutChoice(name, t.string("title"), cords, count, file, dict(design)))
         t.done()
     return tuple(out)
+
+
+def _refuse_design(t: Table, path: Path, design: Mapping[str, Any]) -> None:
+    """Fail for values of `[design]` that the device does not take; what else is wrong in
+    `device.toml` is told where it is read."""
+    if not design or not path.is_file():
+        return
+    top = load_toml(path)
+    data = {**top.data, "design": {**top.data.get("design", {}), **design}}
+    try:
+        read_device(Table(data, path, "", ()), path.parent, {})
+    except DeviceError as error:
+        problem = str(error).removeprefix(f"{DEVICE}: ")
+        if problem.startswith("design"):
+            t.fail("design", problem)
 
 
 def _whole(t: Table, key: str, low: int, high: int, default: Any = None) -> int:

@@ -14,6 +14,7 @@ from ....core.device import Device
 from ....core.device_file import DEVICE
 from ....core.errors import DefsenseError, StudyError
 from ....core.files import digest, storage_errors
+from ....core.progress import Progress, silent
 from ....core.toml_table import Asked
 from ...artifacts.own_files import refuse_outside
 from ...build.stages import Versions, installed, keys
@@ -24,6 +25,8 @@ from .device_files import DeviceFiles, pack
 
 #: Fewer runs are not worth a simulation of their own.
 _FEWEST = 4
+#: Points between two reports of progress.
+_TOLD = 500
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,9 @@ class Plan:
     points: int
 
 
-def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
+def planned(
+    folder: Path, study: Study, fixed: Mapping[str, Any], progress: Progress = silent
+) -> Plan:
     """The runs of a study of the device in a `folder`, with values that are `fixed` for all.
 
     Raises StudyError where no point gives a device, DeviceError for a parameter that is none or is
@@ -68,6 +73,8 @@ def planned(folder: Path, study: Study, fixed: Mapping[str, Any]) -> Plan:
     count, whole = 0, base
     for point in points(study):
         count += 1
+        if count % _TOLD == 0:
+            progress("study", 0.0, f"{count} points read")
         values = {**fixed, **point}
         try:
             device = studied_device(text, folder, values, asked)

@@ -34,7 +34,8 @@ at_least = 2
 
 
 def written(folder, text):
-    (folder / "device.toml").write_bytes((BAR / "device.toml").read_bytes())
+    for name in ("device.toml", "bar.py"):
+        (folder / name).write_bytes((BAR / name).read_bytes())
     (folder / "experiment.toml").write_text(text)
     return folder
 
@@ -70,6 +71,8 @@ def test_what_is_left_out_is_as_the_page_says(tmp_path):
         ('about = "Three cords."', 'about = "x"\n[session]\nside = [0, 0, 0]', "no direction"),
         ("count = 3", 'file = "by-hand.toml"', "manual cords need their number"),
         ('cords = "optimised"', 'cords = "drawn"\nfile = "none.toml"', "there is no none.toml"),
+        ("count = 3", "count = 3\ndesign.planez = 2", r":\d+: layouts.2.design: design.*'planes'"),
+        ("count = 3", "count = 3\ndesign.planes = -2", r":\d+: layouts.2.design: design.planes"),
         (GOOD[GOOD.index("[[layouts]]"):], "", r"give either \[\[layouts\]\]"),
     ],
 )  # fmt: skip
