@@ -159,10 +159,15 @@ def test_a_model_runs_live_until_its_loop_is_left_and_its_readings_play_again(
 def test_ctrl_c_ends_a_live_run(layout, model):
     before = threading.active_count()
     run = df.live(model, layout, port="twin:minutes=1,seed=3", surface=None)
-    Timer(0.3, signal.raise_signal, [signal.SIGINT]).start()
-    with pytest.raises(KeyboardInterrupt):
-        for _ in run:
-            pass
+    # A shell's background processes ignore SIGINT.
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        Timer(0.3, signal.raise_signal, [signal.SIGINT]).start()
+        with pytest.raises(KeyboardInterrupt):
+            for _ in run:
+                pass
+    finally:
+        signal.signal(signal.SIGINT, handler)
     assert run.closed
     assert threading.active_count() == before
 
