@@ -85,10 +85,10 @@ def opened(page, url):
 
 
 def studio(page, folder):
-    """The studio, with the cords to be drawn."""
+    """The studio, with the strain inside of the twisted body."""
     with page_of(folder, "studio", DEVICE, "--port", str(PORT), "--no-browser", "--trust") as url:
         opened(page, url)
-        page.get_by_role("button", name="Cords", exact=True).click(timeout=WAIT)
+        page.get_by_role("button", name="Inside", exact=True).click(timeout=WAIT)
         page.wait_for_timeout(SETTLED)
         save(page, "studio")
 
