@@ -25,7 +25,7 @@ def carried(name, folder):
 
 def copies():
     """Each file, and where the package has it."""
-    places = runpy.run_path(str(PACKAGE / "core" / "package_data.py"))["IN_REPOSITORY"]
+    places = runpy.run_path(str(PACKAGE / "core" / "storage" / "package_data.py"))["IN_REPOSITORY"]
     for name, folder in places.items():
         for file in carried(name, Path(folder)):
             yield file, PACKAGE / "data" / name / file.relative_to(folder)

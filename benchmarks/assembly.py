@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.device import COMPRESSION
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device import COMPRESSION
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.artifacts.layout import load_layout
 from defsense_fab.pipeline.build.build import build
 from defsense_fab.pipeline.design.design_task import DesignTask, load_task

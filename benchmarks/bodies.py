@@ -46,7 +46,7 @@ def memory() -> float:
 
 def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
     """Reads, meshes and builds the body in `folder`."""
-    from defsense_fab.core.device_file import load_device
+    from defsense_fab.core.device.device_file import load_device
     from defsense_fab.geometry.bodies.body import SIZES
     from defsense_fab.geometry.bodies.mesh_repair import read_mesh
     from defsense_fab.pipeline.build.build import build
@@ -83,7 +83,7 @@ def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
 
 def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
     """The surface as read, to one mesher as it comes."""
-    from defsense_fab.core.device_file import load_device
+    from defsense_fab.core.device.device_file import load_device
     from defsense_fab.geometry.bodies.body import SIZES
     from defsense_fab.geometry.bodies.mesh_repair import read_mesh
     from defsense_fab.geometry.bodies.meshing import ftetwild, netgen

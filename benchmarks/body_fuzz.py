@@ -235,7 +235,7 @@ process = "fdm-tpu"
 def built(name: str, content: bytes, folder: Path, limit: float) -> str:
     """What the build's first stage makes of a file: `ok`, or what it says; raises AssertionError
     where something is left behind, or what is made is no closed surface."""
-    from defsense_fab.core.device_file import load_device
+    from defsense_fab.core.device.device_file import load_device
     from defsense_fab.core.errors import DefsenseError
     from defsense_fab.pipeline.artifacts.body import load_surface
     from defsense_fab.pipeline.build import stage_body

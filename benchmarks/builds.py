@@ -24,8 +24,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from defsense_fab.core.device import Device
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device import Device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DefsenseError
 from defsense_fab.pipeline.artifacts.layout import load_layout
 from defsense_fab.pipeline.artifacts.mesh import load_mesh_record

@@ -26,8 +26,8 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.arrays import Float, Int
-from defsense_fab.core.device import ASSEMBLIES, Device
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device import ASSEMBLIES, Device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.decoding.decoders import Trained, fit_decoder
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.point_location import PointLocator

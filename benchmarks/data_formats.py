@@ -28,8 +28,8 @@ import numpy as np
 
 from defsense_fab.capture.files.formats import read_any, write_any
 from defsense_fab.core.arrays import Float
-from defsense_fab.core.device import Device
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device import Device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.decoding.trained_model import TrainedModel
 from defsense_fab.pipeline.sessions.results.result_files import ALIGNED, SAMPLES, SIGNALS
 from defsense_fab.pipeline.train.data.data_files import DataFiles

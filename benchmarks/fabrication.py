@@ -63,7 +63,7 @@ def one(kind: str, name: str, seed: int | None = None, cell: float | None = None
 
 
 def load(name: str, cell: float | None):
-    from defsense_fab.core.device_file import load_device
+    from defsense_fab.core.device.device_file import load_device
     from defsense_fab.core.mesh import Surface
     from defsense_fab.geometry.bodies.body import Body, load_body
 
@@ -97,7 +97,7 @@ def parts(device, body, seed: int | None) -> dict:
 
 def straight(body):
     """A plane through the middle and a wavy path along the body's longest axis."""
-    from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+    from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
 
     low, high = body.surface.bounds
     axis = int(np.ptp(body.surface.bounds, axis=0).argmax())
@@ -125,7 +125,7 @@ def by_manifold(body, device) -> dict:
 def by_build123d(body, device) -> dict:
     import build123d as bd
 
-    from defsense_fab.core.biarc import arcs
+    from defsense_fab.core.curves.biarc import arcs
     from defsense_fab.geometry.kernels import occ
     from defsense_fab.geometry.kernels.export import write_stl
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
-from defsense_fab.core.device import Sensor
+from defsense_fab.core.device.device import Sensor
 from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.problem.cord_kinematics import cord_at
 from defsense_fab.optimize.problem.cord_parameters import CordParameters

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from benchmarks import joint
-from defsense_fab.core.device_file import load_device
-from defsense_fab.core.path_sampling import sample_path
+from defsense_fab.core.curves.path_sampling import sample_path
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.optimize.limits.constraints import Constraints
 from defsense_fab.optimize.limits.thin_parts import ThinParts

@@ -29,7 +29,7 @@ from defsense_fab.capture.tracking.alignment import align
 from defsense_fab.capture.tracking.tag_store import stored
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.camera import Camera
-from defsense_fab.core.rotation_vectors import rotations
+from defsense_fab.core.curves.rotation_vectors import rotations
 from defsense_fab.pipeline.tracking.video_detection import VideoDetections
 from defsense_fab.pipeline.tracking.video_tracks import assemble
 from tests.capture.rigs import flat, rig, spread, tags

@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.arrays import Float
-from defsense_fab.core.default_states import agree, opposite
-from defsense_fab.core.device import Device
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.default_states import agree, opposite
+from defsense_fab.core.device.device import Device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.decoding.decoders import fit_decoder
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.independent import faults
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise

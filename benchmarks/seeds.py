@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.device import DECODERS
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device import DECODERS
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimize.refinement.refine import optimise
 from defsense_fab.pipeline.artifacts.layout import load_layout

@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh

@@ -32,7 +32,7 @@ def built(folder: Path) -> list[tuple[str, float, float]]:
     """Builds the device, and returns for each stage its name, CPU seconds and seconds; the first is
     what importing takes."""
     begun = cpu(), time.perf_counter()
-    from defsense_fab.core.device_file import load_device
+    from defsense_fab.core.device.device_file import load_device
     from defsense_fab.pipeline.build.build import build
 
     device = load_device(folder)

@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.blas_threads import one_blas_thread
+from defsense_fab.core.machine.blas_threads import one_blas_thread
 from defsense_fab.pipeline.artifacts.build_folder import build_folder
 from defsense_fab.pipeline.artifacts.layout import load_layout
 from defsense_fab.runtime.view.local_page import HOST, end_page, local_page

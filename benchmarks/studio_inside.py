@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.curve import Plane
-from defsense_fab.core.device import Device
-from defsense_fab.core.device_file import load_device
-from defsense_fab.core.path_sampling import sample_path
+from defsense_fab.core.curves.curve import Plane
+from defsense_fab.core.curves.path_sampling import sample_path
+from defsense_fab.core.device.device import Device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.artifacts.build_folder import build_folder
 from defsense_fab.pipeline.design.body_section import BodySection
 from defsense_fab.pipeline.design.layout_judge import LayoutJudge

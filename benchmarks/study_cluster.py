@@ -66,7 +66,7 @@ def lines(folder: Path) -> list[RunRecord]:
     path = folder / FOLDER / FILE
     if not path.exists():
         return []
-    from defsense_fab.core.append_log import LogLines
+    from defsense_fab.core.storage.append_log import LogLines
     from defsense_fab.pipeline.study.runs.run_log import decoded
 
     return [decoded(line) for number, line in LogLines(path) if number > 1]

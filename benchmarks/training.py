@@ -26,8 +26,8 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.arrays import Float
-from defsense_fab.core.device import Device
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device import Device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.trained_model import TrainedModel
 from defsense_fab.pipeline.artifacts.build_folder import build_folder

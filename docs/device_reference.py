@@ -1,7 +1,7 @@
 """Tables of all keys of `device.toml`, made of what its reader asks for as it checks files.
 
 `make guide` puts them where a page says ```{device-keys}```; `python docs/device_reference.py`
-prints them as Markdown. What a key means is told in `defsense_fab/core/device_keys.py`.
+prints them as Markdown. What a key means is told in `defsense_fab/core/device/device_keys.py`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 from sphinx.util.docutils import SphinxDirective
 
-from defsense_fab.core.catalogue import read_rows
-from defsense_fab.core.device_file import DEVICE, read_device
-from defsense_fab.core.device_keys import KEYS, Key
-from defsense_fab.core.files import write_json
-from defsense_fab.core.toml_table import Reading, parse_toml
+from defsense_fab.core.device.catalogue import read_rows
+from defsense_fab.core.device.device_file import DEVICE, read_device
+from defsense_fab.core.device.device_keys import KEYS, Key
+from defsense_fab.core.storage.files import write_json
+from defsense_fab.core.storage.toml_table import Reading, parse_toml
 
 _REGIONS = ("base", "tip", "middle", "side")
 _POSES = ("bend", "hinge")
@@ -302,8 +302,9 @@ class DeviceKeys(SphinxDirective):
 
     def run(self):
         """Sphinx calls this."""
-        for file in ("core/device_keys.py", "core/device_file.py", "core/pose_file.py"):
-            self.env.note_dependency(str(Path(__file__).parents[1] / "defsense_fab" / file))
+        room = Path(__file__).parents[1] / "defsense_fab" / "core" / "device"
+        for name in ("device_keys.py", "device_file.py", "pose_file.py"):
+            self.env.note_dependency(str(room / name))
         text = [markdown()]
         self.env.events.emit("source-read", self.env.docname, text)  # as of a page: links
         return self.parse_text_to_nodes(text[0], allow_section_headings=True)

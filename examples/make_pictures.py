@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.mesh import Surface
 from defsense_fab.pipeline.artifacts.build_folder import build_folder
 from defsense_fab.pipeline.artifacts.fields import load_fields

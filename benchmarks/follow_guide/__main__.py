@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from defsense_fab.core.device import Device
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device import Device
+from defsense_fab.core.device.device_file import load_device
 
 from .hands import Hands
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import BodyError
-from ..core.files import storage_errors
 from ..core.mesh import Surface
+from ..core.storage.files import storage_errors
 from ..geometry.kernels.export import write_stl
 from ..pipeline.starts.dropped_body import look_at
 

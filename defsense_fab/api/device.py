@@ -9,11 +9,11 @@ from typing import Any
 
 import tomlkit
 
-from ..core.device import Device as DeviceRecord
-from ..core.device_file import DEVICE, load_device
+from ..core.device.device import Device as DeviceRecord
+from ..core.device.device_file import DEVICE, load_device
+from ..core.device.regions import Shape
 from ..core.errors import DeviceError
 from ..core.progress import Progress, silent
-from ..core.regions import Shape
 from ..pipeline.artifacts.own_files import refuse_outside
 from ..pipeline.build.build import build
 from ..pipeline.build.stages import STAGES

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.files import replacing_folder
 from ..core.mesh import Surface
 from ..core.prediction import Prediction
 from ..core.progress import Progress, silent
+from ..core.storage.files import replacing_folder
 from ..pipeline.artifacts.manifest import FOLDER, Manifest, load_manifest
 from ..pipeline.artifacts.part_files import load_parts
 from .device import table_html

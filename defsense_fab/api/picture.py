@@ -6,7 +6,7 @@ import base64
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.files import storage_errors
+from ..core.storage.files import storage_errors
 
 
 @dataclass(frozen=True)

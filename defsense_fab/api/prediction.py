@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.device import DECODERS
+from ..core.device.device import DECODERS
 from ..core.errors import LayoutError
 from ..core.prediction import Prediction
 from ..pipeline.design import predict as design

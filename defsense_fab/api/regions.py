@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.arrays import Float
+from ..core.device.regions import Box, Cylinder, HalfSpace, Sphere
 from ..core.errors import DeviceError
-from ..core.regions import Box, Cylinder, HalfSpace, Sphere
 
 
 def box(low: ArrayLike, high: ArrayLike) -> Box:

@@ -12,10 +12,10 @@ import tempfile
 import weakref
 from pathlib import Path
 
-from ..core.device import Device
-from ..core.device_file import DEVICE, parse_device
-from ..core.files import storage_errors, write_text
+from ..core.device.device import Device
+from ..core.device.device_file import DEVICE, parse_device
 from ..core.progress import Progress, silent
+from ..core.storage.files import storage_errors, write_text
 from ..pipeline.artifacts.own_files import own_files
 from ..pipeline.build.build import build
 from ..pipeline.starts.starting_devices import put_device

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.arrays import Bool, Float, Int
-from ..core.bending import bent_strain
+from ..core.curves.bending import bent_strain
 from ..core.errors import CalibrationError
 from ..sensing.signal import relative_change
 from .memory import TERMS

@@ -18,7 +18,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from ..core.bending import RADII
+from ..core.curves.bending import RADII
 from ..core.errors import CalibrationError
 from .memory import TERMS
 from .readings import Geometry, Piece, Readings

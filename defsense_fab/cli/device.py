@@ -27,7 +27,7 @@ def device_arguments(sub: argparse.ArgumentParser) -> None:
 
 def device_folder(text: str) -> Path:
     """The folder of a device, or that of its device.toml where this is given."""
-    from ..core.device_file import DEVICE
+    from ..core.device.device_file import DEVICE
 
     path = Path(text)
     return path.parent if path.name == DEVICE and path.is_file() else path

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Iterator, Sequence
 
 from ..core.errors import DefsenseError
-from ..core.optional_libraries import CORE, missing
+from ..core.machine.optional_libraries import CORE, missing
 from ..core.version import __version__
 from .command_parser import CommandParser
 from .commands import TASKS, module_of

@@ -17,7 +17,7 @@ import numpy as np
 
 from .arrays import Float
 from .errors import CaptureError
-from .file_names import FORBIDDEN, folded, is_reserved
+from .storage.file_names import FORBIDDEN, folded, is_reserved
 
 #: What a capture session calls its own files: no camera may.
 _TAKEN = ("frames", "log", "session", "cameras", "markers")

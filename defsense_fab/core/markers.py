@@ -9,7 +9,7 @@ import numpy as np
 
 from .arrays import Bool, Float, Int
 from .errors import CaptureError
-from .files import load_json, storage_errors, write_json
+from .storage.files import load_json, storage_errors, write_json
 
 SCHEMA = 1
 FILE = "markers.json"

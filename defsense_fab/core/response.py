@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from .errors import CalibrationError
-from .files import load_json
+from .storage.files import load_json
 
 #: Coefficients of each model of w(eps) = (R - R0)/R0; `sensing/response.py` evaluates them.
 MODELS: dict[str, tuple[str, ...]] = {

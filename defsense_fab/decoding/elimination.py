@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.compiled import compiled
+from ..core.machine.compiled import compiled
 from .features import Features
 
 

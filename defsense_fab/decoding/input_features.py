@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float, Int
-from ..core.compiled import compiled
+from ..core.machine.compiled import compiled
 
 
 @dataclass(frozen=True)

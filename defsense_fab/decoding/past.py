@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.compiled import compiled
+from ..core.machine.compiled import compiled
 
 _SMOOTH = 0.2  # s
 

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..core.arrays import Float, Int
+from ..core.curves.sampling import at_times
 from ..core.errors import TrainingError
-from ..core.sampling import at_times
 from .channel_faults import FaultLimits
 from .input_features import InputDecoder
 from .past import Past, PastStream

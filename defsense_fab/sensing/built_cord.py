@@ -1,6 +1,6 @@
 """A cord as it is built in: how much of it is stretched, how, and how finely that can be read.
 
-Two ways to build it in (`core/device.py`, ASSEMBLIES). *Bonded*, glued into its groove all along,
+Two ways to build it in (ASSEMBLIES of a device). *Bonded*, glued into its groove all along,
 as the paper does it (DefSense, CHI 2016, section 5: secured with adhesives), it follows the body's
 local strain, compression too. *Held* at its ends alone it slides in its channel and is strained
 evenly, by how far its ends' way through the body becomes longer; it cannot push: below its own rest
@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.device import CONVERTERS, Device
-from ..core.path_sampling import arc_lengths
+from ..core.curves.path_sampling import arc_lengths
+from ..core.device.device import CONVERTERS, Device
 from .response import Response, response_of
 from .signal import mean_strain, signals
 

@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.artifacts.layout import load_layout
 from defsense_fab.pipeline.build.build import build
 

@@ -17,7 +17,7 @@ import tomlkit
 
 import defsense_fab as df
 from defsense_fab.cli.main import main
-from defsense_fab.core.device_file import parse_device
+from defsense_fab.core.device.device_file import parse_device
 from defsense_fab.core.mesh import Surface
 from defsense_fab.pipeline.artifacts.body import load_surface
 from defsense_fab.pipeline.artifacts.fields import load_fields

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 import defsense_fab as df
-from defsense_fab.core.device_file import parse_device
+from defsense_fab.core.device.device_file import parse_device
 
 _FILE = """
 schema = 1

@@ -4,7 +4,7 @@ import numpy as np
 
 from defsense_fab.calibration.memory import TERMS
 from defsense_fab.calibration.readings import Geometry, Piece, Readings
-from defsense_fab.core.bending import RADII
+from defsense_fab.core.curves.bending import RADII
 
 GEOMETRY = Geometry()
 

@@ -88,7 +88,7 @@ def test_want_of_memory_says_what_was_being_done(device, tmp_path, capsys, monke
 
 
 def test_want_of_memory_in_a_stage_is_an_error_of_its_own(device, monkeypatch):
-    from defsense_fab.core.device_file import load_device
+    from defsense_fab.core.device.device_file import load_device
     from defsense_fab.pipeline.build.build import build
 
     def fail(*_):

@@ -5,7 +5,7 @@ import pytest
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.model_selection import GridSearchCV
 
-from defsense_fab.core.device import DECODERS
+from defsense_fab.core.device.device import DECODERS
 from defsense_fab.decoding.decoders import fit_decoder
 from defsense_fab.decoding.elimination import expected_square
 from defsense_fab.decoding.features import quadratic

@@ -5,7 +5,7 @@ import pytest
 from sklearn.linear_model import Ridge
 from sklearn.preprocessing import PolynomialFeatures
 
-from defsense_fab.core.device import DECODERS
+from defsense_fab.core.device.device import DECODERS
 from defsense_fab.decoding.elimination import expected_square
 from defsense_fab.decoding.features import KINDS, affine, quadratic
 from defsense_fab.decoding.ridge import fit, floor, measure

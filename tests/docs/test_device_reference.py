@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import read_device
-from defsense_fab.core.device_keys import KEYS
+from defsense_fab.core.device.device_file import read_device
+from defsense_fab.core.device.device_keys import KEYS
 from defsense_fab.core.errors import DeviceError
-from defsense_fab.core.toml_table import Table
+from defsense_fab.core.storage.toml_table import Table
 
 ROOT = Path(__file__).parents[2]
-CORE = ROOT / "defsense_fab/core"
+DEVICE_ROOM = ROOT / "defsense_fab/core/device"
 _READS = {"string", "number", "size", "count", "boolean", "vector", "array", "strings", "raw",
           "table", "tables"}  # fmt: skip
 
@@ -59,7 +59,7 @@ def test_every_key_in_the_readers_code_is_explained():
     read = {
         k
         for f in ("device_file", "pose_file", "material_table")
-        for k in keys_read(CORE / f"{f}.py")
+        for k in keys_read(DEVICE_ROOM / f"{f}.py")
     }
     assert len(read) > 60
     assert read - told == set()

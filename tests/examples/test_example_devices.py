@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.geometry.bodies.foreign_body import read_foreign
 
 ROOT = Path(__file__).parents[2]

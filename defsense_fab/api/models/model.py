@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...core.arrays import Float
-from ...core.blas_threads import one_blas_thread
 from ...core.errors import TrainingError
+from ...core.machine.blas_threads import one_blas_thread
 from ...core.progress import Progress, silent
 from ...decoding.trained_model import TrainedModel
 from ...pipeline.train.models.model_file import load_model, write_model

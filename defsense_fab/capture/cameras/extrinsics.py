@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
 from ...core.camera import Camera, distort
+from ...core.curves.rotation_vectors import cross_matrices
 from ...core.errors import CaptureError
-from ...core.rotation_vectors import cross_matrices
 from ..tags.board_detection import BoardView
 from ..tags.charuco_board import CharucoBoard
 from .board_pose import board_pose

@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 
 from ...core.arrays import Float
 from ...core.camera import distort
+from ...core.curves.rotation_vectors import rotations
 from ...core.errors import CaptureError
-from ...core.rotation_vectors import rotations
 from ..tags.board_detection import BoardView
 from ..tags.charuco_board import CharucoBoard
 

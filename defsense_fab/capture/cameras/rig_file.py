@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from ...core.camera import Camera, check_names
 from ...core.errors import CaptureError
-from ...core.files import storage_errors, write_text
+from ...core.storage.files import storage_errors, write_text
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import CaptureError
-from ...core.files import replacing
-from ...core.optional_libraries import optional
+from ...core.machine.optional_libraries import optional
+from ...core.storage.files import replacing
 from ...core.tracks import Tracks
 from .c3d_header import MOST_FRAMES, check_whole
 from .even_frames import JITTER, FrameGrid, frame_grid

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import CaptureError
-from ...core.files import replacing
-from ...core.optional_libraries import optional
+from ...core.machine.optional_libraries import optional
+from ...core.storage.files import replacing
 from ...core.tracks import Tracks
 from .c3d import read_c3d, write_c3d
 from .even_frames import WrittenFrames, frame_grid, on_even_frames

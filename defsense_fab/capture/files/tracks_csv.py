@@ -13,7 +13,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import CaptureError
-from ...core.files import replacing
+from ...core.storage.files import replacing
 from ...core.tracks import Tracks
 from .size_limit import CELL, check_size
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import CaptureError
-from ...core.files import replacing
+from ...core.storage.files import replacing
 from ...core.tracks import Tracks
 from .even_frames import frame_grid
 from .marker_labels import Labelled, labels_of, numbers_of

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ...core.append_log import AppendLog, LogLines
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
+from ...core.storage.append_log import AppendLog, LogLines
 from ...sensing.serial_frames import NOT_READ
 from ...sensing.voltage_divider import Dividers
 from .source import Event, StampedSample

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import CaptureError
-from ...core.files import load_json, storage_errors, write_json
+from ...core.storage.files import load_json, storage_errors, write_json
 from .tag_dictionary import Dictionary, dictionary
 
 SCHEMA = 1

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from .edge_line import FREE, MOST, fit_line
 
 #: px, standard deviation of the offset of a line through the detector's corners, and how far it

@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from .small_systems import solve
 
 #: px: pixels nearer to a corner than this, or this part of the edge, see the other edge too.

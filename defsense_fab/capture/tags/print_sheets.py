@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core.arrays import Bool
 from ...core.errors import CaptureError
-from ...core.files import replacing
+from ...core.storage.files import replacing
 from .cell_outlines import outlines
 from .charuco_board import CharucoBoard
 from .tag_dictionary import Dictionary

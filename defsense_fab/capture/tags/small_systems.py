@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 
 
 @compiled()

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.camera import Camera
-from ...core.rotation_vectors import rotations
+from ...core.curves.rotation_vectors import rotations
 from .pose_equations import PRIOR, PoseEquations, SharedViews, pose_equations
 
 _MOVES = 6  # that are looked for, at most

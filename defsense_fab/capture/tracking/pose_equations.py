@@ -14,7 +14,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
-from ...core.rotation_vectors import cross_matrices, rotations
+from ...core.curves.rotation_vectors import cross_matrices, rotations
 from .single_camera import square
 
 _STEPS = 6  # of Gauss and Newton for the tags' poses

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.camera import Camera
-from ...core.rotation_vectors import cross_matrices, rotations
+from ...core.curves.rotation_vectors import cross_matrices, rotations
 from .triangulation import Triangulated
 
 _STEPS = 8

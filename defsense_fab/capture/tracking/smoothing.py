@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.compiled import compiled
 from ...core.errors import CaptureError
+from ...core.machine.compiled import compiled
 from ...core.tracks import Tracks
 
 _LEAST = 4  # points in a window: three determine the parabola and smooth nothing

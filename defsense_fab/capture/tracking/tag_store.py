@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.arrays import Bool, Int
-from ...core.files import storage_errors
+from ...core.storage.files import storage_errors
 from ..tags.tag_detection import TagView
 
 _IN_MEMORY = 8_000_000  # bytes of a camera's tags that are kept without a file

@@ -193,7 +193,7 @@ def _common(sub: argparse.ArgumentParser) -> None:
 
 
 def _specimen(options: argparse.Namespace, bars: Bars) -> int:
-    from ...core.bending import RADII
+    from ...core.curves.bending import RADII
     from ...pipeline.calibrate.specimen_files import write_specimen
 
     with bars(options) as progress:

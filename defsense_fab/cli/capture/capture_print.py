@@ -124,7 +124,7 @@ def _direction(text: str | None) -> Float | None:
 
 
 def _markers(options: argparse.Namespace, bars: Bars) -> int:
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.tags.markers import SHEETS, write_markers
 
     device = load_device(options.device, complete=False)
@@ -171,7 +171,7 @@ _PRINT_BOARD = "print it at 100 % (the rulers must be 100 mm), glue it flat on a
 def _board(options: argparse.Namespace) -> int:
     from ...capture.tags.charuco_board import FILE, MARKER, CharucoBoard, load_board, save_board
     from ...capture.tags.print_sheets import write_board
-    from ...core.files import storage_errors
+    from ...core.storage.files import storage_errors
 
     folder: Path = options.folder
     path = folder / FILE

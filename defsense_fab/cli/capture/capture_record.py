@@ -77,7 +77,7 @@ def add(steps: Commands) -> None:
 
 
 def _record(options: argparse.Namespace) -> int:
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...core.markers import read_markers
     from ...pipeline.twin.live.capture_setup import set_up_capture
     from ...terminal.guided_recording import CaptureLines, CaptureTerminal

@@ -60,7 +60,7 @@ def add(commands: Commands) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
 
     device, asked = load_device(options.folder, overrides(options.set)), _asked(options)
     from ...pipeline.build.asked import recorded
@@ -97,7 +97,7 @@ def _solve_elsewhere(options: argparse.Namespace, progress: Progress) -> Solve |
 
 def _asked(options: argparse.Namespace) -> Asked:
     """The copies and the bed of the command line. Raises DeviceError for what cannot be."""
-    from ...core.device_file import MOST_COPIES
+    from ...core.device.device_file import MOST_COPIES
     from ...pipeline.build.asked import Asked
 
     copies, bed = getattr(options, "copies", None), getattr(options, "bed", None)

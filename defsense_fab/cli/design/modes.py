@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
 
 
 def _modes(options: argparse.Namespace) -> int:
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
 
     if not 1 <= options.count <= 50:
         raise DeviceError(f"--count {options.count}: give a number from 1 to 50")

@@ -65,8 +65,8 @@ def add(commands: Commands) -> None:
 
 
 def _new(options: argparse.Namespace) -> int:
-    from ...core.device_file import DEVICE
-    from ...core.file_names import check_folder_name
+    from ...core.device.device_file import DEVICE
+    from ...core.storage.file_names import check_folder_name
     from ...pipeline.starts.starting_devices import STARTS
 
     folder: Path = options.folder
@@ -115,7 +115,7 @@ def _body(options: argparse.Namespace) -> DroppedBody | None:
 
 def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     """A device of the package, with its own body and poses."""
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.starts.starting_devices import STARTS, begin_with
     from .new_questions import answered, ask_cord, cord_row
 
@@ -208,7 +208,7 @@ def _unit(found: DroppedBody, options: argparse.Namespace, asked: bool) -> str:
 
 
 def _name(options: argparse.Namespace) -> str:
-    from ...core.file_names import safe_name
+    from ...core.storage.file_names import safe_name
 
     return str(options.name or safe_name(options.folder.resolve().name + "."))
 

@@ -64,7 +64,7 @@ def ask_poses(usual: Sequence[str]) -> str:
 
 def ask_cord(usual: str) -> str:
     """A row of cords.csv; `usual` for no answer."""
-    from ...core.catalogue import read_rows
+    from ...core.device.catalogue import read_rows
 
     rows = [
         (
@@ -114,7 +114,7 @@ def sizes(found: DroppedBody, unit: str) -> str:
 
 
 def _row(table: str, what: str, text: str) -> str:
-    from ...core.catalogue import read_rows
+    from ...core.device.catalogue import read_rows
 
     rows = read_rows(table)
     if text not in rows:

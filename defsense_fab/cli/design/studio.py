@@ -55,7 +55,7 @@ def _studio(options: argparse.Namespace) -> int:
     within("--port", options.port, 1024, 65535)
     if options.seconds is not None:
         within("--seconds", options.seconds, 0.1, 1e7)
-    from ...core.local_access import Access
+    from ...core.machine.local_access import Access
     from ...runtime.view.local_page import HOST, end_page, local_page, page_link
     from ...studio.page.studio import Studio
     from ...studio.project.agreement import Agreement
@@ -77,7 +77,7 @@ def _studio(options: argparse.Namespace) -> int:
 
 
 def _run(studio: Studio, url: str, options: argparse.Namespace) -> None:
-    from ...core.blas_threads import one_blas_thread
+    from ...core.machine.blas_threads import one_blas_thread
 
     if not options.no_browser:
         import webbrowser

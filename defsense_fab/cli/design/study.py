@@ -66,7 +66,7 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _count_cords(options: argparse.Namespace) -> int:
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
 
     least, most = _range(options.sensors or "1..6")
     device = load_device(options.folder, overrides(options.set))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.errors import DeviceError
-from ...core.optional_libraries import CORE, optional
+from ...core.machine.optional_libraries import CORE, optional
 from ..device import device_folder
 from ..output import results
 

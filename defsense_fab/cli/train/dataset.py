@@ -56,7 +56,7 @@ def _dataset(options: argparse.Namespace) -> int:
         if options.lerobot is None:
             raise TrainingError("--rate is of --lerobot alone: Parquet has the times as they are")
         within("--rate", options.rate, 1, 1000)
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.train.models.export_dataset import export_dataset
 
     device = load_device(options.device) if options.device else None

@@ -54,7 +54,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     share = options.last_share
     if share is not None and not 0 < share <= 1:
         raise TrainingError(f"--last-share {share:g}: give a share above 0, up to 1")
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.train.evaluation.evaluate_models import evaluate_files
     from ...pipeline.train.evaluation.evaluation_report import check_folder, write_evaluation
     from ...pipeline.train.evaluation.tables import as_data

@@ -14,7 +14,7 @@ from ..output import console, progress_bars, results, say
 from .data_arguments import data_arguments, data_given, data_words
 
 if TYPE_CHECKING:
-    from ...core.device import Device
+    from ...core.device.device import Device
     from ...training.fitting.train_model import Training
     from ..options import Commands
 
@@ -61,7 +61,7 @@ def add(commands: Commands) -> None:
 
 
 def _train(options: argparse.Namespace) -> int:
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
 
     device = load_device(options.device) if options.device else None
     files = data_given(options)

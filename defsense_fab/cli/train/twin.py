@@ -69,7 +69,7 @@ def add(commands: Commands) -> None:
 def _twin(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...core.errors import DeviceError
     from ...core.markers import read_markers
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...core.device import BodySpec
+from ...core.device.device import BodySpec
 from ...core.errors import BodyError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO
 
 from ...core.errors import DefsenseError
-from ...core.processes import OWN_GROUP, end_group, end_own_group, was_killed
+from ...core.machine.processes import OWN_GROUP, end_group, end_own_group, was_killed
 
 #: Between calls of `on_wait`, s.
 _EVERY = 2.0

@@ -6,7 +6,7 @@ import igl
 import numpy as np
 
 from ...core.arrays import Bool, Float, xyz
-from ...core.device import BaySpec
+from ...core.device.device import BaySpec
 from ...core.errors import BodyError
 from ...core.mesh import Surface
 from ..kernels import ray_casting, surface_samples

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import BodyError
-from ...core.files import write_json
+from ...core.machine.processes import limit_memory
 from ...core.mesh import Surface
-from ...core.processes import limit_memory
+from ...core.storage.files import write_json
 from .child_process import Failure, end_with_parent, finished
 from .kernel_loading import loaded_meanwhile
 from .meshes.file_kind import kind_of_file

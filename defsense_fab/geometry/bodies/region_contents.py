@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from ...core.mesh import Surface
-from ...core.regions import Box, Cylinder, HalfSpace, Shape, Sphere
 
 #: Points along each side of the box in which body and region may meet.
 _SIDE = 24

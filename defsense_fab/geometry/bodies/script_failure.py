@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...core.errors import BodyError
-from ...core.optional_libraries import missing
+from ...core.machine.optional_libraries import missing
 
 _LONGEST = 300  # characters of a message; CAD kernels list every signature that they have
 _SIGNATURES = re.compile(r"The following argument types are supported:.*?Invoked with:")

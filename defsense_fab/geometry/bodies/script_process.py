@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from ...core.errors import BodyError
-from ...core.files import write_json
+from ...core.storage.files import write_json
 from .child_process import end_with_parent
 from .source_files import OpenedFiles
 

@@ -12,7 +12,7 @@ from importlib.util import source_from_cache
 from pathlib import Path
 from typing import Any
 
-from ...core.files import digest
+from ...core.storage.files import digest
 
 _CREATES = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 #: Not /run itself: drives of users are mounted in /run/media.

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
+from ...core.curves.path_sampling import arc_lengths
 from ...core.mesh import Surface
-from ...core.path_sampling import arc_lengths
 from ..bodies.connector_bay import inside
 from ..kernels.cutting_tools import Frustum, Tool, cylinder
 from ..kernels.signed_distance import distances_of

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curve import bend_radius
-from ...core.device import Sensor
+from ...core.curves.curve import bend_radius
+from ...core.curves.path_sampling import arc_lengths, per_span_for_sag, resample, sample_path
+from ...core.device.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
-from ...core.path_sampling import arc_lengths, per_span_for_sag, resample, sample_path
 from ..kernels import ray_casting, triangle_kernel
 from ..kernels.cutting_tools import Tool, cylinder
 from ..kernels.signed_distance import distances_of

@@ -9,8 +9,8 @@ import igl
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.curves.path_sampling import arc_lengths
 from ...core.mesh import Surface
-from ...core.path_sampling import arc_lengths
 
 _STEP = 0.5  # mm, between the places that are asked
 _BESIDE = (0.3, 0.9, 1.8)  # mm beyond the channel's wall, where parts are looked for

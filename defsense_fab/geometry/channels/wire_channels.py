@@ -16,9 +16,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Bool, Float
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
+from ...core.curves.path_sampling import arc_lengths
 from ...core.mesh import Surface
-from ...core.path_sampling import arc_lengths
 from ..bodies.connector_bay import in_solid, inside, without_bay
 from ..kernels import ray_casting, triangle_kernel
 from ..kernels.cutting_tools import Prism

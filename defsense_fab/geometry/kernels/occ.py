@@ -19,7 +19,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
 from ...core.arrays import Float
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
 from ...core.errors import BodyError, FabricationError
 from ...core.mesh import Surface
 from .canonical_facets import canonical
@@ -27,7 +27,7 @@ from .cutting_tools import Frustum, Prism, Tool, frame
 
 #: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
 ANGLE = 0.06
-#: Largest distance of a channel's arcs (`core/biarc.py`) from the path, mm.
+#: Largest distance of a channel's arcs (`core/curves/biarc.py`) from the path, mm.
 PATH_TOLERANCE = 0.01
 _LOST = 2e-3  # of the parts' volume
 _MENDED = 1e-6  # share of the volume that a mended solid may differ by

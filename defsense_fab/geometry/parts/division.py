@@ -10,7 +10,7 @@ import manifold3d as m3
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curve import Plane, coincident
+from ...core.curves.curve import Plane, coincident
 from ...core.errors import FabricationError
 from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.biarc import arcs
+from ...core.curves.biarc import arcs
 from ...core.errors import FabricationError
 from ..kernels import occ
 from ..kernels.cutting_tools import Tool

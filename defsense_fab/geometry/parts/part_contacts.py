@@ -12,9 +12,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Bool, Float
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
+from ...core.curves.path_sampling import arc_lengths, resample
 from ...core.mesh import Surface
-from ...core.path_sampling import arc_lengths, resample
 from ..kernels import triangle_kernel
 from .division import Division
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import xyz
-from ...core.device import Sensor
+from ...core.device.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.connector_bay import without_bay

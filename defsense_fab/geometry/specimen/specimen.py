@@ -18,7 +18,7 @@ from typing import Any
 import build123d as bd
 import numpy as np
 
-from ...core.bending import bent_strain
+from ...core.curves.bending import bent_strain
 from ...core.errors import FabricationError
 from ..kernels.occ import one_solid
 from .lettering import lettering

@@ -13,7 +13,7 @@ import igl
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from .material import law
 from .matrix3 import cofactor, eigen, signed_svd
 

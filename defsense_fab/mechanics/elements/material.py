@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.compiled import compiled
-from ...core.device import MaterialSpec
+from ...core.device.device import MaterialSpec
+from ...core.machine.compiled import compiled
 
 SPLIT, STABLE = 0, 1
 

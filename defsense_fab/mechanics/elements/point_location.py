@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from .tet10 import EDGES, QuadraticMesh, shape
 from .threads import cores, over_chunks
 

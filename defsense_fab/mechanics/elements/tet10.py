@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from ...core.mesh import TetMesh
 from .energy_density import energy_density, stress, tangent
 from .material import Material

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.device import PointDrag
+from ...core.device.device import PointDrag
 
 
 @dataclass(frozen=True)

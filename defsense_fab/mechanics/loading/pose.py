@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.default_states import shared_point
-from ...core.device import Handle, PointDrag, Pose
+from ...core.device.default_states import shared_point
+from ...core.device.device import Handle, PointDrag, Pose
+from ...core.device.regions import Shape
 from ...core.errors import DeviceError
-from ...core.regions import Shape
 from ..elements.tet10 import QuadraticMesh, boundary_faces
 from .boundary_conditions import BoundaryConditions, Pressure, RigidHandle, Slide
 

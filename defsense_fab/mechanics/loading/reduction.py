@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh, element_tangent
 from ..elements.threads import over_chunks

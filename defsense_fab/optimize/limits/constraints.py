@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.device import Sensor
+from ...core.curves.path_sampling import arc_lengths
+from ...core.device.device import Sensor
 from ...core.mesh import Surface
-from ...core.path_sampling import arc_lengths
 from ...geometry.channels.channel_ends import INLET_SLOPE
 from ...geometry.kernels import ray_casting
 from ..problem.cord_kinematics import PlacedCord, cord_at

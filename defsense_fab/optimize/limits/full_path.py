@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from ..problem.cord_kinematics import PlacedCord
 
 RUN = 4  # samples of a straight run to the surface

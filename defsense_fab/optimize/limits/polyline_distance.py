@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
-from ...core.path_sampling import arc_lengths
+from ...core.curves.path_sampling import arc_lengths
+from ...core.machine.compiled import compiled
 
 
 def nearest(points: Float, line: Float) -> tuple[Float, Int, Float]:

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float, xyz
-from ...core.curve import bend_radius
-from ...core.device import Sensor
+from ...core.curves.curve import bend_radius
+from ...core.curves.path_sampling import arc_lengths, per_span_for_spacing, sample_path
+from ...core.device.device import Sensor
 from ...core.mesh import Surface
-from ...core.path_sampling import arc_lengths, per_span_for_spacing, sample_path
 from ...geometry.channels.channel_ends import INLET_SLOPE
 from ...geometry.kernels import ray_casting
 from ...geometry.kernels.signed_distance import SignedDistance, distances_of

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
-from ...core.curve import Hermite, Plane
-from ...core.device import Sensor
+from ...core.curves.curve import Hermite, Plane
+from ...core.device.device import Sensor
+from ...core.machine.compiled import compiled
 from .cord_parameters import FRAME, CordParameters
 
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curve import Hermite, Plane, hermite_basis
-from ...core.device import PLANE_FREEDOMS, Sensor
-from ...core.path_sampling import per_span_for_signal
+from ...core.curves.curve import Hermite, Plane, hermite_basis
+from ...core.curves.path_sampling import per_span_for_signal
+from ...core.device.device import PLANE_FREEDOMS, Sensor
 
 FRAME = 5  #: Parameters of a free plane: two moves, three turns, the last within itself.
 #: Samples of a span at which its curvature is limited: between 8 it can be a tenth larger.

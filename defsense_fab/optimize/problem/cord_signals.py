@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from ...mechanics.elements.point_location import PointLocator, walk
 from ...mechanics.elements.tet10 import EDGES
 from ...mechanics.elements.threads import cores, over_chunks

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...core.arrays import Bool, Float
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from ...core.mesh import Surface
 
 #: Nodes of the grid, and its finest spacing, mm.

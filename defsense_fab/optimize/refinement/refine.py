@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import distinct
-from ...core.device import Sensor
+from ...core.curves.curve import distinct
+from ...core.curves.path_sampling import sample_path
+from ...core.device.device import Sensor
 from ...core.errors import LayoutError
-from ...core.path_sampling import sample_path
 from ..limits.thin_parts import ThinParts
 from ..limits.verification import verify
 from ..problem.problem import Problem

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
 from ..limits.interior_points import evenly, strain
 from ..limits.polyline_distance import gaps
 from ..problem.problem import Problem

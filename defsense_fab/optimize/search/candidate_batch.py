@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curve import Hermite, Plane, catmull_rom, hermite_basis
-from ...core.device import Sensor
+from ...core.curves.curve import Hermite, Plane, catmull_rom, hermite_basis
+from ...core.device.device import Sensor
 
 COARSE = 40  #: Points of a candidate's path.
 

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, Plane, catmull_rom, curvature
-from ...core.device import PLANE_FREEDOMS, Sensor
+from ...core.curves.curve import Hermite, Plane, catmull_rom, curvature
+from ...core.device.device import PLANE_FREEDOMS, Sensor
 from ..limits.interior_points import evenly, lively
 from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Problem

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Sensor
+from ...core.device.device import Sensor
 from ...mechanics.elements.threads import cores, over_chunks
 from ..problem.problem import Problem
 from .candidate_batch import COARSE, Batch

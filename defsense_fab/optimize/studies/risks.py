@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core.device import Sensor
-from ...core.path_sampling import sample_path
+from ...core.curves.path_sampling import sample_path
+from ...core.device.device import Sensor
 from ..problem.problem import Problem
 
 #: Signals that change less than this tell nothing, (R - R0)/R0.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import CaptureError
 
 BUILD_AGAIN = "build the device again"

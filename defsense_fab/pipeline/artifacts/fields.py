@@ -11,7 +11,7 @@ import meshio
 import numpy as np
 
 from ...core.arrays import Bool, Float
-from ...core.files import digest
+from ...core.storage.files import digest
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver import fields
 from . import typed_json

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, Plane
-from ...core.device import Sensor
+from ...core.curves.curve import Hermite, Plane
+from ...core.device.device import Sensor
 from ...core.errors import DefsenseError, StorageError
-from ...core.files import digest
 from ...core.prediction import Prediction
 from ...core.response import MeasuredResponse
+from ...core.storage.files import digest
 from ...sensing.built_cord import BuiltCord
 from . import typed_json
 from .build_folder import BUILD_AGAIN

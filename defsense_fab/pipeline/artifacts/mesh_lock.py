@@ -13,8 +13,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 from ...core.errors import StorageError
-from ...core.files import digest, replacing
 from ...core.mesh import Surface, TetMesh
+from ...core.storage.files import digest, replacing
 from ...geometry.bodies.meshing.tetrahedra import Tetrahedra
 from ...geometry.bodies.meshing.ways import FTETWILD
 from .mesh_store import made_as, told

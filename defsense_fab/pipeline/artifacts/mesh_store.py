@@ -14,8 +14,8 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from ...core.errors import StorageError
-from ...core.files import digest, replacing
 from ...core.mesh import Surface, TetMesh
+from ...core.storage.files import digest, replacing
 from ...geometry.bodies.meshing.tetrahedra import Tetrahedra
 from ...geometry.bodies.meshing.ways import MeshedSurface
 

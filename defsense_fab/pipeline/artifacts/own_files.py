@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import DeviceError
 from .session_manifest import FILE as SESSION
 from .session_manifest import OLD_FILE as OLD_SESSION

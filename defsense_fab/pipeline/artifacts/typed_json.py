@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from ...core.errors import DefsenseError, StorageError
-from ...core.files import write_json
+from ...core.storage.files import write_json
 
 
 class Record(Protocol):

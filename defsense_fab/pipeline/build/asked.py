@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...core.device import Device, FabricationSpec
+from ...core.device.device import Device, FabricationSpec
 from .state import load_state
 
 #: The stage that lays copies on plates.

@@ -7,8 +7,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...core.device import Device
-from ...core.files import write_json
+from ...core.device.device import Device
+from ...core.storage.files import write_json
 from ...geometry.bodies.source_files import SourceFile
 from ..artifacts.own_files import own_files
 

@@ -17,11 +17,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import CapacityError, DefsenseError, StorageError
-from ...core.files import storage_errors, write_json
-from ...core.lock import locked
 from ...core.progress import Progress, silent
+from ...core.storage.files import storage_errors, write_json
+from ...core.storage.lock import locked
 from . import body_sources
 from .asked import PLATES, Asked, record, recorded
 from .stages import STAGES, Solve, Stage, Watch, installed, keys, read_json

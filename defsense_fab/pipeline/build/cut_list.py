@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Device
+from ...core.device.device import Device
 from ...geometry.channels.channel_ends import End
 from ...geometry.channels.cord_channels import Channel
 from ...geometry.channels.cord_stretches import Sides, Stretch, closed_later, stretches

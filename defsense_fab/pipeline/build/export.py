@@ -8,11 +8,11 @@ import re
 import zipfile
 from pathlib import Path
 
-from ...core.device import Device
-from ...core.device_file import DEVICE
+from ...core.device.device import Device
+from ...core.device.device_file import DEVICE
 from ...core.errors import StorageError
-from ...core.file_names import is_reserved
-from ...core.files import replacing
+from ...core.storage.file_names import is_reserved
+from ...core.storage.files import replacing
 from ..artifacts import mesh_lock
 from ..artifacts.layout import LAYOUT
 from ..artifacts.manifest import FOLDER, Manifest, load_manifest

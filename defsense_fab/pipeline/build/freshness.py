@@ -6,9 +6,9 @@ import shutil
 from pathlib import Path
 from typing import Literal
 
-from ...core.device import Device
-from ...core.files import storage_errors
+from ...core.device.device import Device
 from ...core.progress import Progress, silent
+from ...core.storage.files import storage_errors
 from .asked import recorded
 from .build import finished, run_stage
 from .stages import STAGES, Stage, keys

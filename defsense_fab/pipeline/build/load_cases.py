@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import DeviceError
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.constraint_check import check_constraints, narrow

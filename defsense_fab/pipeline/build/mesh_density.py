@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import DeviceError, MeshingError
 from ...core.mesh import Surface, TetMesh
 from ...mechanics.elements.material import Material

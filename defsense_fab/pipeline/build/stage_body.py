@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...geometry.bodies.body import load_body
 from ...geometry.bodies.source_files import SourceFile
 from ..artifacts.body import BodyRecord, save_body

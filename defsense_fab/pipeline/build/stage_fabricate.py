@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...core.prediction import Prediction
 from ...geometry.kernels.export import write_3mf, write_stl

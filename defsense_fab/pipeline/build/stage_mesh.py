@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import DeviceError
 from ...core.mesh import Surface, TetMesh
 from ...geometry.bodies import region_contents

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import distinct
-from ...core.device import DECODERS, Device, Sensor
+from ...core.curves.curve import distinct
+from ...core.curves.path_sampling import sample_path
+from ...core.device.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
-from ...core.path_sampling import sample_path
 from ...decoding.features import KINDS
 from ...optimize.limits.verification import LayoutCheck, verify
 from ...optimize.refinement.refine import Optimised, optimise, part, unimproved

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Bool, Float
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...decoding.unseen import MEANING
 from ...geometry.bodies.standing import standing

@@ -6,9 +6,9 @@ import threading
 from dataclasses import asdict
 from pathlib import Path
 
-from ...core.device import Device
+from ...core.device.device import Device
+from ...core.device.material_table import strange
 from ...core.errors import SolveError
-from ...core.material_table import strange
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver.batch import solve_all

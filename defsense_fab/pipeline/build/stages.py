@@ -11,9 +11,9 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...core.blas_threads import one_blas_thread
-from ...core.device import Device, FabricationSpec, Sensor
-from ...core.files import digest
+from ...core.device.device import Device, FabricationSpec, Sensor
+from ...core.machine.blas_threads import one_blas_thread
+from ...core.storage.files import digest
 from ..artifacts import mesh_lock
 from . import body_sources
 

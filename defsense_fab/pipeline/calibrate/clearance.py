@@ -8,10 +8,10 @@ from pathlib import Path
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from ...core.device import FabricationSpec
-from ...core.device_file import DEVICE, load_device, parse_device
+from ...core.device.device import FabricationSpec
+from ...core.device.device_file import DEVICE, load_device, parse_device
 from ...core.errors import DeviceError
-from ...core.files import storage_errors, write_text
+from ...core.storage.files import storage_errors, write_text
 
 LARGEST = 1.5  # mm
 

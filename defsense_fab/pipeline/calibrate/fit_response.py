@@ -17,8 +17,8 @@ from ...calibration.readings import Geometry, Readings, joined
 from ...calibration.readings_table import read_table
 from ...calibration.settling import Creep
 from ...core.errors import CalibrationError
-from ...core.files import digest, storage_errors, write_json, write_text
 from ...core.progress import Progress, silent
+from ...core.storage.files import digest, storage_errors, write_json, write_text
 from ...core.version import __version__
 from ..artifacts.session_manifest import FILE
 from . import session as sessions

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ...core.catalogue import read_rows
+from ...core.device.catalogue import read_rows
 from ...core.errors import FabricationError
-from ...core.files import storage_errors, write_json
 from ...core.mesh import Surface
+from ...core.storage.files import storage_errors, write_json
 
 _DEVIATION = 0.01  # mm, of facets from the solid
 _THICKEST = 20.0  # mm, of a cord

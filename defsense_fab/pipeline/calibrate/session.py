@@ -21,7 +21,7 @@ from ...calibration.settling import Creep, Criterion, creep, settled
 from ...capture.readout.recording import Recording, has_frames, read_recording
 from ...core.arrays import Float
 from ...core.errors import CalibrationError
-from ...core.files import load_json, storage_errors
+from ...core.storage.files import load_json, storage_errors
 from ..artifacts import typed_json
 from ..artifacts.session_manifest import (
     FILE,

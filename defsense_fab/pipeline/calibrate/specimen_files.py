@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core.bending import RADII
+from ...core.curves.bending import RADII
 from ...core.errors import FabricationError
 from ...core.progress import Progress, silent
 from .print_files import Print, Printer, PrintFiles, cord_diameter, write_prints

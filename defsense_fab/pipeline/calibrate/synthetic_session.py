@@ -11,7 +11,7 @@ from ...calibration.readings import Geometry
 from ...calibration.settling import Criterion, settled
 from ...capture.readout.recording import Recorder
 from ...capture.readout.source import Event, StampedSample
-from ...core.bending import RADII
+from ...core.curves.bending import RADII
 from ...sensing.serial_frames import PROTOCOL, Info, Sample
 from ...sensing.voltage_divider import Dividers
 from ...twin.electronics.cord_twin import CordTraits

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.device import Device, Sensor
+from ...core.curves.path_sampling import arc_lengths, resample, sample_path
+from ...core.device.device import Device, Sensor
+from ...core.device.silicone import silicone
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
-from ...core.path_sampling import arc_lengths, resample, sample_path
-from ...core.silicone import silicone
 from ...geometry.channels.channel_ends import Pockets
 from ...geometry.channels.cord_channels import Channel, channels_of
 from ...geometry.kernels.cutting_tools import Prism

@@ -12,7 +12,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float, Int, xyz
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
 from ...core.errors import LayoutError
 from ...mechanics.elements import section
 from ...mechanics.elements.point_location import LocatedPoints, PointLocator

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from ...core.arrays import Float
-from ...core.curve import distinct
-from ...core.device import Device
+from ...core.curves.curve import distinct
+from ...core.device.device import Device
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...geometry.kernels.cutting_tools import Prism

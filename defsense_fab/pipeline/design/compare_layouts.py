@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.curve import distinct
-from ...core.device import DECODERS, Device, Sensor
+from ...core.curves.curve import distinct
+from ...core.device.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError, StorageError
 from ...optimize.refinement.refine import Optimised
 from ...optimize.search import baselines

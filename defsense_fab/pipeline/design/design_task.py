@@ -10,7 +10,7 @@ import igl
 import numpy as np
 
 from ...core.arrays import Bool, Float
-from ...core.device import DECODERS, Device, FabricationSpec
+from ...core.device.device import DECODERS, Device, FabricationSpec
 from ...core.errors import DeviceError
 from ...core.mesh import Surface
 from ...decoding.unseen import UnseenStates, unseen_states

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, Plane
-from ...core.curve_fit import fit_curve
+from ...core.curves.curve import Hermite, Plane
+from ...core.curves.curve_fit import fit_curve
+from ...core.curves.path_sampling import arc_lengths, resample
 from ...core.errors import LayoutError
 from ...core.mesh import Surface
-from ...core.path_sampling import arc_lengths, resample
 from ...geometry.kernels.plane_section import inside_section, plane_section
 
 #: A drawn line is followed this closely, mm; the hand and the screen are no better.

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, Plane, catmull_rom
-from ...core.device import DECODERS, Device, Sensor
+from ...core.curves.curve import Hermite, Plane, catmull_rom
+from ...core.device.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
 from ...geometry.kernels.signed_distance import SignedDistance
 from ...optimize.limits.verification import LayoutCheck, verify

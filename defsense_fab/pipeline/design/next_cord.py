@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curve import Plane
-from ...core.device import Sensor
+from ...core.curves.curve import Plane
+from ...core.device.device import Sensor
 from ...core.errors import LayoutError
 from ...decoding.added_channel import unseen_errors
 from ...optimize.problem.problem import reduce_outputs

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...geometry.channels import crimping
 from ...geometry.parts.records import Made
 from ...sensing.built_cord import BuiltCord

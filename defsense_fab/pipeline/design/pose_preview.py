@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.device import Device, MaterialSpec, Pose
+from ...core.device.device import Device, MaterialSpec, Pose
+from ...core.device.regions import Shape
 from ...core.errors import DeviceError, MeshingError
 from ...core.mesh import Surface, TetMesh
-from ...core.regions import Shape
 from ...geometry.bodies.meshing.region_conforming import conform
 from ...geometry.bodies.meshing.tetrahedra import tetrahedralise
 from ...mechanics.elements.material import Material

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Pose
+from ...core.device.device import Pose
 from ...core.errors import SolveError
 from ...mechanics.solver.interactive import Stop
 from ...mechanics.solver.load_stepping import Status

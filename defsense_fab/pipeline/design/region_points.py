@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from ...core.arrays import Bool, Float
-from ...core.regions import Box, Shape
+from ...core.device.regions import Box, Shape
 
 _FEWEST = 3  # points by which a region holds or moves a body
 _STEPS = 100  # of a body's size, to which corners are rounded

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ...core.curve import Hermite, Plane, catmull_rom
-from ...core.device import Sensor
-from ...core.path_sampling import per_span_for_signal, sample_path
+from ...core.curves.curve import Hermite, Plane, catmull_rom
+from ...core.curves.path_sampling import per_span_for_signal, sample_path
+from ...core.device.device import Sensor
 from ...optimize.problem.cord_signals import CordCarrier, SignalModel
 from ...optimize.search.candidate_batch import Batch
 from ...optimize.search.screening import feasible

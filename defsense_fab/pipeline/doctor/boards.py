@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from ...core.local_access import LOCAL
+from ...core.machine.local_access import LOCAL
 from .finding import Finding, judged
 from .isolated import call
 

@@ -10,7 +10,7 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-from ...core.processes import OWN_GROUP, end_group
+from ...core.machine.processes import OWN_GROUP, end_group
 
 _ANSWER = "defsense-doctor-answer:"
 _CALL = f"""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import TYPE_CHECKING
 
-from ...core.optional_libraries import PROJECT, pip_install
+from ...core.machine.optional_libraries import PROJECT, pip_install
 from .finding import Finding, judged
 from .isolated import call
 from .system_libraries import system_command

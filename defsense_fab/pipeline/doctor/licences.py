@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib import metadata
 
 from ...core.errors import StorageError
-from ...core.optional_libraries import PROJECT
+from ...core.machine.optional_libraries import PROJECT
 
 UNKNOWN = "not told by its metadata"
 

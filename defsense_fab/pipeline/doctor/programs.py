@@ -7,7 +7,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from ...core.optional_libraries import pip_install
+from ...core.machine.optional_libraries import pip_install
 from .finding import Finding, judged
 from .isolated import call
 from .system_libraries import system_command

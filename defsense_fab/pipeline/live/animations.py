@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...core.arrays import Float, Int
 from ...core.errors import LiveError, StorageError
-from ...core.files import free_path
+from ...core.storage.files import free_path
 from ...runtime.frames.live_frame import LiveFrame
 from ...runtime.recording.animation import AnimationFile
 from ...runtime.recording.animation_recorder import AnimationRecorder

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import DefsenseError, TrainingError
 from ..artifacts.build_folder import build_folder
 from ..artifacts.layout import LAYOUT, LayoutRecord, load_layout

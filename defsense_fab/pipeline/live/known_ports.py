@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...capture.readout.ports import ports
-from ...core.device import Device
+from ...core.device.device import Device
 from ..sessions.results.known_sessions import known_sessions
 from .raw_recording import BOARD
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Device
-from ...core.device_file import load_device
+from ...core.device.device import Device
+from ...core.device.device_file import load_device
 from ...core.errors import LiveError
 from ...core.mesh import Surface
 from ...decoding.trained_model import TrainedModel

@@ -19,8 +19,8 @@ import numpy as np
 
 from ...capture.readout.source import Event, Source, StampedSample
 from ...core.arrays import Float
-from ...core.blas_threads import one_blas_thread
 from ...core.errors import DefsenseError, LiveError
+from ...core.machine.blas_threads import one_blas_thread
 from ...runtime.controls.control_bank import ControlBank
 from ...runtime.controls.pose_amplitudes import RADIUS_90
 from ...runtime.frames.live_decoder import LiveDecoder, Sample

@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from ...core.device import Device, Sensor
+from ...core.device.device import Device, Sensor
 from ...decoding.trained_model import TrainedModel
 from ..artifacts.layout import LayoutRecord, layout_hash
 

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from ...core.errors import StorageError
-from ...core.files import free_path, storage_errors
+from ...core.storage.files import free_path, storage_errors
 
 
 class RunFolder:

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...capture.readout.paced_samples import PacedSamples
 from ...core.arrays import Float, Int
-from ...core.device import Device
+from ...core.curves.sampling import at_times
+from ...core.device.device import Device
 from ...core.errors import LiveError
-from ...core.sampling import at_times
 from ...sensing.serial_frames import NOT_READ, Info, Sample
 from ...sensing.voltage_divider import Dividers
 from ...training.data.dataset import Recording

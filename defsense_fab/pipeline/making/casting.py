@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.arrays import xyz
-from ...core.device import Device
+from ...core.device.device import Device
+from ...core.device.silicone import Silicone, silicone
 from ...core.mesh import Surface
-from ...core.silicone import Silicone, silicone
 from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.export import write_stl
 from ...geometry.moulds.moulds import whole

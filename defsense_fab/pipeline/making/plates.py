@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.export import write_3mf, write_stl

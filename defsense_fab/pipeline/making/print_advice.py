@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...core.device import Device
+from ...core.device.device import Device
 
 _KINDS = {
     "fdm": "filament", "polyjet": "jets", "sla": "resin", "sls": "powder", "cast": "mould",

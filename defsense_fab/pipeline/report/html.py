@@ -10,7 +10,7 @@ from typing import Any
 
 import jinja2
 
-from ...core.files import storage_errors, write_text
+from ...core.storage.files import storage_errors, write_text
 
 
 @cache

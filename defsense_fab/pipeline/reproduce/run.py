@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...core.blas_threads import one_blas_thread
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import ExperimentError
-from ...core.files import storage_errors, write_json
-from ...core.lock import locked
+from ...core.machine.blas_threads import one_blas_thread
 from ...core.progress import Progress, silent
+from ...core.storage.files import storage_errors, write_json
+from ...core.storage.lock import locked
 from ..artifacts.build_folder import build_folder
 from ..artifacts.layout import load_layout
 from ..artifacts.own_files import REPRODUCED

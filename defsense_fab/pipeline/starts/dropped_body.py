@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import BodySpec
+from ...core.device.device import BodySpec
 from ...core.errors import BodyError
-from ...core.file_names import safe_name
-from ...core.files import storage_errors
 from ...core.mesh import Surface
+from ...core.storage.file_names import safe_name
+from ...core.storage.files import storage_errors
 from ...geometry.bodies.body import load_body
 from ...geometry.bodies.foreign_body import read_foreign
 from ...geometry.bodies.meshes.file_kind import kind_of_file

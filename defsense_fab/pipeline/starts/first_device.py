@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from ...core.catalogue import read_rows
-from ...core.device_file import DEVICE, load_device, parse_device
+from ...core.device.catalogue import read_rows
+from ...core.device.device_file import DEVICE, load_device, parse_device
 from ...core.errors import BodyError, DeviceError
-from ...core.files import free_path, storage_errors, write_text
 from ...core.progress import Progress, silent
+from ...core.storage.files import free_path, storage_errors, write_text
 from ...geometry.bodies.body import SIZES
 from ..artifacts.mesh_lock import FILE as MESH_LOCK
 from .body_ends import END_POSES, BodyEnds, find_ends, numbers

@@ -12,10 +12,10 @@ from typing import Any
 
 import tomlkit
 
-from ...core.device_file import DEVICE, parse_device
+from ...core.device.device_file import DEVICE, parse_device
 from ...core.errors import StorageError
-from ...core.files import replacing, storage_errors, write_text
-from ...core.package_data import package_data
+from ...core.storage.files import replacing, storage_errors, write_text
+from ...core.storage.package_data import package_data
 from .device_comments import commented
 
 _one = threading.Lock()  # two people may begin at once

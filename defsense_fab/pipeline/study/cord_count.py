@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.blas_threads import one_blas_thread
-from ...core.device import DECODERS, Device
+from ...core.device.device import DECODERS, Device
 from ...core.errors import LayoutError
-from ...core.files import digest, storage_errors
+from ...core.machine.blas_threads import one_blas_thread
 from ...core.progress import Progress, silent
+from ...core.storage.files import digest, storage_errors
 from ...optimize.studies.cord_count import by_count, knee
 from ..build.build import build
 from ..build.stages import keys, plain

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from ...core.arrays import Float
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
 from ...core.errors import StorageError
 from ...optimize.search.starting_layouts import Layout
 from ..artifacts import typed_json

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import StudyError
-from ...core.files import storage_errors, write_text
 from ...core.progress import Progress, silent
+from ...core.storage.files import storage_errors, write_text
 from .points.studied_device import studied_device, studied_text
 from .points.study_toml import Study, load_study
 from .results.pareto import best_compromises

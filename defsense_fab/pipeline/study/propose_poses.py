@@ -13,13 +13,13 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Array, InlineTable, Table
 
 from ...core.arrays import Float, Int
-from ...core.default_states import default_states
-from ...core.device import Device, Handle, Pose, StatesSpec
+from ...core.device.default_states import default_states
+from ...core.device.device import Device, Handle, Pose, StatesSpec
+from ...core.device.regions import HalfSpace, Shape
 from ...core.errors import DeviceError
-from ...core.files import storage_errors, write_text
 from ...core.mesh import Surface
 from ...core.progress import Progress, silent
-from ...core.regions import HalfSpace, Shape
+from ...core.storage.files import storage_errors, write_text
 from ...geometry.bodies.standing import standing
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces

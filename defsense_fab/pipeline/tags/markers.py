@@ -12,13 +12,13 @@ import numpy as np
 from ...capture.tags.print_sheets import draw_tags, outer, paper_size, pdf
 from ...capture.tags.tag_dictionary import Dictionary, dictionary
 from ...core.arrays import Bool, Float
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import CaptureError
-from ...core.files import storage_errors
 from ...core.markers import FILE, Markers, write_markers_file
 from ...core.markers import read_markers as read_markers
 from ...core.mesh import Surface
 from ...core.progress import Progress, silent
+from ...core.storage.files import storage_errors
 from ...geometry.bodies.tag_placement import Place, Wanted, spread_out, tag_places
 from ..artifacts.build_folder import build_folder
 from ..artifacts.layout import LAYOUT, load_layout
@@ -226,7 +226,7 @@ def _chosen(
 def _cords(device: Device, body: Surface) -> tuple[Float, list[Any]]:
     """Where cords or their wires come out of the skin (n, 3) mm, and the planes in which the body
     is split for them: as built, or else as drawn."""
-    from ...core.path_sampling import sample_path
+    from ...core.curves.path_sampling import sample_path
     from ...geometry.kernels.ray_casting import hits
 
     folder, sensors = build_folder(device), list(device.sensors)

@@ -8,7 +8,7 @@ from ...capture.tags import edge_fit
 from ...capture.tags.tag_detection import Detector
 from ...capture.tags.tag_dictionary import Dictionary
 from ...core.camera import Camera
-from ...core.compiled import is_compiled
+from ...core.machine.compiled import is_compiled
 
 COMPILING = "compiling the tag detector, once on this computer: some 20 s"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 
 _ROUNDS, _SWEEPS = 12, 60  # of Gauss-Newton; over the unknowns of each of its steps
 _CLOSE = 1e-4  # of an amplitude: what moves less is found

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.errors import OutputError
-from ...core.optional_libraries import optional
+from ...core.machine.optional_libraries import optional
 from ..frames.live_frame import LiveFrame
 from .output import controls_known, signals_of, unknown_controls
 from .settings import GamepadMapping, GamepadSettings

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from ...core.errors import ControlError, DeviceError, OutputError
-from ...core.optional_libraries import optional
-from ...core.toml_table import Table, is_number, load_toml
+from ...core.machine.optional_libraries import optional
+from ...core.storage.toml_table import Table, is_number, load_toml
 from ..controls.control_spec import ControlSpec
 from ..controls.shaping import Shaping
 from .newest_wins import NewestWins

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import LiveError
-from ...core.files import replacing
+from ...core.storage.files import replacing
 from .animation import Animation, AnimationFile
 from .gltf_animation import write_gltf
 from .usd_animation import require_usd, write_usd

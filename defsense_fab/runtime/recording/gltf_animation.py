@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.files import replacing
+from ...core.storage.files import replacing
 from ...core.version import __version__
 from .animation import Animation, AnimationFile
 from .deformation_basis import deformation_basis

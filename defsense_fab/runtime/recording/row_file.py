@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import StorageError
-from ...core.files import storage_errors
+from ...core.storage.files import storage_errors
 from .animation import Float32
 
 

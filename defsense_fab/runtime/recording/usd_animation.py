@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import LiveError, StorageError
-from ...core.files import replacing
-from ...core.optional_libraries import optional
+from ...core.machine.optional_libraries import optional
+from ...core.storage.files import replacing
 from .animation import Animation, AnimationFile, Float32
 
 _SAVE = 64e6  # bytes of samples after which they are written, so that they do not fill the memory

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from .mesh_operators import decimated, nearest_points
 from .surface_basis import SurfaceBasis
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from .attachment import Attachment
 from .elastic_net import ElasticNet
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 
 _LEAF = 24  # vertices; smaller sets stay as they are
 

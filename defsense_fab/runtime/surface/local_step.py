@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from .rotation import LANES, nearest_of_many, nearest_rotation
 
 

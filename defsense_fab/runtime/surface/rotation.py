@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 
 _ROUNDS = 60  # of Newton's method; most take one to five
 _TINY = 1e-9  # of the largest value that the denominator can have: no rotation is nearest

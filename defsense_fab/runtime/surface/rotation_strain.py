@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from .elastic_net import ElasticNet
 from .local_step import rotate_edges
 

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array, eye_array
 from scipy.sparse.linalg import splu
 
 from ...core.arrays import Float, Int
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 
 _PADDING = 0.3  # of a block's entries that may be zeros
 _SLACK = 16  # zeros that a small block may have besides

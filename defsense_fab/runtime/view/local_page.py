@@ -18,8 +18,8 @@ import threading
 from typing import Any
 
 from ...core.errors import OutputError
-from ...core.local_access import LOCAL, Access
-from ...core.optional_libraries import optional
+from ...core.machine.local_access import LOCAL, Access
+from ...core.machine.optional_libraries import optional
 from . import page_cookie
 from .plain_markdown import plain_markdown
 

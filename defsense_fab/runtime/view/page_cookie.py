@@ -6,7 +6,7 @@ from __future__ import annotations
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 
-from ...core.local_access import Access
+from ...core.machine.local_access import Access
 
 
 def refusal(access: Access, port: int, path: str, cookies: list[str]) -> str | None:

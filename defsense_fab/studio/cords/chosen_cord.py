@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.device import Sensor
+from ...core.device.device import Sensor
 from ..edits.cords import (
     delete_point,
     insert_point,

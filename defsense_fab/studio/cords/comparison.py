@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core.device import Sensor
+from ...core.device.device import Sensor
 from ...pipeline.design.layout_judge import Judged, LayoutJudge
 from ..workbench.table_cell import table_cell
 

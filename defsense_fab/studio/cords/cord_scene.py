@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, Plane, catmull_rom
-from ...core.device import Sensor
-from ...core.path_sampling import sample_path
+from ...core.curves.curve import Hermite, Plane, catmull_rom
+from ...core.curves.path_sampling import sample_path
+from ...core.device.device import Sensor
 from ...runtime.view.tube import tube_faces, tube_vertices
 
 _SAMPLES = 120  # points of a tube

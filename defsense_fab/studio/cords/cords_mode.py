@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.curve import Hermite, Plane
-from ...core.device import Sensor
+from ...core.curves.curve import Hermite, Plane
+from ...core.device.device import Sensor
 from ...core.errors import DefsenseError
 from ...pipeline.design.layout_judge import Judged
 from ..edits.cords import add_cord, bend_at, move_point, set_path, set_plane

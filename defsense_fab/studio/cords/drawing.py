@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, Plane
+from ...core.curves.curve import Hermite, Plane
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
 from ...pipeline.design.draw_cord import drawn_curve

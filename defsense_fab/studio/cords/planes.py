@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.curve import Plane
-from ...core.device import Sensor
+from ...core.curves.curve import Plane
+from ...core.device.device import Sensor
 from ...core.mesh import Surface
 
 _AXES = "xyz"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
 from ...core.mesh import Surface
 from ...geometry.kernels.plane_section import plane_section
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from ...core.device import Device
-from ...core.device_file import load_device
+from ...core.device.device import Device
+from ...core.device.device_file import load_device
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
 from ...pipeline.artifacts.body import load_surface

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ...core.catalogue import read_rows
-from ...core.device import DECODERS, Device
+from ...core.device.catalogue import read_rows
+from ...core.device.device import DECODERS, Device
 from ..edits.body import (
     choose_cord,
     choose_material,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
 from ...pipeline.build.freshness import freshness

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.mesh import Surface
 
 #: Of each stage whose result is of the device before, the first of which is told.

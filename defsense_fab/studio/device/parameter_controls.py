@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from ...core.device import BodySpec
+from ...core.device.device import BodySpec
 from ...core.errors import BodyError
 from ...geometry.bodies.script_signature import Parameter, read_parameters
 

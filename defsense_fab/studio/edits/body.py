@@ -6,7 +6,7 @@ from typing import Any
 
 from tomlkit import TOMLDocument
 
-from ...core.cord_table import SHEET
+from ...core.device.cord_table import SHEET
 from .edit import Edit
 from .tables import inline, number, rename_key, rows
 

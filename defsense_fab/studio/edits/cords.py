@@ -9,8 +9,8 @@ import numpy as np
 from tomlkit import TOMLDocument
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, Plane, catmull_rom
-from ...core.device import FREEDOMS, Sensor
+from ...core.curves.curve import Hermite, Plane, catmull_rom
+from ...core.device.device import FREEDOMS, Sensor
 from ...core.errors import DeviceError
 from .edit import Edit
 from .tables import append, index, inline, named, number, numbers, remove, rows, strings

@@ -6,8 +6,8 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ...core.curve import Plane
-from ...core.device import Sensor
+from ...core.curves.curve import Plane
+from ...core.device.device import Sensor
 from ...pipeline.design.body_section import BodySection
 from ...pipeline.design.layout_judge import LayoutJudge
 from ...pipeline.design.next_cord import NextCord, next_cord

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ...core.arrays import Float
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
+from ...core.curves.path_sampling import sample_path
 from ...core.errors import DefsenseError, LayoutError
-from ...core.path_sampling import sample_path
 from ...pipeline.design.body_section import BodySection
 from ...pipeline.design.layout_judge import LayoutJudge
 from ...pipeline.design.next_cord import NextCord, sensor_of, shortest

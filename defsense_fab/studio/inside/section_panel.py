@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...core.curve import Plane
-from ...core.device import Sensor
+from ...core.curves.curve import Plane
+from ...core.device.device import Sensor
 from ..workbench.workbench import Workbench
 from .looks import LOOKS, Look
 

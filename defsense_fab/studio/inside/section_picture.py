@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float
-from ...core.curve import Plane
+from ...core.curves.curve import Plane
 from ...mechanics.elements.point_location import LocatedPoints
 from ...mechanics.elements.section import Section
 from ...pipeline.design.body_section import BodySection, Kind, Quantity, directions_along

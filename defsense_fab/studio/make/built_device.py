@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float, places
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...pipeline.artifacts.layout import LayoutRecord, load_layout
 from ...pipeline.artifacts.manifest import MANIFEST, Manifest, load_manifest

@@ -16,7 +16,7 @@ def record_twin(
     folder: Path, minutes: float, unit: int, seed: int, progress: Progress
 ) -> list[str]:
     """`defsense twin`: the sessions' folders."""
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.twin.recordings.twin_recordings import simulate_runs
     from ...pipeline.twin.recordings.twin_session import check_free, session_folder, write_sessions
 
@@ -45,7 +45,7 @@ def process(sessions: Sequence[Path], progress: Progress) -> list[str]:
 
 def train(folder: Path, sessions: Sequence[Path], progress: Progress) -> dict[str, Any]:
     """`defsense train`: the model's file, what its training tells, and notes."""
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.train.data.data_files import DataFiles
     from ...pipeline.train.models.train_files import train_files
     from ...training.fitting.train_model import TrainingOptions
@@ -61,7 +61,7 @@ def train(folder: Path, sessions: Sequence[Path], progress: Progress) -> dict[st
 
 def simulate(folder: Path, progress: Progress) -> dict[str, Any]:
     """`defsense train` without a session: the same of a model of the simulation alone."""
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.train.models.model_file import write_model
     from ...pipeline.train.models.train_device import model_path, simulate_only
 
@@ -76,7 +76,7 @@ def evaluate(
     folder: Path, model: Path, sessions: Sequence[Path], progress: Progress
 ) -> dict[str, Any]:
     """`defsense evaluate`: the page, the errors in a few numbers, mm, and notes."""
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.train.data.data_files import DataFiles
     from ...pipeline.train.evaluation.evaluate_models import evaluate_files
     from ...pipeline.train.evaluation.evaluation_report import (
@@ -102,7 +102,7 @@ def evaluate(
 
 def simulate_specimens(folder: Path, progress: Progress) -> list[str]:
     """`defsense calibrate twin`: sessions of two specimens of the device's own cord."""
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.calibrate.synthetic_session import record_twin
     from ...sensing.response import response_of
     from ...twin.electronics.cord_twin import CordTraits

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import DefsenseError
 from ...pipeline.artifacts.build_folder import build_folder
 from ...pipeline.artifacts.layout import LAYOUT, load_layout

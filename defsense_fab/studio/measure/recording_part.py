@@ -7,9 +7,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from ...core.errors import DefsenseError
-from ...core.file_names import refusal
-from ...core.files import free_path
 from ...core.markers import read_markers
+from ...core.storage.file_names import refusal
+from ...core.storage.files import free_path
 from ...pipeline.sessions.recording import session as sessions
 from ...pipeline.twin.live.capture_setup import NONE, TWIN, CaptureOptions, set_up_capture
 from ...twin.filming.camera_kinds import USUAL

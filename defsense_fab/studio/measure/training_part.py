@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...pipeline.artifacts.build_folder import build_folder
 from ...pipeline.artifacts.layout import LAYOUT
 from ...pipeline.sessions.results.known_sessions import KnownSession, known_sessions

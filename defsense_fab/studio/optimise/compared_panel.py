@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.errors import DefsenseError, StorageError
-from ...core.files import digest
+from ...core.storage.files import digest
 from ...pipeline.artifacts.build_folder import build_folder
 from ...pipeline.artifacts.layout import LAYOUT
 from ...pipeline.build.freshness import outdated
@@ -179,8 +179,8 @@ def _rounded(seconds: float) -> int:
 
 def _compare(teller: Teller, source: Path, folder: Path) -> None:
     """In the other process."""
-    from ...core.blas_threads import one_blas_thread
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
+    from ...core.machine.blas_threads import one_blas_thread
 
     with one_blas_thread():  # as builds have it
         compare_layouts(load_device(source), folder, teller.found, teller.progress)

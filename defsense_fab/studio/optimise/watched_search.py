@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.device import Device, Sensor
+from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError
 from ...pipeline.artifacts.build_folder import build_folder
 from ...pipeline.design.layout_judge import Judged, LayoutJudge

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
-from ...core.device_file import DEVICE
+from ...core.device.device_file import DEVICE
 from ...core.errors import DefsenseError, StorageError
 from ...runtime.view.upload_limit import limit_uploads
 from ..project.agreement import Agreement

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Device, Handle, Pose
+from ...core.device.device import Device, Handle, Pose
 from ..edits.edit import Edit
 from ..edits.movers import move_drag
 from ..edits.poses import shift_handle, turn_handle

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Pose
+from ...core.device.device import Pose
 from ...mechanics.solver.load_stepping import Status
 from ...pipeline.design.pose_ramp import unreached
 from ..edits.edit import Edit

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ...core.arrays import Float
-from ...core.device import Device, Pose
+from ...core.device.device import Device, Pose
 from ...core.errors import DefsenseError
 from ...core.mesh import TetMesh
 from ...mechanics.solver.load_stepping import Status

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import PointDrag, Pose
+from ...core.device.device import PointDrag, Pose
 from ...runtime.view.picking import hit
 from ..edits.movers import remove_drag, stiffen_drag
 from ..edits.poses import drag_point

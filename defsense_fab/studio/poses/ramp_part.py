@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import Pose
+from ...core.device.device import Pose
 from ...core.errors import DefsenseError
 from ...pipeline.design.pose_preview import PosePreview, Previewed
 from ...pipeline.design.pose_ramp import SHARES, Ramp, followed_ramp, simulated_ramp

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from ...core.errors import DeviceError
-from ...core.regions import Box, Cylinder, HalfSpace, Shape, Sphere
 from ...pipeline.design.region_points import fitted_box, held_points, region_problems
 from ...runtime.view.picking import View, in_rectangle
 from ..edits.movers import shift_region

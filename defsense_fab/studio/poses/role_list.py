@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.device import Device, Pose
+from ...core.device.device import Device, Pose
 from ..edits.edit import Edit
 from ..edits.movers import set_role
 from ..edits.poses import shift_handle

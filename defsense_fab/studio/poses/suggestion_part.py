@@ -12,7 +12,7 @@ import tomlkit
 from tomlkit import TOMLDocument
 from tomlkit.exceptions import TOMLKitError
 
-from ...core.device_file import load_device
+from ...core.device.device_file import load_device
 from ...core.errors import DeviceError
 from ...mechanics.solver.modes import ProposedPose
 from ...pipeline.study.propose_poses import Found, as_toml, continued, find_poses

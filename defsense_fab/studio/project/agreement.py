@@ -8,8 +8,8 @@ from pathlib import Path
 
 from platformdirs import user_config_path
 
-from ...core.device import BodySpec
-from ...core.files import storage_errors, write_json
+from ...core.device.device import BodySpec
+from ...core.storage.files import storage_errors, write_json
 from ...geometry.bodies.script_text import ScriptText, read_script
 
 _FILE = "agreed-scripts.json"

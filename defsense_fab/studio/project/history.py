@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import StorageError
-from ...core.files import storage_errors, write_text
+from ...core.storage.files import storage_errors, write_text
 
 FOLDER, FILE = ".studio", "history.jsonl"
 _MOST = 400  # steps that are kept

@@ -9,10 +9,10 @@ from pathlib import Path
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from ...core.device import Device
-from ...core.device_file import DEVICE, parse_device
+from ...core.device.device import Device
+from ...core.device.device_file import DEVICE, parse_device
 from ...core.errors import DeviceError
-from ...core.files import write_text
+from ...core.storage.files import write_text
 from ..edits.edit import Edit
 from .history import History
 

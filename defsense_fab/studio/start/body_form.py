@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.catalogue import read_rows
+from ...core.device.catalogue import read_rows
 from ...core.errors import DefsenseError
 from ...pipeline.starts.dropped_body import DroppedBody
 from ...pipeline.starts.first_device import FirstDevice, begin_from

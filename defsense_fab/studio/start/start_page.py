@@ -9,9 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ...core.device_file import load_device
+from ...core.device.device_file import load_device
 from ...core.errors import DefsenseError
-from ...core.file_names import safe_name
+from ...core.storage.file_names import safe_name
 from ...geometry.bodies.meshes.mesh_files import KINDS
 from ...pipeline.starts.dropped_body import look_at_file
 from ...pipeline.starts.starting_devices import STARTS, StartingDevice, begin_with

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...core.device import Sensor
+from ...core.device.device import Sensor
 from .beside import BesideWork, Teller
 
 _EARLY = ("body", "mesh")  # stages that need neither poses nor cords
@@ -48,7 +48,7 @@ class BuildWork(BesideWork):
 
 def _build(teller: Teller, folder: Path, until: str) -> None:
     """In the other process."""
-    from ...core.device_file import load_device
+    from ...core.device.device_file import load_device
     from ...pipeline.build.build import build
     from ...pipeline.build.stages import Seen
 

@@ -8,8 +8,8 @@ from urllib.parse import quote
 
 import numpy as np
 
-from ...core.device import Sensor
-from ...core.path_sampling import sample_path
+from ...core.curves.path_sampling import sample_path
+from ...core.device.device import Sensor
 from ...runtime.view.tube import tube_faces, tube_vertices
 
 _SAMPLES = 80  # points of a tube

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.device import Device
+from ...core.device.device import Device
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
 from ...pipeline.artifacts.body import load_surface

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
+from ...core.curves.sampling import at_times
 from ...core.errors import TrainingError
-from ...core.sampling import at_times
 from ...sensing.signal import relative_change
 
 

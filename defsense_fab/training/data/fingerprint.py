@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core.sampling import at_times
+from ...core.curves.sampling import at_times
 from .dataset import Recording
 
 _MOMENTS = 64

@@ -32,8 +32,8 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Bool, Float
+from ...core.curves.sampling import at_times
 from ...core.errors import TrainingError
-from ...core.sampling import at_times
 from ...decoding.input_features import InputFeatures
 from ...decoding.past import Past
 from ...decoding.trained_model import TrainedModel

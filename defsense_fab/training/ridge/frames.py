@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
+from ...core.curves.sampling import at_times
 from ...core.errors import TrainingError
-from ...core.sampling import at_times
 from ...decoding.past import Past
 from ..data.dataset import Dataset
 

@@ -10,7 +10,7 @@ import time
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device import CONVERTERS
+from ...core.device.device import CONVERTERS
 from ...sensing.serial_frames import MOST_COUNT, PROTOCOL, Info, Message, Sample, Text, encode
 from ...sensing.voltage_divider import Dividers, conversion_time
 from .device_cords import DeviceCords

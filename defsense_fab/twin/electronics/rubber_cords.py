@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.compiled import compiled
+from ...core.machine.compiled import compiled
 from ..scenes.assumption import assumed
 
 _SHEET = (

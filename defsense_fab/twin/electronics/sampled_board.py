@@ -20,7 +20,7 @@ class BoardTraits:
 
     steps: bool = assumed(
         True, "quantisation", "", "conversions are whole counts",
-        "ATmega328P and ADS1115 (core/device.py, CONVERTERS)", off=False,
+        "ATmega328P and ADS1115 (core/device/device.py, CONVERTERS)", off=False,
     )  # fmt: skip
     own_noise: float = assumed(
         0.5, "quantisation", "counts", "noise of a conversion, white, which evens out steps"

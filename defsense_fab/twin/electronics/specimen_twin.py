@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...core.bending import bent_strain
+from ...core.curves.bending import bent_strain
 from .cord_twin import CordTraits, CordTwins
 
 

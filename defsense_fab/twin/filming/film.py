@@ -17,7 +17,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.camera import Camera
 from ...core.errors import CaptureError, StorageError
-from ...core.files import replacing, write_text
+from ...core.storage.files import replacing, write_text
 from ..scenes.scene import Scene
 from .exposure import exposed
 from .renderer import Optics, Renderer

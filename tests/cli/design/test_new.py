@@ -9,7 +9,7 @@ import pytest
 
 from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.cli.main import main
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from tests.places import DEVICES
 
 BLOB = str(DEVICES / "blob" / "blob.stl")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.core.device import BodySpec
+from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.body import load_body

@@ -3,7 +3,7 @@
 import build123d as bd
 import pytest
 
-from defsense_fab.core.device import BodySpec
+from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.cad_solid import cad_solid

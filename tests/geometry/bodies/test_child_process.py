@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from defsense_fab.core.device import BodySpec
+from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
@@ -110,7 +110,7 @@ def test_a_caller_that_is_killed_takes_its_script_along(tmp_path):
     (tmp_path / "body.py").write_text(SLEEPER)
     file = tmp_path / "pids"
     code = (
-        "from pathlib import Path\nfrom defsense_fab.core.device import BodySpec\n"
+        "from pathlib import Path\nfrom defsense_fab.core.device.device import BodySpec\n"
         "from defsense_fab.geometry.bodies.body import load_body\n"
         f"load_body(BodySpec('script', Path({str(tmp_path / 'body.py')!r}),"
         f" {{'file': {str(file)!r}}}))"

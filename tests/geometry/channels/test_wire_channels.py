@@ -6,8 +6,8 @@ import igl
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import Hermite, Plane, bend_radius, catmull_rom
-from defsense_fab.core.device import BaySpec, BodySpec, Sensor
+from defsense_fab.core.curves.curve import Hermite, Plane, bend_radius, catmull_rom
+from defsense_fab.core.device.device import BaySpec, BodySpec, Sensor
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.connector_bay import recess

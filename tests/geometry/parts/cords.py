@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom
-from defsense_fab.core.device import Sensor
+from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.device.device import Sensor
 
 
 def cord(name, normal, origin, x_axis, points):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from defsense_fab.core.curve import Hermite, Plane
-from defsense_fab.core.device import Sensor
+from defsense_fab.core.curves.curve import Hermite, Plane
+from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.standing import Y_UP

@@ -11,8 +11,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from defsense_fab.core.device import BaySpec
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device import BaySpec
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.kernels import triangle_kernel

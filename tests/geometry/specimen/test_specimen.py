@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from defsense_fab.cli.main import main
-from defsense_fab.core.bending import RADII
-from defsense_fab.core.catalogue import read_rows
+from defsense_fab.core.curves.bending import RADII
+from defsense_fab.core.device.catalogue import read_rows
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import triangle_kernel

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.device import (
+from defsense_fab.core.device.device import (
     Handle,
     MaterialSpec,
     PointDrag,
@@ -13,9 +13,9 @@ from defsense_fab.core.device import (
     RegionPressure,
     SymmetryPlane,
 )
+from defsense_fab.core.device.regions import Box
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.mesh import TetMesh
-from defsense_fab.core.regions import Box
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.loading.boundary_conditions import (

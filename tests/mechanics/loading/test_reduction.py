@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.core.device import PointDrag
+from defsense_fab.core.device.device import PointDrag
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.loading.boundary_conditions import (
     BoundaryConditions,

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from defsense_fab.core.device import PointDrag
+from defsense_fab.core.device.device import PointDrag
 from defsense_fab.core.errors import SolveError
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.material import neo_hookean

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom, distinct
-from defsense_fab.core.device import DECODERS, Sensor
+from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom, distinct
+from defsense_fab.core.device.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.mesh import Surface, TetMesh
 from defsense_fab.mechanics.elements.point_location import PointLocator

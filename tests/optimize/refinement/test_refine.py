@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom
-from defsense_fab.core.device import DECODERS, Sensor
+from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curves.path_sampling import sample_path
+from defsense_fab.core.device.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
-from defsense_fab.core.path_sampling import sample_path
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.optimize.limits.constraints import Constraints, depth_before_exit
 from defsense_fab.optimize.limits.polyline_distance import nearest, nearest_strand

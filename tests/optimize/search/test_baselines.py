@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks import joint
-from defsense_fab.core.curve import distinct
+from defsense_fab.core.curves.curve import distinct
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.refinement.refine import layout_error, optimise
 from defsense_fab.optimize.search.baselines import manual, visual

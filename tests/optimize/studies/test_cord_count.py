@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import distinct
+from defsense_fab.core.curves.curve import distinct
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.refinement.refine import layout_error, optimise
 from defsense_fab.optimize.studies.cord_count import by_count, knee, next_cord

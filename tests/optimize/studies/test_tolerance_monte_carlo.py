@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from sklearn.linear_model import Ridge
 
-from defsense_fab.core.curve import catmull_rom
-from defsense_fab.core.path_sampling import sample_path
+from defsense_fab.core.curves.curve import catmull_rom
+from defsense_fab.core.curves.path_sampling import sample_path
 from defsense_fab.decoding.unseen import HELD_OUT, NONE, UnseenStates
 from defsense_fab.optimize.refinement.refine import layout_error
 from defsense_fab.optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band

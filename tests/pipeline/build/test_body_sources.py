@@ -7,7 +7,7 @@ from importlib import metadata
 
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.build import body_sources
 from defsense_fab.pipeline.build.build import build
 from defsense_fab.pipeline.build.stages import STAGES, keys

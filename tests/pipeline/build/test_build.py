@@ -19,12 +19,12 @@ from defsense_fab.capture.files.formats import read_any
 from defsense_fab.cli.design import build
 from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.cli.main import main
-from defsense_fab.core.curve import Plane
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.curves.curve import Plane
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import StorageError
-from defsense_fab.core.files import storage_errors
 from defsense_fab.core.markers import read_markers
 from defsense_fab.core.response import ResponseSpec
+from defsense_fab.core.storage.files import storage_errors
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.optimize.refinement.refine import Optimised
 from defsense_fab.pipeline.artifacts.layout import load_layout
@@ -359,7 +359,7 @@ def test_set_wants_a_name_and_a_value(capsys):
 
 
 def test_parameters_from_the_command_line():
-    from defsense_fab.core.device_file import load_device
+    from defsense_fab.core.device.device_file import load_device
 
     device = load_device(BAR, {"length": 180})
     assert device.body.parameters["length"] == 180

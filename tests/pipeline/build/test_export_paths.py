@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.pipeline.build.export import _files
 from tests.places import BAR

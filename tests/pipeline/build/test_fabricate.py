@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.follow_guide.__main__ import follow, followed
 from benchmarks.follow_guide.hands import Hands
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError, FabricationError
 from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.body import load_body

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LayoutError
-from defsense_fab.core.files import write_json
+from defsense_fab.core.storage.files import write_json
 from defsense_fab.pipeline.build import (
     stage_body,
     stage_fabricate,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.geometry.kernels.export import write_stl
 from defsense_fab.pipeline.artifacts.body import load_surface

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.cli.main import main
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.point_location import PointLocator

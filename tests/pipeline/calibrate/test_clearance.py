@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from defsense_fab.cli.main import main
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.pipeline.calibrate.clearance import write_clearance
 from tests.places import DEVICES

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import Plane
+from defsense_fab.core.curves.curve import Plane
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.mechanics.elements.point_location import PointLocator

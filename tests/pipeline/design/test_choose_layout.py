@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.core.curve import Plane
+from defsense_fab.core.curves.curve import Plane
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.optimize.refinement.refine import Optimised
 from defsense_fab.pipeline.design import choose_layout as module

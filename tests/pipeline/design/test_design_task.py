@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.pipeline.design.design_task import limits, sensing
 from tests.places import DEVICES

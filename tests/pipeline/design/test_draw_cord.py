@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import Plane
-from defsense_fab.core.device import Sensor
+from defsense_fab.core.curves.curve import Plane
+from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.problem.problem import Limits

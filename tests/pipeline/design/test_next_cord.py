@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import Plane
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.curves.curve import Plane
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.design.body_section import BodySection
 from defsense_fab.pipeline.design.layout_judge import LayoutJudge
 from defsense_fab.pipeline.design.next_cord import AddedCord, next_cord, sensor_of, shortest

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.design.open_joints import LEAST_OPEN, least_across, overstretched
 from defsense_fab.sensing.built_cord import BuiltCord
 from tests.places import BAR

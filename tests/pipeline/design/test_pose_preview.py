@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.device import PointDrag
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device import PointDrag
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.device.regions import Box
 from defsense_fab.core.errors import CaptureError, DeviceError, SolveError
-from defsense_fab.core.regions import Box
 from defsense_fab.mechanics.solver.load_stepping import Status
 from defsense_fab.pipeline.artifacts.fields import load_levels
 from defsense_fab.pipeline.artifacts.mesh import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from defsense_fab.core.regions import Box
+from defsense_fab.core.device.regions import Box
 from defsense_fab.pipeline.design.region_points import fitted_box, held_points, region_problems
 
 LINE = np.stack([np.arange(0.0, 11.0), np.zeros(11), np.zeros(11)], axis=1)

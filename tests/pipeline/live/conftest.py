@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.pipeline.artifacts.fields import (
     FieldIndex,

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.catalogue import read_rows
-from defsense_fab.core.device_file import load_device, parse_device
+from defsense_fab.core.device.catalogue import read_rows
+from defsense_fab.core.device.device_file import load_device, parse_device
+from defsense_fab.core.device.silicone import silicone
 from defsense_fab.core.errors import DeviceError
-from defsense_fab.core.silicone import silicone
 from defsense_fab.geometry.moulds.records import Mould
 from defsense_fab.pipeline.build.stages import STAGES
 from defsense_fab.pipeline.design.as_built import mould_rules

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.catalogue import read_rows
-from defsense_fab.core.default_states import default_states
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.catalogue import read_rows
+from defsense_fab.core.device.default_states import default_states
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import BodyError, DeviceError, StorageError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.pipeline.starts import starting_devices

@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from defsense_fab.cli.main import main
-from defsense_fab.core.curve import Plane
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.curves.curve import Plane
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.study.cord_count import (
     FILE,
     studied_layouts,

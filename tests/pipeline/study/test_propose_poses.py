@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.device.regions import HalfSpace
 from defsense_fab.core.errors import DeviceError
-from defsense_fab.core.regions import HalfSpace
 from defsense_fab.mechanics.solver.modes import Mode, ProposedPose
 from defsense_fab.pipeline.study.propose_poses import (
     Proposal,

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from defsense_fab.capture.tags.tag_dictionary import dictionary
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import Markers, read_markers, write_markers_file
 from defsense_fab.core.mesh import Surface

@@ -264,5 +264,5 @@ def test_a_full_disk(process, films, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("defsense_fab.core.files.Path.replace", full)
+    monkeypatch.setattr("defsense_fab.core.storage.files.Path.replace", full)
     assert "disk is full" in process("a.mkv", "b.mkv")

@@ -5,8 +5,8 @@ import shutil
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import load_device
-from defsense_fab.core.path_sampling import arc_lengths
+from defsense_fab.core.curves.path_sampling import arc_lengths
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.meshing.region_conforming import conform
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise

@@ -11,7 +11,7 @@ import msgspec.msgpack
 import pytest
 
 from defsense_fab.core.errors import OutputError
-from defsense_fab.core.local_access import Access
+from defsense_fab.core.machine.local_access import Access
 from defsense_fab.runtime.view.local_page import end_page, local_page, page_link
 from defsense_fab.runtime.view.plain_markdown import plain_markdown
 from defsense_fab.runtime.view.upload_limit import MOST, limit_uploads

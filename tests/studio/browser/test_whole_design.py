@@ -10,7 +10,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.build.build import build
 from defsense_fab.studio.page.studio import Studio
 from defsense_fab.studio.project.agreement import Agreement

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import tomlkit
 
-from defsense_fab.core.device_file import parse_device
+from defsense_fab.core.device.device_file import parse_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.studio.edits.movers import (
     move_drag,

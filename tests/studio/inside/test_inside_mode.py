@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import Plane
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.curves.curve import Plane
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.pipeline.design.next_cord import next_cord
 from defsense_fab.studio.edits.cords import remove_cord

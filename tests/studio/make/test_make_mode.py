@@ -163,6 +163,6 @@ def test_a_full_disk_and_a_read_only_folder_are_told(made_page, monkeypatch):
         raise OSError(errno.EROFS, "Read-only file system", str(device.source / ".build-lock"))
 
     with monkeypatch.context() as patch:
-        patch.setattr("defsense_fab.core.lock.os.open", refused)
+        patch.setattr("defsense_fab.core.storage.lock.os.open", refused)
         with pytest.raises(StorageError, match="Read-only file system; check the path"):
             export(device, path)

@@ -10,7 +10,7 @@ import pytest
 
 from defsense_fab.calibration.readings import Geometry
 from defsense_fab.cli.calibrate import calibrate_record
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.pipeline.calibrate import session as sessions
 from defsense_fab.pipeline.calibrate.fit_response import fit_response

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.cli.main import main
-from defsense_fab.core.curve import Hermite
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.curves.curve import Hermite
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.artifacts.layout import load_layout
 from defsense_fab.pipeline.report.surface_errors import surface_errors
 from defsense_fab.studio.workbench.build_work import SeenLayout

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom
-from defsense_fab.core.device import Sensor
+from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.device.device import Sensor
 from defsense_fab.pipeline.design.compare_layouts import ComparedLayout
 from defsense_fab.pipeline.design.layout_judge import Judged
 from defsense_fab.studio.optimise.color_scale import color_bar, colored

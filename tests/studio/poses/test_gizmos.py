@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import parse_device
+from defsense_fab.core.device.device_file import parse_device
 from defsense_fab.studio.edits.poses import drag_point
 from defsense_fab.studio.poses.gizmos import quaternion, rotation_vector, tidy
 from defsense_fab.studio.poses.pose_grips import edits_of, grips_of, with_grip

@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.solver.modes import modes, propose

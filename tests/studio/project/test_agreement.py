@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import BodyError, StorageError
 from defsense_fab.studio.project.agreement import Agreement, config_folder
 from tests.studio.devices import write_device

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import StorageError
 from defsense_fab.pipeline.starts.dropped_body import DroppedBody
 from defsense_fab.studio.device.body_preview import BodyPreview

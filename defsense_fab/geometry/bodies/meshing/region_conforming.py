@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....core.arrays import Bool, Float, Int
+from ....core.device.regions import Shape
 from ....core.mesh import TetMesh
-from ....core.regions import Shape
 
 _EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 #: No tet may become worse than this, or than it was (see `_quality`).

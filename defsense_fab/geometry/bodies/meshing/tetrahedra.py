@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....core.device import MeshSpec
+from ....core.device.device import MeshSpec
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, TetMesh
 from .mesh_quality import checked

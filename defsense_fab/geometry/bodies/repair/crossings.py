@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float, Int
-from ....core.compiled import compiled
+from ....core.machine.compiled import compiled
 
 _LEAF = 4  # triangles
 _MOST = 1_000_000  # pairs that are looked for

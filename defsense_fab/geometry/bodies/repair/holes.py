@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float, Int
-from ....core.compiled import compiled
 from ....core.errors import BodyError
+from ....core.machine.compiled import compiled
 from .cleaning import edges_of
 from .words import number, place
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.path_sampling import arc_lengths, resample
+from ....core.curves.path_sampling import arc_lengths, resample
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import CordStretch, CutCord
 

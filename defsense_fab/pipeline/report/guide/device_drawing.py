@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
+from ....core.curves.path_sampling import arc_lengths, resample
+from ....core.device.device import Device
 from ....core.mesh import Surface
-from ....core.path_sampling import arc_lengths, resample
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import CutCord, Manifest
 from ..colors import COLORS

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ....core.arrays import Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.mesh import Surface
 from ...artifacts.layout import LayoutRecord
 from ...artifacts.manifest import Manifest

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ....core.files import write_json
+from ....core.storage.files import write_json
 from .guide import Guide
 from .hands.actions import Action
 from .hands.steps import GuideStep

@@ -23,7 +23,7 @@ from reportlab.platypus import (
     Table,
 )
 
-from ....core.files import replacing
+from ....core.storage.files import replacing
 from .guide import AssemblyStep, Guide, ShownPassage
 from .tables import GuideTable
 from .template_pages import CordStrip, CutFace, Ruler

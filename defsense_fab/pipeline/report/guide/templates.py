@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.curve import Plane
-from ....core.device import Device
+from ....core.curves.curve import Plane
+from ....core.device.device import Device
 from ....core.mesh import Surface
 from ....geometry.kernels.plane_section import plane_section
 from ...artifacts.layout import LayoutRecord

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.files import replacing
 from ....core.mesh import Surface
+from ....core.storage.files import replacing
 from . import views
 from .scene import Scene, poly
 from .sheet import SMALL, Sheet, shortened

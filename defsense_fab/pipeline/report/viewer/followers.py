@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
-from ....core.path_sampling import arc_lengths, resample
+from ....core.curves.path_sampling import arc_lengths, resample
+from ....core.device.device import Device
 from ...artifacts.layout import CordRecord, LayoutRecord
 from ...artifacts.manifest import CutCord, Manifest, PinRecord
 

@@ -8,8 +8,8 @@ import igl
 import numpy as np
 
 from ....core.arrays import Float
+from ....core.curves.path_sampling import arc_lengths
 from ....core.mesh import Surface
-from ....core.path_sampling import arc_lengths
 from ...artifacts.manifest import JoinStep
 from .followers import Follower
 

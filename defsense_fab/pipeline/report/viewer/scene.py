@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float, Int
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.mesh import Surface
 from ...artifacts.layout import LayoutRecord, load_prediction
 from ...artifacts.manifest import Manifest, PartRecord

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ....core.files import digest, storage_errors
 from ....core.progress import Progress
 from ....core.response import ResponseSpec
+from ....core.storage.files import digest, storage_errors
 from ....sensing.response import Response, response_of
 from ....twin.electronics.cord_kinds import CORD_KINDS
 from ....twin.electronics.cord_twin import CordTraits

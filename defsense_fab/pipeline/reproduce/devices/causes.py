@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ....core.device import Device
-from ....core.files import digest
+from ....core.device.device import Device
 from ....core.markers import Markers
 from ....core.progress import Progress, silent
+from ....core.storage.files import digest
 from ....training.fitting.train_model import TrainingOptions, train
 from ...train.models.simulated_prior import simulated_prior
 from ...twin.recordings.twin_recordings import simulate_recordings

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from ....core.device import Device, Sensor
-from ....core.device_file import DEVICE, load_device
-from ....core.files import replacing_folder, storage_errors, write_text
+from ....core.device.device import Device, Sensor
+from ....core.device.device_file import DEVICE, load_device
 from ....core.progress import Progress
+from ....core.storage.files import replacing_folder, storage_errors, write_text
 from ....optimize.search import baselines
 from ...artifacts.build_folder import build_folder
 from ...artifacts.own_files import own_files

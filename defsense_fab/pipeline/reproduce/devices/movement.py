@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ....core.arrays import Float, Int
-from ....core.device import Device
+from ....core.device.device import Device
 from ....decoding.decoders import fit_decoder
 from ....decoding.trained_model import TrainedModel
 from ....mechanics.elements.point_location import PointLocator

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
-from ....core.files import digest
+from ....core.device.device import Device
 from ....core.mesh import Surface
 from ....core.progress import Progress
+from ....core.storage.files import digest
 from ....geometry.bodies.standing import standing
 from ...artifacts.body import load_surface
 from ...artifacts.build_folder import build_folder

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from ....capture.files.formats import read_any
-from ....core.device import Device
-from ....core.files import digest, storage_errors
+from ....core.device.device import Device
 from ....core.markers import FILE as MARKERS
 from ....core.markers import Markers, read_markers
 from ....core.progress import Progress
+from ....core.storage.files import digest, storage_errors
 from ....training.fitting.train_model import TrainingOptions
 from ...artifacts.build_folder import build_folder
 from ...artifacts.layout import LAYOUT, layout_hash, load_layout

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float, Int
-from ....core.device import Device
+from ....core.device.device import Device
 from ....runtime.controls.pose_amplitudes import RADIUS_90
 from ....runtime.surface.live_surface import LiveSurface, make_surface
 from ....runtime.surface.surface_basis import SurfaceBasis

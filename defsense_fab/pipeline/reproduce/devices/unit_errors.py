@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Bool, Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....decoding.trained_model import TrainedModel
 from ....runtime.controls.pose_amplitudes import RADIUS_90, PoseAmplitudes
 from ....training.evaluation.decoded_frames import DecodedFrames

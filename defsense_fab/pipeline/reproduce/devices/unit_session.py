@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....training.data.dataset import Recording
 from ...train.data.data_files import DataFiles
 from ...twin.recordings.run_files import TRUTH

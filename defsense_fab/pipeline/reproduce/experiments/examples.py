@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ....core.errors import ExperimentError
-from ....core.package_data import package_data
+from ....core.storage.package_data import package_data
 from .experiment import Experiment
 from .experiment_file import FILE, load_experiment
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ....core.bending import RADII
-from ....core.device_file import DEVICE, read_device
+from ....core.curves.bending import RADII
+from ....core.device.device_file import DEVICE, read_device
 from ....core.errors import DeviceError, ExperimentError
-from ....core.file_names import folded, refusal
-from ....core.toml_table import Table, load_toml
+from ....core.storage.file_names import folded, refusal
+from ....core.storage.toml_table import Table, load_toml
 from ....twin.electronics.cord_kinds import CORD_KINDS
 from ....twin.filming.camera_kinds import KINDS
 from .experiment import (

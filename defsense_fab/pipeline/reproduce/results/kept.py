@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ....core.files import write_json
+from ....core.storage.files import write_json
 
 #: Raised when the same inputs give other results, so that those of older versions are not taken.
 _VERSION = 1

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ....core.files import replacing, storage_errors
+from ....core.storage.files import replacing, storage_errors
 
 
 def write_pictures(folder: Path, pictures: Mapping[str, str]) -> None:

@@ -14,9 +14,9 @@ import numpy as np
 
 from ....capture.tags.tag_detection import TagView
 from ....capture.tracking.tag_store import FrameTags, TagStore
-from ....core.append_log import is_damaged, was_cut
 from ....core.arrays import Bool, Float, Int
 from ....core.errors import CaptureError
+from ....core.storage.append_log import is_damaged, was_cut
 from ..recording.session import FRAME_COLUMNS, TAG_COLUMNS
 
 _WITHOUT_MEAN = len(TAG_COLUMNS) - 3  # columns of older files

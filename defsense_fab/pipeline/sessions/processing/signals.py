@@ -15,8 +15,8 @@ from ....capture.clocks.clock_fit import Clocks, fit_clocks
 from ....capture.clocks.synchronisation import Sync, by_led, by_motion
 from ....capture.readout.recording import Recording
 from ....core.arrays import Bool, Float
+from ....core.curves.sampling import at_times
 from ....core.errors import CaptureError
-from ....core.sampling import at_times
 from ....core.tracks import Tracks
 from ....sensing.voltage_divider import conversion_time
 from ..recording.session import BOARD, CaptureSession

@@ -19,10 +19,10 @@ from typing import Any
 
 from ....capture.cameras.rig_file import Rig, read_rig
 from ....capture.tags.tag_detection import TagView
-from ....core.append_log import AppendLog, LogLines
 from ....core.errors import CaptureError
-from ....core.files import storage_errors, write_text
 from ....core.markers import Markers, read_markers, write_markers_file
+from ....core.storage.append_log import AppendLog, LogLines
+from ....core.storage.files import storage_errors, write_text
 from ...artifacts import typed_json
 from ...artifacts.session_manifest import FILE, CaptureManifest, load_capture, manifest_path
 

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import DefsenseError
 from ...artifacts.build_folder import build_folder
 from ...artifacts.layout import LAYOUT, layout_hash, load_layout

@@ -9,7 +9,7 @@ import numpy as np
 from ....capture.files.even_frames import on_even_frames
 from ....capture.files.formats import write_any
 from ....core.arrays import Float
-from ....core.files import storage_errors, write_json, write_text
+from ....core.storage.files import storage_errors, write_json, write_text
 from ....core.tracks import Tracks
 from ..recording.session import CaptureSession
 from .processed_session import ProcessedSession

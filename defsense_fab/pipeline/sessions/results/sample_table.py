@@ -10,7 +10,7 @@ import numpy as np
 
 from ....capture.readout.recording import read_recording
 from ....core.arrays import Float, Int
-from ....core.files import replacing
+from ....core.storage.files import replacing
 from ....sensing.signal import relative_change
 from ..recording.session import BOARD, CaptureSession
 

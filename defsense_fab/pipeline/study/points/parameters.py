@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ....core.toml_table import Table, is_number
+from ....core.storage.toml_table import Table, is_number
 
 _KINDS = ("range", "uniform", "log_uniform")
 _MOST_STEPS = 10_000

@@ -12,10 +12,10 @@ from typing import Any
 
 import tomlkit
 
-from ....core.device import Device
-from ....core.device_file import DEVICE, read_device
+from ....core.device.device import Device
+from ....core.device.device_file import DEVICE, read_device
 from ....core.errors import BodyError, StudyError
-from ....core.toml_table import Asked, Table
+from ....core.storage.toml_table import Asked, Table
 from ....geometry.bodies.script_signature import read_parameters
 
 _PARAMETERS = "body.parameters."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....core.toml_table import Table, load_toml
+from ....core.storage.toml_table import Table, load_toml
 from ...build.stages import STAGES
 from .measures import WORDS, of_stage
 from .parameters import Parameter, read_parameters

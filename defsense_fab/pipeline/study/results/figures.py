@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.toml_table import is_number
+from ....core.storage.toml_table import is_number
 from ...report.colors import COLORS
 from ..points.measures import meaning
 from ..points.parameters import is_numeric

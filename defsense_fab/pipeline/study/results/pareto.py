@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ....core.arrays import Bool, Float
-from ....core.toml_table import is_number
+from ....core.storage.toml_table import is_number
 from ..runs.run_log import RunRecord
 from .study_table import StudyTable
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.toml_table import is_number
+from ....core.storage.toml_table import is_number
 from ..points.parameters import Parameter, is_numeric
 from ..runs.run_log import RunRecord
 from .study_table import StudyTable

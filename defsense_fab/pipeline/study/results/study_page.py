@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ....core.toml_table import is_number
+from ....core.storage.toml_table import is_number
 from ...report.html import as_image, write_page
 from ..points.measures import meaning
 from ..runs.run_log import RunRecord

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ....core.errors import StudyError
-from ....core.files import replacing, storage_errors
-from ....core.toml_table import is_number
+from ....core.storage.files import replacing, storage_errors
+from ....core.storage.toml_table import is_number
 from ..points.study_toml import Study
 from ..runs.run_log import FOLDER, RunRecord
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 from ....core.errors import StudyError
-from ....core.optional_libraries import optional
+from ....core.machine.optional_libraries import optional
 from .batch import Batch, Tell
 from .run_log import RunRecord, decoded
 from .versions import difference, installed

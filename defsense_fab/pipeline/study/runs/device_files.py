@@ -8,9 +8,9 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....core.device_file import DEVICE
+from ....core.device.device_file import DEVICE
 from ....core.errors import StudyError
-from ....core.files import storage_errors
+from ....core.storage.files import storage_errors
 from ...artifacts.own_files import own_files
 from ..points.study_toml import FILE as STUDY
 

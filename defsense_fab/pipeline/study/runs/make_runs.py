@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ....core.processes import cpu_seconds, peak_memory
+from ....core.machine.processes import cpu_seconds, peak_memory
 
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -22,7 +22,7 @@ def main(folder: Path) -> None:
         for name in _THREADS:
             os.environ.setdefault(name, str(job["threads"]))
     # NumPy reads those when it is imported.
-    from ....core.append_log import AppendLog
+    from ....core.storage.append_log import AppendLog
     from ....geometry.bodies.child_process import end_with_parent
     from .batch import DEVICE_FOLDER, DONE, RECORDS
     from .run_log import encoded

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ....core.device import Device
-from ....core.device_file import DEVICE
+from ....core.device.device import Device
+from ....core.device.device_file import DEVICE
 from ....core.errors import DefsenseError, StudyError
-from ....core.files import digest, storage_errors
 from ....core.progress import Progress, silent
-from ....core.toml_table import Asked
+from ....core.storage.files import digest, storage_errors
+from ....core.storage.toml_table import Asked
 from ...artifacts.own_files import refuse_outside
 from ...build.stages import Versions, installed, keys
 from ..points.designs import points

@@ -11,9 +11,9 @@ from typing import Any, Literal, Self
 
 import msgspec
 
-from ....core.append_log import AppendLog, LogLines
 from ....core.errors import CaptureError, StudyError
-from ....core.files import storage_errors
+from ....core.storage.append_log import AppendLog, LogLines
+from ....core.storage.files import storage_errors
 from ..points.measures import Value
 
 FOLDER, FILE = "study", "runs.log"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....core.device import Device
+from ....core.device.device import Device
 from ....training.data.dataset import Dataset
 from ....training.data.in_step import put_in_step
 from .datasets import load_datasets

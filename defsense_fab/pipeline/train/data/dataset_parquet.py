@@ -19,8 +19,8 @@ import numpy as np
 
 from ....core.arrays import Float
 from ....core.errors import TrainingError
-from ....core.files import replacing_folder
-from ....core.optional_libraries import optional
+from ....core.machine.optional_libraries import optional
+from ....core.storage.files import replacing_folder
 from ....core.version import __version__
 from ....training.data.dataset import Dataset, Recording
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import TrainingError
 from ....core.markers import FILE as MARKERS
 from ....core.markers import Markers, read_markers

@@ -19,7 +19,7 @@ import numpy as np
 
 from ....core.arrays import Float
 from ....core.errors import TrainingError
-from ....core.files import replacing_folder, write_text
+from ....core.storage.files import replacing_folder, write_text
 from ....training.data.dataset import Dataset, Recording
 from .dataset_parquet import parquet_library
 

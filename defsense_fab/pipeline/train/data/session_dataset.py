@@ -11,9 +11,9 @@ import numpy as np
 
 from ....capture.files.formats import read_any
 from ....core.arrays import Bool, Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import TrainingError
-from ....core.files import load_json
+from ....core.storage.files import load_json
 from ....core.tracks import Tracks
 from ....sensing.signal import relative_change
 from ....training.data.dataset import Dataset, Recording

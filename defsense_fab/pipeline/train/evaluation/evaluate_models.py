@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ....core.blas_threads import one_blas_thread
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import TrainingError
-from ....core.files import digest
+from ....core.machine.blas_threads import one_blas_thread
 from ....core.progress import Progress, silent
+from ....core.storage.files import digest
 from ....decoding.trained_model import TrainedModel
 from ....training.data.dataset import Dataset, Recording
 from ....training.data.dataset_checks import check_dataset

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ....core.errors import TrainingError
-from ....core.files import replacing_folder, write_text
+from ....core.storage.files import replacing_folder, write_text
 from ....core.version import __version__
 from ....training.evaluation.error_budget import ErrorBudget
 from ....training.evaluation.model_comparison import LEVEL, Analysis, Comparison, Statistic

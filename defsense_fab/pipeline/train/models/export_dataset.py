@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.progress import Progress, silent
 from ....training.data.dataset import Dataset
 from ....training.data.dataset_checks import check_dataset

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from ....core.errors import TrainingError
-from ....core.files import load_json, write_text
+from ....core.storage.files import load_json, write_text
 from ....decoding.trained_model import TrainedModel
 from ...artifacts import typed_json
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import DefsenseError, TrainingError
 from ....core.progress import Progress, silent
 from ....training.data.dataset import Dataset

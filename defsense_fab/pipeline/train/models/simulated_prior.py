@@ -6,7 +6,7 @@ import igl
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import TrainingError
 from ....mechanics.elements.point_location import PointLocator
 from ....mechanics.elements.tet10 import QuadraticMesh

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import TrainingError
 from ....core.progress import Progress, silent
 from ....core.version import __version__

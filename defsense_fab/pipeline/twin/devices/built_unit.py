@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....optimize.studies.tolerance_monte_carlo import Tolerances, as_laid
 from ....sensing.built_cord import BuiltCord, CordReading
 from ....twin.electronics.rubber_cords import RubberPieces, RubberTraits

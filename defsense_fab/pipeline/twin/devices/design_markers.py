@@ -8,7 +8,7 @@ import igl
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import CaptureError
 from ....core.markers import Markers
 from ...artifacts.body import load_surface

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from ....core.arrays import Bool, Float, Int
-from ....core.device import Device, Pose
+from ....core.device.device import Device, Pose
 from ....core.errors import CaptureError, DeviceError
-from ....core.files import digest, replacing, storage_errors
 from ....core.mesh import TetMesh
 from ....core.progress import Progress, silent
+from ....core.storage.files import digest, replacing, storage_errors
 from ....geometry.bodies.meshing.region_conforming import conform
 from ....geometry.bodies.meshing.tetrahedra import tetrahedralise
 from ....mechanics.elements.material import Material, split

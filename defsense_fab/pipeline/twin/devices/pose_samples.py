@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from ....core.arrays import Bool, Float
-from ....core.default_states import acts, agree, opposite
-from ....core.device import Device, PointDrag, Pose
+from ....core.device.default_states import acts, agree, opposite
+from ....core.device.device import Device, PointDrag, Pose
 from ....core.errors import CaptureError
 from ....twin.scenes.hand_walk import TOGETHER
 from ...artifacts.body import load_surface

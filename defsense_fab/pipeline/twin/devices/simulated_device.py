@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import CaptureError
 from ....core.mesh import Surface
 from ....mechanics.elements.point_location import PointLocator

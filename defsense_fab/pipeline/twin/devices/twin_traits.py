@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import CaptureError
 from ....twin.electronics.rubber_cords import RubberTraits
 from ....twin.electronics.sampled_board import BoardTraits

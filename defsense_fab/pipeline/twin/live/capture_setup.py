@@ -15,7 +15,7 @@ from ....capture.clocks.led_schedule import LED_PERIOD
 from ....capture.readout.reader import Settings
 from ....capture.readout.source import Source
 from ....capture.tags.tag_dictionary import dictionary
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import CaptureError, DefsenseError, DeviceError
 from ....core.markers import Markers
 from ...artifacts.build_folder import build_folder

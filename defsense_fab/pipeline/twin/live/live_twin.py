@@ -12,7 +12,7 @@ import numpy as np
 from ....capture.tags.tag_dictionary import dictionary
 from ....core.arrays import Float
 from ....core.camera import Camera
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import CaptureError
 from ....core.markers import Markers
 from ....sensing.built_cord import CordReading

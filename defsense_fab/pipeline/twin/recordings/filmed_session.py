@@ -19,10 +19,10 @@ from ....capture.cameras.rig_file import write_rig
 from ....capture.clocks.led_schedule import LED_PERIOD
 from ....capture.tags.tag_dictionary import dictionary
 from ....core.camera import Camera
-from ....core.device import Device
-from ....core.files import storage_errors, write_json
+from ....core.device.device import Device
 from ....core.mesh import TetMesh
 from ....core.progress import Progress
+from ....core.storage.files import storage_errors, write_json
 from ....twin.filming.camera_kinds import KINDS, CameraKind
 from ....twin.filming.rendered_camera import RenderedCamera
 from ....twin.scenes.device_motion import sway

@@ -11,8 +11,8 @@ import numpy as np
 
 from ....capture.readout.recording import Recorder
 from ....capture.readout.source import Event, StampedSample
-from ....core.device import CONVERTERS
-from ....core.files import replacing
+from ....core.device.device import CONVERTERS
+from ....core.storage.files import replacing
 from ....sensing.serial_frames import PROTOCOL, Info, Sample, Stream, encode
 from ....sensing.voltage_divider import conversion_time
 from ...sessions.recording.session import Log, PoseStep

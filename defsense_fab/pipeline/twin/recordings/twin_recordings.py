@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Bool, Float, Int
-from ....core.device import CONVERTERS, Device
+from ....core.device.device import CONVERTERS, Device
 from ....core.markers import Markers
 from ....core.progress import Progress, silent
 from ....sensing.voltage_divider import reference

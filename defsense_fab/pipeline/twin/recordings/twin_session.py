@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ....core.arrays import Float
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import CaptureError
-from ....core.files import replacing_folder, storage_errors, write_text
 from ....core.progress import Progress, silent
+from ....core.storage.files import replacing_folder, storage_errors, write_text
 from ....core.tracks import Tracks
 from ....sensing.signal import relative_change
 from ...sessions.recording.session import BOARD, LOG, CaptureSession, create, load

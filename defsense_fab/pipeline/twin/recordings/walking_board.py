@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ....core.device import Device
+from ....core.device.device import Device
 from ....core.errors import CaptureError
 from ....core.progress import Progress, silent
 from ....twin.electronics.played_cords import KINDS, SWAP, PlayedCords, PlayedFault

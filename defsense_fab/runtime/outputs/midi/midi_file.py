@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from ....core.files import free_path, storage_errors
+from ....core.storage.files import free_path, storage_errors
 
 _TICKS = 480  # of a quarter note, which takes half a second where no tempo is given
 _PER_SECOND = 2 * _TICKS

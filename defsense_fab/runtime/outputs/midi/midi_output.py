@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ....core.errors import OutputError, StorageError
-from ....core.files import free_path, write_text
+from ....core.storage.files import free_path, write_text
 from ...frames.live_frame import LiveFrame
 from ..output import controls_known, unknown_controls
 from ..settings import MidiMapping, MidiSettings

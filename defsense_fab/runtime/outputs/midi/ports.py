@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ....core.errors import OutputError
-from ....core.optional_libraries import missing
+from ....core.machine.optional_libraries import missing
 
 _ALSA = Path("/dev/snd/seq")
 _LAST_WITH_WHEEL = (3, 12)  # Python that python-rtmidi 1.5 has wheels for, as in pyproject.toml

@@ -19,7 +19,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from ....core.errors import OutputError
-from ....core.local_access import Access
+from ....core.machine.local_access import Access
 from ..settings import WebSocketSettings
 
 _LONGEST = 2048  # bytes of a client's message; nothing that is meant is longer

@@ -7,7 +7,7 @@ import meshio
 import numpy as np
 import pytest
 
-from defsense_fab.core.device import BodySpec
+from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.core.regions import Box, Cylinder, HalfSpace, Sphere
+from defsense_fab.core.device.regions import Box, Cylinder, HalfSpace, Sphere
 from defsense_fab.geometry.bodies.meshing.region_conforming import _EDGES, _quality, conform
 from tests.conftest import structured_bar
 

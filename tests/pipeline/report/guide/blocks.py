@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.channels.cord_stretches import closed_later, stretches
 from defsense_fab.pipeline.artifacts.manifest import (

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError, ExperimentError
 from defsense_fab.pipeline.reproduce.experiments.examples import example_names, find_experiments
 from defsense_fab.pipeline.reproduce.experiments.experiment_file import load_experiment

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.files.formats import write_any
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.markers import write_markers_file
 from defsense_fab.pipeline.train.data.dataset_parquet import write_dataset

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks import memory
 from defsense_fab.capture.files.formats import read_any
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.pipeline.artifacts import typed_json
 from defsense_fab.pipeline.artifacts.layout import layout_hash

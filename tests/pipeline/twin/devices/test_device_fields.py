@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.loading.boundary_conditions import State

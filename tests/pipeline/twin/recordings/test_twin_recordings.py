@@ -8,7 +8,7 @@ import pytest
 
 from defsense_fab.capture.files.formats import read_any
 from defsense_fab.cli.main import main
-from defsense_fab.core.device_file import load_device
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.markers import read_markers
 from defsense_fab.pipeline.artifacts.layout import layout_hash, load_layout, load_prediction

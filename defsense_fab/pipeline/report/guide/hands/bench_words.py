@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .....core.device import Device
+from .....core.device.device import Device
 from .....geometry.channels import crimping
 from ....artifacts.manifest import CutCord
 from .actions import Action, Expected

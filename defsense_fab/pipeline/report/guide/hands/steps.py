@@ -10,7 +10,7 @@ from itertools import groupby
 import numpy as np
 
 from .....core.arrays import Float
-from .....core.device import Device
+from .....core.device.device import Device
 from .....core.errors import FabricationError
 from .....core.mesh import Surface
 from ....artifacts.manifest import JoinedPin, Manifest

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 
-from .....core.device import Device
+from .....core.device.device import Device
 from ....artifacts.manifest import CutCord, JoinStep, Manifest
 from .actions import Action, Expected
 

@@ -1,0 +1,1 @@
+"""Paths of cords, and points along them."""

@@ -1,0 +1,1 @@
+"""What `device.toml` says, checked, as records; the catalogues of materials and cords."""

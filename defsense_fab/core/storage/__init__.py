@@ -1,0 +1,1 @@
+"""Files: written whole, locked, named for every system, read strictly."""

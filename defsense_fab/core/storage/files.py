@@ -1,0 +1,125 @@
+"""Writing without half-written files, and hashing what a result was derived from."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from ..errors import DefsenseError, StorageError
+
+_LETS_GO = 2.0  # s within which a virus scanner is done with a new file
+
+
+@contextmanager
+def storage_errors(path: Path) -> Iterator[None]:
+    """Turn the operating system's refusals into one clear line."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise StorageError(f"{path}: the disk is full; free some space and run again") from None
+        raise StorageError(
+            f"{error.filename or path}: {error.strerror or error}; check the path and permissions"
+        ) from None
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A name beside `path`, of the same suffix and of this process only, to write to: moved into
+    place at the end, gone after an error. Raises StorageError where the system refuses."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    try:
+        with storage_errors(path):
+            yield temporary
+            _move(temporary, path)
+    finally:
+        with suppress(OSError):  # there is none where its folder could not be written
+            temporary.unlink()
+
+
+@contextmanager
+def replacing_folder(path: Path, *, over: bool = False) -> Iterator[Path]:
+    """An empty folder beside `path`, of this process only, to write to: moved into place at the
+    end, gone after an error. What is at `path` stays until then; an empty folder is replaced, any
+    other only `over` it. Raises StorageError where something is there, and where the system
+    refuses."""
+    path = path.resolve()  # "." has no name
+    new = path.with_name(f".{path.name}.{os.getpid()}.part")
+    old = path.with_name(f".{path.name}.{os.getpid()}.old")
+    try:
+        with storage_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            new.mkdir()
+            yield new
+            if path.exists():
+                if path.is_file() or (not over and any(path.iterdir())):
+                    raise StorageError(f"{path}: is there already; choose another folder")
+                _move(path, old)
+            _move(new, path)
+    finally:
+        if old.exists() and not path.exists():
+            old.rename(path)
+        for left in (new, old):
+            shutil.rmtree(left, ignore_errors=True)
+
+
+def _move(source: Path, target: Path) -> None:
+    """On Windows a file that another program has open, if only a virus scanner, stays where it is:
+    most let go of it soon."""
+    end = time.monotonic() + (_LETS_GO if sys.platform == "win32" else 0.0)
+    while True:
+        try:
+            source.replace(target)
+            return
+        except PermissionError:
+            if time.monotonic() >= end:
+                raise
+        time.sleep(0.05)
+
+
+def free_path(path: Path) -> Path:
+    """A name by which nothing is there: x.mid, x-2.mid, x-3.mid, ..."""
+    number, free = 1, path
+    while os.path.lexists(free):
+        number += 1
+        free = path.parent / f"{path.stem}-{number}{path.suffix}"
+    return free
+
+
+def write_json(path: Path, data: Any) -> None:
+    """`data` as JSON, whole or not at all. Raises StorageError."""
+    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """`text` in UTF-8 with its line ends as they are, whole or not at all. Raises StorageError."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
+
+
+def load_json(path: Path, error: type[DefsenseError], hint: str) -> Any:
+    """What is in `path`. Raises `error`, with a `hint`, where it cannot be read or is not JSON."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror}; {hint}") from None
+    except ValueError as problem:
+        raise error(f"{path}: not valid JSON ({problem}), cut off or edited; {hint}") from None
+
+
+def digest(*parts: Any) -> str:
+    """Hash of plain values and files' contents (Path), stable between runs."""
+    h = hashlib.sha256()
+    for part in parts:
+        data = part.read_bytes() if isinstance(part, Path) else repr(part).encode()
+        h.update(len(data).to_bytes(8, "little") + data)
+    return h.hexdigest()[:16]

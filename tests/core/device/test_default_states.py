@@ -1,0 +1,89 @@
+"""States that cover what poses span."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from defsense_fab.core.device.default_states import RAMP, default_states
+from defsense_fab.core.device.device import Handle, PointDrag, Pose, RegionPressure
+
+FREE = np.full(3, np.nan)
+
+
+def turn(name, x=0.0, y=0.0, z=0.0, region="tip", translation=FREE, fixed=("base",)):
+    return Pose(name, fixed, (Handle(region, np.deg2rad([x, y, z]), np.asarray(translation)),))
+
+
+UP, DOWN, TWIST = turn("up", y=-30), turn("down", y=30), turn("twist", x=45)
+
+
+def test_pairs_that_are_not_opposite_are_mixed_whole_and_half():
+    found = default_states([UP, DOWN, TWIST])
+    assert not found.given
+    assert found.ramp == RAMP
+    assert {tuple(sorted(m.items())) for m in found.mixtures} == {
+        (("twist", w), (pose, w)) if pose > "twist" else ((pose, w), ("twist", w))
+        for pose in ("up", "down")
+        for w in (0.5, 1.0)
+    }
+    assert len(found.held_out) == 4
+    assert not [m for m in found.held_out if m in found.mixtures]
+
+
+def test_three_poses_that_go_together_are_held_out_at_once():
+    found = default_states([UP, TWIST, turn("sway", z=30)])
+    assert {"up": 0.7, "twist": 0.7, "sway": 0.7} in found.held_out
+    assert len(found.held_out) == 2 * 3 + 1
+
+
+def test_where_nothing_goes_together_amplitudes_are_held_out():
+    assert default_states([UP, DOWN]).held_out == ({"up": 0.875}, {"down": 0.875})
+    assert default_states([UP], (1.0,)).held_out == ({"up": 0.5},)
+    assert default_states([UP, DOWN]).mixtures == ()
+
+
+def test_poses_that_do_not_agree_are_not_mixed():
+    pulled = turn("pull", translation=[10, 0, 0])
+    other = turn("other", x=20, region="base", fixed=("tip",))
+    aside = Pose("aside", UP.fixed, (replace(UP.handles[0], about=np.array([75.0, 0, 0])),))
+    assert default_states([UP, aside]).mixtures == ()
+    assert default_states([aside, pulled]).mixtures  # what turns nothing turns about no point
+    assert default_states([UP, pulled]).mixtures  # free in one, moved on from there by the other
+    assert default_states([UP, other]).mixtures == ()
+    assert default_states([pulled, turn("push", translation=[-10, 0, 0])]).mixtures == ()
+    assert default_states([pulled, turn("lift", translation=[0, 0, 10])]).mixtures
+
+
+def test_many_poses_stay_few_states_that_have_each_pose():
+    poses = [turn(f"p{k}", x=np.cos(k) * 30, y=np.sin(k) * 30, region=f"r{k}") for k in range(12)]
+    found = default_states(poses)
+    assert len(found.mixtures) == 30
+    assert {name for m in found.mixtures for name in m} == {p.name for p in poses}
+
+
+def test_opposite_loads_are_not_mixed():
+    def loaded(name, sign):
+        return Pose(name, ("base",), (), gravity=np.array([0, 0, sign]))
+
+    def pressed(name, value):
+        return Pose(name, ("base",), (), pressures=(RegionPressure("top", value),))
+
+    def dragged(name, by):
+        return Pose(name, ("base",), (), drags=(PointDrag(np.ones(3), np.array(by), 1.0),))
+
+    for a, b in (
+        (loaded("a", 1.0), loaded("b", -1.0)),
+        (pressed("a", 0.1), pressed("b", -0.1)),
+        (dragged("a", [5.0, 0, 0]), dragged("b", [-5.0, 0, 0])),
+    ):
+        assert default_states([a, b]).mixtures == ()
+        assert default_states([a, UP]).mixtures
+
+
+def test_no_state_is_beyond_the_largest_fraction():
+    found = default_states([UP, TWIST], (0.25, 0.5))
+    assert {w for m in (*found.mixtures, *found.held_out) for w in m.values()} == {0.25, 0.5}
+    for ramp in ((0.0005,), (0.1, 0.1004), (0.999, 1.0)):
+        ((amplitude,),) = [m.values() for m in default_states([UP], ramp).held_out]
+        assert 0 < amplitude < ramp[-1]
+        assert amplitude not in ramp

@@ -1,0 +1,112 @@
+"""Machine code that is kept is the code of the sources as they are."""
+
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import defsense_fab
+from defsense_fab.core.machine.compiled import sources
+
+PACKAGE = Path(defsense_fab.__file__).parent
+USERS = [
+    p
+    for p in PACKAGE.rglob("*.py")
+    if re.search(r"^@compiled\(", p.read_text(encoding="utf-8"), re.M)
+]
+
+CALLER = """
+from defsense_fab.core.machine.compiled import compiled
+from .callee import (
+    add,
+)
+
+@compiled()
+def twice(x):
+    return 2 * add(x)
+"""
+CALLEE = """
+from defsense_fab.core.machine.compiled import compiled
+from . import constants
+from .constants import STEP as step
+
+@compiled()
+def add(x):
+    return x + step
+"""
+ASK = "from defsense_fab.core.machine.compiled import is_compiled; import kernels.caller as c; "
+SHOW = "from kernels.caller import twice; print(twice(1), sum(twice.stats.cache_hits.values()))"
+
+
+@pytest.fixture
+def kernels(tmp_path):
+    folder = tmp_path / "kernels"
+    folder.mkdir()
+    for name, text in (("caller", CALLER), ("callee", CALLEE), ("constants", "STEP = 10\n")):
+        (folder / f"{name}.py").write_text(text)
+    (folder / "__init__.py").write_text("")
+    return folder
+
+
+def run(folder):
+    """The value, and whether its machine code was there."""
+    paths = f"import sys; sys.path[:0] = [{str(folder.parent)!r}, {str(PACKAGE.parent)!r}]; "
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", paths + SHOW], capture_output=True, text=True, check=True
+    )
+    value, hits = done.stdout.split()
+    return int(value), int(hits) > 0
+
+
+@pytest.mark.slow
+def test_an_edit_in_another_file_is_seen(kernels):
+    assert run(kernels) == (22, False)
+    assert run(kernels) == (22, True)
+    (kernels / "callee.py").write_text(CALLEE.replace("x + step", "x - step"))
+    assert run(kernels) == (-18, False)
+    (kernels / "constants.py").write_text("STEP = 100\n")
+    assert run(kernels) == (-198, False)
+    assert run(kernels) == (-198, True)
+    # What earlier states left is gone.
+    kept = sorted(p.name.split("-")[0] for p in (kernels / "__pycache__").glob("*-*"))
+    assert kept == ["callee", "caller"]
+
+
+@pytest.mark.slow
+def test_whether_code_is_kept_is_known_before_it_is_used(kernels):
+    def asked(then):
+        code = f"import sys; sys.path[:0] = [{str(kernels.parent)!r}, {str(PACKAGE.parent)!r}]; "
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", code + ASK + then], capture_output=True, text=True,
+            check=True,
+        )  # fmt: skip
+        return done.stdout.split()
+
+    assert asked("print(is_compiled(c)); c.twice(1); print(is_compiled(c))") == ["False", "True"]
+    assert asked("print(is_compiled(c))") == ["True"]
+    (kernels / "constants.py").write_text("STEP = 100\n")
+    assert asked("print(is_compiled(c))") == ["False"]
+
+
+@pytest.mark.parametrize("path", USERS, ids=lambda p: p.stem)
+def test_the_key_covers_all_that_a_module_uses(path):
+    """Every object of another module of the package that a module with compiled functions knows."""
+    name = "defsense_fab." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
+    module = importlib.import_module(name)
+    known = {getattr(x, "__module__", None) or "" for x in vars(module).values()} - {name}
+    used = {n for n in known if n.startswith("defsense_fab.")}
+    files = {Path(sys.modules[n].__file__) for n in used}
+    assert files
+    assert files <= sources(path)
+
+
+def test_nothing_is_compiled_past_the_key():
+    assert len(USERS) > 10
+    for path in PACKAGE.rglob("*.py"):
+        if path != PACKAGE / "core" / "machine" / "compiled.py":
+            assert not re.search(
+                r"\bn?jit\(|\bvectorize\(|\bimport numba\b", path.read_text(encoding="utf-8")
+            )

@@ -1,0 +1,152 @@
+"""Each library of an extra, where it is missing: one line says for what, and what to type."""
+
+from __future__ import annotations
+
+import ast
+import shlex
+import sys
+import tomllib
+
+import pytest
+
+from defsense_fab.core.errors import CaptureError, DefsenseError
+from defsense_fab.core.machine import optional_libraries
+from defsense_fab.core.machine.optional_libraries import CORE, missing, optional, pip_install
+from tests.places import ROOT
+
+PACKAGE = ROOT / "defsense_fab"
+#: Modules of what the extras bring, where they are not called as their distribution.
+_MODULES = {"python-rtmidi": "rtmidi", "usd-core": "pxr"}
+#: Imports that are not guarded where they stand, and why that is right.
+_ELSEWHERE = {
+    "runtime/recording/usd_animation.py": "require_usd is called before",
+    "runtime/outputs/lsl_output.py": "live_file guards the import of this module",
+    "runtime/outputs/websocket/server.py": "live_file guards the import of this module",
+    "runtime/view/live_panel.py": "drawn on a page that local_page has opened",
+    "runtime/view/upload_limit.py": "drawn on a page that local_page has opened",
+    "studio/measure/recording_screen.py": "drawn on a page that local_page has opened",
+    "studio/optimise/watched_search.py": "drawn on a page that local_page has opened",
+    "runtime/outputs/midi/ports.py": "tells by `missing` itself, which of two packages brings it",
+    "pipeline/study/runs/cluster.py": "called once `connected` has imported it",
+    "pipeline/study/results/study_table.py": "writes CSV without it",
+    "pipeline/doctor/programs.py": "in a process of its own, whose end is told",
+}
+
+
+def _extras():
+    told = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    groups = told["project"]["optional-dependencies"]
+    brought = [t for name, ts in groups.items() if name not in ("dev", "all") for t in ts]
+    names = {t.partition(">")[0].partition("[")[0].strip() for t in brought}
+    return {_MODULES.get(n, n) for n in names - {"defsense-fab"}} | {"evdev"}
+
+
+def _imports(tree, guarded=False):
+    """Top-level names of modules, and whether they stand in `with optional(...)`."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+            continue
+        if isinstance(node, ast.Import):
+            yield from ((a.name.partition(".")[0], guarded) for a in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield node.module.partition(".")[0], guarded
+        within = isinstance(node, ast.With) and any(
+            getattr(getattr(i.context_expr, "func", None), "id", "") == "optional"
+            for i in node.items
+        )
+        yield from _imports(node, guarded or within)
+
+
+def test_every_import_of_an_extra_is_guarded():
+    extras, unguarded = _extras(), set()
+    guarded = set()
+    for path in PACKAGE.rglob("*.py"):
+        for name, within in _imports(ast.parse(path.read_text(encoding="utf-8"))):
+            if name in extras:
+                place = path.relative_to(PACKAGE).as_posix()
+                (guarded if within else unguarded).add(place)
+    assert unguarded == set(_ELSEWHERE)
+    assert len(guarded) >= 8
+
+
+def _c3d(path):
+    from defsense_fab.capture.files.c3d import _library
+
+    _library(path / "a.c3d")
+
+
+def _parquet(path):
+    from defsense_fab.capture.files.formats import _libraries
+
+    _libraries(path / "a.parquet")
+
+
+def _dataset(path):
+    from defsense_fab.pipeline.train.data.dataset_parquet import parquet_library
+
+    parquet_library(path / "a.parquet")
+
+
+def _xdf(path):
+    from defsense_fab.pipeline.train.data.xdf_dataset import _read
+
+    _read(path / "a.xdf")
+
+
+def _usd(path):
+    from defsense_fab.runtime.recording.usd_animation import require_usd
+
+    require_usd(path / "a.usdz")
+
+
+def _page(path):
+    from defsense_fab.runtime.view.local_page import local_page
+
+    local_page(0, "a page")
+
+
+def _cluster(path):
+    from defsense_fab.pipeline.study.runs.cluster import connected
+
+    with connected("tcp://127.0.0.1:1"):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("library", "extra", "use"),
+    [
+        ("ezc3d", "exchange", _c3d),
+        ("pyarrow", "exchange", _parquet),
+        ("pyarrow", "exchange", _dataset),
+        ("pyxdf", "exchange", _xdf),
+        ("pxr", "animation", _usd),
+        ("viser", "live", _page),
+        ("distributed", "cluster", _cluster),
+    ],
+)
+def test_its_absence_is_told_in_one_line(library, extra, use, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.delitem(sys.modules, f"{library}.parquet", raising=False)
+    with pytest.raises(DefsenseError, match="needs the package") as told:
+        use(tmp_path)
+    assert shlex.split(str(told.value).partition("type: ")[2].partition("; ")[0]) == [
+        sys.executable, "-m", "pip", "install", f"defsense-fab[{extra}]",
+    ]  # fmt: skip
+    assert "\n" not in str(told.value)
+
+
+def test_a_library_that_is_there_and_does_not_load_is_not_called_absent():
+    told = r"whose import fails \(libasound.so.2: no such file\); defsense doctor"
+    with pytest.raises(CaptureError, match=told), optional(CaptureError, "midi", "live", "rtmidi"):
+        raise ImportError("libasound.so.2:\n no such file", name="rtmidi")
+
+
+def test_a_command_that_is_typed_arrives_whole(monkeypatch):
+    monkeypatch.setattr(optional_libraries.sys, "executable", "/home/a b/python")
+    words = shlex.split(pip_install("numpy>=2", "evdev"))
+    assert words == ["/home/a b/python", "-m", "pip", "install", "numpy>=2", "evdev"]
+    error = ModuleNotFoundError(name="foo.bar")
+    assert "needs the package foo, which is not installed" in missing("a", error)
+    assert missing("a", error, CORE).endswith(
+        "pip install defsense-fab; defsense doctor tells more"
+    )

@@ -1,0 +1,67 @@
+"""Files that are only added to: by several threads, and read with what went wrong left out."""
+
+import threading
+
+import pytest
+
+from defsense_fab.core.errors import CaptureError, StorageError
+from defsense_fab.core.storage.append_log import AppendLog, LogLines
+
+
+def test_lines_of_several_threads_stay_whole(tmp_path):
+    path = tmp_path / "log"
+    with AppendLog(path, "head") as log:
+        threads = [
+            threading.Thread(target=lambda k=k: [log.line(f"{k} {n}") for n in range(300)])
+            for k in range(4)
+        ]
+        for t in threads:
+            t.start()
+        for t in threads:
+            t.join()
+    lines = LogLines(path)
+    numbers, texts = zip(*lines, strict=True)
+    assert numbers == tuple(range(1, 1202))
+    assert texts[0] == "head"
+    for k in range(4):
+        assert [t for t in texts if t.startswith(f"{k} ")] == [f"{k} {n}" for n in range(300)]
+    assert lines.left_out == 0
+
+
+def test_what_was_cut_or_damaged_is_left_out_and_counted(tmp_path):
+    path = tmp_path / "log"
+    path.write_bytes(b"one\r\n\ntw~\nth\0\0ree\nf\xffour\nfive\nsi")
+    lines = LogLines(path)
+    for _ in range(2):  # counted anew each time
+        assert list(lines) == [(1, "one"), (2, ""), (6, "five")]
+        assert (lines.cut, lines.damaged, lines.left_out) == (2, 2, 4)
+    with pytest.raises(CaptureError, match="cannot be read"):
+        list(LogLines(tmp_path / "none"))
+
+
+def test_a_log_goes_on_after_a_line_that_was_cut(tmp_path):
+    path = tmp_path / "log"
+    path.write_bytes(b"head\none\ntw")
+    with AppendLog(path, "head") as log:
+        log.line("three\nfour")
+    assert path.read_bytes() == b"head\none\ntw~\nthree\nfour\n"
+
+
+def test_what_is_another_file_is_left_as_it_is(tmp_path):
+    path = tmp_path / "log"
+    for text in ("mine\n", "headlong\n", "he\n"):
+        path.write_text(text)
+        with pytest.raises(CaptureError, match="is no diary"):
+            AppendLog(path, "head", "diary")
+        assert path.read_text() == text
+    with pytest.raises(StorageError, match="none"):
+        AppendLog(tmp_path / "none" / "log")
+
+
+def test_a_closed_log_refuses(tmp_path):
+    log = AppendLog(tmp_path / "log")
+    log.close()
+    log.close()
+    with pytest.raises(StorageError, match="is closed"):
+        log.line("late")
+    assert (tmp_path / "log").read_bytes() == b""

@@ -1,0 +1,84 @@
+"""Names that Windows refuses, in the repository and of what people call things."""
+
+import subprocess
+
+import pytest
+
+from defsense_fab.core.device.device_file import load_device, parse_device
+from defsense_fab.core.errors import DeviceError, StorageError
+from defsense_fab.core.storage.file_names import check_folder_name, folded, refusal, safe_name
+from defsense_fab.pipeline.artifacts.fields import field_path
+from defsense_fab.pipeline.build.export import export_name
+from tests.places import BAR, ROOT
+
+_LONGEST_PATH = 200  # characters within the repository: Windows has 260 in all
+
+
+def test_no_tracked_file_breaks_a_rule():
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+    paths = [p for p in listed.stdout.decode().split("\0") if p]
+    assert len(paths) > 1000
+    names = {part for path in paths for part in path.split("/")}
+    assert {name: refusal(name) for name in names if refusal(name)} == {}
+    places = {"/".join(p.split("/")[: k + 1]) for p in paths for k in range(p.count("/") + 1)}
+    assert len({folded(p) for p in places}) == len(places)
+    assert max(map(len, paths)) <= _LONGEST_PATH
+    modes = subprocess.run(["git", "ls-files", "-s"], cwd=ROOT, capture_output=True, check=True)
+    assert b"\n120000 " not in b"\n" + modes.stdout  # links are text files there
+
+
+@pytest.mark.parametrize(
+    ("name", "safe"),
+    [
+        ("body.stl", "body"),
+        ("../../etc/passwd", "passwd"),
+        ("..\\..\\x.stl", "x"),
+        ("/etc/cron.d/job", "job"),
+        ("CON.stl", "body-CON"),
+        ("lpt1", "body-lpt1"),
+        (".bashrc", "bashrc"),
+        ("..", "body"),
+        ("", "body"),
+        ("a\0b\n<img>.stl", "a-b-img"),
+        ("grüße 2.obj", "gr-e-2"),
+        ("x" * 300 + ".stl", "x" * 60),
+    ],
+)
+def test_names_from_elsewhere_are_made_safe(name, safe):
+    assert safe_name(name) == safe
+
+
+@pytest.mark.parametrize("name", ["CON", "lpt1.d", "a:b", "end.", "x" * 130])
+def test_folders_that_not_every_system_can_have_are_refused(name, tmp_path):
+    with pytest.raises(StorageError, match=r"Windows|too long"):
+        check_folder_name(tmp_path / name)
+
+
+def test_names_of_a_device_make_no_file_that_windows_refuses(tmp_path):
+    text = (BAR / "device.toml").read_text(encoding="utf-8")
+    (tmp_path / "bar.py").write_bytes((BAR / "bar.py").read_bytes())
+    odd = text.replace('name = "bar"', 'name = "NUL"').replace("bend_up", "con")
+    device = parse_device(odd, tmp_path)
+    assert export_name(device) == "device-NUL.zip"
+    states = ["con@0.5", "0.5*con+1*twist", "+".join(f"0.25*{'x' * 59}{k}" for k in range(9))]
+    files = [field_path(tmp_path, s).name for s in states]
+    assert files[:2] == ["con@0.5.vtu", "0.5-con+1-twist.vtu"]
+    assert [refusal(f) for f in files] == [None] * 3
+    assert files[2] != field_path(tmp_path, states[2] + "+1*con").name
+
+
+@pytest.mark.parametrize(
+    ("new", "told"),
+    [
+        ("Twist", "'twist' and 'Twist' are one file for Windows"),
+        ("REST", "'REST' and 'rest' are one file"),
+        ("a:b", "letters, digits, - and _ only"),
+        ("x" * 61, "use up to 60 letters"),
+    ],
+)
+def test_poses_that_would_share_a_file_are_refused(new, told, tmp_path):
+    text = (BAR / "device.toml").read_text(encoding="utf-8")
+    (tmp_path / "bar.py").write_bytes((BAR / "bar.py").read_bytes())
+    assert load_device(BAR).poses[0].name == "bend_up"
+    with pytest.raises(DeviceError, match=told):
+        parse_device(text.replace("bend_up", new), tmp_path)

@@ -1,0 +1,68 @@
+"""Folders that are written whole or not at all."""
+
+import pytest
+
+from defsense_fab.core.errors import StorageError
+from defsense_fab.core.storage.files import free_path, replacing_folder
+
+
+def names(folder):
+    return sorted(p.name for p in folder.iterdir())
+
+
+def test_a_folder_is_there_at_the_end_only(tmp_path):
+    out = tmp_path / "a" / "out"
+    with replacing_folder(out) as new:
+        (new / "x").write_text("1")
+        assert not out.exists()
+    assert names(out) == ["x"]
+    assert names(out.parent) == ["out"]
+
+
+@pytest.mark.parametrize("over", [False, True])
+def test_an_error_leaves_all_as_it_was(tmp_path, over):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "before").write_text("1")
+
+    def fail():
+        with replacing_folder(out, over=over) as new:
+            (new / "x").write_text("1")
+            raise ValueError("stop")
+
+    with pytest.raises(ValueError, match="stop"):
+        fail()
+    assert names(tmp_path) == ["out"]
+    assert names(out) == ["before"]
+
+
+def test_what_is_there_is_replaced_where_that_is_asked_for(tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    with replacing_folder(out) as new:  # an empty one
+        (new / "x").write_text("1")
+    with pytest.raises(StorageError, match="out: is there already"), replacing_folder(out):
+        pass
+    assert names(out) == ["x"]
+    with replacing_folder(out, over=True) as new:
+        (new / "y").write_text("1")
+    assert names(out) == ["y"]
+    file = out / "y"
+    with pytest.raises(StorageError, match="y: is there"), replacing_folder(file, over=True):
+        pass
+    assert names(tmp_path) == ["out"]
+    assert names(out) == ["y"]
+
+
+def test_a_refusal_of_the_system_is_one_line(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="check the path"), replacing_folder(tmp_path / "file/x"):
+        pass
+
+
+def test_a_name_that_is_taken_gets_a_number(tmp_path):
+    path = tmp_path / "x.mid"
+    assert free_path(path) == path
+    path.write_text("")
+    (tmp_path / "x-2.mid").symlink_to("nowhere")
+    assert free_path(path) == tmp_path / "x-3.mid"
