@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
+import io
 import logging
 import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from ..core.errors import DefsenseError
 from ..core.machine.optional_libraries import CORE, missing
@@ -59,6 +61,7 @@ _log = logging.getLogger(__name__)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns one of `exit_codes`."""
+    _mend_streams()
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
         from .help.completion import complete
 
@@ -109,6 +112,16 @@ def _refused_by_the_system(error: Exception, options: argparse.Namespace) -> str
     assert isinstance(error, OSError)
     where = doing if error.filename is None else os.fsdecode(error.filename)
     return f"{where}: {error.strerror or error}; check the path, its permissions and the disk"
+
+
+def _mend_streams() -> None:
+    """Streams that were closed are as if empty; letters that the terminal lacks become `?`."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            empty = Path(os.devnull).open(mode, encoding="utf-8")  # noqa: SIM115
+            setattr(sys, name, empty)
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="replace")
 
 
 @contextlib.contextmanager

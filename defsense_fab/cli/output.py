@@ -50,8 +50,8 @@ def results() -> Iterator[None]:
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise StorageError(
-            f"standard output: {error.strerror}; the build is finished, its results are in its"
-            " folder"
+            f"standard output: {error.strerror}; what was asked for is done, and could not be"
+            " printed"
         ) from None
 
 

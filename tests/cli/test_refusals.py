@@ -1,6 +1,9 @@
 """What the system refuses is one line that says what was being done, and where."""
 
+import os
 import shutil
+import subprocess
+import sys
 
 import pytest
 
@@ -97,3 +100,22 @@ def test_want_of_memory_in_a_stage_is_an_error_of_its_own(device, monkeypatch):
     monkeypatch.setattr(stage_body, "run", fail)
     with pytest.raises(CapacityError, match="load the body"):
         build(load_device(device))
+
+
+@pytest.mark.parametrize(
+    ("closed", "code"),
+    [("<&-", 0), ("<&- >&-", 0), ("2>&-", 0), (">/dev/full", 2)],
+)
+def test_standard_streams_that_are_closed_or_full(tmp_path, closed, code):
+    made = tmp_path / "höhle"
+    command = [sys.executable, "-m", "defsense_fab.cli.main"]
+    run = subprocess.run(
+        ["sh", "-c", f'"$@" {closed}', "sh", *command, "new", str(made), "--body", "bar"],
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        text=True,
+    )
+    assert (run.returncode, "Traceback" in run.stderr) == (code, False)
+    assert (made / "device.toml").exists()
+    if code:
+        assert "what was asked for is done, and could not be printed" in run.stderr

@@ -38,8 +38,8 @@ def _run(options: argparse.Namespace) -> int:
         if options.json:
             sys.stdout.write(json.dumps([asdict(f) for f in found], indent=1) + "\n")
             return 0
-        wide = max(len(f.name) for f in found)
-        long = max(len(f.version) for f in found)
+        wide = max((len(f.name) for f in found), default=0)
+        long = max((len(f.version) for f in found), default=0)
         width = max(shutil.get_terminal_size().columns, wide + long + 24)
         for f in found:
             lead = f"{f.name:<{wide}}  {f.version:<{long}}  "

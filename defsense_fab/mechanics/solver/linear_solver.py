@@ -46,13 +46,13 @@ def make_solver(threads: int = 1) -> SymmetricSolver:
     """The fastest solver of this machine, or the one that DEFSENSE_SOLVER names. Raises SolveError
     where that one is not to be had."""
     asked = os.environ.get("DEFSENSE_SOLVER")
+    if asked and asked not in _KINDS:
+        raise SolveError(
+            f"DEFSENSE_SOLVER: {asked!r} is none of {', '.join(_KINDS)}; set one, or none"
+        )
     for name in [asked] if asked else _KINDS:
         try:
             return _KINDS[name](threads)
-        except KeyError:
-            raise SolveError(
-                f"DEFSENSE_SOLVER: {name!r} is none of {', '.join(_KINDS)}; set one, or none"
-            ) from None
         except ImportError as error:
             if asked:
                 raise SolveError(

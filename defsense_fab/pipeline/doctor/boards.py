@@ -29,8 +29,8 @@ def check_boards(seconds: float, further: Sequence[str]) -> list[Finding]:
 def _check(port: str, seconds: float) -> Finding:
     answer = call(__name__, "ask", port, seconds=seconds)
     if answer.trouble:
-        told = answer.trouble.removeprefix("defsense_fab.core.errors.CaptureError: ")
-        return judged("ports", port, False, told.removeprefix(f"{port}: "), needed_for=_FOR)
+        told = answer.trouble.removeprefix(f"{port}: ")
+        return judged("ports", port, False, told, needed_for=_FOR)
     if way := of_program(port):
         told = f"{answer.value}, but from a program ({way}), such as a twin: this is no board"
         return judged("ports", port, False, told, needed_for=_FOR)

@@ -24,8 +24,7 @@ def check_cameras(seconds: float, pictures: Path | None) -> list[Finding]:
         answers = {name: a for name, a in answers.items() if not a.trouble} or {"0": answers["0"]}
     return [
         judged("cameras", f"camera {name}", not a.trouble,
-               a.trouble.removeprefix("defsense_fab.core.errors.CaptureError: ") or a.value,
-               needed_for=_FOR)
+               a.trouble or a.value, needed_for=_FOR)
         for name, a in answers.items()
     ]  # fmt: skip
 

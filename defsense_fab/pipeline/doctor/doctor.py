@@ -16,6 +16,14 @@ from .programs import check_gamepad, check_midi, check_slicers
 
 #: s that a single check may last.
 LIMIT = 60.0
+#: Checks of what not everybody needs, and for what it is needed; the others are of the core.
+_BESIDES = {
+    "cameras": "recording a device with cameras",
+    "read-out boards": "reading the cords of a device",
+    "slicers": "printing the parts here",
+    "gamepad": "--output gamepad",
+    "MIDI": "--output midi",
+}
 
 
 def examine(
@@ -47,4 +55,4 @@ def examine(
             yield from list(check())
         except OSError as error:  # a camera that is unplugged just then, a folder not to be seen
             told = f"could not be looked at ({error})"
-            yield judged("system", about, False, told, needed_for=about)
+            yield judged("system", about, False, told, needed_for=_BESIDES.get(about, ""))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,6 +13,10 @@ from typing import Any
 
 from ...core.machine.processes import OWN_GROUP, end_group
 
+#: Its name before the message, which stands for itself.
+_OWN_ERROR = re.compile(r"^defsense_fab\.core\.errors\.\w+: ")
+#: How the words about a call begin that did not end in time.
+HANGS = "hangs"
 _ANSWER = "defsense-doctor-answer:"
 _CALL = f"""
 import importlib, json, sys
@@ -49,7 +54,7 @@ def call(module: str, function: str, *words: str, seconds: float) -> Answer:
         out, err = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
         _end(process)
-        return Answer(trouble=f"hangs: no answer within {seconds:g} s")
+        return Answer(trouble=f"{HANGS}: no answer within {seconds:g} s")
     except BaseException:
         _end(process)
         raise
@@ -73,4 +78,5 @@ def _why(code: int, err: str) -> str:
             name = f"signal {-code}"
         return f"crashes ({name})"
     lines = [line.strip() for line in err.splitlines() if line.strip()]
-    return lines[-1] if lines else f"ends with code {code}"
+    last = _OWN_ERROR.sub("", lines[-1]) if lines else f"ends with code {code}"
+    return last.removesuffix("; defsense doctor tells more")  # this is what does

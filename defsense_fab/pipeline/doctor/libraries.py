@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from ...core.machine.optional_libraries import PROJECT, pip_install
 from .finding import Finding, judged
-from .isolated import call
+from .isolated import HANGS, call
 from .system_libraries import system_command
 
 if TYPE_CHECKING:
@@ -116,11 +116,13 @@ def _check(asked: _Asked, seconds: float) -> Finding:
             if trouble:
                 good, told = False, f"{version}: its import {_as_clause(trouble)}"
                 command = system_command(trouble) or pip_install("--force-reinstall", asked_for)
+                if trouble.startswith(HANGS):
+                    command = f"defsense doctor --timeout {10 * seconds:g}"
     return judged("libraries", one.name, good, told, command=command, needed_for=needed_for)
 
 
 def _as_clause(trouble: str) -> str:
-    return trouble if trouble.startswith(("hangs", "crashes")) else f"fails ({trouble})"
+    return trouble if trouble.startswith((HANGS, "crashes")) else f"fails ({trouble})"
 
 
 def load(module: str) -> str:

@@ -57,12 +57,17 @@ def _cache(seconds: float) -> Finding:
         size = sum(p.stat().st_size for p in folder.glob("*.npz")) / _GB
     except OSError as error:
         return judged(
-            "machine", "cache", False, f"{folder}: {error.strerror}",
-            command="export DEFSENSE_CACHE=DIR, a folder that you may write to",
-            needed_for=needed_for,
+            "machine", "cache", False,
+            f"{folder}: {error.strerror}; DEFSENSE_CACHE names a folder that may be written to",
+            command=_set_cache(), needed_for=needed_for,
         )  # fmt: skip
     told = f"{folder} ({size:.2f} GB)"
     return judged("machine", "cache", True, told, needed_for=needed_for)
+
+
+def _set_cache() -> str:
+    folder = Path(tempfile.gettempdir()) / "defsense-cache"
+    return f"set DEFSENSE_CACHE={folder}" if os.name == "nt" else f"export DEFSENSE_CACHE={folder}"
 
 
 def cache_folder() -> str:
