@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import os
 import re
 import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...core.errors import DeviceError, StorageError
+from ...core.errors import BodyError, DeviceError, StorageError
+from ...pipeline.starts.usual import CORD, CORDS, PROCESS
 from ..output import progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
     from ...pipeline.starts.dropped_body import DroppedBody
     from ..options import Commands
-
-#: What is written where nothing is said of it; as in pipeline/starts, which takes longer to import.
-_CORD, _CORDS, _PROCESS = "rubber-2mm", 3, "fdm-tpu"
 
 
 def add(commands: Commands) -> None:
@@ -47,10 +47,10 @@ def add(commands: Commands) -> None:
         help="modes, which finds them by the body's natural modes, or some of bend, bend_side,"
         " twist and pull, with commas",
     )  # fmt: skip
-    sub.add_argument("--cord", metavar="NAME", help=f"a row of data/cords.csv ({_CORD})")
-    sub.add_argument("--cords", type=int, metavar="N", help=f"how many are to be found ({_CORDS})")
+    sub.add_argument("--cord", metavar="NAME", help=f"a row of data/cords.csv ({CORD})")
+    sub.add_argument("--cords", type=int, metavar="N", help=f"how many are to be found ({CORDS})")
     sub.add_argument("--name", help="of the device (that of the folder)")
-    sub.add_argument("--process", metavar="NAME", help=f"a row of data/printers.csv ({_PROCESS})")
+    sub.add_argument("--process", metavar="NAME", help=f"a row of data/printers.csv ({PROCESS})")
     sub.add_argument(
         "--material", metavar="NAME", help="a row of data/materials.csv (one that the process has)"
     )
@@ -71,6 +71,8 @@ def _new(options: argparse.Namespace) -> int:
 
     folder: Path = options.folder
     check_folder_name(folder)
+    if options.name is not None and not options.name.isprintable():
+        raise DeviceError(f"--name {options.name!r}: give one line of letters")
     if folder.exists() and not folder.is_dir():
         raise StorageError(f"{folder}: is a file; choose another name for the folder")
     if (folder / DEVICE).exists():
@@ -99,7 +101,7 @@ def _body(options: argparse.Namespace) -> DroppedBody | None:
     def look(word: str) -> tuple[str, DroppedBody | None]:
         if word in starts:
             return word, None
-        path = Path(word).expanduser()
+        path = _path(word)
         if not path.exists() and not path.suffix:
             raise DeviceError(
                 f"{word}: is no file, and none of {', '.join(s.name for s in STARTS)}"
@@ -113,9 +115,19 @@ def _body(options: argparse.Namespace) -> DroppedBody | None:
     return found
 
 
+def _path(word: str) -> Path:
+    """A file as it was typed, or as terminals paste one that is dropped on them."""
+    path = Path(word).expanduser()
+    if os.name != "nt" and "\\" in word and not path.exists():
+        with contextlib.suppress(ValueError):  # no closing quotation
+            path = Path("".join(shlex.split(word)[:1])).expanduser()
+    return path
+
+
 def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     """A device of the package, with its own body and poses."""
     from ...core.device.device_file import load_device
+    from ...pipeline.starts.first_device import usual_material
     from ...pipeline.starts.starting_devices import STARTS, begin_with
     from .new_questions import answered, ask_cord, cord_row
 
@@ -131,11 +143,17 @@ def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
         cord = answered(lambda: ask_cord(start.cord), cord_row)
     begin_with(start, options.folder, _name(options), cord and cord_row(cord))
     device = load_device(options.folder)
+    material, printed = device.material.name, usual_material(device.fabrication.process)
+    note = (
+        f"the example's body is computed as {material}; write what you print, such as {printed},"
+        " under [material] before you build"
+    )
     return {
         "device": str(options.folder), "name": device.name, "body": device.body.path.name,
         "poses": [p.name for p in device.poses], "cord": device.cord.name,
-        "cords": len(device.sensors) + device.propose, "material": device.material.name,
+        "cords": len(device.sensors) + device.propose, "material": material,
         "process": device.fabrication.process,
+        "note": "" if material == printed else note,
     }  # fmt: skip
 
 
@@ -144,40 +162,36 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     from ...pipeline.starts.body_ends import find_ends
     from ...pipeline.starts.first_device import FirstDevice, begin_from, usual_material
     from ...pipeline.starts.units import unusual
-    from .new_questions import answered, ask_cord, ask_poses, cord_row, pose_names, process_row
+    from .new_questions import answered, ask_poses, material_row, pose_names, process_row
 
+    process = process_row(options.process or PROCESS)
+    material = material_row(options.material) if options.material else usual_material(process)
     unit = _unit(found, options, asked)
     usual = find_ends(found.in_mm(unit)).usual()
-    poses, cord = options.poses, options.cord
+    poses = options.poses
     if poses is not None:
         poses = pose_names(poses)
     elif asked:
         poses = answered(lambda: ask_poses(usual), pose_names)
-    if cord is not None:
-        cord_row(cord)
-    elif asked:
-        cord = answered(lambda: ask_cord(_CORD), cord_row)
-    process = process_row(options.process or _PROCESS)
-    cords = _CORDS if options.cords is None else options.cords
-    if cords < 1:  # none is for devices that are drawn on
+    cord = _cord(found, unit, process, options.cord, asked)
+    cords = CORDS if options.cords is None else options.cords
+    if not 1 <= cords <= 16:  # none is for devices that are drawn on
         raise DeviceError(f"--cords {cords}: give a number from 1 to 16")
     edge = options.edge_length
     first = FirstDevice(
-        _name(options), unit, options.material or usual_material(process),
-        found.edge_length(unit) if edge is None else edge, poses or usual, cord or _CORD, process,
-        cords,
+        _name(options), unit, material, found.edge_length(unit) if edge is None else edge,
+        poses or usual, cord, process, cords,
     )  # fmt: skip
     with silent_stdout(), progress_bars(options) as progress:
         begun = begin_from(found, options.folder, first, progress)
-    lengths = re.compile(r"\bmm(?=3?\b)")  # repairs are told in the unit of the file
     size = found.size(unit)
     return {
         "device": str(options.folder), "name": first.name, "body": f"{found.name}{found.suffix}",
         "size_mm": [float(f"{x:.4g}") for x in size], "unit": unit,
-        "repaired": [lengths.sub(unit, line) for line in found.repaired],
+        "repaired": _in_the_files_unit(found, unit),
         "edge_length": first.edge_length,
         "poses": list(begun), "cord": first.cord, "cords": first.cords,
-        "material": first.material, "process": process, "unusual": unusual(size),
+        "material": first.material, "process": process, "note": unusual(size),
     }  # fmt: skip
 
 
@@ -188,6 +202,11 @@ def _unit(found: DroppedBody, options: argparse.Namespace, asked: bool) -> str:
     from ...pipeline.starts.units import UNIT_WORDS
     from .new_questions import answered, ask_unit, sizes, unit_name
 
+    def checked(text: str) -> str:
+        chosen = unit_name(text)
+        check_unit(found, chosen)
+        return chosen
+
     unit: str = found.unit
     if options.units is not None:
         unit = unit_name(options.units)
@@ -197,20 +216,51 @@ def _unit(found: DroppedBody, options: argparse.Namespace, asked: bool) -> str:
                 " gives mm"
             )
     elif found.doubtful and asked:
-        unit = answered(lambda: ask_unit(found), unit_name)
+        return answered(lambda: ask_unit(found), checked)
     elif found.doubtful:
         raise DeviceError(
-            f"--units: the body would be {sizes(found, 'mm')}, and its file does not say the unit;"
-            f" in {UNIT_WORDS[unit]} it is {sizes(found, unit)}: give --units {unit}, or another"
+            f"--units: in {UNIT_WORDS[found.own]} the body would be {sizes(found, found.own)}; in"
+            f" {UNIT_WORDS[unit]} it is {sizes(found, unit)}: give --units {unit}, or another"
         )
-    check_unit(found, unit)
-    return unit
+    return checked(unit)
+
+
+def _cord(found: DroppedBody, unit: str, process: str, named: str | None, asked: bool) -> str:
+    """The cord that is named or chosen. Raises DeviceError for one that there is not, BodyError for
+    a body that has no room for it, or for none of those that could be chosen."""
+    from ...pipeline.starts.first_device import check_room
+    from .new_questions import answered, ask_cord, cord_row, cords
+
+    def checked(text: str) -> str:
+        cord = cord_row(text)
+        check_room(found, unit, cord, process)
+        return cord
+
+    def fits(cord: str) -> bool:
+        with contextlib.suppress(BodyError):
+            return bool(checked(cord))
+        return False
+
+    if named is not None or not asked:
+        return checked(named or CORD)
+    usual = checked(next((c for c in (CORD, *cords()) if fits(c)), CORD))
+    return answered(lambda: ask_cord(usual), checked)
+
+
+def _in_the_files_unit(found: DroppedBody, unit: str) -> list[str]:
+    """What was repaired, in lengths as the file has them."""
+    if found.scale(unit) == 1:
+        return list(found.repaired)
+    lengths = re.compile(r"\bmm(?=3?\b)")
+    word = unit if found.own == "mm" else "of the file's units"
+    return [lengths.sub(word, line) for line in found.repaired]
 
 
 def _name(options: argparse.Namespace) -> str:
     from ...core.storage.file_names import safe_name
 
-    return str(options.name or safe_name(options.folder.resolve().name + "."))
+    folder = safe_name(options.folder.resolve().name + ".")
+    return folder if options.name is None else str(options.name)
 
 
 def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
@@ -228,7 +278,7 @@ def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
         say([
             f"Wrote:   {folder / 'device.toml'} and {begun['body']}{size}",
             *(f"Mended:  {line}" for line in mended),
-            *([f"note: {begun['unusual']}"] if begun.get("unusual") else []),
+            *([f"note: {begun['note']}"] if begun["note"] else []),
             f"Poses:   {', '.join(begun['poses'])}",
             f"Cords:   {begun['cords']} of {begun['cord']}; body of {begun['material']} by"
             f" {begun['process']}",

@@ -42,7 +42,8 @@ def ask_unit(found: DroppedBody) -> str:
     from ...pipeline.starts.units import UNIT_WORDS
 
     return _choose(
-        f"The body would be {sizes(found, 'mm')}: is it in {UNIT_WORDS[found.unit]}?",
+        f"In {UNIT_WORDS[found.own]} the body would be {sizes(found, found.own)}: is it in"
+        f" {UNIT_WORDS[found.unit]}?",
         [(unit, f"{words}: {sizes(found, unit)}") for unit, words in UNIT_WORDS.items()],
         found.unit,
     )
@@ -89,6 +90,18 @@ def pose_names(text: str) -> tuple[str, ...]:
 def cord_row(text: str) -> str:
     """Raises DeviceError for a cord that there is not."""
     return _row("cords.csv", "cord", text)
+
+
+def cords() -> list[str]:
+    """Those that there are."""
+    from ...core.device.catalogue import read_rows
+
+    return list(read_rows("cords.csv"))
+
+
+def material_row(text: str) -> str:
+    """Raises DeviceError for a material that there is not."""
+    return _row("materials.csv", "material", text)
 
 
 def process_row(text: str) -> str:

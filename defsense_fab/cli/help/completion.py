@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,6 +59,48 @@ def _set_completers(parser: argparse.ArgumentParser) -> None:
                 _set_completers(below)
         elif action.type is device_folder:
             action.completer = device_folders  # type: ignore[attr-defined]
+        elif action.type is None and (words := _WORDS.get("".join(action.option_strings[-1:]))):
+            action.completer = words  # type: ignore[attr-defined]
+
+
+def _rows(table: str) -> Callable[..., list[str]]:
+    def names(**_: object) -> list[str]:
+        from ...core.device.catalogue import read_rows
+
+        return list(read_rows(table))
+
+    return names
+
+
+def _units(**_: object) -> list[str]:
+    from ...pipeline.starts.units import UNITS
+
+    return list(UNITS)
+
+
+def _poses(prefix: str, **_: object) -> list[str]:
+    """What may follow the last comma."""
+    from ...pipeline.starts.body_ends import END_POSES
+
+    before = prefix.rpartition(",")[0].split(",")
+    lead = f"{','.join(before)}," if before[0] else ""
+    return [f"{lead}{p}" for p in (*END_POSES, *([] if lead else ["modes"])) if p not in before]
+
+
+def _bodies(prefix: str, **_: object) -> list[str]:
+    """The package's devices, and files."""
+    from argcomplete.completers import FilesCompleter
+
+    from ...pipeline.starts.starting_devices import STARTS
+
+    return [*(s.name for s in STARTS), *FilesCompleter()(prefix)]
+
+
+#: What may follow an option that takes any text.
+_WORDS = {
+    "--cord": _rows("cords.csv"), "--process": _rows("printers.csv"),
+    "--material": _rows("materials.csv"), "--units": _units, "--poses": _poses, "--body": _bodies,
+}  # fmt: skip
 
 
 def device_folders(prefix: str, **_: object) -> list[str]:

@@ -95,8 +95,11 @@ def read_device(
         top.fail("sensors", "draw [[sensors]] with planes and paths, or give [design] sensors = 3")
     if wanted is not None and wanted < len(sensors):
         design.fail("sensors", f"counts all cords, and {len(sensors)} are drawn")
+    name = top.string("name")
+    if not name.isprintable():
+        top.fail("name", f"must be one line of letters, not {name!r}")
     device = Device(
-        name=top.string("name"),
+        name=name,
         source=folder,
         body=body,
         material=read_material(top.table("material")),

@@ -15,7 +15,7 @@ _RESERVED = re.compile(
     r"con|prn|aux|nul|(com|lpt)[0-9\u00b9\u00b2\u00b3]|con(in|out)\$", re.IGNORECASE
 )
 _ODD = re.compile(f"[{re.escape(FORBIDDEN)}\x00-\x1f]")
-_LONGEST = 120  # bytes, of a name alone: paths have limits, too
+_LONGEST, _SAFE = 120, 60  # bytes, of a name alone: paths have limits, too
 
 
 def is_reserved(name: str) -> bool:
@@ -42,16 +42,19 @@ def refusal(name: str) -> str | None:
 
 
 def check_folder_name(folder: Path) -> None:
-    """Raises StorageError for a folder whose name not every system can have."""
-    why = refusal(folder.resolve().name)
-    if why:
-        raise StorageError(f"{folder}: {why}")
+    """Raises StorageError for a folder whose name not every system can have, or that of one above
+    it which is yet to be made."""
+    path = folder.resolve()
+    for one in (path, *(p for p in path.parents if not p.exists())):
+        why = refusal(one.name)
+        if why:
+            raise StorageError(f"{folder}: {why}")
 
 
 def safe_name(name: str) -> str:
-    """A name for a file, made of one that came from elsewhere: no folders, no suffix, no hidden
-    files, none that a system keeps for itself."""
-    last = re.split(r"[/\\]", name)[-1]
-    stem = re.sub(r"[^\w-]+", "-", last.rpartition(".")[0] or last, flags=re.ASCII)
-    stem = stem.strip("-_")[:60] or "body"
+    """A name for a file, made of one that came from elsewhere: letters of any script and digits, no
+    folders, no suffix, no hidden files, none that a system keeps for itself."""
+    last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
+    stem = re.sub(r"[^\w-]+", "-", last.rpartition(".")[0] or last).strip("-_")
+    stem = stem.encode()[:_SAFE].decode(errors="ignore") or "body"
     return f"body-{stem}" if is_reserved(stem) else stem

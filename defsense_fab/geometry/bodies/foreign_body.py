@@ -34,12 +34,11 @@ MOST_MEMORY = 8 * 2**30
 @dataclass(frozen=True)
 class FileBody:
     """The body of a file: its `surface`, the enclosed `volume` (exact of STEP), its `solid` where
-    that was asked for and it is CAD; whether the file tells its unit (`in_mm`), else both are in
-    the file's; what was `repaired`."""
+    that was asked for and it is CAD; what was `repaired`. Both are in mm where the format has a
+    unit, else in the file's."""
 
     surface: Surface
     volume: float
-    in_mm: bool
     repaired: tuple[str, ...]
     solid: Any = None
 
@@ -117,7 +116,7 @@ def _read(
         with np.load(folder / _SURFACE) as data:
             surface = Surface(data["vertices"], data["faces"])
         body = brep().read_brep(folder / _SOLID)[0] if brep else None
-    return FileBody(surface, made["volume"], made["in_mm"], tuple(made["repaired"]), body)
+    return FileBody(surface, made["volume"], tuple(made["repaired"]), body)
 
 
 def _main(folder: Path) -> None:
@@ -138,10 +137,10 @@ def _main(folder: Path) -> None:
 def _made(path: Path, task: dict[str, Any], folder: Path) -> dict[str, Any]:
     sizes = (task["sizes"][0], task["sizes"][1])
     if not task["step"]:
-        from .mesh_repair import read_mesh, tells_unit
+        from .mesh_repair import read_mesh
 
         surface, repaired = read_mesh(path, task["scale"], sizes, task["fill_cavities"])
-        volume, in_mm = surface.volume, tells_unit(path)
+        volume = surface.volume
     else:
         from ..kernels import brep, occ
         from .cad_solid import cad_solid
@@ -150,11 +149,11 @@ def _made(path: Path, task: dict[str, Any], folder: Path) -> dict[str, Any]:
             occ.read_step(path), str(path), sizes, task["tolerance"], task["relative"],
             task["fill_cavities"],
         )  # fmt: skip
-        surface, volume, repaired, in_mm = cad.surface, cad.volume, cad.repairs, True
+        surface, volume, repaired = cad.surface, cad.volume, cad.repairs
         if task["solid"]:
             brep.write_brep([cad.solid], folder / _SOLID)
     np.savez(folder / _SURFACE, vertices=surface.vertices, faces=surface.faces)
-    return {"volume": volume, "repaired": list(repaired), "in_mm": in_mm}
+    return {"volume": volume, "repaired": list(repaired)}
 
 
 if __name__ == "__main__":

@@ -55,11 +55,6 @@ def read_mesh(
     return Surface(vertices, faces), (*_renamed(path, suffix), *read.told, *repairs)
 
 
-def tells_unit(path: Path) -> bool:
-    """Whether the format of a file of a mesh says what its lengths are."""
-    return _suffix(path) in IN_MM
-
-
 def _suffix(path: Path) -> str:
     """The kind of file, by its content, and where that tells nothing by its name."""
     try:

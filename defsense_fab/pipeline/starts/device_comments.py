@@ -5,6 +5,9 @@ from __future__ import annotations
 import re
 import textwrap
 
+from ...core.device.device_keys import KEYS
+
+#: Where a beginner is told more than, or other than, the reference does.
 _COMMENTS = {
     ("", "schema"): "The version of this file's format. docs/device.md has all keys.",
     ("", "name"): "What the device is called in its report and files.",
@@ -29,6 +32,9 @@ _COMMENTS = {
     ("poses", ""): "What the device is to sense. Each pose holds some regions and moves others:"
     " rotate about their middle by degrees, translate by [x, y, z] mm or freely. Set the degrees"
     " to the most that a hand will do.",
+    ("poses.handles", "rotate"): "About the middle of the region, by the right hand; free: as no"
+    " moment is left.",
+    ("poses.handles", "translate"): "[x, y, z] mm; free: to where no force is left.",
     ("sensors", ""): "A cord as drawn: points in a plane, in mm; `free` says what may be improved.",
     ("states", "ramp"): "Every pose at these fractions.",
     ("states", "mixtures"): "Poses at once, to design for.",
@@ -37,25 +43,34 @@ _COMMENTS = {
 }
 _TABLE = re.compile(r"\[+([\w.]+)\]+")
 _KEY = re.compile(r"([\w-]+) *=")
+_LINK = re.compile(r"\[([^\]]+)\]\([^)]*\)")
 
 
 def commented(text: str) -> str:
     """A device's text with a comment above each key that has none, the first time that it is
-    there."""
+    there. Names that a person chooses, of regions and parameters, have that of their table."""
     out: list[str] = []
-    table, told = "", set()
+    table, shown, told = "", "", set()
     for line in text.split("\n"):
         place = None
         if match := _TABLE.match(line):
-            table = match[1]
+            table, shown = match[1], match[0]
             place = (table, "")
         elif match := _KEY.match(line):
             place = (table, match[1])
-        if place in _COMMENTS and place not in told:
+        words = _COMMENTS.get(place) or _meaning(shown, place[1]) if place else ""
+        if words and place not in told:
             told.add(place)
             if not (out and out[-1].startswith("#")):
-                out += textwrap.wrap(
-                    _COMMENTS[place], 88, initial_indent="# ", subsequent_indent="# "
-                )
+                out += textwrap.wrap(words, 88, initial_indent="# ", subsequent_indent="# ")
         out.append(line)
     return "\n".join(out)
+
+
+def _meaning(table: str, key: str) -> str:
+    """Of the reference, as a sentence without links; nothing of keys that it has no words for."""
+    words = KEYS.get(table, {}).get(key)
+    if words is None:
+        return ""
+    plain = _LINK.sub(r"\1", words.meaning)
+    return f"{plain[0].upper()}{plain[1:]}{f', {words.unit}' if words.unit else ''}."

@@ -25,16 +25,20 @@ from .body_ends import thickness
 from .units import UNITS, likely_unit
 
 _THICK, _LONG, _MOST_TETS = 5, 10, 60000
+#: So many tets has a volume of the cube of their edge length.
+TETS = 8.5
 SCRIPT = ".py"
+#: Units of formats whose files are read into mm.
+_OWN = {".glb": "m", ".gltf": "m"}
 
 
 @dataclass(frozen=True)
 class DroppedBody:
     """A body's file as it came: its `content`, a `name` that is safe beside others and has no
-    suffix, the `suffix` by its content; its `surface` in the file's unit; the `unit` that it is
-    likely in, and whether that is `doubtful`; what was `repaired`. Of a script also the
-    `parameters` that it has defaults for, and the `others` that it needs, by their place beside
-    it."""
+    suffix, the `suffix` by its content; its `surface` as the file is read, whose lengths are mm if
+    the file is in the `own` unit of its format; the `unit` that it is likely in, and whether that
+    is `doubtful`; what was `repaired`. Of a script also the `parameters` that it has defaults for,
+    and the `others` that it needs, by their place beside it."""
 
     content: bytes
     name: str
@@ -45,25 +49,30 @@ class DroppedBody:
     repaired: tuple[str, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     others: Mapping[str, bytes] = field(default_factory=dict)
+    own: str = "mm"
 
     @property
     def key(self) -> str:
         """What it is called under [body] of device.toml."""
         return {".step": "step", SCRIPT: "script"}.get(self.suffix, "mesh")
 
+    def scale(self, unit: str) -> float:
+        """[body] scale of device.toml where the file is in that unit."""
+        return UNITS[unit] / UNITS[self.own]
+
     def size(self, unit: str) -> Float:
         """Extents (3,) mm where the file is in that unit."""
-        return np.asarray(np.ptp(self.surface.vertices, axis=0) * UNITS[unit])
+        return np.asarray(np.ptp(self.surface.vertices, axis=0) * self.scale(unit))
 
     def in_mm(self, unit: str) -> Surface:
         """Its surface where the file is in that unit."""
-        return Surface(self.surface.vertices * UNITS[unit], self.surface.faces)
+        return Surface(self.surface.vertices * self.scale(unit), self.surface.faces)
 
     def edge_length(self, unit: str) -> float:
         """A fifth of the thickness, within what can be solved soon, mm."""
         surface = self.in_mm(unit)
         edge = min(thickness(surface) / _THICK, self.size(unit).max() / _LONG)
-        return float(f"{max(edge, float(np.cbrt(8.5 * surface.volume / _MOST_TETS))):.2g}")
+        return float(f"{max(edge, float(np.cbrt(TETS * surface.volume / _MOST_TETS))):.2g}")
 
 
 def look_at(path: Path) -> DroppedBody:
@@ -96,8 +105,13 @@ def look_at_file(name: str, content: bytes) -> DroppedBody:
         path.write_bytes(content)
         found = read_foreign(path)
     longest = float(np.ptp(found.surface.vertices, axis=0).max())
-    unit, doubtful = ("mm", False) if found.in_mm else likely_unit(longest)
-    return DroppedBody(content, shown, suffix, found.surface, unit, doubtful, found.repaired)
+    own = _OWN.get(suffix, "mm")
+    unit, doubtful = ("mm", False)
+    if suffix != ".step":
+        unit, doubtful = likely_unit(longest / UNITS[own], own)
+    return DroppedBody(
+        content, shown, suffix, found.surface, unit, doubtful, found.repaired, own=own
+    )
 
 
 def _look_at_script(path: Path, content: bytes) -> DroppedBody:

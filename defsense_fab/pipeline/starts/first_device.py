@@ -20,12 +20,13 @@ from ...geometry.bodies.body import SIZES
 from ..artifacts.mesh_lock import FILE as MESH_LOCK
 from .body_ends import END_POSES, BodyEnds, find_ends, numbers
 from .device_comments import commented
-from .dropped_body import DroppedBody
+from .dropped_body import TETS, DroppedBody
 from .starting_devices import put_device
 from .units import UNIT_WORDS, UNITS
+from .usual import CORD, PROCESS
 
 MODES = "modes"
-PROCESS, CORD = "fdm-tpu", "rubber-2mm"
+_MOST_TETS = 1_000_000
 #: A material that each kind of process makes; the first whose name begins so.
 _MATERIALS = {
     "fdm-tpu": "ninjaflex-85a", "polyjet-agilus": "agilus30-black", "polyjet": "tango-black-plus",
@@ -84,7 +85,9 @@ def begin_from(
     that can be none, StorageError where there is a device, or the folder cannot be written: nothing
     is then left in it."""
     check_unit(dropped, first.unit)
-    check_room(dropped, first)
+    check_edge_length(dropped, first.unit, first.edge_length)
+    if first.cords:
+        check_room(dropped, first.unit, first.cord, first.process)
     file = _own_name(dropped, folder)
     files = {file: dropped.content, **dropped.others}
     text = device_text(dropped, file, first)
@@ -109,37 +112,60 @@ def check_unit(dropped: DroppedBody, unit: str) -> None:
     size = float(np.linalg.norm(dropped.size(unit)))
     if not SIZES[0] <= size <= SIZES[1]:
         units = (
-            "choose another unit" if dropped.key == "mesh" else "export it again in its right unit"
+            f"its lengths are no {UNIT_WORDS[unit]}: choose another unit, as --units does"
+            if dropped.key == "mesh"
+            else "export it again in its right unit"
         )
-        raise BodyError(f"{dropped.name}: would be {size:.3g} mm across; {units}")
+        raise BodyError(f"{dropped.name}: would be {size:,.3f} mm across; {units}")
 
 
-def check_room(dropped: DroppedBody, first: FirstDevice) -> None:
-    """Raises BodyError for a body that is too thin for a cord and its walls."""
-    rows, cords = read_rows("printers.csv"), read_rows("cords.csv")
-    if not first.cords or first.process not in rows or first.cord not in cords:
+def check_room(dropped: DroppedBody, unit: str, cord: str, process: str) -> None:
+    """Raises BodyError for a body that is too thin for a cord and its walls, or too short for a
+    cord that stretches between its two ends."""
+    printers, cords = read_rows("printers.csv"), read_rows("cords.csv")
+    if process not in printers or cord not in cords:
         return
-    row = rows[first.process]
-    thick = float(dropped.size(first.unit).min())
-    need = float(cords[first.cord]["diameter"])
-    need += 2 * (float(row["wall"]) + float(row["clearance"]))
-    if thick < need:
+    row = {k: float(cords[cord][k]) for k in ("diameter", "min_stretch", "ferrule_length")}
+    size = dropped.size(unit)
+    thick, long = float(size.min()), float(np.linalg.norm(size))
+    wide = row["diameter"] + 2 * sum(float(printers[process][k]) for k in ("wall", "clearance"))
+    least = row["min_stretch"] + 2 * row["ferrule_length"]
+    remedy = f", or check its unit ({UNIT_WORDS[unit]})"
+    if thick < wide:
         raise BodyError(
-            f"{dropped.name}: is {thick:.3g} mm thin; the cord {first.cord} with its walls takes"
-            f" {need:.2g} mm: make the body thicker, or check its unit ({UNIT_WORDS[first.unit]})"
+            f"{dropped.name}: is {thick:.3g} mm thin; the cord {cord} with its walls takes"
+            f" {wide:.2g} mm: make the body thicker{remedy}"
+        )
+    if long < least:
+        raise BodyError(
+            f"{dropped.name}: is {long:.3g} mm from corner to corner; the cord {cord} takes at"
+            f" least {least:.3g} mm with its two ends: make the body larger{remedy}"
+        )
+
+
+def check_edge_length(dropped: DroppedBody, unit: str, edge_length: float) -> None:
+    """Raises DeviceError for elements that are no length, larger than the body is thick, or more
+    than can be solved."""
+    thick = float(dropped.size(unit).min())
+    least = float(np.cbrt(TETS * dropped.in_mm(unit).volume / _MOST_TETS))
+    if not least <= edge_length <= thick:
+        raise DeviceError(
+            f"edge length {edge_length:g} mm: give one from {least:.2g} mm (a million elements) to"
+            f" {thick:.3g} mm (the body's thickness), as --edge-length does; fitted to this body it"
+            f" is {dropped.edge_length(unit):g} mm"
         )
 
 
 def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
     """device.toml as a person would begin it, without comments and [states]."""
-    scale = UNITS[first.unit]
+    scale = dropped.scale(first.unit)
     surface = dropped.in_mm(first.unit)
     ends = find_ends(surface)
     body: dict[str, Any] = {dropped.key: file}
     if dropped.parameters:
         body["parameters"] = _inline(dropped.parameters)
     if scale != 1:
-        body["scale"] = scale
+        body["scale"] = float(f"{scale:.12g}")
     if any(line.startswith("filled ") for line in dropped.repaired):
         body["fill_cavities"] = True
     document = tomlkit.document()
@@ -147,7 +173,7 @@ def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
     tables: dict[str, Any] = {
         "body": body,
         "material": {"name": first.material},
-        "mesh": {"edge_length": _plain(float(f"{first.edge_length:.2g}"))},
+        "mesh": {"edge_length": numbers([float(f"{first.edge_length:.2g}")])[0]},
         "regions": _regions(ends, first),
         "outputs": {"markers": 40, "anchor": "base"},
         "cord": {"name": first.cord},
@@ -222,7 +248,3 @@ def _inline(values: Mapping[str, Any]) -> Any:
     out = tomlkit.inline_table()
     out.update(values)
     return out
-
-
-def _plain(value: float) -> float:
-    return numbers([value])[0]

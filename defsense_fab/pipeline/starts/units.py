@@ -10,16 +10,19 @@ UNITS = {"mm": 1.0, "inch": 25.4, "cm": 10.0, "m": 1000.0, "um": 0.001}
 UNIT_WORDS = {
     "mm": "millimetres", "inch": "inches", "cm": "centimetres", "m": "metres", "um": "micrometres",
 }  # fmt: skip
-_USUAL = (15.0, 600.0)  # mm: what soft devices measure along their longest axis
+#: mm: what soft devices measure along their longest axis; shorter ones hold no cord that stretches.
+_USUAL, _POSSIBLE = (40.0, 600.0), (15.0, 1500.0)
 
 
-def likely_unit(longest: float) -> tuple[str, bool]:
-    """The unit in which so long a body is a device, and whether that is doubtful: only of mm it is
-    not, since most files are in mm."""
-    for unit, scale in UNITS.items():
-        if _USUAL[0] <= longest * scale <= _USUAL[1]:
-            return unit, unit != "mm"
-    return "mm", True
+def likely_unit(longest: float, own: str = "mm") -> tuple[str, bool]:
+    """The unit in which a body so long, in the file's numbers, is a device, and whether that is
+    doubtful: only of the format's `own` it is not, which is mm where the format has none, since
+    most files are in mm."""
+    for least, most in (_USUAL, _POSSIBLE):
+        for unit in (own, *UNITS):
+            if least <= longest * UNITS[unit] <= most:
+                return unit, unit != own or (least, most) != _USUAL
+    return own, True
 
 
 def unusual(size: Float) -> str:

@@ -74,7 +74,7 @@ class BodyForm:
             words.append(f"Mended: {', '.join(mended)}.")
         words.append("It is held at one end and moved at the other, until you say otherwise.")
         self.words.content = "\n\n".join(words)
-        vertices = body.surface.vertices * UNITS[unit]
+        vertices = body.in_mm(unit).vertices
         scene = self._server.scene
         scene.add_mesh_simple(
             "/dropped", vertices.astype(np.float32), body.surface.faces.astype(np.uint32),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 
+import numpy as np
 import pytest
 
 from defsense_fab.cli.exit_codes import STOPPED
@@ -86,7 +87,13 @@ def test_a_terminal_that_closes_leaves_nothing(typed, tmp_path, capsys):
         (["--body", BLOB, "--units", "inch", "--cords", "0"], "--cords 0"),
         (["--body", BLOB, "--poses", "fly"], "poses fly"),
         (["--body", BLOB, "--process", "stone"], "process stone"),
-        (["--body", BLOB, "--edge-length", "nan"], "edge_length"),
+        (["--body", BLOB, "--edge-length", "nan"], "edge length nan mm: give one from"),
+        (["--body", BLOB, "--edge-length", "500"], "edge length 500 mm: give one from"),
+        (["--body", BLOB, "--edge-length", "0.01"], "(a million elements)"),
+        (["--body", BLOB, "--material", "stone"], "material stone: there is"),
+        (["--body", BLOB, "--cords", "17"], "--cords 17: give a number from 1 to 16"),
+        (["--body", BLOB, "--name", ""], "name"),
+        (["--body", "bar", "--name", "a\nb"], "one line of letters"),
         (["--body", "bar", "--poses", "bend"], "comes with its own"),
         (["--body", "bar", "--cord", "rope"], "cord rope"),
     ],
@@ -99,6 +106,52 @@ def test_what_cannot_be_is_one_line(words, told, tmp_path, capsys, monkeypatch):
     assert error.count("\n") == 1
     assert told in error
     assert not list(tmp_path.iterdir())
+
+
+def box(path, size):
+    import trimesh
+
+    made = trimesh.creation.box(np.array(size))
+    path.write_bytes(made.export(file_type=path.suffix[1:]))
+    return str(path)
+
+
+def test_answers_that_do_not_suit_the_body_are_asked_again(typed, tmp_path, capsys):
+    body = box(tmp_path / "a small.stl", (30, 6, 4.6))
+    # Neither metres nor a cord that is too thick, and the path as a terminal pastes it.
+    typed(body.replace(" ", r"\ "), "m", "mm", "")
+    assert main(["new", str(tmp_path / "größe")]) == 2  # no cord has room in it
+    told = capsys.readouterr()
+    assert "choose another unit" in told.out
+    assert "make the body thicker" in told.err
+    body = box(tmp_path / "thin.stl", (60, 12, 4.6))
+    typed(body, "", "rubber-2mm", "")
+    assert main(["new", str(tmp_path / "größe")]) == 0
+    assert "cord rubber-2mm with its walls takes 4.8 mm" in capsys.readouterr().out
+    assert load_device(tmp_path / "größe").cord.name == "rubber-1.7mm"
+
+
+def test_a_device_is_called_as_its_folder(tmp_path):
+    assert main(["new", str(tmp_path / "größe 2"), "--body", "bar"]) == 0
+    assert load_device(tmp_path / "größe 2").name == "größe-2"
+
+
+@pytest.mark.slow
+def test_a_file_in_another_unit_than_its_format_says_is_asked_about(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    body = box(tmp_path / "mm.glb", (150, 40, 40))
+    words = ["new", str(tmp_path / "x"), "--body", body]
+    assert main(words) == 2
+    told = capsys.readouterr().err
+    assert "in metres the body would be 150,000" in told
+    assert "give --units mm" in told
+    assert main([*words, "--units", "mm"]) == 0
+    assert load_device(tmp_path / "x").body.scale == 0.001
+    assert (
+        main(["new", str(tmp_path / "y"), "--body", box(tmp_path / "m.glb", (0.15, 0.04, 0.04))])
+        == 0
+    )
+    assert load_device(tmp_path / "y").body.scale == 1
 
 
 def test_a_device_that_is_there_stays(tmp_path, capsys):

@@ -61,7 +61,6 @@ def test_a_foreign_mesh_is_read_in_its_own_unit_and_a_broken_one_refused(tmp_pat
     path.write_bytes(obj(BOX))
     found = read_foreign(path)
     assert found.surface.volume == pytest.approx(8000)
-    assert not found.in_mm
     path.write_bytes(obj(BOX).replace(b"f 1", b"f 999", 1))
     with pytest.raises(BodyError, match=r"^box\.obj: "):
         read_foreign(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import replace
 
@@ -30,6 +31,16 @@ def dropped(unit="mm", suffix=".stl"):
     return DroppedBody(b"content", "my-bar", suffix, surface, unit, unit != "mm", ())
 
 
+def unexplained(text):
+    """Keys and tables that have no comment where they first stand."""
+    seen = {}
+    lines = text.splitlines()
+    for before, line in zip(["", *lines], lines, strict=False):
+        if match := re.match(r"(\w+) =|(\[\[?(?:regions|poses|sensors)\]\]?)", line):
+            seen.setdefault(match[1] or match[2], before.startswith("# "))
+    return {key for key, told in seen.items() if not told}
+
+
 @pytest.mark.parametrize("start", STARTS, ids=[s.name for s in STARTS])
 def test_a_start_is_the_fixture_under_another_name(start, tmp_path):
     begin_with(start, tmp_path / "new" / "grip", "grip")
@@ -41,6 +52,7 @@ def test_a_start_is_the_fixture_under_another_name(start, tmp_path):
     told = (device.source / "device.toml").read_text(encoding="utf-8")
     assert told == commented(text.replace(f'name = "{start.name}"', 'name = "grip"', 1))
     assert tomllib.loads(told) == tomllib.loads(text) | {"name": "grip"}
+    assert not unexplained(told) - set(device.regions)
     assert len(list(device.source.iterdir())) == 2
     assert start.picture.startswith(b"\x89PNG")
 
@@ -106,6 +118,8 @@ def test_what_is_no_device_is_not_written(tmp_path):
         (("x", "m", "tango-plus", 6.0), BodyError),  # 150 m
         (("x", "mile", "tango-plus", 6.0), DeviceError),
         (("x", "um", "tango-plus", 6.0), BodyError),
+        (("x\ny", "mm", "tango-plus", 6.0), DeviceError),
+        (("x", "mm", "tango-plus", 31.0), DeviceError),  # thicker than the body
         (("x", "mm", "tango-plus", 6.0, ("bend", "bend")), DeviceError),
         (("x", "mm", "tango-plus", 6.0, ("modes", "bend")), DeviceError),
     ):
@@ -119,6 +133,10 @@ def test_units_are_asked_for_where_they_are_doubtful():
     assert likely_unit(6.0) == ("inch", True)
     assert likely_unit(1.0) == ("inch", True)
     assert likely_unit(0.15) == ("m", True)
+    assert likely_unit(15.0) == ("inch", True)  # too small for a cord, if it were mm
+    assert likely_unit(900.0) == ("mm", True)
+    assert likely_unit(0.15, "m") == ("m", False)
+    assert likely_unit(150.0, "m") == ("mm", True)
     assert likely_unit(180_000.0) == ("um", True)
     assert likely_unit(1e7) == ("mm", True)
 
@@ -141,10 +159,7 @@ def test_a_chosen_device_is_whole_and_says_its_states(tmp_path):
     assert bend.rotation @ [1, 0, 0] == 0 != np.linalg.norm(bend.rotation)
     assert twist.rotation[1:].tolist() == [0, 0]
     assert pull.translation.tolist() == [15, 0, 0]
-    lines = text.splitlines()
-    for key in ("edge_length", "[regions]", "ramp", "[[poses]]"):
-        at = next(k for k, line in enumerate(lines) if line.startswith(key))
-        assert lines[at - 1].startswith("# ")
+    assert not unexplained(text) - {"base", "tip"}
 
 
 def test_a_slanted_tapered_body_is_held_at_its_thick_end_along_its_own_axis():

@@ -1,0 +1,34 @@
+"""What a shell is told that could come next."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("line", "could"),
+    [
+        ("defsense new x --cord rubber-1", ["rubber-1.7mm "]),
+        ("defsense new x --poses bend,t", ["bend,twist "]),
+        ("defsense new x --body b", ["bar", "blob", "body.stl"]),
+        ("defsense new x --units i", ["inch "]),
+        ("defsense build d", ["device/"]),
+    ],
+)
+def test_what_could_come_next(line, could, tmp_path):
+    (tmp_path / "body.stl").touch()
+    (tmp_path / "device").mkdir()
+    (tmp_path / "device" / "device.toml").touch()
+    (tmp_path / "docs").mkdir()  # no device
+    told = str(tmp_path / ".told")
+    subprocess.run(
+        [sys.executable, "-m", "defsense_fab.cli.main"], cwd=tmp_path, check=True,
+        env=os.environ | {
+            "_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_STDOUT_FILENAME": told,
+            "COMP_LINE": line, "COMP_POINT": str(len(line)),
+        },
+    )  # fmt: skip
+    assert Path(told).read_text(encoding="utf-8").split("\n") == could
