@@ -117,8 +117,8 @@ def _made(
             name,
             triangle_kernel.printable(whole(solid.scale([factor] * 3), name), name),
             way,
-            # Cores and cavities up.
-            way if k < len(lids) else way if len(shells) > 1 and k == len(lids) else -ways[0],
+            # Cores and cavities up: a cup stands on its bottom, halves lie on their outsides.
+            way if k < len(lids) or len(shells) > 1 else -ways[0],
         )
         for k, (name, solid, way) in enumerate(zip(names, solids, ways, strict=True))
     )

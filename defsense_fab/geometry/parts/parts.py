@@ -89,13 +89,10 @@ def make_parts(
     if solid is None:
         return made
     report(0.6, "cutting the solid")
-    from .exact_solids import solid_parts
+    from .exact_solids import carved, solid_parts
 
     try:
-        from ..kernels import occ
-
-        solid = occ.without(solid, flattening)
-        parts = solid_parts(solid, made, division, own, rules)
+        parts = solid_parts(carved(solid, flattening), made, division, own, rules)
     except FabricationError as error:  # the STL do not need it
         return replace(made, warnings=(*made.warnings, f"no STEP parts: {error}"))
     return replace(made, parts=tuple(parts))

@@ -82,10 +82,9 @@ def _likely_depth(device: Device) -> float:
 
 def _channel_of(device: Device, piece: float, pocket: float) -> float:
     """How long a channel a piece of cord reaches through, mm, with both ends in pockets so deep, or
-    hanging out."""
-    if not pocket:
-        return piece - 2 * device.fabrication.lead
-    return piece - device.cord.ferrule_length - SLACK + 2 * pocket
+    hanging out: a ferrule's half at either end and the slack are cut besides."""
+    beyond = 2 * pocket if pocket else -2 * device.fabrication.lead
+    return piece - device.cord.ferrule_length - SLACK + beyond
 
 
 def pocket_diameter(device: Device) -> float:

@@ -33,7 +33,7 @@ def test_pieces_reach_as_far_as_the_cut_list_says(bar):
     short = replace(bar, cord=replace(bar.cord, lengths=(60.0, 100.0)))
     assert limits(short).longest == pytest.approx(100 - 5 - 7 + 2 * 7)
     assert limits(short).shortest == pytest.approx(60 - 5 - 7 + 2 * 7)
-    assert limits(with_(short, pockets=False)).longest == 60
+    assert limits(with_(short, pockets=False)).longest == 100 - 5 - 7 - 2 * 20
     with pytest.raises(
         DeviceError, match=r"cord.length: pieces of up to 30 mm reach through .* 32"
     ):
