@@ -118,10 +118,11 @@ def choose_layout(
         trials.append(tried(one, error))
     left = []
     for one, error in ranked[len(hopeful) :]:
+        made = [t for t in trials if not t.problem]
         if (
-            all(t.problem for t in trials)
-            or _planes(one) < min(t.planes for t in trials)
-            or _slanted(one, directions) < min(t.slanted for t in trials)
+            not made
+            or _planes(one) < min(t.planes for t in made)
+            or _slanted(one, directions) < min(t.slanted for t in made)
         ):
             trials.append(tried(one, error))
         else:

@@ -131,6 +131,9 @@ def test_fewer_planes_are_shown_whatever_they_cost(straight, weigh):
     chosen, trials, _ = weigh(found, [(0.5, 4, 0), (1.5, 2, 0), (2.5, 9, 0)])
     assert chosen.built == 0.5
     assert [(t.planes, t.parts) for t in trials] == [(3, 4), (1, 2)]
+    found = [layout(straight, 0.5, 1), layout(straight, 0.52, 3), layout(straight, 1.5, 2)]
+    _, trials, _ = weigh(found, ["in pieces", (0.52, 4, 0), (1.5, 3, 0)])
+    assert [(t.planes, t.problem) for t in trials] == [(1, "in pieces"), (3, None), (2, None)]
 
 
 def test_slivers_come_last_and_one_layout_counts_once(straight):
