@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import shlex
 import sys
 from pathlib import Path
@@ -142,11 +141,21 @@ def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
 def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     """A device from a body of one's own."""
     from ...pipeline.starts.body_ends import find_ends
+    from ...pipeline.starts.body_unit import body_unit
     from ...pipeline.starts.first_device import FirstDevice, begin_from, usual_material
-    from ...pipeline.starts.units import unusual
-    from .new_questions import answered, ask_cord, ask_poses, cord_row, pose_names, process_row
+    from ...pipeline.starts.units import unit_name, unusual
+    from .new_questions import (
+        answered,
+        ask_cord,
+        ask_poses,
+        ask_unit,
+        cord_row,
+        pose_names,
+        process_row,
+    )
 
-    unit = _unit(found, options, asked)
+    ask = (lambda: answered(lambda: ask_unit(found), unit_name)) if asked else None
+    unit = body_unit(found, options.units, "--units {}", ask)
     usual = find_ends(found.in_mm(unit)).usual()
     poses, cord = options.poses, options.cord
     if poses is not None:
@@ -169,42 +178,15 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     )  # fmt: skip
     with silent_stdout(), progress_bars(options) as progress:
         begun = begin_from(found, options.folder, first, progress)
-    lengths = re.compile(r"\bmm(?=3?\b)")  # repairs are told in the unit of the file
     size = found.size(unit)
     return {
         "device": str(options.folder), "name": first.name, "body": f"{found.name}{found.suffix}",
         "size_mm": [float(f"{x:.4g}") for x in size], "unit": unit,
-        "repaired": [lengths.sub(unit, line) for line in found.repaired],
+        "repaired": found.repairs(unit),
         "edge_length": first.edge_length,
         "poses": list(begun), "cord": first.cord, "cords": first.cords,
         "material": first.material, "process": process, "unusual": unusual(size),
     }  # fmt: skip
-
-
-def _unit(found: DroppedBody, options: argparse.Namespace, asked: bool) -> str:
-    """The unit of the file's lengths. Raises DeviceError where it is not known, BodyError where no
-    device can be of that size."""
-    from ...pipeline.starts.first_device import check_unit
-    from ...pipeline.starts.units import UNIT_WORDS
-    from .new_questions import answered, ask_unit, sizes, unit_name
-
-    unit: str = found.unit
-    if options.units is not None:
-        unit = unit_name(options.units)
-        if found.key != "mesh" and unit != "mm":
-            raise DeviceError(
-                f"--units {options.units}: is for meshes; a STEP file says its unit, and a script"
-                " gives mm"
-            )
-    elif found.doubtful and asked:
-        unit = answered(lambda: ask_unit(found), unit_name)
-    elif found.doubtful:
-        raise DeviceError(
-            f"--units: the body would be {sizes(found, 'mm')}, and its file does not say the unit;"
-            f" in {UNIT_WORDS[unit]} it is {sizes(found, unit)}: give --units {unit}, or another"
-        )
-    check_unit(found, unit)
-    return unit
 
 
 def _name(options: argparse.Namespace) -> str:
@@ -214,6 +196,8 @@ def _name(options: argparse.Namespace) -> str:
 
 
 def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
+    from ...pipeline.starts.dropped_body import worth_telling
+
     build = f"defsense build {shlex.quote(begun['device'])}"
     with results():
         if options.json:
@@ -224,7 +208,7 @@ def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
         if "size_mm" in begun:
             x, y, z = begun["size_mm"]
             size = f", {x:g} x {y:g} x {z:g} mm"
-        mended = [r for r in begun.get("repaired", []) if not r.startswith("merged")]
+        mended = worth_telling(begun.get("repaired", ()))
         say([
             f"Wrote:   {folder / 'device.toml'} and {begun['body']}{size}",
             *(f"Mended:  {line}" for line in mended),

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tomlkit
 
 from ...core.device.catalogue import read_rows
@@ -16,9 +15,9 @@ from ...core.device.device_file import DEVICE, load_device, parse_device
 from ...core.errors import BodyError, DeviceError
 from ...core.progress import Progress, silent
 from ...core.storage.files import free_path, storage_errors, write_text
-from ...geometry.bodies.body import SIZES
 from ..artifacts.mesh_lock import FILE as MESH_LOCK
 from .body_ends import END_POSES, BodyEnds, find_ends, numbers
+from .body_unit import check_unit
 from .device_comments import commented
 from .dropped_body import DroppedBody
 from .starting_devices import put_device
@@ -104,16 +103,6 @@ def begin_from(
     return tuple(p.name for p in device.poses)
 
 
-def check_unit(dropped: DroppedBody, unit: str) -> None:
-    """Raises BodyError for a body that is no device of mm."""
-    size = float(np.linalg.norm(dropped.size(unit)))
-    if not SIZES[0] <= size <= SIZES[1]:
-        units = (
-            "choose another unit" if dropped.key == "mesh" else "export it again in its right unit"
-        )
-        raise BodyError(f"{dropped.name}: would be {size:.3g} mm across; {units}")
-
-
 def check_room(dropped: DroppedBody, first: FirstDevice) -> None:
     """Raises BodyError for a body that is too thin for a cord and its walls."""
     rows, cords = read_rows("printers.csv"), read_rows("cords.csv")
@@ -132,20 +121,12 @@ def check_room(dropped: DroppedBody, first: FirstDevice) -> None:
 
 def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
     """device.toml as a person would begin it, without comments and [states]."""
-    scale = UNITS[first.unit]
     surface = dropped.in_mm(first.unit)
     ends = find_ends(surface)
-    body: dict[str, Any] = {dropped.key: file}
-    if dropped.parameters:
-        body["parameters"] = _inline(dropped.parameters)
-    if scale != 1:
-        body["scale"] = scale
-    if any(line.startswith("filled ") for line in dropped.repaired):
-        body["fill_cavities"] = True
     document = tomlkit.document()
     document.update({"schema": 1, "name": first.name})
     tables: dict[str, Any] = {
-        "body": body,
+        "body": _nested(dropped.table(file, first.unit)),
         "material": {"name": first.material},
         "mesh": {"edge_length": _plain(float(f"{first.edge_length:.2g}"))},
         "regions": _regions(ends, first),

@@ -1,0 +1,92 @@
+"""Datasets in other units than mm, s and ohm: only what no device and no camera can be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...core.arrays import Float
+from .dataset import Dataset, Recording
+from .problems import Problem
+
+_NARROW, _WIDE = 1.0, 1e4  # mm, between which markers spread: a tag alone is wider, no device so
+_FAST = 0.9e-3  # s between pictures: no camera follows markers faster
+_SLOW = 1.0  # s between pictures, as those of a slow camera in ms have
+_LONG = 30 * 86400.0  # s, which no recording lasts
+_FEW_OHMS = 20.0  # what no rubber cord of a usable length has
+_PART = 0.05  # of its shortest cord's resistance, which no device's is below
+_KILO = "are resistances in kiloohm?"
+_GIVE_OHM = "give ohm, as the device's board does when it runs live"
+
+
+def unit_problems(dataset: Dataset) -> list[Problem]:
+    """Of places, times and resistances."""
+    return [*_places(dataset), *_times(dataset), *_resistances(dataset)]
+
+
+def _places(dataset: Dataset) -> list[Problem]:
+    points = [dataset.rest_points, *(r.points.reshape(-1, 3) for r in dataset.recordings)]
+    spread = _spread(np.concatenate(points))
+    if _NARROW <= spread <= _WIDE or np.isnan(spread):
+        return []
+    unit = "metres" if spread < _NARROW else "micrometres"
+    return [
+        Problem(
+            "wrong unit", True,
+            f"all markers, wherever they move, lie within {spread:.3g} mm: are they in {unit}?",
+            "give places in mm", spread,
+        )
+    ]  # fmt: skip
+
+
+def _times(dataset: Dataset) -> list[Problem]:
+    out = []
+    for r in dataset.recordings:
+        if len(r.time) < 2:
+            continue
+        step, lasts = float(np.median(np.diff(r.time))), float(r.time[-1] - r.time[0])
+        if step < _FAST:
+            what = f"{r.name}: there are {1 / step:,.0f} pictures a second: are the times in s?"
+            out.append(_wrong(r, True, what, "give times in s", step))
+        elif lasts > _LONG:
+            what = f"{r.name}: lasts {lasts / 86400:,.0f} days: are the times in ms?"
+            out.append(_wrong(r, True, what, "give times in s", lasts))
+        elif step >= _SLOW:
+            what = f"{r.name}: pictures are {step:.3g} s apart: are the times in ms?"
+            out.append(_wrong(r, False, what, "give times in s", step))
+    return out
+
+
+def _resistances(dataset: Dataset) -> list[Problem]:
+    largest = _largest_rest(dataset)
+    if not 0 < largest < _FEW_OHMS:
+        return []
+    what = f"R0 of at most {largest:.3g} ohm is little for rubber cord"
+    return [Problem("wrong unit", False, f"{what}: {_KILO}", _GIVE_OHM, largest)]
+
+
+def unlike_cords(dataset: Dataset, shortest: float) -> list[Problem]:
+    """Of a device whose shortest possible cord has a resistance of `shortest` ohm."""
+    largest = _largest_rest(dataset)
+    if not 0 < largest < _PART * shortest:
+        return []
+    what = (
+        f"R0 of at most {largest:.3g} ohm is not that of this device's cords, of which the shortest"
+        f" has {shortest:.3g} ohm"
+    )
+    return [Problem("wrong unit", True, f"{what}: {_KILO}", _GIVE_OHM, largest)]
+
+
+def _largest_rest(dataset: Dataset) -> float:
+    """Of all channels and recordings, ohm; 0 where none is known."""
+    rest = np.concatenate([r.rest for r in dataset.recordings])
+    return float(rest.max(initial=0.0, where=np.isfinite(rest)))
+
+
+def _wrong(r: Recording, fatal: bool, what: str, remedy: str, value: float) -> Problem:
+    return Problem("wrong unit", fatal, what, remedy, value, (r.name,))
+
+
+def _spread(points: Float) -> float:
+    """Along the longest axis, of what is known; NaN where nothing is."""
+    known = points[np.isfinite(points).all(axis=1)]
+    return float(np.ptp(known, axis=0).max()) if len(known) else np.nan
