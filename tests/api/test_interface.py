@@ -290,7 +290,7 @@ def test_the_blocks_of_its_page_run_in_their_order(twin, saved, sessions, tmp_pa
     """With a small device in place of the bar, and a minute of its twin in place of two."""
     page = (ROOT / "docs/python.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
-    assert len(blocks) == page.count("```python") == 10
+    assert len(blocks) == page.count("```python") == 11
     monkeypatch.chdir(tmp_path)
     Path("fixtures/devices").mkdir(parents=True)
     for place, folder in zip(
@@ -318,3 +318,10 @@ def test_the_package_is_imported_without_what_is_not_used():
     done = subprocess.run([sys.executable, "-c", code], env=os.environ, check=False)
     assert done.returncode == 0
     assert {"Device", "simulate", "optimise", "predict"} <= set(dir(df))
+
+
+def test_types_of_what_is_returned_have_names(poses, layout, twin):
+    assert isinstance(poses.surface, df.Surface)
+    assert isinstance(layout.prediction, df.Prediction)
+    assert isinstance(twin, df.Dataset)
+    assert isinstance(twin.recordings[0], df.Recording)

@@ -77,8 +77,10 @@ def unlike_cords(dataset: Dataset, shortest: float) -> list[Problem]:
 
 
 def _largest_rest(dataset: Dataset) -> float:
-    """Of all channels and recordings, ohm; 0 where none is known."""
+    """Of all channels and recordings, ohm; 0 where none is known, as where resistances are told in
+    units of R0, which then is 1."""
     rest = np.concatenate([r.rest for r in dataset.recordings])
+    rest = rest[rest != 1.0]
     return float(rest.max(initial=0.0, where=np.isfinite(rest)))
 
 

@@ -70,6 +70,12 @@ def test_kiloohm_of_known_cords_forbid_training(good):
     assert unlike_cords(good, shortest=0.0) == []
 
 
+def test_resistances_in_units_of_r0_are_not_judged(good):
+    runs = tuple(replace(r, ohm=r.ohm / r.rest, rest=np.ones_like(r.rest)) for r in good.recordings)
+    relative = replace(good, recordings=runs)
+    assert unit_problems(relative) == unlike_cords(relative, shortest=290.0) == []
+
+
 def test_places_that_are_not_known_are_not_judged(good):
     run = replace(good.recordings[0], points=np.full_like(good.recordings[0].points, np.nan))
     assert unit_problems(replace(good, recordings=(run,))) == []
