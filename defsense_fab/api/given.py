@@ -96,9 +96,17 @@ def path(value: object, name: str, error: Error = DeviceError) -> Path:
     """A path that is not empty."""
     if isinstance(value, str | os.PathLike):
         text = os.fspath(value)
-        if isinstance(text, str) and text and "\0" not in text:
+        if isinstance(text, str) and text and "\0" not in text and _can_be_a_name(text):
             return Path(text)
     raise error(f"{name}: must be a path, not {shown(value)}; give it as text or pathlib.Path")
+
+
+def _can_be_a_name(text: str) -> bool:
+    try:
+        os.fsencode(text)
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def called(progress: object, error: Error = DeviceError) -> None:
@@ -115,5 +123,7 @@ def shown(value: Any) -> str:
     if value is None or isinstance(value, str | bool | Real):
         text = repr(value.item() if isinstance(value, np.generic) else value)
         return text if len(text) <= _LONG else f"{text[:_LONG]}..."
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
     name = type(value).__name__
     return f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"

@@ -32,7 +32,9 @@ def predict(
     """
     of_kind(layout, "layout", Layout, LayoutError)
     seen = layout.poses if poses is None else of_kind(poses, "poses", Simulation, LayoutError)
-    kind = layout.prediction.decoder if decoder is None else decoder
+    kind = layout.prediction.decoder
+    if decoder is not None:
+        kind = of_kind(decoder, "decoder", str, LayoutError)
     if kind not in DECODERS:
         raise LayoutError(f"decoder {kind!r}: is unknown; there are {', '.join(DECODERS)}")
     if not np.array_equal(seen.surface.vertices, layout.poses.surface.vertices):

@@ -130,7 +130,7 @@ def live(
     if layout is None and port.partition(":")[0] == "twin":
         raise LiveError(f"port {port!r}: a twin needs the layout of its device; give it")
     rate = whole(rate, "rate", LiveError, *_RATES)
-    if surface not in (None, *MODES):
+    if surface is not None and of_kind(surface, "surface", str, LiveError) not in MODES:
         raise LiveError(f"surface {surface!r}: is unknown; there are {', '.join(MODES)}, and None")
     newest = _Newest()
     options = RunOptions(

@@ -38,7 +38,7 @@ def moving_surface(
     model: TrainedModel, positions: ArrayLike, layout: Layout, mode: Mode
 ) -> MovingSurface:
     """As `Model.surface` says."""
-    if mode not in MODES:
+    if of_kind(mode, "mode", str, LiveError) not in MODES:
         raise LiveError(f"mode {mode!r}: is unknown; there are {', '.join(MODES)}")
     points = _checked(positions, len(model.ids))
     live = fitting_device(model, of_kind(layout, "layout", Layout, LiveError))

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
-from .dataset import Dataset, Recording
+from .dataset import Dataset
 from .problems import Problem
 
-_NARROW, _WIDE = 1.0, 1e4  # mm, between which markers spread: a tag alone is wider, no device so
+_NARROW, _WIDE = 1.0, 1e4  # mm: a tag alone is wider, and no device so wide
 _FAST = 0.9e-3  # s between pictures: no camera follows markers faster
 _SLOW = 1.0  # s between pictures, as those of a slow camera in ms have
-_LONG = 30 * 86400.0  # s, which no recording lasts
+_LONG = 30 * 86400.0  # s, which no slow recording lasts
 _FEW_OHMS = 20.0  # what no rubber cord of a usable length has
 _PART = 0.05  # of its shortest cord's resistance, which no device's is below
 _KILO = "are resistances in kiloohm?"
@@ -24,18 +24,17 @@ def unit_problems(dataset: Dataset) -> list[Problem]:
 
 
 def _places(dataset: Dataset) -> list[Problem]:
-    points = [dataset.rest_points, *(r.points.reshape(-1, 3) for r in dataset.recordings)]
-    spread = _spread(np.concatenate(points))
-    if _NARROW <= spread <= _WIDE or np.isnan(spread):
+    """Wherever the markers are for the least spread; where they are at rest for the greatest, since
+    a camera may once take something far away for a marker."""
+    rest = dataset.rest_points
+    everywhere = np.concatenate([rest, *(r.points.reshape(-1, 3) for r in dataset.recordings)])
+    if (spread := _spread(everywhere)) < _NARROW:
+        what = f"all markers, wherever they move, lie within {spread:.3g} mm: are they in metres?"
+    elif (spread := _spread(rest)) > _WIDE:
+        what = f"markers at rest lie {spread:,.0f} mm apart: are they in micrometres?"
+    else:
         return []
-    unit = "metres" if spread < _NARROW else "micrometres"
-    return [
-        Problem(
-            "wrong unit", True,
-            f"all markers, wherever they move, lie within {spread:.3g} mm: are they in {unit}?",
-            "give places in mm", spread,
-        )
-    ]  # fmt: skip
+    return [Problem("wrong unit", True, what, "give places in mm", spread)]
 
 
 def _times(dataset: Dataset) -> list[Problem]:
@@ -45,14 +44,14 @@ def _times(dataset: Dataset) -> list[Problem]:
             continue
         step, lasts = float(np.median(np.diff(r.time))), float(r.time[-1] - r.time[0])
         if step < _FAST:
-            what = f"{r.name}: there are {1 / step:,.0f} pictures a second: are the times in s?"
-            out.append(_wrong(r, True, what, "give times in s", step))
-        elif lasts > _LONG:
-            what = f"{r.name}: lasts {lasts / 86400:,.0f} days: are the times in ms?"
-            out.append(_wrong(r, True, what, "give times in s", lasts))
+            what = f"there are {1 / step:,.0f} pictures a second: are the times in s?"
         elif step >= _SLOW:
-            what = f"{r.name}: pictures are {step:.3g} s apart: are the times in ms?"
-            out.append(_wrong(r, False, what, "give times in s", step))
+            what = f"pictures are {step:.3g} s apart: are the times in ms?"
+        else:
+            continue
+        fatal = step < _FAST or lasts > _LONG
+        what, remedy = f"{r.name}: {what}", "give times in s"
+        out.append(Problem("wrong unit", fatal, what, remedy, step, (r.name,)))
     return out
 
 
@@ -82,10 +81,6 @@ def _largest_rest(dataset: Dataset) -> float:
     rest = np.concatenate([r.rest for r in dataset.recordings])
     rest = rest[rest != 1.0]
     return float(rest.max(initial=0.0, where=np.isfinite(rest)))
-
-
-def _wrong(r: Recording, fatal: bool, what: str, remedy: str, value: float) -> Problem:
-    return Problem("wrong unit", fatal, what, remedy, value, (r.name,))
 
 
 def _spread(points: Float) -> float:

@@ -34,7 +34,7 @@ def changed(data, *, length=1.0, time=1.0, ohm=1.0):
         ({"length": 1e-3}, "all markers, wherever they move, lie within .* are they in metres?"),
         ({"length": 1e3}, "are they in micrometres?"),
         ({"time": 1 / 3600}, "pictures a second: are the times in s?"),
-        ({"time": 1e6}, "lasts .* days: are the times in ms?"),
+        ({"time": 1e6}, "run-1: pictures are .* s apart: are the times in ms?"),
     ],
 )
 def test_what_cannot_be_forbids_training(good, factors, message):
@@ -74,6 +74,14 @@ def test_resistances_in_units_of_r0_are_not_judged(good):
     runs = tuple(replace(r, ohm=r.ohm / r.rest, rest=np.ones_like(r.rest)) for r in good.recordings)
     relative = replace(good, recordings=runs)
     assert unit_problems(relative) == unlike_cords(relative, shortest=290.0) == []
+
+
+def test_a_place_far_away_and_a_long_pause_are_not_judged(good):
+    run = good.recordings[0]
+    points, time = run.points.copy(), run.time.copy()
+    points[3, 0] = 2e4
+    time[len(time) // 2 :] += 50 * 86400
+    assert unit_problems(replace(good, recordings=(replace(run, points=points, time=time),))) == []
 
 
 def test_places_that_are_not_known_are_not_judged(good):
