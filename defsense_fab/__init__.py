@@ -37,7 +37,11 @@ if TYPE_CHECKING:
     from .api.simulation import Simulation as Simulation
     from .api.simulation import simulate as simulate
     from .core.errors import DefsenseError as DefsenseError
+    from .core.mesh import Surface as Surface
+    from .core.prediction import Prediction as Prediction
     from .runtime.frames.live_frame import LiveFrame as LiveFrame
+    from .training.data.dataset import Dataset as Dataset
+    from .training.data.dataset import Recording as Recording
 
 _MODULES = {
     "api.device": ("Device",),
@@ -53,7 +57,10 @@ _MODULES = {
     "api.regions": ("box", "cylinder", "half_space", "sphere"),
     "api.simulation": ("Simulation", "simulate"),
     "core.errors": ("DefsenseError",),
+    "core.mesh": ("Surface",),
+    "core.prediction": ("Prediction",),
     "runtime.frames.live_frame": ("LiveFrame",),
+    "training.data.dataset": ("Dataset", "Recording"),
 }
 _PLACES = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -11,47 +13,65 @@ from ..core.errors import BodyError
 from ..core.mesh import Surface
 from ..core.storage.files import storage_errors
 from ..geometry.kernels.export import write_stl
-from ..pipeline.starts.dropped_body import look_at
-
-_MM = "bodies are in mm"
-
-
-def write_body(body: object, folder: Path) -> dict[str, Any]:
-    """The table `[body]` of a file that is written into the `folder`: of a path to STEP, a mesh or
-    a script; of a build123d shape or builder; of a trimesh.Trimesh, or anything else with
-    `vertices` (n, 3) mm and `faces` (m, 3). Raises BodyError for what is none of these."""
-    if isinstance(body, str | Path):
-        return _copied(Path(body), folder)
-    if hasattr(body, "vertices") and hasattr(body, "faces") and not callable(body.vertices):
-        write_stl(_surface(body.vertices, body.faces), folder / "body.stl")
-        return {"mesh": "body.stl"}
-    shape = getattr(body, "part", body)  # a builder's, or the shape itself
-    solid = getattr(shape, "wrapped", None)
-    if solid is None:
-        raise BodyError(
-            f"body: {type(body).__name__} is no body; give a path, a build123d shape, a trimesh, or"
-            " a Surface"
-        )
-    from ..geometry.kernels import occ
-
-    occ.write_step(solid, folder / "body.step", "body")
-    return {"step": "body.step"}
+from ..pipeline.starts.body_unit import body_unit
+from ..pipeline.starts.dropped_body import DroppedBody, look_at, worth_telling
+from ..pipeline.starts.units import unit_name, unusual
+from .given import array, of_kind, path, shown
 
 
-def _copied(path: Path, folder: Path) -> dict[str, Any]:
-    """With the files beside a script that it reads."""
-    found = look_at(path)
+def write_body(
+    body: object, units: str | None, folder: Path
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The table `[body]` of a file that is written into the `folder`, and notes: what was repaired,
+    and whether its size is unusual. The body is a path to STEP, a mesh or a script; a build123d
+    shape or builder; a trimesh.Trimesh, or anything else with `vertices` (n, 3) and `faces` (m, 3).
+    A mesh is in these `units`. Raises BodyError for what is none of these, DeviceError for units
+    that cannot be, or must be given."""
+    if units is not None:
+        unit_name(of_kind(units, "units", str))
+    found = _found(body)
+    unit = body_unit(found, units, 'units="{}"')
     name = f"{found.name}{found.suffix}"
     with storage_errors(folder):
         for inner, content in {name: found.content, **found.others}.items():
             target = folder / inner
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(content)
-    return {found.key: name}
+    size = unusual(found.size(unit))
+    notes = [f"the body was mended: {line}" for line in worth_telling(found.repairs(unit))]
+    return found.table(name, unit), (*notes, *([size] if size else []))
 
 
-def _surface(vertices: Any, faces: Any) -> Surface:
+def _found(body: object) -> DroppedBody:
+    if isinstance(body, str | os.PathLike):
+        return look_at(path(body, "body", BodyError))
+    with tempfile.TemporaryDirectory(prefix="defsense-") as made, storage_errors(Path(made)):
+        return look_at(_file_of(body, Path(made)))
+
+
+def _file_of(body: Any, folder: Path) -> Path:
+    """A file in the `folder`, in the unit of the body."""
+    if hasattr(body, "vertices") and hasattr(body, "faces") and not callable(body.vertices):
+        write_stl(_surface(body), folder / "body.stl")
+        return folder / "body.stl"
+    shape = getattr(body, "part", body)  # a builder's, or the shape itself
+    solid = getattr(shape, "wrapped", None)
+    if solid is None:
+        raise BodyError(
+            f"body: must be a path, a build123d shape, a trimesh or a Surface, not {shown(body)}"
+        )
+    from ..geometry.kernels import occ
+
+    occ.write_step(solid, folder / "body.step", "body")
+    return folder / "body.step"
+
+
+def _surface(body: Any) -> Surface:
+    vertices = array(body.vertices, "body.vertices", BodyError)
+    faces = array(body.faces, "body.faces", BodyError)
+    if not (faces.size and (faces >= 0).all() and (faces < len(vertices)).all()):
+        raise BodyError(f"body.faces: must be numbers of the {len(vertices)} vertices, from 0 on")
     try:
-        return Surface(np.asarray(vertices, float), np.asarray(faces, np.int64))
+        return Surface(vertices, faces.astype(np.int64))
     except (TypeError, ValueError) as error:
-        raise BodyError(f"body: {error}; {_MM}") from None
+        raise BodyError(f"body: {error}") from None

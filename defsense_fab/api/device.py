@@ -5,22 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import tomlkit
 
 from ..core.device.device import Device as DeviceRecord
 from ..core.device.device_file import DEVICE, load_device
 from ..core.device.regions import Shape
-from ..core.errors import DeviceError
+from ..core.errors import DeviceError, StorageError
 from ..core.progress import Progress, silent
 from ..pipeline.artifacts.own_files import refuse_outside
 from ..pipeline.build.build import build
 from ..pipeline.build.stages import STAGES
 from ..pipeline.study.points.studied_device import studied_text
 from .bodies import write_body
-from .poses import DrawnCord, Pose, plain
-from .regions import region_table
+from .given import called, each_of, path
+from .plain import table
+from .poses import DrawnCord, Pose
+from .regions import region_tables
 from .workspace import Workspace
 
 
@@ -28,12 +29,15 @@ class Device:
     """A device as it was read or made; it does not change, and neither does its folder.
 
     What is computed from it is kept in a temporary folder of its own while it is in use. Only
-    `save` and `build` write elsewhere.
+    `save` and `build` write elsewhere. `notes` tell what was repaired of the body that it was
+    created from, and whether its size is unusual.
     """
 
-    def __init__(self, workspace: Workspace, source: Path | None) -> None:
+    def __init__(
+        self, workspace: Workspace, source: Path | None, notes: tuple[str, ...] = ()
+    ) -> None:
         """By `Device.load` or `Device.create`."""
-        self.workspace, self._source = workspace, source
+        self.workspace, self._source, self.notes = workspace, source, notes
         self.record: DeviceRecord = workspace.read()
 
     @staticmethod
@@ -41,7 +45,7 @@ class Device:
         """The device of a folder with device.toml, and what is up to date of its build. Raises
         DeviceError for what is wrong in the file, with its line and key, and for a body outside of
         the folder."""
-        source = Path(folder)
+        source = path(folder, "folder")
         refuse_outside(load_device(source))
         text = (source / DEVICE).read_text(encoding="utf-8")
         return Device(Workspace.copy_of(source, text), source)
@@ -59,45 +63,53 @@ class Device:
         cords: Sequence[DrawnCord] = (),
         sensors: int | None = None,
         edge_length: float,
+        units: str | None = None,
         anchor: str | None = None,
         values: Mapping[str, object] | None = None,
     ) -> Device:
         """A device without a file.
 
-        `body` is a path, a build123d shape, a trimesh or a Surface, in mm; `material`, `cord` and
-        `process` are names of rows of the package's tables; `regions` parts of the body by name;
-        `poses` what is to be sensed. `cords` are drawn, and so many more are found that there are
-        `sensors` in all. Tetrahedra have edges of `edge_length` mm. Where a region is named
+        `body` is a path, a build123d shape, a trimesh or a Surface; `material`, `cord` and
+        `process` are names of rows of the package's tables; `regions` parts of the body by name, in
+        mm; `poses` what is to be sensed. `cords` are drawn, and so many more are found that there
+        are `sensors` in all. Tetrahedra have edges of `edge_length` mm. Where a region is named
         `anchor`, it holds still. `values` sets further keys of device.toml, as in
         {"cord.noise": 0.002}.
+
+        `units` are those of a mesh: "mm", "cm", "m", "inch" or "um". Where they are not given, a
+        mesh is in mm, or in the unit that its file says, and one of a size that soft devices do not
+        have is refused with the unit that it is likely in. STEP, scripts and shapes say their own.
+        A mesh is repaired as `defsense new` does, and `notes` tell what was.
 
         Raises BodyError for what is no body, DeviceError for the other values; messages name them
         as device.toml does.
         """
-        workspace = Workspace()
-        data: dict[str, Any] = {
+        further = table({} if values is None else values)
+        data = table({
             "schema": 1,
             "name": name,
-            "body": write_body(body, workspace.folder),
+            "body": {},
             "material": {"name": material},
-            "mesh": {"edge_length": plain(edge_length)},
-            "regions": {n: region_table(n, shape) for n, shape in regions.items()},
+            "mesh": {"edge_length": edge_length},
+            "regions": region_tables(regions),
             "outputs": {} if anchor is None else {"anchor": anchor},
             "cord": {"name": cord},
             "fabrication": {"process": process},
             "design": {} if sensors is None else {"sensors": sensors},
-            "poses": [pose.table() for pose in poses],
-            "sensors": [drawn.table() for drawn in cords],
-        }
-        workspace.write(_text(data, values or {}))
-        return Device(workspace, None)
+            "poses": [pose.table() for pose in each_of(poses, "poses", Pose)],
+            "sensors": [drawn.table() for drawn in each_of(cords, "cords", DrawnCord)],
+        })  # fmt: skip
+        workspace = Workspace()
+        data["body"], notes = write_body(body, units, workspace.folder)
+        workspace.write(studied_text(tomlkit.dumps(data), further))
+        return Device(workspace, None, notes)
 
     def changed(self, values: Mapping[str, object]) -> Device:
         """The device with other values at dotted keys of device.toml, as in {"cord.noise": 0.002}
         or {"poses.bend.handles.1.rotate.degrees": 20}; what is the same is not computed again.
         Raises DeviceError for a value that cannot be, StudyError for a key that leads nowhere."""
-        text = _with_values(self.workspace.text, values)
-        return Device(Workspace.copy_of(self.workspace.folder, text), None)
+        text = studied_text(self.workspace.text, table(values))
+        return Device(Workspace.copy_of(self.workspace.folder, text), None, self.notes)
 
     @property
     def name(self) -> str:
@@ -122,13 +134,14 @@ class Device:
     def save(self, folder: str | Path) -> Device:
         """Write device.toml and the body into a folder that has no device yet; the device that is
         there. Raises StorageError."""
-        self.workspace.save(Path(folder))
+        self.workspace.save(path(folder, "folder", StorageError))
         return Device.load(folder)
 
     def build(self, until: str = "report", progress: Progress = silent) -> Path:
         """Build in the folder that the device was loaded from, as `defsense build` does; the folder
         of the build. Raises DeviceError for a device without a folder, or whose device.toml changed
         since it was loaded, and what the stages raise."""
+        called(progress)
         stages = [s.name for s in STAGES]
         if until not in stages:
             raise DeviceError(
@@ -166,30 +179,3 @@ def table_html(title: str, rows: Mapping[str, str]) -> str:
     """Names and values for a notebook."""
     body = "".join(f"<tr><th>{escape(k)}</th><td>{escape(v)}</td></tr>" for k, v in rows.items())
     return f"<table><caption>{escape(title)}</caption>{body}</table>"
-
-
-def _plain(value: Any) -> Any:
-    """Without arrays in it, however deep."""
-    if isinstance(value, Mapping):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return value.tolist() if hasattr(value, "tolist") else value
-
-
-def _text(data: Mapping[str, Any], values: Mapping[str, object]) -> str:
-    try:
-        return _with_values(tomlkit.dumps(dict(data)), values)
-    except (TypeError, ValueError) as error:  # of what TOML cannot hold
-        raise _not_toml(error) from None
-
-
-def _with_values(text: str, values: Mapping[str, object]) -> str:
-    try:
-        return studied_text(text, _plain(values))
-    except (TypeError, ValueError) as error:
-        raise _not_toml(error) from None
-
-
-def _not_toml(error: Exception) -> DeviceError:
-    return DeviceError(f"device: {error}; give numbers, texts, and lists of them")

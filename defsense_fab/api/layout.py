@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..core.arrays import Float
+from ..core.errors import LayoutError
 from ..core.prediction import Prediction
 from ..core.progress import Progress, silent
 from ..pipeline.artifacts.layout import CordRecord, LayoutRecord, load_layout, load_prediction
 from .device import table_html
+from .given import of_kind
 from .picture import Picture
 from .simulation import Simulation
 
@@ -57,8 +59,9 @@ class Layout:
 
 def optimise(poses: Simulation, progress: Progress = silent) -> Layout:
     """The cords that the device asks for, drawn ones improved and others found, chosen as `defsense
-    build` does. Raises LayoutError where a cord cannot keep its limits, FabricationError where
-    nothing that was found can be made."""
+    build` does. Raises LayoutError where a cord cannot keep its limits, and for what is no
+    simulation; FabricationError where nothing that was found can be made."""
+    of_kind(poses, "poses", Simulation, LayoutError)
     device = poses.device
     folder = device.workspace.built(device.record, "optimize", progress)
     layout, found = load_layout(folder), load_prediction(folder)

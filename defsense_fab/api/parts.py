@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..core.errors import FabricationError, StorageError
 from ..core.mesh import Surface
 from ..core.prediction import Prediction
 from ..core.progress import Progress, silent
@@ -14,6 +15,7 @@ from ..core.storage.files import replacing_folder
 from ..pipeline.artifacts.manifest import FOLDER, Manifest, load_manifest
 from ..pipeline.artifacts.part_files import load_parts
 from .device import table_html
+from .given import of_kind, path
 from .layout import Layout
 
 
@@ -32,7 +34,7 @@ class Parts:
     def save(self, folder: str | Path) -> Path:
         """Write all files of the parts (STL, 3MF, manifest) into a new folder, whole or not
         at all. Raises StorageError."""
-        folder = Path(folder)
+        folder = path(folder, "folder", StorageError)
         source = self.layout.poses.device.workspace.folder / "build" / FOLDER
         with replacing_folder(folder) as new:
             shutil.copytree(source, new, dirs_exist_ok=True)
@@ -50,6 +52,7 @@ class Parts:
 
 def fabricate(layout: Layout, progress: Progress = silent) -> Parts:
     """The parts, as `defsense build` makes them. Raises FabricationError."""
+    of_kind(layout, "layout", Layout, FabricationError)
     device = layout.poses.device
     folder = device.workspace.built(device.record, "fabricate", progress)
     manifest = load_manifest(folder)

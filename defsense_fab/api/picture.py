@@ -6,7 +6,9 @@ import base64
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.storage.files import storage_errors
+from ..core.errors import StorageError
+from ..core.storage.files import replacing
+from . import given
 
 
 @dataclass(frozen=True)
@@ -21,11 +23,13 @@ class Picture:
         return Picture(base64.b64decode(uri.partition(",")[2]))
 
     def save(self, path: str | Path) -> Path:
-        """Write the PNG file. Raises StorageError."""
-        path = Path(path)
-        with storage_errors(path):
-            path.write_bytes(self.png)
-        return path
+        """Write the .png file, whole or not at all. Raises StorageError, for other suffixes too."""
+        file = given.path(path, "path", StorageError)
+        if file.suffix.lower() != ".png":
+            raise StorageError(f"{file}: a picture is a .png file; let its name end so")
+        with replacing(file) as temporary:
+            temporary.write_bytes(self.png)
+        return file
 
     def _repr_png_(self) -> bytes:
         return self.png

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.errors import DeviceError
+from .given import each_of, of_kind
+from .plain import plain
 
 Free = Literal["free"]
 
@@ -29,12 +30,15 @@ class Handle:
     translate: ArrayLike | Free | Sequence[float | Free] = (0.0, 0.0, 0.0)
     about: ArrayLike | None = None
 
+    def __post_init__(self) -> None:
+        of_kind(self.region, "region", str)
+
     def table(self) -> dict[str, Any]:
         """As in `[[poses.handles]]`. Raises DeviceError for what says two things at once."""
         return {
             "region": self.region,
             "rotate": self._rotate(),
-            "translate": _maybe_free(self.translate),
+            "translate": plain(self.translate, "translate"),
         }
 
     def _rotate(self) -> object:
@@ -45,9 +49,9 @@ class Handle:
                     " which it turns; give an axis (3,) with these"
                 )
             return self.axis
-        rotate = {"axis": plain(self.axis), "degrees": _maybe_free(self.degrees)}
+        rotate = {"axis": plain(self.axis, "axis"), "degrees": plain(self.degrees, "degrees")}
         if self.about is not None:
-            rotate["about"] = plain(self.about)
+            rotate["about"] = plain(self.about, "about")
         return rotate
 
 
@@ -58,9 +62,12 @@ class Symmetry:
     region: str
     normal: ArrayLike
 
+    def __post_init__(self) -> None:
+        of_kind(self.region, "region", str)
+
     def table(self) -> dict[str, Any]:
         """As in `symmetry`."""
-        return {"region": self.region, "normal": plain(self.normal)}
+        return {"region": self.region, "normal": plain(self.normal, "normal")}
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,7 @@ class Drag:
 
     def table(self) -> dict[str, Any]:
         """As in `drags`."""
-        return {k: plain(getattr(self, k)) for k in ("at", "by", "stiffness")}
+        return {k: plain(getattr(self, k), k) for k in ("at", "by", "stiffness")}
 
 
 @dataclass(frozen=True)
@@ -84,9 +91,12 @@ class Pressure:
     region: str
     value: float
 
+    def __post_init__(self) -> None:
+        of_kind(self.region, "region", str)
+
     def table(self) -> dict[str, Any]:
         """As in `pressures`."""
-        return {"region": self.region, "value": plain(self.value)}
+        return {"region": self.region, "value": plain(self.value, "value")}
 
 
 @dataclass(frozen=True)
@@ -103,13 +113,21 @@ class Pose:
     pressures: Sequence[Pressure] = ()
     gravity: ArrayLike | None = None
 
+    def __post_init__(self) -> None:
+        of_kind(self.name, "name", str)
+        each_of(self.fixed, "fixed", str)
+        each_of(self.handles, "handles", Handle)
+        each_of(self.symmetry, "symmetry", Symmetry)
+        each_of(self.drags, "drags", Drag)
+        each_of(self.pressures, "pressures", Pressure)
+
     def table(self) -> dict[str, Any]:
         """As in `[[poses]]`."""
         parts = {k: getattr(self, k) for k in ("handles", "symmetry", "drags", "pressures")}
-        table: dict[str, Any] = {"name": self.name, "fixed": list(self.fixed)}
+        table: dict[str, Any] = {"name": self.name, "fixed": plain(self.fixed, "fixed")}
         table |= {k: [each.table() for each in some] for k, some in parts.items() if len(some)}
         if self.gravity is not None:
-            table["gravity"] = plain(self.gravity)
+            table["gravity"] = plain(self.gravity, "gravity")
         return table
 
 
@@ -128,32 +146,18 @@ class DrawnCord:
     free: Sequence[str] = ("path", "plane")
     tangents: ArrayLike | None = None
 
+    def __post_init__(self) -> None:
+        of_kind(self.name, "name", str)
+        each_of(self.free, "free", str)
+
     def table(self) -> dict[str, Any]:
         """As in `[[sensors]]`."""
         table = {
             "name": self.name,
-            "plane": {k: plain(getattr(self, k)) for k in ("origin", "normal", "x_axis")},
-            "control_points": plain(self.control_points),
-            "free": list(self.free),
+            "plane": {k: plain(getattr(self, k), k) for k in ("origin", "normal", "x_axis")},
+            "control_points": plain(self.control_points, "control_points"),
+            "free": plain(self.free, "free"),
         }
         if self.tangents is not None:
-            table["tangents"] = plain(self.tangents)
+            table["tangents"] = plain(self.tangents, "tangents")
         return table
-
-
-def _maybe_free(values: Any) -> Any:
-    """Numbers, and the word "free" where it stands."""
-    if isinstance(values, str):
-        return values
-    if isinstance(values, Sequence):
-        return [each if isinstance(each, str) else plain(each) for each in values]
-    return plain(values)
-
-
-def plain(values: ArrayLike) -> Any:
-    """Numbers and lists of them, whatever kind of array they came in. Raises DeviceError for
-    what is neither."""
-    try:
-        return np.asarray(values).tolist()
-    except ValueError:
-        raise DeviceError(f"{values!r}: give numbers, or an array of them") from None

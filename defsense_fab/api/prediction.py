@@ -11,6 +11,7 @@ from ..core.errors import LayoutError
 from ..core.prediction import Prediction
 from ..pipeline.design import predict as design
 from ..pipeline.design.design_task import load_task
+from .given import number, of_kind
 from .layout import Layout
 from .simulation import Simulation
 
@@ -27,14 +28,15 @@ def predict(
 
     `noise` (standard deviation of (R - R0)/R0) and `decoder` ("affine", "quadratic", "kernel") are
     its own where they are not given. Raises LayoutError for a noise or a decoder that cannot be,
-    and for poses of another body.
+    for poses of another body, and for what is no layout and no simulation.
     """
-    kind = decoder or layout.prediction.decoder
+    of_kind(layout, "layout", Layout, LayoutError)
+    seen = layout.poses if poses is None else of_kind(poses, "poses", Simulation, LayoutError)
+    kind = layout.prediction.decoder
+    if decoder is not None:
+        kind = of_kind(decoder, "decoder", str, LayoutError)
     if kind not in DECODERS:
         raise LayoutError(f"decoder {kind!r}: is unknown; there are {', '.join(DECODERS)}")
-    if noise is not None and not (np.isfinite(noise) and noise > 0):
-        raise LayoutError(f"noise {noise!r}: must be a number above 0, as in 0.002")
-    seen = poses or layout.poses
     if not np.array_equal(seen.surface.vertices, layout.poses.surface.vertices):
         raise LayoutError(
             f"the poses of {seen.device.name!r} are of another body than the cords; optimise cords"
@@ -42,6 +44,7 @@ def predict(
         )
     device = seen.device.record
     if noise is not None:
-        device = replace(device, cord=replace(device.cord, noise=noise))
+        deviation = number(noise, "noise", LayoutError, above=0)
+        device = replace(device, cord=replace(device.cord, noise=deviation))
     task = load_task(device, seen.device.workspace.folder / "build").decoded_by(kind)
     return design.predict(task, [c.built for c in layout.cords]).prediction

@@ -14,17 +14,18 @@ from ..core.progress import Progress, silent
 from ..pipeline.train.data.datasets import load_datasets
 from ..pipeline.twin.recordings.twin_recordings import simulate_recordings
 from ..training.data.dataset import Dataset, Recording
+from .given import array, called, each_of, number, of_kind, path, whole
 from .layout import Layout
 
 UNNAMED = "device"  # the name of one that was given none
 
 
 def load_sessions(*sessions: str | Path) -> Dataset:
-    """Processed sessions, folders of datasets and XDF files as one dataset. Raises TrainingError
-    for what is none of these, or does not go together."""
+    """Processed sessions, folders of datasets and XDF files as one dataset: each an argument.
+    Raises TrainingError for what is none of these, or does not go together."""
     if not sessions:
         raise TrainingError("sessions: give at least one folder of a processed session")
-    return load_datasets([Path(s) for s in sessions])
+    return load_datasets([path(s, f"sessions[{k}]", TrainingError) for k, s in enumerate(sessions)])
 
 
 def dataset(
@@ -45,11 +46,11 @@ def dataset(
     layout that a model is trained with where none is given. Raises TrainingError for shapes that do
     not go together, times that do not increase, and numbers that are none.
     """
+    of_kind(device, "device", str, TrainingError)
+    names = each_of(channels, "channels", str, TrainingError)
     when, ohm = _array("time", time, 1), _array("resistances", resistances, 2)
-    points, rest = (
-        _array("positions", positions, 3),
-        _array("rest_resistances", rest_resistances, 1),
-    )
+    points = _array("positions", positions, 3)
+    rest = _array("rest_resistances", rest_resistances, 1)
     places = _array("rest_positions", rest_positions, 2)
     if not (np.isfinite(rest).all() and (rest > 0).all()):
         raise TrainingError("rest_resistances: must be above 0, in ohm, and none NaN")
@@ -60,7 +61,7 @@ def dataset(
             raise TrainingError(f"{name}: must not be infinite; NaN is where there is none")
     sigma = np.full(points.shape, np.nan)
     run = Recording("run", "session", "unit", when, ohm, rest, when, points, sigma)
-    return Dataset(device, "", tuple(channels), np.arange(len(places)), places, (run,))
+    return Dataset(device, "", names, np.arange(len(places)), places, (run,))
 
 
 def record_twin(
@@ -73,21 +74,23 @@ def record_twin(
     progress: Progress = silent,
 ) -> Dataset:
     """Training sessions of so many `seconds` of a simulated built device (docs/twin.md): `unit`
-    says which one of those that differ in how they were made, `seed` how the hand moves it. Raises
-    CaptureError."""
-    if not (np.isfinite(seconds) and seconds > 0) or sessions < 1:
-        raise TrainingError(f"seconds {seconds!r}, sessions {sessions!r}: must be above 0")
+    says which one of those that differ in how they were made, `seed` how the hand moves it, both
+    from 0 on. Raises TrainingError for what cannot be, CaptureError for a device that no twin is
+    made of."""
+    of_kind(layout, "layout", Layout, TrainingError)
+    called(progress, TrainingError)
     return simulate_recordings(
-        layout.poses.device.record, seconds=seconds, sessions=sessions, seed=seed, unit=unit,
+        layout.poses.device.record,
+        seconds=number(seconds, "seconds", TrainingError, above=0),
+        sessions=whole(sessions, "sessions", TrainingError),
+        seed=whole(seed, "seed", TrainingError, least=0),
+        unit=whole(unit, "unit", TrainingError, least=0),
         progress=progress,
-    )  # fmt: skip
+    )
 
 
 def _array(name: str, values: ArrayLike, dimensions: int) -> Float:
-    try:
-        found = np.asarray(values, float)
-    except (TypeError, ValueError):
-        raise TrainingError(f"{name}: must be an array of numbers") from None
+    found = array(values, name, TrainingError)
     if found.ndim != dimensions:
         raise TrainingError(f"{name}: must have {dimensions} dimensions, not shape {found.shape}")
     return found

@@ -13,12 +13,13 @@ from ..core.arrays import Bool, Float, Int
 from ..core.errors import DeviceError
 from ..core.mesh import Surface
 from ..core.progress import Progress, silent
-from ..mechanics.elements.point_location import PointLocator
 from ..mechanics.elements.tet10 import QuadraticMesh
 from ..pipeline.artifacts.body import load_surface
 from ..pipeline.artifacts.fields import load_fields, load_index
 from ..pipeline.artifacts.mesh import load_mesh
 from .device import Device, table_html
+from .following import followed
+from .given import array, of_kind
 from .picture import Picture
 
 
@@ -42,19 +43,21 @@ class Simulation:
 
     def index(self, state: str) -> int:
         """The number of a state by its name, as in "bend@1". Raises DeviceError."""
+        of_kind(state, "state", str)
         if state not in self.names:
             raise DeviceError(f"no state is called {state!r}; there are {', '.join(self.names)}")
         return self.names.index(state)
 
     def displaced(self, points: ArrayLike) -> Float:
         """Where points (p, 3) mm of the rest frame are in each state, (s, p, 3) mm. Points outside
-        the body move with the nearest tetrahedron. Raises DeviceError for what is no points."""
-        at = checked_points(points)
-        locator = PointLocator(QuadraticMesh.from_linear(load_mesh(self._build)))
-        return np.asarray(at + locator.displacement(locator.find(at), self.displacements))
+        of the body are carried rigidly by the place of it that is nearest, as what is glued on it.
+        Raises DeviceError for what is no points, and for points further outside than a tenth of the
+        body's diagonal, where nothing is known."""
+        return followed(load_mesh(self._build), _checked(points), self.displacements)
 
     def picture(self, state: str) -> Picture:
-        """The deformed body from two sides, coloured by how far it moves, mm."""
+        """The deformed body from two sides, coloured by how far it moves, mm. Raises DeviceError
+        for a state that there is not."""
         from ..geometry.bodies.standing import standing
         from ..pipeline.report.pictures.poses import color_bar
         from ..pipeline.report.pictures.poses.errors import error_map
@@ -86,8 +89,10 @@ class Simulation:
 
 
 def simulate(device: Device, progress: Progress = silent) -> Simulation:
-    """Solve every state of a device, as `defsense build` does. Raises a DefsenseError: BodyError,
-    MeshingError, SolveError for a pose that the body cannot take."""
+    """Solve every state of a device, as `defsense build` does. Raises a DefsenseError: DeviceError
+    for what is no device, BodyError, MeshingError, SolveError for a pose that the body cannot
+    take."""
+    of_kind(device, "device", Device)
     folder = device.workspace.built(device.record, "simulate", progress)
     fields = load_fields(folder)
     mesh = QuadraticMesh.from_linear(load_mesh(folder))
@@ -98,12 +103,8 @@ def simulate(device: Device, progress: Progress = silent) -> Simulation:
     )  # fmt: skip
 
 
-def checked_points(points: ArrayLike) -> Float:
-    """Points (p, 3) mm. Raises DeviceError for other shapes, and numbers that are none."""
-    try:
-        at = np.asarray(points, float)
-    except (TypeError, ValueError):
-        raise DeviceError("points: must be numbers of shape (p, 3), in mm") from None
+def _checked(points: ArrayLike) -> Float:
+    at = array(points, "points")
     if at.ndim != 2 or at.shape[1] != 3 or not np.isfinite(at).all():
         raise DeviceError(f"points: must be finite, of shape (p, 3) in mm, not {at.shape}")
     return at

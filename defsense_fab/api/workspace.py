@@ -19,6 +19,7 @@ from ..core.storage.files import storage_errors, write_text
 from ..pipeline.artifacts.own_files import own_files
 from ..pipeline.build.build import build
 from ..pipeline.starts.starting_devices import put_device
+from .given import called
 
 _BUILD = "build"
 
@@ -59,6 +60,7 @@ class Workspace:
 
     def built(self, device: Device, until: str, progress: Progress = silent) -> Path:
         """The build's folder, made as far as the stage `until`. Raises DefsenseError."""
+        called(progress)
         return build(device, until, progress).folder
 
     def save(self, folder: Path) -> None:

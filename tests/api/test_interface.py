@@ -176,10 +176,10 @@ def test_ctrl_c_ends_a_live_run(layout, model):
     ("changes", "message"),
     [
         ({"material": "foam"}, "unknown material 'foam'"),
-        ({"body": 3}, "int is no body"),
+        ({"body": 3}, "body: must be a path, .* not 3"),
         ({"edge_length": float("nan")}, "edge_length: must be a number, not nan"),
         ({"values": {"cord.noize": 1.0}}, "did you mean 'noise'"),
-        ({"regions": {"base": 3}}, "regions.base: is a int"),
+        ({"regions": {"base": 3}}, "regions.base: must be made by box"),
         ({"poses": [df.Pose("a", ["bse"], [df.Handle("tip")])]}, "did you mean 'base'"),
         ({"regions": {"base": df.box([0, 0, 0], [1, 1, 1])}, "body": "none.stl"}, "no such file"),
         ({"cords": [df.DrawnCord("a", [[1, [2]]], [0, 0, 6], [0, 0, 1], [1, 0, 0])]}, "numbers"),
@@ -247,22 +247,31 @@ def test_bad_calls_are_told(layout, call, message):
         (lambda m, la: m.surface([["a"]], la), "array of numbers"),
         (lambda m, la: m.surface(np.full((1, 10, 3), np.inf), la), "must not be infinite"),
         (lambda m, la: m.surface(np.zeros((1, 10, 3)), la, "soft"), "mode 'soft': is unknown"),
-        (lambda m, la: m.surface(np.zeros((1, 10, 3)), la.poses), "is a Simulation; give the layo"),
+        (
+            lambda m, la: m.surface(np.zeros((1, 10, 3)), la.poses),
+            "must be a Layout, not a Simulation",
+        ),
         (lambda m, la: df.live(other(m, device="cube"), la, port="twin"), "of another device"),
         (lambda m, la: df.live(other(m, layout="0"), la, port="twin"), "of other cords"),
-        (lambda m, la: df.live("model.json", la, port="twin"), "model: is a str; give that of"),
+        (
+            lambda m, la: df.live("model.json", la, port="twin"),
+            "a Model, not 'model.json'; give that",
+        ),
         (lambda m, la: df.live(m, port="twin"), "a twin needs the layout"),
         (lambda m, la: df.live(m, la, port="twin:speed=2"), "twin:speed=2: write twin:unit=1"),
         (lambda m, la: df.live(m, la, port="/dev/none"), "/dev/none: "),
         (lambda m, la: df.live(m, la, port="replay:none.csv"), "none.csv: no such recording"),
         (lambda m, la: df.live(m, la, port=3), "port 3: must be text"),
-        (lambda m, la: df.live(m, la, port="twin", rate=5), "rate 5: must be whole"),
+        (
+            lambda m, la: df.live(m, la, port="twin", rate=5),
+            "a whole number from 10 to 500, not 5",
+        ),
         (lambda m, la: df.live(m, la, port="twin", surface="soft"), "surface 'soft': is unknown"),
         (
             lambda m, la: df.live(m, la, port="twin", rest_resistances=[1, 2]),
             "rest_resistances: must be 1 numbers above 0, in ohm, of top",
         ),
-        (lambda m, la: df.train(3, la), "data: is a int"),
+        (lambda m, la: df.train(3, la), "data: must be a Dataset, not 3"),
         (lambda m, la: df.load_sessions("none"), "none: there is no such file or folder"),
     ],
 )
@@ -281,7 +290,7 @@ def test_the_blocks_of_its_page_run_in_their_order(twin, saved, sessions, tmp_pa
     """With a small device in place of the bar, and a minute of its twin in place of two."""
     page = (ROOT / "docs/python.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
-    assert len(blocks) == page.count("```python") == 10
+    assert len(blocks) == page.count("```python") == 11
     monkeypatch.chdir(tmp_path)
     Path("fixtures/devices").mkdir(parents=True)
     for place, folder in zip(
@@ -309,3 +318,10 @@ def test_the_package_is_imported_without_what_is_not_used():
     done = subprocess.run([sys.executable, "-c", code], env=os.environ, check=False)
     assert done.returncode == 0
     assert {"Device", "simulate", "optimise", "predict"} <= set(dir(df))
+
+
+def test_types_of_what_is_returned_have_names(poses, layout, twin):
+    assert isinstance(poses.surface, df.Surface)
+    assert isinstance(layout.prediction, df.Prediction)
+    assert isinstance(twin, df.Dataset)
+    assert isinstance(twin.recordings[0], df.Recording)

@@ -6,6 +6,7 @@ from ...core.errors import LiveError
 from ...decoding.trained_model import TrainedModel
 from ...pipeline.live.live_device import LiveDevice, with_build, without_build
 from ...pipeline.live.model_fit import Misfit, misfit
+from ..given import of_kind
 from ..layout import Layout
 
 _NEEDED = "give the layout of optimise(simulate(device))"
@@ -16,8 +17,7 @@ def fitting_device(model: TrainedModel, layout: Layout | None) -> LiveDevice:
     or of other cords, than those that the model was trained on."""
     if layout is None:
         return without_build(model)
-    if not isinstance(layout, Layout):
-        raise LiveError(f"layout: is a {type(layout).__name__}; {_NEEDED}")
+    of_kind(layout, "layout", Layout, LiveError)
     device = layout.poses.device.record
     why = misfit(model, device, layout.record)
     if why is not None:

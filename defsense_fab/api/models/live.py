@@ -18,6 +18,7 @@ from ...core.progress import Progress, silent
 from ...pipeline.live.live_run import LiveRun, RunOptions, live_run
 from ...runtime.frames.live_frame import LiveFrame
 from ...runtime.surface.live_surface import Mode
+from ..given import array, called, of_kind, path, whole
 from ..layout import Layout
 from .fitting_device import fitting_device
 from .model import Model
@@ -121,23 +122,22 @@ def live(
     Raises LiveError for what does not go together, CaptureError for a port that cannot be opened,
     StorageError where readings cannot be kept.
     """
-    if not isinstance(model, Model):
-        raise LiveError(f"model: is a {type(model).__name__}; give that of train or Model.load")
+    of_kind(model, "model", Model, LiveError)
+    called(progress, LiveError)
     device = fitting_device(model.record, layout)
     if not isinstance(port, str) or not port:
         raise LiveError(f"port {port!r}: must be text, as in '/dev/ttyUSB0' or 'twin'")
     if layout is None and port.partition(":")[0] == "twin":
         raise LiveError(f"port {port!r}: a twin needs the layout of its device; give it")
-    if not (isinstance(rate, int) and _RATES[0] <= rate <= _RATES[1]):
-        raise LiveError(f"rate {rate!r}: must be whole, from {_RATES[0]} to {_RATES[1]} Hz")
-    if surface not in (None, *MODES):
+    rate = whole(rate, "rate", LiveError, *_RATES)
+    if surface is not None and of_kind(surface, "surface", str, LiveError) not in MODES:
         raise LiveError(f"surface {surface!r}: is unknown; there are {', '.join(MODES)}, and None")
     newest = _Newest()
     options = RunOptions(
         port, rate, _ohm("divider_resistances", divider_resistances, device.wired),
         _ohm("rest_resistances", rest_resistances, device.wired),
         surface=None if layout is None else surface, keep=record is not None,
-        record=None if record is None else Path(record), views=(newest,),
+        record=None if record is None else path(record, "record", LiveError), views=(newest,),
     )  # fmt: skip
     run = live_run(device, options, progress)
     try:
@@ -152,10 +152,7 @@ def live(
 def _ohm(name: str, values: ArrayLike | None, wired: tuple[str, ...]) -> Float | None:
     if values is None:
         return None
-    try:
-        ohm = np.asarray(values, float)
-    except (TypeError, ValueError):
-        ohm = np.zeros(0)
+    ohm = array(values, name, LiveError)
     if ohm.shape != (len(wired),) or not (np.isfinite(ohm).all() and (ohm > 0).all()):
         raise LiveError(
             f"{name}: must be {len(wired)} numbers above 0, in ohm, of {', '.join(wired)}"

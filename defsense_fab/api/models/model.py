@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...core.arrays import Float
-from ...core.errors import TrainingError
+from ...core.errors import StorageError, TrainingError
 from ...core.machine.blas_threads import one_blas_thread
 from ...core.progress import Progress, silent
 from ...decoding.trained_model import TrainedModel
+from ...pipeline.train.data.pair_dataset import Offset
 from ...pipeline.train.models.model_file import load_model, write_model
 from ...pipeline.train.models.prepare import NO, YES, prepare
 from ...pipeline.train.models.train_device import train_dataset
@@ -22,6 +23,7 @@ from ...runtime.surface.live_surface import Mode
 from ...sensing.signal import relative_change
 from ...training.data.dataset import Dataset
 from ...training.fitting.train_model import TrainingOptions
+from .. import given
 from ..layout import Layout
 from ..recordings import UNNAMED
 from .surface import MovingSurface, moving_surface
@@ -40,16 +42,16 @@ class Model:
     @staticmethod
     def load(path: str | Path) -> Model:
         """Of model.json, or of the folder that holds it. Raises TrainingError."""
-        return Model(load_model(Path(path)))
+        return Model(load_model(given.path(path, "path", TrainingError)))
 
     def save(self, path: str | Path) -> Path:
         """Write a .json file (docs/model.md), which the commands read. Raises TrainingError,
         StorageError."""
-        path = Path(path)
-        if path.suffix != ".json":
-            raise TrainingError(f"{path}: a model is a .json file")
-        write_model(path, self.record)
-        return path
+        file = given.path(path, "path", StorageError)
+        if file.suffix != ".json":
+            raise TrainingError(f"{file}: a model is a .json file; let its name end so")
+        write_model(file, self.record)
+        return file
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -68,11 +70,9 @@ class Model:
         with those at rest (c,) ohm; NaN where a resistance is. Raises TrainingError for shapes that
         do not fit the model."""
         c = len(self.channels)
-        try:
-            when, ohm = np.asarray(time, float), np.asarray(resistances, float)
-            rest = np.asarray(rest_resistances, float)
-        except (TypeError, ValueError):
-            raise TrainingError("resistances and times must be arrays of numbers") from None
+        when = given.array(time, "time", TrainingError)
+        ohm = given.array(resistances, "resistances", TrainingError)
+        rest = given.array(rest_resistances, "rest_resistances", TrainingError)
         if ohm.shape != (len(when) if when.ndim == 1 else -1, c) or rest.shape != (c,):
             raise TrainingError(
                 f"resistances {ohm.shape} at times {when.shape} with {rest.shape} at rest do not go"
@@ -97,7 +97,8 @@ class Model:
 
     def __repr__(self) -> str:
         tested = "" if self.test_rmse is None else f", {self.test_rmse:.2f} mm RMSE on its test"
-        return f"<Model of {self.record.device!r}: {self.record.kind}{tested}>"
+        notes = f", {len(self.notes)} notes" if self.notes else ""
+        return f"<Model of {self.record.device!r}: {self.record.kind}{tested}{notes}>"
 
 
 @one_blas_thread()
@@ -121,22 +122,28 @@ def train(
     known to go together in time, as a twin's do. Raises TrainingError for what forbids training,
     and for data of another device than the layout's.
     """
-    if not isinstance(data, Dataset):
-        raise TrainingError(
-            f"data: is a {type(data).__name__}; make it by load_sessions, dataset or record_twin"
-        )
-    if not 0 <= test_share < 1:
-        raise TrainingError(f"test_share {test_share!r}: must be at least 0 and below 1")
-    if shift != "auto" and not (isinstance(shift, int | float) and np.isfinite(shift)):
-        raise TrainingError(f"shift {shift!r}: must be s, or 'auto'")
+    given.of_kind(data, "data", Dataset, TrainingError)
+    if layout is not None:
+        given.of_kind(layout, "layout", Layout, TrainingError)
+    given.of_kind(decoder, "decoder", str, TrainingError)
+    given.called(progress, TrainingError)
+    share = given.number(test_share, "test_share", TrainingError)
+    if not 0 <= share < 1:
+        raise TrainingError(f"test_share: must be at least 0 and below 1, not {share:g}")
+    left_out = [
+        given.whole(number, "without_markers", TrainingError, least=0)
+        for number in given.listed(without_markers, "without_markers", TrainingError)
+    ]
+    automatic = isinstance(shift, str) and shift == "auto"
+    offset: Offset = "auto" if automatic else given.number(shift, "shift", TrainingError)
     device = None if layout is None else layout.poses.device.record
     if device is not None and data.device == UNNAMED:
         data = replace(data, device=device.name)
     data, prior, notes = prepare(
-        data, device, wanted=NO if device is None else YES, without=without_markers,
-        in_step=in_step, shift=shift, progress=progress,
+        data, device, wanted=NO if device is None else YES, without=left_out, in_step=in_step,
+        shift=offset, progress=progress,
     )  # fmt: skip
-    options = TrainingOptions(decoder=decoder, test_share=test_share)
+    options = TrainingOptions(decoder=decoder, test_share=share)
     training = train_dataset(data, options, prior, progress)
     tests = {a.name: a.test for a in training.attempts}
     test = tests[training.chosen]

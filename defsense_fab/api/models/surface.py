@@ -12,6 +12,7 @@ from ...core.errors import LiveError
 from ...decoding.trained_model import TrainedModel
 from ...pipeline.live.device_surface import device_surface
 from ...runtime.surface.live_surface import Mode
+from ..given import array, of_kind
 from ..layout import Layout
 from .fitting_device import fitting_device
 
@@ -37,10 +38,10 @@ def moving_surface(
     model: TrainedModel, positions: ArrayLike, layout: Layout, mode: Mode
 ) -> MovingSurface:
     """As `Model.surface` says."""
-    if mode not in MODES:
+    if of_kind(mode, "mode", str, LiveError) not in MODES:
         raise LiveError(f"mode {mode!r}: is unknown; there are {', '.join(MODES)}")
     points = _checked(positions, len(model.ids))
-    live = fitting_device(model, layout)
+    live = fitting_device(model, of_kind(layout, "layout", Layout, LiveError))
     surface = device_surface(live, mode, frame=np.inf)
     assert live.rest is not None
     vertices = np.full((len(points), len(live.rest.vertices), 3), np.nan)
@@ -51,10 +52,7 @@ def moving_surface(
 
 
 def _checked(positions: ArrayLike, count: int) -> Float:
-    try:
-        points = np.asarray(positions, float)
-    except (TypeError, ValueError):
-        raise LiveError("positions: must be an array of numbers, in mm") from None
+    points = array(positions, "positions", LiveError)
     if points.ndim != 3 or points.shape[1:] != (count, 3):
         raise LiveError(
             f"positions: must have shape (t, {count}, 3), pictures of the model's {count} markers,"

@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import json
 import os
-import re
 import shlex
 import sys
 from pathlib import Path
@@ -160,13 +159,19 @@ def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
 def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     """A device from a body of one's own."""
     from ...pipeline.starts.body_ends import find_ends
+    from ...pipeline.starts.body_unit import body_unit, check_unit
     from ...pipeline.starts.first_device import FirstDevice, begin_from, usual_material
-    from ...pipeline.starts.units import unusual
-    from .new_questions import answered, ask_poses, material_row, pose_names, process_row
+    from ...pipeline.starts.units import unit_name, unusual
+    from .new_questions import answered, ask_poses, ask_unit, material_row, pose_names, process_row
+
+    def checked(text: str) -> str:
+        check_unit(found, unit_name(text))
+        return unit_name(text)
 
     process = process_row(options.process or PROCESS)
     material = material_row(options.material) if options.material else usual_material(process)
-    unit = _unit(found, options, asked)
+    ask = (lambda: answered(lambda: ask_unit(found), checked)) if asked else None
+    unit = body_unit(found, options.units, "--units {}", ask)
     usual = find_ends(found.in_mm(unit)).usual()
     poses = options.poses
     if poses is not None:
@@ -188,41 +193,11 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     return {
         "device": str(options.folder), "name": first.name, "body": f"{found.name}{found.suffix}",
         "size_mm": [float(f"{x:.4g}") for x in size], "unit": unit,
-        "repaired": _in_the_files_unit(found, unit),
+        "repaired": found.repairs(unit),
         "edge_length": first.edge_length,
         "poses": list(begun), "cord": first.cord, "cords": first.cords,
         "material": first.material, "process": process, "note": unusual(size),
     }  # fmt: skip
-
-
-def _unit(found: DroppedBody, options: argparse.Namespace, asked: bool) -> str:
-    """The unit of the file's lengths. Raises DeviceError where it is not known, BodyError where no
-    device can be of that size."""
-    from ...pipeline.starts.first_device import check_unit
-    from ...pipeline.starts.units import UNIT_WORDS
-    from .new_questions import answered, ask_unit, sizes, unit_name
-
-    def checked(text: str) -> str:
-        chosen = unit_name(text)
-        check_unit(found, chosen)
-        return chosen
-
-    unit: str = found.unit
-    if options.units is not None:
-        unit = unit_name(options.units)
-        if found.key != "mesh" and unit != "mm":
-            raise DeviceError(
-                f"--units {options.units}: is for meshes; a STEP file says its unit, and a script"
-                " gives mm"
-            )
-    elif found.doubtful and asked:
-        return answered(lambda: ask_unit(found), checked)
-    elif found.doubtful:
-        raise DeviceError(
-            f"--units: in {UNIT_WORDS[found.own]} the body would be {sizes(found, found.own)}; in"
-            f" {UNIT_WORDS[unit]} it is {sizes(found, unit)}: give --units {unit}, or another"
-        )
-    return checked(unit)
 
 
 def _cord(found: DroppedBody, unit: str, process: str, named: str | None, asked: bool) -> str:
@@ -247,15 +222,6 @@ def _cord(found: DroppedBody, unit: str, process: str, named: str | None, asked:
     return answered(lambda: ask_cord(usual), checked)
 
 
-def _in_the_files_unit(found: DroppedBody, unit: str) -> list[str]:
-    """What was repaired, in lengths as the file has them."""
-    if found.scale(unit) == 1:
-        return list(found.repaired)
-    lengths = re.compile(r"\bmm(?=3?\b)")
-    word = unit if found.own == "mm" else "of the file's units"
-    return [lengths.sub(word, line) for line in found.repaired]
-
-
 def _name(options: argparse.Namespace) -> str:
     from ...core.storage.file_names import safe_name
 
@@ -264,6 +230,8 @@ def _name(options: argparse.Namespace) -> str:
 
 
 def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
+    from ...pipeline.starts.dropped_body import worth_telling
+
     build = f"defsense build {shlex.quote(begun['device'])}"
     with results():
         if options.json:
@@ -274,7 +242,7 @@ def _tell(begun: dict[str, Any], options: argparse.Namespace) -> None:
         if "size_mm" in begun:
             x, y, z = begun["size_mm"]
             size = f", {x:g} x {y:g} x {z:g} mm"
-        mended = [r for r in begun.get("repaired", []) if not r.startswith("merged")]
+        mended = worth_telling(begun.get("repaired", ()))
         say([
             f"Wrote:   {folder / 'device.toml'} and {begun['body']}{size}",
             *(f"Mended:  {line}" for line in mended),

@@ -42,9 +42,9 @@ def ask_unit(found: DroppedBody) -> str:
     from ...pipeline.starts.units import UNIT_WORDS
 
     return _choose(
-        f"In {UNIT_WORDS[found.own]} the body would be {sizes(found, found.own)}: is it in"
+        f"In {UNIT_WORDS[found.own]} the body would be {found.told_size(found.own)}: is it in"
         f" {UNIT_WORDS[found.unit]}?",
-        [(unit, f"{words}: {sizes(found, unit)}") for unit, words in UNIT_WORDS.items()],
+        [(unit, f"{words}: {found.told_size(unit)}") for unit, words in UNIT_WORDS.items()],
         found.unit,
     )
 
@@ -107,23 +107,6 @@ def material_row(text: str) -> str:
 def process_row(text: str) -> str:
     """Raises DeviceError for a process that there is not."""
     return _row("printers.csv", "process", text)
-
-
-def unit_name(text: str) -> str:
-    """Raises DeviceError for a unit that there is not."""
-    from ...pipeline.starts.units import UNIT_WORDS, UNITS
-
-    word = text.strip().lower().replace("\u00b5", "u").replace("\u03bc", "u")
-    others = {"in": "inch", '"': "inch"} | {words: unit for unit, words in UNIT_WORDS.items()}
-    unit = others.get(word, word)
-    if unit not in UNITS:
-        raise DeviceError(f"units {text}: there is {', '.join(UNITS)}")
-    return unit
-
-
-def sizes(found: DroppedBody, unit: str) -> str:
-    """Its extents where its file is in this unit."""
-    return " x ".join(f"{x:,.4g}" if x < 1e4 else f"{x:,.0f}" for x in found.size(unit)) + " mm"
 
 
 def _row(table: str, what: str, text: str) -> str:

@@ -31,7 +31,7 @@ from .device import (
 )
 from .material_table import read_material
 from .pose_file import read_poses, read_states
-from .regions import Box, Cylinder, HalfSpace, Shape, Sphere
+from .regions import Box, Cylinder, HalfSpace, Shape, Sphere, flaw
 from .silicone import silicone
 
 SCHEMA = 1
@@ -223,24 +223,20 @@ def _region(t: Table) -> Shape:
         t.fail(None, f"needs exactly one of {', '.join(shapes)}")
     shape: Shape
     if given[0] == "box":
-        low, high = t.array("box", (2, 3))
-        if (low >= high).any():
-            t.fail("box", "the first corner must be lower than the second in x, y and z")
-        shape = Box(low, high)
+        inner = t
+        shape = Box(*t.array("box", (2, 3)))
     else:
         inner = t.table(given[0])
         if given[0] == "sphere":
             shape = Sphere(inner.vector("center"), inner.number("radius", low=0))
         elif given[0] == "half_space":
             shape = HalfSpace(inner.vector("origin"), inner.vector("normal"))
-            if not shape.normal.any():
-                inner.fail("normal", "must not be zero")
         else:
             start, end = inner.vector("start"), inner.vector("end")
-            if np.allclose(start, end):
-                inner.fail("end", "must differ from start")
             shape = Cylinder(start, end, inner.number("radius", low=0))
         inner.done()
+    if wrong := flaw(shape):
+        inner.fail(*wrong)
     t.done()
     return shape
 

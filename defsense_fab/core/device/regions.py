@@ -60,3 +60,15 @@ class Cylinder:
 
 
 Shape = Box | Sphere | HalfSpace | Cylinder
+
+
+def flaw(shape: Shape) -> tuple[str, str] | None:
+    """Why a shape of finite numbers holds no space, as the key that is wrong and a sentence; None
+    of a shape that does."""
+    if isinstance(shape, Box) and (shape.low >= shape.high).any():
+        return "box", "the first corner must be lower than the second in x, y and z"
+    if isinstance(shape, HalfSpace) and not shape.normal.any():
+        return "normal", "must not be zero"
+    if isinstance(shape, Cylinder) and np.allclose(shape.start, shape.end):
+        return "end", "must differ from start"
+    return None

@@ -39,8 +39,13 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
         with storage_errors(path):
-            yield temporary
-            _move(temporary, path)
+            try:
+                yield temporary
+                _move(temporary, path)
+            except OSError as error:
+                if error.filename == str(temporary):
+                    error.filename = str(path)
+                raise
     finally:
         with suppress(OSError):  # there is none where its folder could not be written
             temporary.unlink()

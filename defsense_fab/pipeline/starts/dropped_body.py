@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ast
+import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ TETS = 8.5
 SCRIPT = ".py"
 #: Units of formats whose files are read into mm.
 _OWN = {".glb": "m", ".gltf": "m"}
+_MM = re.compile(r"\bmm(?=3?\b)")
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,29 @@ class DroppedBody:
         """Extents (3,) mm where the file is in that unit."""
         return np.asarray(np.ptp(self.surface.vertices, axis=0) * self.scale(unit))
 
+    def told_size(self, unit: str) -> str:
+        """The same in words."""
+        return " x ".join(f"{x:,.4g}" if x < 1e4 else f"{x:,.0f}" for x in self.size(unit)) + " mm"
+
+    def repairs(self, unit: str) -> tuple[str, ...]:
+        """What was repaired, told in that unit, in which the file is; in the file's lengths where
+        that is not the unit of its format."""
+        if self.scale(unit) == 1:
+            return self.repaired
+        word = unit if self.own == "mm" else "of the file's lengths"
+        return tuple(_MM.sub(word, line) for line in self.repaired)
+
+    def table(self, file: str, unit: str) -> dict[str, Any]:
+        """`[body]` of a device.toml beside which it lies as `file`, in that unit."""
+        body: dict[str, Any] = {self.key: file}
+        if self.parameters:
+            body["parameters"] = dict(self.parameters)
+        if self.scale(unit) != 1:
+            body["scale"] = float(f"{self.scale(unit):.12g}")
+        if any(line.startswith("filled ") for line in self.repaired):
+            body["fill_cavities"] = True
+        return body
+
     def in_mm(self, unit: str) -> Surface:
         """Its surface where the file is in that unit."""
         return Surface(self.surface.vertices * self.scale(unit), self.surface.faces)
@@ -73,6 +98,11 @@ class DroppedBody:
         surface = self.in_mm(unit)
         edge = min(thickness(surface) / _THICK, self.size(unit).max() / _LONG)
         return float(f"{max(edge, float(np.cbrt(TETS * surface.volume / _MOST_TETS))):.2g}")
+
+
+def worth_telling(repairs: Iterable[str]) -> list[str]:
+    """Without what is done to every file of some kinds: STL has each vertex several times."""
+    return [line for line in repairs if not line.startswith("merged")]
 
 
 def look_at(path: Path) -> DroppedBody:

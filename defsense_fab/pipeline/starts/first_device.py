@@ -16,9 +16,9 @@ from ...core.device.device_file import DEVICE, load_device, parse_device
 from ...core.errors import BodyError, DeviceError
 from ...core.progress import Progress, silent
 from ...core.storage.files import free_path, storage_errors, write_text
-from ...geometry.bodies.body import SIZES
 from ..artifacts.mesh_lock import FILE as MESH_LOCK
 from .body_ends import END_POSES, BodyEnds, find_ends, numbers
+from .body_unit import check_unit
 from .device_comments import commented
 from .dropped_body import TETS, DroppedBody
 from .starting_devices import put_device
@@ -107,18 +107,6 @@ def begin_from(
     return tuple(p.name for p in device.poses)
 
 
-def check_unit(dropped: DroppedBody, unit: str) -> None:
-    """Raises BodyError for a body that is no device of mm."""
-    size = float(np.linalg.norm(dropped.size(unit)))
-    if not SIZES[0] <= size <= SIZES[1]:
-        units = (
-            f"its lengths are no {UNIT_WORDS[unit]}: choose another unit, as --units does"
-            if dropped.key == "mesh"
-            else "export it again in its right unit"
-        )
-        raise BodyError(f"{dropped.name}: would be {size:,.3f} mm across; {units}")
-
-
 def check_room(dropped: DroppedBody, unit: str, cord: str, process: str) -> None:
     """Raises BodyError for a body that is too thin for a cord and its walls, or too short for a
     cord that stretches between its two ends."""
@@ -151,27 +139,19 @@ def check_edge_length(dropped: DroppedBody, unit: str, edge_length: float) -> No
     if not least <= edge_length <= thick:
         raise DeviceError(
             f"edge length {edge_length:g} mm: give one from {least:.2g} mm (a million elements) to"
-            f" {thick:.3g} mm (the body's thickness), as --edge-length does; fitted to this body it"
-            f" is {dropped.edge_length(unit):g} mm"
+            f" {thick:.3g} mm (the body's thickness); fitted to this body it is"
+            f" {dropped.edge_length(unit):g} mm"
         )
 
 
 def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
     """device.toml as a person would begin it, without comments and [states]."""
-    scale = dropped.scale(first.unit)
     surface = dropped.in_mm(first.unit)
     ends = find_ends(surface)
-    body: dict[str, Any] = {dropped.key: file}
-    if dropped.parameters:
-        body["parameters"] = _inline(dropped.parameters)
-    if scale != 1:
-        body["scale"] = float(f"{scale:.12g}")
-    if any(line.startswith("filled ") for line in dropped.repaired):
-        body["fill_cavities"] = True
     document = tomlkit.document()
     document.update({"schema": 1, "name": first.name})
     tables: dict[str, Any] = {
-        "body": body,
+        "body": _nested(dropped.table(file, first.unit)),
         "material": {"name": first.material},
         "mesh": {"edge_length": numbers([float(f"{first.edge_length:.2g}")])[0]},
         "regions": _regions(ends, first),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ...core.arrays import Float
+from ...core.errors import DeviceError
 
 #: Units of lengths, and mm in each; those that programs write more often first.
 UNITS = {"mm": 1.0, "inch": 25.4, "cm": 10.0, "m": 1000.0, "um": 0.001}
@@ -23,6 +24,16 @@ def likely_unit(longest: float, own: str = "mm") -> tuple[str, bool]:
             if least <= longest * UNITS[unit] <= most:
                 return unit, unit != own or (least, most) != _USUAL
     return own, True
+
+
+def unit_name(text: str) -> str:
+    """The unit that a word means, as in "inches". Raises DeviceError for one that there is not."""
+    word = text.strip().lower().replace("\u00b5", "u").replace("\u03bc", "u")
+    others = {"in": "inch", '"': "inch"} | {words: unit for unit, words in UNIT_WORDS.items()}
+    unit = others.get(word, word)
+    if unit not in UNITS:
+        raise DeviceError(f"units {text}: there is {', '.join(UNITS)}")
+    return unit
 
 
 def unusual(size: Float) -> str:

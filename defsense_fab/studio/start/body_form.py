@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.device.catalogue import read_rows
 from ...core.errors import DefsenseError
-from ...pipeline.starts.dropped_body import DroppedBody
+from ...pipeline.starts.dropped_body import DroppedBody, worth_telling
 from ...pipeline.starts.first_device import FirstDevice, begin_from
 from ...pipeline.starts.units import UNITS
 from ...runtime.view.first_look import look_at_body
@@ -67,9 +67,7 @@ class BodyForm:
         words = [f"**{size} mm**"]
         if body.doubtful:
             words.append("The file does not say its unit, and this is a guess: is it so large?")
-        mended = [
-            line for line in body.repaired if not line.startswith("merged")
-        ]  # as STL needs it
+        mended = worth_telling(body.repairs(unit))
         if mended:
             words.append(f"Mended: {', '.join(mended)}.")
         words.append("It is held at one end and moved at the other, until you say otherwise.")

@@ -13,6 +13,7 @@ from .channel_checks import channel_problems, longest_at
 from .dataset import Dataset, Recording
 from .in_step import WITHIN, find_shift
 from .problems import Problem, refuse
+from .unit_checks import unit_problems
 
 _EACH = 10  # frames for each weight of a decoder
 _LEAST = 50  # frames
@@ -35,7 +36,7 @@ def check_dataset(
     `predicted`: see `channel_problems`."""
     out = [
         *_together(dataset), *_twice(dataset), *_named(dataset, channels), *_numbers(dataset),
-        *_times(dataset),
+        *unit_problems(dataset), *_times(dataset),
     ]  # fmt: skip
     if not any(p.fatal for p in out):  # what follows computes with them
         # Causes first: of what has no signals or markers, too few frames are what follows.

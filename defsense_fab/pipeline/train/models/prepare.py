@@ -14,7 +14,9 @@ from ....training.data.dataset import Dataset
 from ....training.data.dataset_checks import checked
 from ....training.data.in_step import put_in_step
 from ....training.data.joining import without_markers
+from ....training.data.problems import refuse
 from ....training.data.uncertain_places import without_uncertain
+from ....training.data.unit_checks import unit_problems, unlike_cords
 from ....training.ridge.frames import Frames
 from ....training.simulation.coverage import coverage
 from ....training.simulation.expected_signals import expected_signals
@@ -47,6 +49,9 @@ def prepare(
         dataset = without_markers(dataset, left_out)
     dataset, uncertain = without_uncertain(dataset)
     notes += told_uncertain(uncertain)
+    refuse(unit_problems(dataset))
+    if device is not None:
+        refuse(unlike_cords(dataset, device.cord.ohm_per_mm * device.cord.min_stretch))
     progress("data", 0.4, "putting signals and markers in step")
     dataset, shifts = put_in_step(dataset, shift)
     notes += shifts

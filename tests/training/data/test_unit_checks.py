@@ -1,0 +1,89 @@
+"""Datasets in other units are told; only what cannot be forbids training."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.data.dataset_checks import checked
+from defsense_fab.training.data.unit_checks import unit_problems, unlike_cords
+from tests.training.synthetic import dataset
+
+
+@pytest.fixture(scope="module")
+def good():
+    return dataset()
+
+
+def changed(data, *, length=1.0, time=1.0, ohm=1.0):
+    """Each quantity times a factor."""
+    runs = [
+        replace(
+            r, points=r.points * length, sigma=r.sigma * length, time=r.time * time,
+            sample_time=r.sample_time * time, ohm=r.ohm * ohm, rest=r.rest * ohm,
+        )
+        for r in data.recordings
+    ]  # fmt: skip
+    return replace(data, rest_points=data.rest_points * length, recordings=tuple(runs))
+
+
+@pytest.mark.parametrize(
+    ("factors", "message"),
+    [
+        ({"length": 1e-3}, "all markers, wherever they move, lie within .* are they in metres?"),
+        ({"length": 1e3}, "are they in micrometres?"),
+        ({"time": 1 / 3600}, "pictures a second: are the times in s?"),
+        ({"time": 1e6}, "run-1: pictures are .* s apart: are the times in ms?"),
+    ],
+)
+def test_what_cannot_be_forbids_training(good, factors, message):
+    with pytest.raises(TrainingError, match=message):
+        checked(changed(good, **factors))
+
+
+@pytest.mark.parametrize(
+    ("factors", "message"),
+    [
+        ({"time": 1e3}, "pictures are .* s apart: are the times in ms? Give times in s"),
+        ({"ohm": 1e-3}, "is little for rubber cord: are resistances in kiloohm? Give ohm"),
+    ],
+)
+def test_what_can_hardly_be_is_told(good, factors, message):
+    told = unit_problems(changed(good, **factors))
+    assert told
+    assert not any(p.fatal for p in told)
+    assert all(part in str(told[0]) for part in message.split(" .* "))
+
+
+def test_units_as_they_should_be_are_not_told(good):
+    assert unit_problems(good) == []
+    for factors in ({"length": 0.1}, {"length": 10}, {"time": 0.1}, {"time": 10}, {"ohm": 0.1}):
+        assert unit_problems(changed(good, **factors)) == []
+
+
+def test_kiloohm_of_known_cords_forbid_training(good):
+    (problem,) = unlike_cords(changed(good, ohm=1e-3), shortest=290.0)
+    assert problem.fatal
+    assert "of which the shortest has 290 ohm: are resistances in kiloohm?" in problem.what
+    assert unlike_cords(good, shortest=290.0) == []
+    assert unlike_cords(good, shortest=0.0) == []
+
+
+def test_resistances_in_units_of_r0_are_not_judged(good):
+    runs = tuple(replace(r, ohm=r.ohm / r.rest, rest=np.ones_like(r.rest)) for r in good.recordings)
+    relative = replace(good, recordings=runs)
+    assert unit_problems(relative) == unlike_cords(relative, shortest=290.0) == []
+
+
+def test_a_place_far_away_and_a_long_pause_are_not_judged(good):
+    run = good.recordings[0]
+    points, time = run.points.copy(), run.time.copy()
+    points[3, 0] = 2e4
+    time[len(time) // 2 :] += 50 * 86400
+    assert unit_problems(replace(good, recordings=(replace(run, points=points, time=time),))) == []
+
+
+def test_places_that_are_not_known_are_not_judged(good):
+    run = replace(good.recordings[0], points=np.full_like(good.recordings[0].points, np.nan))
+    assert unit_problems(replace(good, recordings=(run,))) == []
