@@ -136,18 +136,24 @@ def _inspected(
         if c.name in again or c.name.startswith(tuple(f"{n}: " for n in changed))
     ]
     before = [i for i, p in enumerate(whole.parts) if p.name in changed]
-    old = {*(c.note for c in gone), *_told(whole, before)}
+    old = {*(c.note for c in gone), *_told(whole, before, changed)}
     notes = [c.note for c in found if c.note]
     return replace(
         made,
         checks=(*(c for c in made.checks if c not in gone), *found),
-        warnings=(*(w for w in made.warnings if w not in old), *notes, *_told(made, pieces)),
+        warnings=(
+            *(w for w in made.warnings if w not in old),
+            *notes,
+            *_told(made, pieces, changed),
+        ),
     )
 
 
-def _told(made: Made, which: Sequence[int]) -> list[str]:
-    """Of these parts (indices), and of all joints."""
-    return [*(w for i in which for w in told.of_part(made, i)), *told.of_joints(made)]
+def _told(made: Made, which: Sequence[int], whole: Sequence[str]) -> list[str]:
+    """Of these parts (indices), which are pieces where they are not called as `whole` ones, and of
+    all joints."""
+    parts = [told.of_part(made, i, made.parts[i].name not in whole) for i in which]
+    return [*(w for part in parts for w in part), *told.of_joints(made)]
 
 
 def _letters(name: str, count: int) -> str:

@@ -78,9 +78,10 @@ def run(device: Device, folder: Path, report: Report) -> None:
     kept = {
         mesh_lock.key(surface, edge): made for edge, made in used.items() if not made.repeatable
     }
-    if kept.keys() - locked.keys() or len(locked) < len(kept_before):
-        mesh_lock.write(device.source, kept)
-    if kept.keys() - locked.keys():
+    new = kept.keys() - locked.keys()
+    if new or len(locked) < len(kept_before):
+        mesh_lock.write(device.source, kept if new else locked)
+    if new:
         report(0.9, f"{mesh_lock.FILE} keeps the mesh, which cannot be made again: it belongs to"
                     " the device as device.toml does")  # fmt: skip
 

@@ -172,7 +172,7 @@ def test_a_part_too_high_that_cannot_be_cut_lies_on_another_side(standing):
 
 def test_warnings_are_those_of_the_pieces(made):
     """Not those of the part that was cut; a piece without a number is told."""
-    old = "1-bottom has no number engraved: write it on the part"
+    old = "1-bottom has no face large enough for its number: write the number on it"
     bare = replace(
         made, labels=tuple(m for m in made.labels if m.part == 1), warnings=(old, "else")
     )

@@ -7,13 +7,15 @@ from ...printing.print_bed import FOOTHOLD, footing
 from ..records import Made
 
 
-def of_part(made: Made, i: int) -> list[str]:
-    """Of the part of this index: how it stands on the bed, and whether it has its number."""
+def of_part(made: Made, i: int, piece: bool = False) -> list[str]:
+    """Of the part of this index, or the `piece` of one that was cut across: how it stands on the
+    bed, and whether it has its number."""
     part, out = made.parts[i], []
     if footing(triangle_kernel.to_manifold(part.surface, part.name), part.down) < FOOTHOLD:
         out.append(f"{part.name} has no flat face to stand on: print it with a brim and supports")
     if len(made.parts) > 1 and i not in {m.part for m in made.labels}:
-        out.append(f"{part.name} has no number engraved: write it on the part")
+        why = "has no number engraved" if piece else "has no face large enough for its number"
+        out.append(f"{part.name} {why}: write the number on it")
     return out
 
 
