@@ -40,4 +40,4 @@ $(VENV)/.ready: requirements.lock pyproject.toml setup-system.sh
 	touch $@
 
 clean:
-	rm -rf $(VENV) fixtures/devices/*/build fixtures/devices/*/.build-next
+	rm -rf $(VENV) fixtures/devices/*/build fixtures/devices/*/.build-*

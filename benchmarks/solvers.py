@@ -48,7 +48,7 @@ def copied(device: Path) -> Iterator[Path]:
     """A copy of the device's folder without what was built."""
     with tempfile.TemporaryDirectory() as folder:
         to = Path(folder, device.name)
-        shutil.copytree(device, to, ignore=shutil.ignore_patterns("build", ".build-next"))
+        shutil.copytree(device, to, ignore=shutil.ignore_patterns("build", ".build-*"))
         yield to
 
 

@@ -159,7 +159,7 @@ def _plates(manifest: dict[str, Any]) -> list[str]:
     said = [
         f"plates: {plates} with {things} pieces"
         + (f" of {copies} devices" if copies > 1 else "")
-        + f" (by their areas at least {manifest.get('least_plates', 1)})"
+        + f" (at least {manifest.get('least_plates', 1)})"
     ]
     cast = manifest.get("casting")
     if cast:

@@ -17,10 +17,11 @@ from ..bodies.standing import standing
 from ..channels.cord_channels import Channel, channels_of
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, Tool
-from ..printing.print_bed import FOOTHOLD, footing, resting
+from ..printing.print_bed import resting
 from . import alignment_pins, part_labels, tag_seats
 from .channel_openings import ChannelOpening
 from .division import SMALL, Cut, Division, divide, plan
+from .inspection import told
 from .inspection.inspect import inspect
 from .inspection.walls import walls, wire_walls
 from .part_contacts import Contact, contacts
@@ -182,27 +183,11 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
             f"the channel of cord {made.channels[g.line].name} {what} the joint of {joint} over"
             f" {g.length:.0f} mm near {xyz(g.at)}: keep glue away from it there"
         )
-    marked = {m.part for m in made.labels}
     for i, part in enumerate(made.parts):
         if part.volume < SMALL * made.body_volume:
             out.append(f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
-        solid = triangle_kernel.to_manifold(part.surface, part.name)
-        if footing(solid, part.down) < FOOTHOLD:
-            out.append(
-                f"{part.name} has no flat face to stand on: print it with a brim and supports"
-            )
-        if len(made.parts) > 1 and i not in marked:
-            out.append(
-                f"{part.name} has no face large enough for its number: write the number on it"
-            )
-    for k, cut in enumerate(made.cuts):
-        fitted = [p for p in made.pins if made.contacts[p.contact].cut == k]
-        if len(fitted) < 2:
-            a, b = (" + ".join(made.parts[i].name for i in side) for side in cut.sides)
-            out.append(
-                f"{len(fitted)} of 2 pins fit between {a} and {b}: align the outlines by hand while"
-                " the glue sets"
-            )
+        out += told.of_part(made, i)
+    out += told.of_joints(made)
     return out
 
 

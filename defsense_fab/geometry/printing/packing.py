@@ -107,7 +107,7 @@ _MANY = 80  # rectangles, for which only the first ways are tried
 def pack(sizes: Mapping[str, tuple[float, float]], bed: tuple[float, float]) -> dict[str, Place]:
     """Places for rectangles (width, depth, mm) that each fit the bed: of several ways of laying
     the one with the fewest plates, and of those the one whose last plate holds the least."""
-    least = least_plates(sizes, bed)
+    least = _by_areas(sizes, bed)
     best: tuple[tuple[int, float], dict[str, Place]] = ((0, 0.0), {})
     for k, way in enumerate(_WAYS if len(sizes) <= _MANY else _WAYS[: len(_ORDERS)]):
         plates, places = _laid(sizes, bed, way)
@@ -138,5 +138,19 @@ def _laid(
 
 
 def least_plates(sizes: Mapping[str, tuple[float, float]], bed: tuple[float, float]) -> int:
-    """The number of plates below which no arrangement gets, by the areas."""
+    """A number of plates below which no arrangement gets, by the areas and by the rectangles of
+    which no two lie on one plate."""
+    wide = [size for size in sizes.values() if _more_than_half(size, bed)]
+    return max(_by_areas(sizes, bed), len(wide))
+
+
+def _by_areas(sizes: Mapping[str, tuple[float, float]], bed: tuple[float, float]) -> int:
     return ceil(sum(w * d for w, d in sizes.values()) / (bed[0] * bed[1]) - _CLOSE)
+
+
+def _more_than_half(size: tuple[float, float], bed: tuple[float, float]) -> bool:
+    """Whether a rectangle takes more than half of the bed's width and of its depth, as it is and
+    turned, where it fits so."""
+    (width, depth), (w, d) = bed, size
+    ways = [(a, b) for a, b in ((w, d), (d, w)) if a <= width + _CLOSE and b <= depth + _CLOSE]
+    return all(a > width / 2 + _CLOSE and b > depth / 2 + _CLOSE for a, b in ways)

@@ -13,7 +13,7 @@ from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
-from .packing import pack
+from .packing import least_plates, pack
 
 #: First layer that holds a part on the bed, mm^2.
 FOOTHOLD = 20.0
@@ -34,12 +34,25 @@ def resting(surface: Surface, preferred: Sequence[Float]) -> Float:
     """The direction (3,) that points down as a part is printed: the first of the `preferred` ones
     in which it ends in a flat, or else, of these, the sides of its convex hull and its main axes,
     the one with the largest first layer."""
-    from scipy.spatial import ConvexHull
-
     solid = triangle_kernel.to_manifold(surface, "a part")
     for normal in preferred:
         if footing(solid, normal) >= FOOTHOLD:
             return normal
+    return max([*preferred, *_sides(surface)], key=lambda normal: footing(solid, normal))
+
+
+def other_side(surface: Surface, bed: tuple[float, float, float]) -> Float | None:
+    """The direction (3,) that points down where a part lies with the largest first layer of those
+    sides on which the bed holds it; None where it holds it on none."""
+    solid = triangle_kernel.to_manifold(surface, "a part")
+    held = [normal for normal in _sides(surface) if fits(laid(surface, normal), bed)]
+    return max(held, key=lambda normal: footing(solid, normal), default=None)
+
+
+def _sides(surface: Surface) -> list[Float]:
+    """The largest sides of the convex hull, and the main axes: directions (3,) to lie on."""
+    from scipy.spatial import ConvexHull
+
     hull = ConvexHull(surface.vertices)
     a, b, c = (hull.points[hull.simplices[:, i]] for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -47,8 +60,7 @@ def resting(surface: Surface, preferred: Sequence[Float]) -> Float:
     widest = np.argsort(-np.bincount(own.reshape(-1), area))[:_TRIED]
     around = np.linalg.svd(hull.points - hull.points.mean(0), full_matrices=False)[2]
     flats = normals[widest] / np.linalg.norm(normals[widest], axis=1)[:, None]
-    sides = [*preferred, *flats, *around, *-around]
-    return max(sides, key=lambda normal: footing(solid, normal))
+    return [*flats, *around, *-around]
 
 
 def footing(solid: Any, down: Float) -> float:
@@ -99,10 +111,8 @@ def arrange(
     Raises FabricationError for a part that no plate holds.
     """
     turned = {name: _fitting(name, s, bed, printer) for name, s in parts.items()}
-    room = (bed[0] - gap, bed[1] - gap)  # every rectangle brings the gap on two of its sides
-    sizes = footprints(turned, gap)
-    alone = [n for n, s in sizes.items() if not _holds(room, s)]  # nearer to the edge than the gap
-    places = pack({n: s for n, s in sizes.items() if n not in alone}, room)
+    room, sizes, alone = _rectangles(turned, bed, gap)
+    places = pack(sizes, room)
     plates = 1 + max((p.plate for p in places.values()), default=-1)
     out: dict[str, PlacedPart] = {}
     for name, surface in turned.items():
@@ -120,13 +130,34 @@ def arrange(
     return out
 
 
-def footprints(parts: Mapping[str, Surface], gap: float) -> dict[str, tuple[float, float]]:
-    """Width and depth of every part with the gap to its neighbours, mm."""
-    out = {}
+def fewest_plates(
+    parts: Mapping[str, Surface],
+    bed: tuple[float, float, float],
+    printer: str,
+    gap: float = GAP,
+) -> int:
+    """A number of plates below which `arrange` cannot get, however it lays the rectangles around
+    the parts. Raises FabricationError as it does."""
+    turned = {name: _fitting(name, s, bed, printer) for name, s in parts.items()}
+    room, sizes, alone = _rectangles(turned, bed, gap)
+    return len(alone) + least_plates(sizes, room)
+
+
+def _rectangles(
+    parts: Mapping[str, Surface], bed: tuple[float, float, float], gap: float
+) -> tuple[tuple[float, float], dict[str, tuple[float, float]], list[str]]:
+    """The room on a plate for rectangles, each of which brings the gap on two of its sides; their
+    sizes; and the parts that come nearer to the edge than the gap, for a plate of their own."""
+    room = (bed[0] - gap, bed[1] - gap)
+    sizes, alone = {}, []
     for name, surface in parts.items():
         x, y = np.ptp(surface.bounds, axis=0)[:2]
-        out[name] = (float(x) + gap, float(y) + gap)
-    return out
+        size = (float(x) + gap, float(y) + gap)
+        if _holds(room, size):
+            sizes[name] = size
+        else:
+            alone.append(name)
+    return room, sizes, alone
 
 
 def _holds(room: tuple[float, float], size: tuple[float, float]) -> bool:

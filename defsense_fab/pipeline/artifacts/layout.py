@@ -14,7 +14,7 @@ from ...core.device.device import Sensor
 from ...core.errors import DefsenseError, StorageError
 from ...core.prediction import Prediction
 from ...core.response import MeasuredResponse
-from ...core.storage.files import digest
+from ...core.storage.files import digest, load_json, write_json
 from ...sensing.built_cord import BuiltCord
 from . import typed_json
 from .build_folder import BUILD_AGAIN
@@ -193,6 +193,13 @@ def save_layout(folder: Path, layout: LayoutRecord, prediction: PredictionRecord
     """Both files. Raises StorageError."""
     typed_json.save(folder / LAYOUT, layout)
     typed_json.save(folder / PREDICTION, prediction)
+
+
+def name_layout(folder: Path, device: str) -> None:
+    """Write the device's name into `layout.json`, if it is another one. Raises StorageError."""
+    layout = load_json(folder / LAYOUT, StorageError, BUILD_AGAIN)
+    if layout["device"] != device:
+        write_json(folder / LAYOUT, layout | {"device": device})
 
 
 def load_layout(folder: Path, error: type[DefsenseError] = StorageError) -> LayoutRecord:

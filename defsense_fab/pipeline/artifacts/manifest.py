@@ -236,9 +236,10 @@ class Manifest:
     """`parts/manifest.json`; `prediction` is that for the cords as they are built in, `held` at
     their ends or `bonded` into their grooves (`assembly_of_cords`); volumes mm^3.
 
-    `advice` are sentences on how to print; `copies` of the device lie on the plates, of which the
-    areas ask for at least `least_plates`. Of cast parts, `moulds` and `casting`: what is printed
-    are the moulds then, and a part's `print` is its `stl`."""
+    `advice` are sentences on how to print; `copies` of the device lie on the plates, of which
+    there are at least `least_plates`, however the rectangles around them are laid. Of cast parts,
+    `moulds` and `casting`: what is printed are the moulds then, and a part's `print` is its
+    `stl`."""
 
     SCHEMA: ClassVar[int] = 4
 

@@ -7,6 +7,7 @@ and so the same cords and parts.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from ...core.errors import StorageError
 from ...core.mesh import Surface, TetMesh
-from ...core.storage.files import digest, replacing
+from ...core.storage.files import digest, replacing, storage_errors
 from ...geometry.bodies.meshing.tetrahedra import Tetrahedra
 from ...geometry.bodies.meshing.ways import FTETWILD
 from .mesh_store import made_as, told
@@ -32,6 +33,14 @@ def content(device: Path) -> str | None:
     """Hash of the file of a device's folder; None where there is none."""
     path = device / FILE
     return digest(path) if path.exists() else None
+
+
+def outgrown(device: Path, time_limit: float) -> bool:
+    """Whether this time limit (s) would better a mesh that is kept; not of a file that cannot be
+    read, which is told when it is used."""
+    with suppress(StorageError):
+        return any(made.outgrown(time_limit) for made in read(device).values())
+    return False
 
 
 def read(device: Path) -> dict[str, Tetrahedra]:
@@ -61,7 +70,11 @@ def read(device: Path) -> dict[str, Tetrahedra]:
 
 
 def write(device: Path, meshes: Mapping[str, Tetrahedra]) -> None:
-    """Keep these meshes and no others. Raises StorageError."""
+    """Keep these meshes and no others; no file where there are none. Raises StorageError."""
+    if not meshes:
+        with storage_errors(device / FILE):
+            (device / FILE).unlink(missing_ok=True)
+        return
     arrays = {}
     for name, made in sorted(meshes.items()):
         arrays[f"{name}/nodes"] = made.mesh.nodes

@@ -51,8 +51,9 @@ def made_as(mesh: TetMesh, words: str) -> Tetrahedra:
     return Tetrahedra(mesh, surface=surface, **read | {"tried": tuple(read["tried"])})
 
 
-def recall(surface: Surface, edge_length: float) -> Tetrahedra | None:
-    """The mesh of this surface and edge length (mm), where one was made on this machine."""
+def recall(surface: Surface, edge_length: float, time_limit: float) -> Tetrahedra | None:
+    """The mesh of this surface and edge length (mm), where one was made on this machine that this
+    time limit (s) would not better."""
     path = _path(surface, edge_length)
     try:
         with path.open("rb") as file, np.load(file) as data:
@@ -60,7 +61,7 @@ def recall(surface: Surface, edge_length: float) -> Tetrahedra | None:
         os.utime(path)
     except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile):
         return None  # none, or not readable: it is made anew
-    return made
+    return None if made.outgrown(time_limit) else made
 
 
 def remember(surface: Surface, edge_length: float, made: Tetrahedra) -> None:

@@ -20,7 +20,8 @@ _CAD = {
 }  # fmt: skip
 #: Of files that a body is made from.
 SUFFIXES = {".py", *_CAD}
-_BUILDS = ("build", ".build-next", ".build-old")
+#: Folders of builds: the last one, one that goes on, what was kept of others, the one before.
+BUILDS = ("build", ".build-next", ".build-kept", ".build-old")
 
 
 def cad_files(device: Device) -> list[SourceFile]:
@@ -33,7 +34,7 @@ def cad_files(device: Device) -> list[SourceFile]:
 def record(device: Device, folder: Path, sources: Iterable[SourceFile]) -> None:
     """Write what the body in the build's `folder` was made from; files of builds do not count."""
     files = {_name(device, s.path): s.content for s in sources}
-    kept = {n: c for n, c in sorted(files.items()) if n.split("/")[0] not in _BUILDS}
+    kept = {n: c for n, c in sorted(files.items()) if n.split("/")[0] not in BUILDS}
     write_json(folder / _FILE, kept)
 
 

@@ -1,13 +1,13 @@
 """Building a device: what is up to date is kept, what changed is made anew and moved in whole.
 
 A build works in `.build-next/` beside `build/` and trades places with it at the end, so an
-error or an interruption leaves the last good build as it was. Finished stages stay there and are
-taken up by the next build; where there is no build yet, they become it.
+error or an interruption leaves the last good build as it was. Stages that were finished by then go
+to `.build-kept/`, where the next builds find them until one succeeds; where there is no build yet,
+they become it.
 """
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -22,10 +22,12 @@ from ...core.errors import CapacityError, DefsenseError, StorageError
 from ...core.progress import Progress, silent
 from ...core.storage.files import storage_errors, write_json
 from ...core.storage.lock import locked
-from . import body_sources
+from ..artifacts.layout import LAYOUT, name_layout
+from . import body_sources, stage_files
 from .asked import PLATES, Asked, record, recorded
-from .stages import STAGES, Solve, Stage, Watch, installed, keys, read_json
+from .stages import STAGES, Solve, Stage, Versions, Watch, installed, keys, read_json
 from .state import STATE, load_state
+from .unfinished import keep
 
 LOCK = ".build-lock"
 _AS_IT_IS = Asked()
@@ -56,9 +58,9 @@ def build(
     Raises a DefsenseError where a stage fails; `build/` is then untouched.
     """
     busy = f"{device.source}: another build of this device is running; wait for it"
-    final, working, old = (device.source / n for n in ("build", ".build-next", ".build-old"))
+    final, working, kept, old = (device.source / n for n in body_sources.BUILDS)
     with storage_errors(device.source), locked(device.source / LOCK, busy):
-        for path in (final, working, old):
+        for path in (final, working, kept, old):
             if path.is_symlink():
                 raise StorageError(
                     f"{path}: is a symbolic link, which a build replaces; remove it, or link the"
@@ -75,18 +77,23 @@ def build(
         own, device = device, asked.of(device)
         wanted = keys(device, final)
         if all(finished(device, final, s, wanted) for s in stages):
+            _say_anew(final, stages, own, asked)
             return BuildResult(final, (), tuple(s.name for s in stages))
-        working.mkdir(exist_ok=True)
+        if working.is_dir():  # a build was interrupted
+            keep(working, kept, final)
+        working.mkdir()
         try:
             more = _given(watch, solve)
-            made, reused = _make(own, asked, working, final, stages, progress, more)
+            made, reused = _make(own, asked, working, (final, kept), stages, progress, more)
         except (DefsenseError, OSError):
-            _keep_what_is_new(device, working, final)
+            with suppress(DefsenseError, OSError):
+                keep(working, kept, final)
             raise
         if final.exists():
             final.replace(old)
         working.replace(final)
-        shutil.rmtree(old, ignore_errors=True)
+        for path in (old, kept):
+            shutil.rmtree(path, ignore_errors=True)
     return BuildResult(final, tuple(made), tuple(reused))
 
 
@@ -100,25 +107,20 @@ def _make(
     own: Device,
     asked: Asked,
     working: Path,
-    final: Path,
+    before: tuple[Path, ...],
     stages: tuple[Stage, ...],
     progress: Progress,
     more: Mapping[str, Mapping[str, Any]],
 ) -> tuple[list[str], list[str]]:
-    """Fill the `working` folder: the names of the stages that were made, and of those reused."""
+    """Fill the empty `working` folder, with what there is in those of `before`: the names of the
+    stages that were made, and of those reused."""
     device, made, reused, versions = asked.of(own), [], [], installed()
-    wanted = keys(device, final, versions)
     for stage in STAGES:
-        if finished(device, working, stage, keys(device, working, versions)):
-            reused.append(stage.name)
-            continue
-        _clear(working, stage)
-        if stage is not STAGES[0]:  # from now on for the body in the working folder
-            wanted = keys(device, working, versions)
-        if finished(device, final, stage, wanted):
-            for name in stage.outputs:
-                if (final / name).exists():  # versions before wrote fewer
-                    _copy(final / name, working / name)
+        source = _where(stage, device, working, before, versions)
+        if source is not None:
+            stage_files.copy(stage, source, working)
+            if LAYOUT in stage.outputs:  # the device may have been renamed
+                name_layout(working, device.name)
             reused.append(stage.name)
         elif stage in stages:
             progress(stage.name, 0.0, stage.title)
@@ -128,23 +130,32 @@ def _make(
         else:
             continue
         key = keys(device, working, versions)[stage.name]
-        done = {"key": key, "files": _sizes(working, stage)} | record(stage.name, own, asked)
+        files = stage_files.sizes(working, stage)
+        done = {"key": key, "files": files} | record(stage.name, own, asked)
         write_json(working / STATE, {**load_state(working), stage.name: done})
     return made, reused
 
 
-def _keep_what_is_new(device: Device, working: Path, final: Path) -> None:
-    """After an error: the working folder goes where it has no finished stage that `final` lacks,
-    and is `final` where there is none."""
-    wanted = keys(device, working)
-    done = [s for s in STAGES if finished(device, working, s, wanted)]
-    for stage in STAGES[len(done) :]:  # what the failing stage began
-        with suppress(OSError):
-            _clear(working, stage)
-    if all(finished(device, final, s, wanted) for s in done):
-        shutil.rmtree(working, ignore_errors=True)
-    elif not final.exists():
-        working.replace(final)
+def _where(
+    stage: Stage, device: Device, working: Path, before: tuple[Path, ...], versions: Versions
+) -> Path | None:
+    """The first of the folders of `before` in which a stage is up to date: for the body that is
+    there, if it is the body's, and for that in the `working` folder from then on."""
+    for folder in before:
+        body = folder if stage is STAGES[0] else working
+        if finished(device, folder, stage, keys(device, body, versions)):
+            return folder
+    return None
+
+
+def _say_anew(final: Path, stages: tuple[Stage, ...], own: Device, asked: Asked) -> None:
+    """Plates that are up to date are from now on those of this build, whatever the one that made
+    them was asked for."""
+    state = load_state(final)
+    for stage in stages:
+        said = state[stage.name] | record(stage.name, own, asked)
+        if said != state[stage.name]:
+            write_json(final / STATE, {**state, stage.name: said})
 
 
 @contextmanager
@@ -159,8 +170,7 @@ def undisturbed(device: Device) -> Iterator[Path]:
 def finished(device: Device, folder: Path, stage: Stage, wanted: dict[str, str]) -> bool:
     """Whether the stage's files are those that it left, none gone, none cut short, and made from
     what there is now."""
-    left = load_state(folder).get(stage.name, {})
-    if (left.get("key"), left.get("files")) != (wanted[stage.name], _sizes(folder, stage)):
+    if stage_files.whole_key(folder, stage) != wanted[stage.name]:
         return False
     return stage is not STAGES[0] or body_sources.unchanged(device, folder)
 
@@ -180,36 +190,6 @@ def run_stage(
         raise CapacityError(
             f"{device.source}: the memory does not suffice to {stage.title}; {stage.lighter}"
         ) from None
-
-
-def _sizes(folder: Path, stage: Stage) -> dict[str, int]:
-    paths = [folder / name for name in stage.outputs]
-    files = [f for p in paths for f in (sorted(p.rglob("*")) if p.is_dir() else [p])]
-    return {str(f.relative_to(folder)): f.stat().st_size for f in files if f.is_file()}
-
-
-def _clear(folder: Path, stage: Stage) -> None:
-    for name in stage.outputs:
-        target = folder / name
-        if target.is_dir():
-            shutil.rmtree(target)
-        else:
-            target.unlink(missing_ok=True)
-
-
-def _copy(source: Path, target: Path) -> None:
-    """Hard links where the file system has them: finished files are never written again."""
-    try:
-        if source.is_dir():
-            shutil.copytree(source, target, copy_function=os.link)
-        else:
-            os.link(source, target)
-    except (OSError, shutil.Error):
-        if source.is_dir():
-            shutil.rmtree(target, ignore_errors=True)  # some links may be there
-            shutil.copytree(source, target)
-        else:
-            shutil.copy2(source, target)
 
 
 def summary(folder: Path) -> dict[str, Any]:

@@ -6,12 +6,13 @@ import csv
 import io
 import re
 import zipfile
-from pathlib import Path
+from collections.abc import Container, Iterable
+from pathlib import Path, PurePosixPath
 
 from ...core.device.device import Device
 from ...core.device.device_file import DEVICE
 from ...core.errors import StorageError
-from ...core.storage.file_names import is_reserved
+from ...core.storage.file_names import folded, is_reserved
 from ...core.storage.files import replacing
 from ..artifacts import mesh_lock
 from ..artifacts.layout import LAYOUT
@@ -38,7 +39,8 @@ def export(device: Device, path: Path) -> tuple[str, ...]:
     outside of the device's folder it takes scripts and CAD files alone.
 
     The same build gives the same bytes. Raises StorageError where the build is not that of the
-    device as it is now, while another one runs, and where nothing can be written.
+    device as it is now, while another one runs, where two files would have one name, and where
+    nothing can be written.
     """
     with undisturbed(device) as folder:
         stage = outdated(device)
@@ -48,8 +50,8 @@ def export(device: Device, path: Path) -> tuple[str, ...]:
                 f"{folder}: has no parts of the device as it is now: '{stage.title}' has still to"
                 f" be done{f', for {why}' if why else ''}; build everything first"
             )
-        files = _files(device, folder)
         written = _tables(load_manifest(folder))
+        files = _files(device, folder, written)
         names = tuple(sorted([*files, *written]))
         with replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as out:
             for name in names:
@@ -60,9 +62,10 @@ def export(device: Device, path: Path) -> tuple[str, ...]:
     return names
 
 
-def _files(device: Device, folder: Path) -> dict[str, Path]:
-    """By the name in the zip. Sources that lie outside of the device's folder come as they are
-    called, in `outside/`."""
+def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str, Path]:
+    """By the name in the zip, where `others` lie besides. Sources that lie outside of the device's
+    folder come as they are called, in `outside/`, those of one name by number. Raises StorageError
+    for one inside of it whose name another file has on some system."""
     parts = folder / FOLDER
     out = {
         f"{FOLDER}/{p.relative_to(parts).as_posix()}": p for p in parts.rglob("*") if p.is_file()
@@ -75,14 +78,40 @@ def _files(device: Device, folder: Path) -> dict[str, Path]:
     for path in out.values():
         if not path.resolve().is_relative_to(inside):
             raise StorageError(f"{path}: leads out of the device's folder; build it again")
-    sources = [device.body.path, *map(Path, body_sources.recorded(folder) or {})]
-    for path in (device.source / s for s in sources):
-        whole = path.resolve()
-        near = whole.is_relative_to(inside)
-        # A folder that came from elsewhere may name any file of this machine.
-        if whole.is_file() and (near or whole.suffix.lower() in body_sources.SUFFIXES):
-            out[whole.relative_to(inside).as_posix() if near else f"outside/{whole.name}"] = whole
+    taken: dict[str, Path | None] = {folded(n): p.resolve() for n, p in out.items()}
+    taken |= dict.fromkeys(map(folded, others))
+    for path in _sources(device, folder, inside):
+        if path.is_relative_to(inside):
+            name = path.relative_to(inside).as_posix()
+        else:
+            name = _free(f"outside/{path.name}", taken)
+        if taken.setdefault(folded(name), path) != path:
+            raise StorageError(
+                f"{path}: another file of the zip has its name, or differs from it in capitals"
+                " alone; rename it, or move it to another folder of the device"
+            )
+        out[name] = path
     return out
+
+
+def _sources(device: Device, folder: Path, inside: Path) -> list[Path]:
+    """What the body was made from, whole paths, those in the device's folder first."""
+    given = [device.body.path, *map(Path, body_sources.recorded(folder) or {})]
+    found = dict.fromkeys((device.source / s).resolve() for s in given)
+    files = [p for p in found if p.is_file()]
+    near = [p for p in files if p.is_relative_to(inside)]
+    # A folder that came from elsewhere may name any file of this machine.
+    far = [p for p in files if p.suffix.lower() in body_sources.SUFFIXES and p not in near]
+    return near + far
+
+
+def _free(name: str, taken: Container[str]) -> str:
+    """The name, or the first of a.py, a-2.py, a-3.py, ... that is not taken."""
+    path, number, free = PurePosixPath(name), 1, name
+    while folded(free) in taken:
+        number += 1
+        free = str(path.with_stem(f"{path.stem}-{number}"))
+    return free
 
 
 def _tables(manifest: Manifest) -> dict[str, str]:

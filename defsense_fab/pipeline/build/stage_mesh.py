@@ -26,7 +26,9 @@ def run(device: Device, folder: Path, report: Report) -> None:
     """Make the tetrahedra, at the density that was asked for."""
     surface = load_surface(folder)
     _check_regions(device, surface)
-    locked = mesh_lock.read(device.source)
+    limit = device.mesh.time_limit
+    kept_before = mesh_lock.read(device.source)
+    locked = {k: made for k, made in kept_before.items() if not made.outgrown(limit)}
     used: dict[float, Tetrahedra] = {}
 
     def make(edge_length: float) -> TetMesh:
@@ -34,11 +36,9 @@ def run(device: Device, folder: Path, report: Report) -> None:
         if key in locked:
             made: Tetrahedra | None = locked[key]
         else:
-            made = mesh_store.recall(surface, edge_length)
+            made = mesh_store.recall(surface, edge_length, limit)
         if made is None:
-            made = tetrahedralise(
-                surface, edge_length, lambda m: report(0.3, m), device.mesh.time_limit
-            )
+            made = tetrahedralise(surface, edge_length, lambda m: report(0.3, m), limit)
             mesh_store.remember(surface, edge_length, made)
         used[edge_length] = made
         return conform(made.mesh, list(device.regions.values()))
@@ -78,8 +78,10 @@ def run(device: Device, folder: Path, report: Report) -> None:
     kept = {
         mesh_lock.key(surface, edge): made for edge, made in used.items() if not made.repeatable
     }
-    if kept.keys() - locked.keys():
-        mesh_lock.write(device.source, kept)
+    new = kept.keys() - locked.keys()
+    if new or len(locked) < len(kept_before):
+        mesh_lock.write(device.source, kept if new else locked)
+    if new:
         report(0.9, f"{mesh_lock.FILE} keeps the mesh, which cannot be made again: it belongs to"
                     " the device as device.toml does")  # fmt: skip
 

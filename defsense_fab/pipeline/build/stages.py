@@ -73,10 +73,11 @@ def _body_inputs(d: Device) -> Any:
 
 def _mesh_inputs(d: Device) -> Any:
     """With `accuracy` the poses choose the mesh, so it depends on them too; `device.mesh` may have
-    been there before, or is what the stage left."""
+    been there before, or is what the stage left. The time limit counts where it would better it."""
     poses = plain((d.material, d.poses)) if d.mesh.accuracy else None
     locked = mesh_lock.content(d.source)
-    return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses, locked)
+    longer = ["longer"] if mesh_lock.outgrown(d.source, d.mesh.time_limit) else []
+    return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses, locked, *longer)
 
 
 def _regions(d: Device) -> Any:

@@ -202,7 +202,7 @@ def coarse_mesh(device: Device, on_step: Callable[[str], None] | None = None) ->
     if edge is None:  # of a device without poses, which has a mesh to look for some
         edge = QuadraticMesh.from_linear(load_mesh(folder)).edge_length
     surface, edge = load_surface(folder), COARSER * edge
-    made = mesh_store.recall(surface, edge)
+    made = mesh_store.recall(surface, edge, device.mesh.time_limit)
     if made is None:
         try:
             made = tetrahedralise(surface, edge, on_step, device.mesh.time_limit)

@@ -10,8 +10,7 @@ from ...core.mesh import Surface
 from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.export import write_3mf, write_stl
 from ...geometry.parts.records import Made
-from ...geometry.printing.packing import least_plates
-from ...geometry.printing.print_bed import PlacedPart, arrange, footprints
+from ...geometry.printing.print_bed import PlacedPart, arrange, fewest_plates
 from ..artifacts.manifest import PinRecord, Plate
 
 #: The folder in parts/ of what lies as it is printed; beside it parts stand where they belong.
@@ -38,7 +37,7 @@ def on_plates(
     lying: Mapping[str, Surface],
     pins: Mapping[str, tuple[Surface, int, Mapping[str, float]]],
 ) -> tuple[dict[str, PlacedPart], int]:
-    """What lies as it is printed, arranged, and the number of plates that the areas ask for.
+    """What lies as it is printed, arranged, and the number of plates below which that cannot be.
 
     Printed parts come as often as there are copies of the device; moulds once, for all copies are
     cast in them. Raises FabricationError for what no plate holds.
@@ -52,9 +51,7 @@ def on_plates(
     }
     for name, (surface, count, _) in pins.items():
         pieces |= {f"{name}_{k + 1}": surface for k in range(count * f.copies)}
-    bound = least_plates(
-        footprints(pieces, f.spacing), (f.bed[0] - f.spacing, f.bed[1] - f.spacing)
-    )
+    bound = fewest_plates(pieces, f.bed, f.process, f.spacing)
     return arrange(pieces, f.bed, f.process, f.spacing), bound
 
 

@@ -53,3 +53,16 @@ def test_pieces_that_were_one_plate_fill_one_plate_again():
     assert more < 20
     thirds = {str(k): (66.0, 99.0) for k in range(12)}
     assert 1 + max(p.plate for p in pack(thirds, (200.0, 200.0)).values()) == 2
+
+
+def test_the_least_number_of_plates_knows_what_cannot_lie_side_by_side():
+    bed = (200.0, 160.0)
+    for size in ((120.0, 110.0), (110.0, 120.0), (150.0, 130.0), (190.0, 81.0)):
+        wide = {str(k): size for k in range(5)}
+        used = 1 + max(p.plate for p in pack(wide, bed).values())
+        assert least_plates(wide, bed) == used == 5
+    for size in ((100.0, 160.0), (200.0, 80.0), (80.0, 150.0)):  # two of a plate
+        halves = {str(k): size for k in range(4)}
+        used = 1 + max(p.plate for p in pack(halves, bed).values())
+        assert least_plates(halves, bed) == used == 2
+    assert least_plates({}, bed) == 0

@@ -6,7 +6,15 @@ import pytest
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.geometry.printing.print_bed import arrange, footing, laid, resting
+from defsense_fab.geometry.printing.print_bed import (
+    arrange,
+    fewest_plates,
+    fits,
+    footing,
+    laid,
+    other_side,
+    resting,
+)
 from tests.conftest import box_surface
 
 BED = (220.0, 220.0, 250.0)
@@ -79,6 +87,30 @@ def test_a_part_that_fills_the_bed_has_a_plate_of_its_own():
     parts = {n: laid(box_surface([0, 0, 0], s), down) for n, s in sizes.items()}
     plates = {n: p.plate for n, p in arrange(parts, BED, "printer").items()}
     assert plates["b"] not in (plates["a"], plates["c"])
+
+
+def test_no_fewer_plates_are_asked_for_than_there_are():
+    """A part that fills its plate, up to the edge, asks for this one alone."""
+    down = np.array([0, 0, -1.0])
+    for sizes, count in (
+        ([[218, 218, 5]], 1),
+        ([[218, 218, 5], [100, 100, 5]], 2),
+        ([[218, 30, 5]] * 3, 3),
+        ([[120, 120, 5]] * 3, 3),
+        ([[270, 20, 20]], 1),
+    ):
+        parts = {str(k): laid(box_surface([0, 0, 0], s), down) for k, s in enumerate(sizes)}
+        plates = {p.plate for p in arrange(parts, BED, "printer").values()}
+        assert len(plates) == fewest_plates(parts, BED, "printer") == count
+
+
+def test_a_part_too_high_on_one_side_lies_on_another():
+    tower = box_surface([0, 0, 0], [40, 50, 200])
+    low = (220.0, 220.0, 45.0)
+    down = other_side(tower, low)
+    assert fits(laid(tower, down), low)
+    assert abs(down) == pytest.approx([1, 0, 0])
+    assert other_side(tower, (220.0, 220.0, 30.0)) is None
 
 
 def test_a_long_part_lies_across_the_corners_and_a_longer_one_is_refused():

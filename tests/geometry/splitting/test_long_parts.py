@@ -145,3 +145,40 @@ def test_what_fits_is_left_as_it_is_and_what_is_too_wide_is_refused(made):
     thin = replace(RULES, wall=14.0)
     with pytest.raises(FabricationError, match="no room for two dowels"):
         split_long(made, BED, thin)
+
+
+@pytest.fixture(scope="module")
+def standing(bar):
+    """Two halves of a bar that stand on their joint."""
+    points = [[-12, 0], [-5, 0], [0, 3], [5, 0], [12, 0]]
+    across = cord("across", [1, 0, 0], [75, 0, 0], [0, 1, 0], points)
+    return make_parts(bar, [across], replace(RULES, pockets=None))
+
+
+def test_a_part_too_high_that_cannot_be_cut_lies_on_another_side(standing):
+    tall = [p.name for p in standing.parts]
+    no_room = replace(RULES, wall=14.0)
+    low = (100.0, 100.0, 60.0)
+    assert not any(fits(laid(p.surface, p.down), low) for p in standing.parts)
+    done = split_long(standing, low, no_room)
+    assert [p.name for p in done.made.parts] == tall
+    for before, after in zip(standing.parts, done.made.parts, strict=True):
+        assert fits(laid(after.surface, after.down), low)
+        assert after.surface is before.surface
+    assert all("lies on another side" in note for note in done.notes)
+    with pytest.raises(FabricationError, match=r"30 x 30 x 75 mm .* 30 mm wide and 30 mm deep"):
+        split_long(standing, (31.0, 31.0, 40.0), no_room)
+
+
+def test_warnings_are_those_of_the_pieces(made):
+    """Not those of the part that was cut; a piece without a number is told."""
+    old = "1-bottom has no face large enough for its number: write the number on it"
+    bare = replace(
+        made, labels=tuple(m for m in made.labels if m.part == 1), warnings=(old, "else")
+    )
+    told = split_long(bare, BED, RULES).made.warnings
+    assert old not in told
+    assert "else" in told
+    unmarked = [w.split()[0] for w in told if "has no number engraved" in w]
+    assert [n for n in unmarked if n.startswith("1")] == ["1-bottom-a", "1-bottom-b"]
+    assert len([n for n in unmarked if n.startswith("2")]) == 1

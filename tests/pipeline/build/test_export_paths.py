@@ -47,3 +47,36 @@ def test_links_that_lead_out_of_the_folder_are_refused(folder, tmp_path, name):
     (folder / name).symlink_to(tmp_path / "secret")
     with pytest.raises(StorageError, match="leads out of the device's folder"):
         names(folder)
+
+
+def sources(folder, *files):
+    named = dict.fromkeys(map(str, files), "hash")
+    (folder / "build" / "body" / "sources.json").write_text(json.dumps(named))
+
+
+def test_sources_of_one_name_stay_apart(folder, tmp_path):
+    others = [tmp_path / where / name for where, name in (("a", "common.py"), ("b", "Common.py"))]
+    for path in others:
+        path.parent.mkdir()
+        path.write_text(str(path))
+    sources(folder, *others, "../common.py", "bar.py", folder / "bar.py")
+    found = {n: p for n, p in names(folder).items() if n.startswith("outside/")}
+    assert sorted(found) == ["outside/Common-2.py", "outside/common-3.py", "outside/common.py"]
+    assert len(set(found.values())) == 3
+
+
+@pytest.mark.parametrize("name", ["parts/a.stl", "parts/A.stl", "layout.json", "print.csv"])
+def test_a_source_with_the_name_of_what_was_built_is_refused(folder, name):
+    (folder / name).parent.mkdir(exist_ok=True)
+    (folder / name).write_text("of the device")
+    sources(folder, name)
+    with pytest.raises(StorageError, match=r"another file of the zip has its name.*; rename it"):
+        _files(load_device(folder), folder / "build", ["print.csv"])
+
+
+def test_sources_that_differ_in_capitals_alone_are_refused(folder):
+    for name in ("Data.stl", "data.stl"):
+        (folder / name).write_text(name)
+    sources(folder, "Data.stl", "data.stl")
+    with pytest.raises(StorageError, match="differs from it in capitals alone"):
+        names(folder)

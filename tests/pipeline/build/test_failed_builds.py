@@ -1,5 +1,6 @@
 """What a failed build leaves behind: stages that write a file each stand in for the real ones."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def ran(monkeypatch):
             names.append(stage.name)
             for output in stage.outputs:
                 if "." in output:
-                    (folder / output).write_text(stage.name)
+                    write_json(folder / output, {"device": device.name, "by": stage.name})
                 else:
                     (folder / output).mkdir()
                     write_json(folder / output / "sources.json", {})
@@ -103,8 +104,8 @@ def test_a_good_build_stays_and_new_stages_are_taken_up_later(folder, ran, monke
         m.setattr(stage_optimize, "run", failing("layout.json"))
         with pytest.raises(LayoutError):
             build(load_device(folder))
-    assert (folder / "build" / "layout.json").read_text() == "optimize"
-    assert hidden(folder) == [".build-next"]
+    assert (folder / "build" / "layout.json").exists()
+    assert hidden(folder) == [".build-kept"]
     del ran[:]
     build(load_device(folder))
     assert ran == ["optimize", "fabricate", "report"]
@@ -118,4 +119,55 @@ def test_a_failure_after_stages_that_the_build_has_leaves_nothing(folder, ran, m
     with pytest.raises(LayoutError):
         build(load_device(folder))
     assert hidden(folder) == []
-    assert (folder / "build" / "layout.json").read_text() == "optimize"
+    assert (folder / "build" / "layout.json").exists()
+
+
+def test_poses_outlast_builds_that_fail_earlier(folder, ran, monkeypatch):
+    """Poses solved before cords failed are there once a script that was broken since is mended, and
+    a build with another mesh failed, too."""
+    build(load_device(folder))
+    change(folder, "edge_length = 6.0", "edge_length = 7.0")
+    for module, output in ((stage_optimize, "layout.json"), (stage_body, "body"),
+                           (stage_simulate, "index.json")):  # fmt: skip
+        if module is stage_body:
+            change(folder, "width = 30", "width = 31")
+        if module is stage_simulate:
+            change(folder, "width = 31", "width = 30")
+            change(folder, "edge_length = 7.0", "edge_length = 8.0")
+        with monkeypatch.context() as m:
+            m.setattr(module, "run", failing(output))
+            with pytest.raises(LayoutError):
+                build(load_device(folder))
+    change(folder, "edge_length = 8.0", "edge_length = 7.0")
+    del ran[:]
+    assert build(load_device(folder)).reused == ("body", "simulate")
+    assert ran == ["mesh", "optimize", "fabricate", "report"]
+    assert hidden(folder) == []
+
+
+def test_an_interrupted_build_is_gone_on_with_after_another_failed(folder, ran, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    build(load_device(folder))
+    change(folder, "edge_length = 6.0", "edge_length = 7.0")
+    with monkeypatch.context() as m:
+        m.setattr(stage_optimize, "run", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            build(load_device(folder))
+    change(folder, "width = 30", "width = 31")
+    with monkeypatch.context() as m:
+        m.setattr(stage_body, "run", failing("body"))
+        with pytest.raises(LayoutError):
+            build(load_device(folder))
+    change(folder, "width = 31", "width = 30")
+    assert build(load_device(folder)).made == ("optimize", "fabricate", "report")
+
+
+def test_a_device_that_is_renamed_has_no_file_with_its_old_name(folder, ran):
+    build(load_device(folder))
+    change(folder, 'name = "bar"', 'name = "beam"')
+    assert build(load_device(folder)).made == ("fabricate", "report")
+    layout = folder / "build" / "layout.json"
+    assert json.loads(layout.read_text()) == {"device": "beam", "by": "optimize"}
+    assert build(load_device(folder)).made == ()

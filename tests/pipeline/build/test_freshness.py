@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import pytest
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import StorageError
+from defsense_fab.core.storage.files import write_json
 from defsense_fab.geometry.kernels.export import write_stl
 from defsense_fab.pipeline.artifacts.body import load_surface
 from defsense_fab.pipeline.build import build as build_module
@@ -69,7 +71,8 @@ def quick(monkeypatch):
     def leaves(stage):
         def run(device, folder, *_):
             for name in stage.outputs:
-                (folder / name).write_text(f"{stage.name} {device.fabrication.copies}")
+                said = {"device": device.name, "copies": device.fabrication.copies}
+                write_json(folder / name, said)
 
         return replace(stage, run=run)
 
@@ -86,7 +89,7 @@ def test_copies_and_bed_that_were_asked_for_are_kept_with_the_build(folder, quic
     assert outdated(device) is None
     assert recorded(device, folder / "build").options == "--copies 3 --bed 250,210,200"
     assert build(device, "simulate").made == ()  # the parts are not made again
-    assert (folder / "build" / "parts").read_text() == "fabricate 3"
+    assert json.loads((folder / "build" / "parts").read_text())["copies"] == 3
 
     path.write_text(text + "\n[fabrication]\ncopies = 2\n" if "[fabrication]" not in text else
                     text.replace("[fabrication]", "[fabrication]\ncopies = 2"))  # fmt: skip
@@ -103,3 +106,15 @@ def test_copies_and_bed_that_were_asked_for_are_kept_with_the_build(folder, quic
     path.write_text(text)
     assert build(load_device(folder)).made[-2:] == ("fabricate", "report")
     assert not recorded(load_device(folder), folder / "build").options
+
+
+def test_what_device_toml_has_since_counts_although_a_build_was_asked_for_it(folder, quick):
+    """Once a build finds its plates as device.toml has them, they are device.toml's."""
+    path, text = folder / "device.toml", (folder / "device.toml").read_text()
+    assert "[fabrication]" in text
+    build(load_device(folder), asked=Asked(3))
+    path.write_text(text.replace("[fabrication]", "[fabrication]\ncopies = 3"))
+    assert build(load_device(folder)).made == ()
+    path.write_text(text)
+    assert not recorded(load_device(folder), folder / "build").options
+    assert outdated(load_device(folder)).name == "fabricate"

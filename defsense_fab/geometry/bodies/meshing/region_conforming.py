@@ -29,14 +29,14 @@ def conform(mesh: TetMesh, shapes: Sequence[Shape]) -> TetMesh:
     """The mesh with nodes near the borders of `shapes` moved onto them, just inside.
 
     The surface keeps its form, and no tet becomes a sliver for it: where that cannot be, a
-    node stays.
+    node stays. Where two borders want a node, the order of the shapes does not matter.
     """
     nodes = mesh.nodes.copy()
     surface = _Surface(mesh)
     around = _incidence(mesh.tets, len(nodes))
     settled = np.zeros(len(nodes), bool)
     edges = np.unique(np.sort(mesh.tets[:, _EDGES].reshape(-1, 2), axis=1), axis=0)
-    for shape in shapes:
+    for shape in sorted(shapes, key=_rank):
         inside = shape.contains(nodes)
         crossing = edges[inside[edges[:, 0]] != inside[edges[:, 1]]]
         if len(crossing) == 0:
@@ -46,7 +46,7 @@ def conform(mesh: TetMesh, shapes: Sequence[Shape]) -> TetMesh:
         target = np.concatenate([points, points])
         distance = np.linalg.norm(nodes[ends[:, 0]] - target, axis=1)
         on_border = np.zeros(len(nodes), bool)
-        for i in np.argsort(distance):
+        for i in np.argsort(distance, kind="stable"):
             n, other = ends[i]
             if on_border[n] or on_border[other] or settled[n]:
                 continue
@@ -59,6 +59,11 @@ def conform(mesh: TetMesh, shapes: Sequence[Shape]) -> TetMesh:
                 on_border[n] = True
         settled |= on_border
     return TetMesh(nodes, mesh.tets)
+
+
+def _rank(shape: Shape) -> tuple[str, list[list[float]]]:
+    """Orders shapes by what they are."""
+    return type(shape).__name__, [np.ravel(v).tolist() for v in vars(shape).values()]
 
 
 def _border(shape: Shape, nodes: Float, edges: Int, inside: Bool) -> Float:

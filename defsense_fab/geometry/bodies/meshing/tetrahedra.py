@@ -20,7 +20,8 @@ from .ways import NETGEN, MeshedSurface, ways
 class Tetrahedra:
     """A mesh; the `mesher` and the `way` that made it; the `surface` that was meshed, None where it
     was the body's own; sentences on the ways `tried` before, and whether one was `stopped` for the
-    time that it took, which another machine might not do."""
+    time that it took, which another machine might not do; the `time_limit` (s) of all ways then,
+    the usual one where it was not told."""
 
     mesh: TetMesh
     mesher: str
@@ -28,11 +29,16 @@ class Tetrahedra:
     surface: MeshedSurface | None = None
     tried: tuple[str, ...] = ()
     stopped: bool = False
+    time_limit: float = MeshSpec.time_limit
 
     @property
     def repeatable(self) -> bool:
         """Whether the same surface gives the same mesh again."""
         return self.mesher == NETGEN and not self.stopped
+
+    def outgrown(self, time_limit: float) -> bool:
+        """Whether a better way was stopped that this longer limit (s) gives more time."""
+        return self.stopped and time_limit > self.time_limit
 
 
 def tetrahedralise(
@@ -74,7 +80,8 @@ def tetrahedralise(
             why = "out of memory" if isinstance(error, MemoryError) else str(error)
             tried.append(f"{way.says}: {' '.join(why.split()).partition(';')[0]}")
         else:
-            return Tetrahedra(mesh, way.mesher, way.says, meshed, tuple(tried), stopped)
+            told = tuple(tried)
+            return Tetrahedra(mesh, way.mesher, way.says, meshed, told, stopped, time_limit)
     raise MeshingError(_advice(tried, time.monotonic() >= until, edge_length, time_limit))
 
 

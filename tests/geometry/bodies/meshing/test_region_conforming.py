@@ -57,6 +57,15 @@ def test_a_region_that_fits_already_moves_nothing(mesh):
     assert (conform(mesh, []).nodes == mesh.nodes).all()
 
 
+def test_the_order_of_the_shapes_does_not_matter(mesh):
+    """Two borders less than an edge apart want the same nodes."""
+    near = [SHAPES["box"], Box(np.array([-1, -16, -16]), np.array([36.0, 16, 16])),
+            Sphere(np.array([30.0, 0, 0]), 11.0)]  # fmt: skip
+    one, other = conform(mesh, near), conform(mesh, near[::-1])
+    assert one.digest == other.digest
+    assert (one.nodes != conform(mesh, near[:1]).nodes).any()
+
+
 def test_a_slab_inside_a_face_does_not_bend_the_body():
     """A thin region about a flat face, as a plane of symmetry asks for: creases stay."""
     mesh = structured_bar([0, -15, -15], [150, 15, 15], (15, 3, 3))

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from defsense_fab.core.device.device import MeshSpec
 from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
@@ -171,6 +172,8 @@ def test_a_mesh_after_one_that_was_stopped_may_be_another_elsewhere(bar, monkeyp
     made = tetrahedralise(bar, 14.0)
     assert made.stopped
     assert not made.repeatable
+    assert made.outgrown(MeshSpec.time_limit + 1)
+    assert not made.outgrown(MeshSpec.time_limit)
     assert "did not end within" in made.tried[0]
 
 
