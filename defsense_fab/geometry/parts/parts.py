@@ -180,7 +180,7 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
         joint = _cut_name(made.cuts[g.cut], made.channels)
         what = "opens into" if g.wall <= 0 else f"leaves {g.wall:.1f} mm of wall to"
         out.append(
-            f"the channel of cord {made.channels[g.line].name} {what} the joint of {joint} over"
+            f"the channel of cord {made.channels[g.line].name!r} {what} the joint of {joint} over"
             f" {g.length:.0f} mm near {xyz(g.at)}: keep glue away from it there"
         )
     for i, part in enumerate(made.parts):
@@ -188,7 +188,7 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
             out.append(f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
         out += told.of_part(made, i)
     out += told.of_joints(made)
-    return out
+    return list(dict.fromkeys(out))  # a joint is of several cuts where it divides several parts
 
 
 def _cut_name(cut: Cut, channels: Sequence[Channel]) -> str:
