@@ -47,7 +47,12 @@ def add(commands: Commands) -> None:
         " twist and pull, with commas",
     )  # fmt: skip
     sub.add_argument("--cord", metavar="NAME", help=f"a row of data/cords.csv ({CORD})")
-    sub.add_argument("--cords", type=int, metavar="N", help=f"how many are to be found ({CORDS})")
+    sub.add_argument(
+        "--cords",
+        type=int,
+        metavar="N",
+        help=f"how many are to be found (one a pose, at least {CORDS})",
+    )
     sub.add_argument("--name", help="of the device (that of the folder)")
     sub.add_argument("--process", metavar="NAME", help=f"a row of data/printers.csv ({PROCESS})")
     sub.add_argument(
@@ -158,6 +163,7 @@ def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
 
 def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> dict[str, Any]:
     """A device from a body of one's own."""
+    from ...core.device.device_file import load_device
     from ...pipeline.starts.body_ends import find_ends
     from ...pipeline.starts.body_unit import body_unit, check_unit
     from ...pipeline.starts.first_device import FirstDevice, begin_from, usual_material
@@ -179,8 +185,8 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     elif asked:
         poses = answered(lambda: ask_poses(usual), pose_names)
     cord = _cord(found, unit, process, options.cord, asked)
-    cords = CORDS if options.cords is None else options.cords
-    if not 1 <= cords <= 16:  # none is for devices that are drawn on
+    cords = options.cords
+    if cords is not None and not 1 <= cords <= 16:  # none is for devices that are drawn on
         raise DeviceError(f"--cords {cords}: give a number from 1 to 16")
     edge = options.edge_length
     first = FirstDevice(
@@ -188,14 +194,15 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
         poses or usual, cord, process, cords,
     )  # fmt: skip
     with silent_stdout(), progress_bars(options) as progress:
-        begun = begin_from(found, options.folder, first, progress)
+        begin_from(found, options.folder, first, progress)
+    device = load_device(options.folder)
     size = found.size(unit)
     return {
         "device": str(options.folder), "name": first.name, "body": f"{found.name}{found.suffix}",
         "size_mm": [float(f"{x:.4g}") for x in size], "unit": unit,
         "repaired": found.repairs(unit),
         "edge_length": first.edge_length,
-        "poses": list(begun), "cord": first.cord, "cords": first.cords,
+        "poses": [p.name for p in device.poses], "cord": first.cord, "cords": device.propose,
         "material": first.material, "process": process, "note": unusual(size),
     }  # fmt: skip
 

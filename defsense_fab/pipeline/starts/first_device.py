@@ -23,7 +23,7 @@ from .device_comments import commented
 from .dropped_body import TETS, DroppedBody
 from .starting_devices import put_device
 from .units import UNIT_WORDS, UNITS
-from .usual import CORD, PROCESS
+from .usual import CORD, CORDS, PROCESS
 
 MODES = "modes"
 _MOST_TETS = 1_000_000
@@ -47,7 +47,8 @@ def usual_material(process: str) -> str:
 @dataclass(frozen=True)
 class FirstDevice:
     """What is chosen of a device besides its body: the `unit` of the body's file; `poses`, names of
-    END_POSES, only MODES, or none yet; how many `cords` are to be found, none yet being 0."""
+    END_POSES, only MODES, or none yet; how many `cords` are to be found, none yet being 0, and None
+    as many as there are poses, which is what tells these apart, but three at least."""
 
     name: str
     unit: str
@@ -56,15 +57,19 @@ class FirstDevice:
     poses: tuple[str, ...] = ()
     cord: str = CORD
     process: str = PROCESS
-    cords: int = 0
+    cords: int | None = 0
 
     def __post_init__(self) -> None:
         if self.unit not in UNITS:
             raise DeviceError(f"units {self.unit!r}: there is {', '.join(UNITS)}")
-        if not 0 <= self.cords <= 16:
+        if self.cords is not None and not 0 <= self.cords <= 16:
             raise DeviceError(f"cords {self.cords}: give a number from 1 to 16")
         if self.poses:
             check_poses(self.poses)
+
+    def cords_for(self, poses: int) -> int:
+        """How many are to be found where there are so many poses."""
+        return max(CORDS, poses) if self.cords is None else self.cords
 
 
 def check_poses(names: tuple[str, ...]) -> None:
@@ -86,7 +91,7 @@ def begin_from(
     is then left in it."""
     check_unit(dropped, first.unit)
     check_edge_length(dropped, first.unit, first.edge_length)
-    if first.cords:
+    if first.cords_for(len(first.poses)):
         check_room(dropped, first.unit, first.cord, first.process)
     file = _own_name(dropped, folder)
     files = {file: dropped.content, **dropped.others}
@@ -97,10 +102,11 @@ def begin_from(
             (trial / name).parent.mkdir(parents=True, exist_ok=True)
             (trial / name).write_bytes(content)
         if first.poses == (MODES,):
-            text = _with_modes(text, trial, progress)
+            text = _with_modes(text, first, trial, progress)
             if (trial / MESH_LOCK).exists():
                 files[MESH_LOCK] = (trial / MESH_LOCK).read_bytes()
-        device = parse_device(text, trial, complete=bool(first.poses and first.cords))
+        complete = bool(first.poses and first.cords_for(len(first.poses)))
+        device = parse_device(text, trial, complete)
         if first.poses and "states" not in tomlkit.parse(text):
             text = _with_states(text, device.states)
     put_device(folder, files, commented(text))
@@ -159,8 +165,8 @@ def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
         "cord": {"name": first.cord},
         "fabrication": {"process": first.process},
     }
-    if first.cords:
-        tables["design"] = {"sensors": first.cords}
+    if cords := first.cords_for(len(first.poses)):
+        tables["design"] = {"sensors": cords}
     for name, values in tables.items():
         document.add(tomlkit.nl())
         table = tomlkit.table()
@@ -197,8 +203,9 @@ def _poses(ends: BodyEnds, names: tuple[str, ...]) -> Any:
     return poses
 
 
-def _with_modes(text: str, trial: Path, progress: Progress) -> str:
-    """The device's text with its poses by natural modes. Raises DeviceError where there is none."""
+def _with_modes(text: str, first: FirstDevice, trial: Path, progress: Progress) -> str:
+    """The device's text with its poses by natural modes, and cords for these. Raises DeviceError
+    where there is none."""
     from ..study.propose_poses import as_toml, continued, find_poses
 
     write_text(trial / DEVICE, text)
@@ -209,6 +216,10 @@ def _with_modes(text: str, trial: Path, progress: Progress) -> str:
             "poses modes: none of the body's lowest modes leads its far end as a whole (they are"
             f" {kinds}); give --poses bend,twist in their place"
         )
+    if first.cords is None:
+        document: Any = tomlkit.parse(text)
+        document["design"]["sensors"] = first.cords_for(len(found.poses))
+        text = tomlkit.dumps(document)
     return continued(text, as_toml(list(found.poses), "base", found.region))
 
 

@@ -67,6 +67,14 @@ def test_flags_ask_nothing(tmp_path, capsys, monkeypatch):
     assert load_device(tmp_path / "x").fabrication.process == told["process"]
 
 
+def test_there_are_as_many_cords_as_poses_and_three_at_least(tmp_path, capsys):
+    for poses, cords in (("bend", 3), ("bend,bend_side,twist,pull", 4)):
+        words = ["new", str(tmp_path / poses), "--body", BLOB, "--poses", poses, "--json"]
+        assert main(words) == 0
+        assert json.loads(capsys.readouterr().out)["cords"] == cords
+        assert load_device(tmp_path / poses).propose == cords
+
+
 def test_a_terminal_that_closes_leaves_nothing(typed, tmp_path, capsys):
     typed(BLOB)
     assert main(["new", str(tmp_path / "x")]) == STOPPED
