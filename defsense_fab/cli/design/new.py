@@ -75,7 +75,7 @@ def _new(options: argparse.Namespace) -> int:
 
     folder: Path = options.folder
     check_folder_name(folder)
-    if options.name is not None and not options.name.isprintable():
+    if options.name is not None and not (options.name.strip() and options.name.isprintable()):
         raise DeviceError(f"--name {options.name!r}: give one line of letters")
     if folder.exists() and not folder.is_dir():
         raise StorageError(f"{folder}: is a file; choose another name for the folder")
@@ -105,6 +105,8 @@ def _body(options: argparse.Namespace) -> DroppedBody | None:
     def look(word: str) -> tuple[str, DroppedBody | None]:
         if word in starts:
             return word, None
+        if not word.strip("'\" "):
+            raise DeviceError(f"--body: give one of {', '.join(s.name for s in STARTS)}, or a file")
         path = _path(word)
         if not path.exists() and not path.suffix:
             raise DeviceError(
@@ -121,11 +123,12 @@ def _body(options: argparse.Namespace) -> DroppedBody | None:
 
 def _path(word: str) -> Path:
     """A file as it was typed, or as terminals paste one that is dropped on them."""
-    path = Path(word).expanduser()
-    if os.name != "nt" and "\\" in word and not path.exists():
+    forms = [word, word.strip("'\"")]
+    if os.name != "nt":
         with contextlib.suppress(ValueError):  # no closing quotation
-            path = Path("".join(shlex.split(word)[:1])).expanduser()
-    return path
+            forms += shlex.split(word)[:1]
+    paths = [Path(form).expanduser() for form in forms if form]
+    return next((p for p in paths if p.exists()), paths[min(1, len(paths) - 1)])
 
 
 def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
@@ -166,18 +169,32 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     from ...core.device.device_file import load_device
     from ...pipeline.starts.body_ends import find_ends
     from ...pipeline.starts.body_unit import body_unit, check_unit
-    from ...pipeline.starts.first_device import FirstDevice, begin_from, usual_material
+    from ...pipeline.starts.first_device import (
+        FirstDevice,
+        begin_from,
+        check_edge_length,
+        usual_material,
+    )
     from ...pipeline.starts.units import unit_name, unusual
     from .new_questions import answered, ask_poses, ask_unit, material_row, pose_names, process_row
 
-    def checked(text: str) -> str:
-        check_unit(found, unit_name(text))
-        return unit_name(text)
+    process = process_row(PROCESS if options.process is None else options.process)
+    named = options.material
+    material = usual_material(process) if named is None else material_row(named)
+    cords, edge = options.cords, options.edge_length
+    if cords is not None and not 1 <= cords <= 16:  # none is for devices that are drawn on
+        raise DeviceError(f"--cords {cords}: give a number from 1 to 16")
 
-    process = process_row(options.process or PROCESS)
-    material = material_row(options.material) if options.material else usual_material(process)
+    def checked(text: str) -> str:
+        unit = unit_name(text)
+        check_unit(found, unit)
+        _usual_cord(found, unit, process)
+        return unit
+
     ask = (lambda: answered(lambda: ask_unit(found), checked)) if asked else None
     unit = body_unit(found, options.units, "--units {}", ask)
+    if edge is not None:
+        check_edge_length(found, unit, edge)
     usual = find_ends(found.in_mm(unit)).usual()
     poses = options.poses
     if poses is not None:
@@ -185,10 +202,6 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     elif asked:
         poses = answered(lambda: ask_poses(usual), pose_names)
     cord = _cord(found, unit, process, options.cord, asked)
-    cords = options.cords
-    if cords is not None and not 1 <= cords <= 16:  # none is for devices that are drawn on
-        raise DeviceError(f"--cords {cords}: give a number from 1 to 16")
-    edge = options.edge_length
     first = FirstDevice(
         _name(options), unit, material, found.edge_length(unit) if edge is None else edge,
         poses or usual, cord, process, cords,
@@ -201,7 +214,7 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
         "device": str(options.folder), "name": first.name, "body": f"{found.name}{found.suffix}",
         "size_mm": [float(f"{x:.4g}") for x in size], "unit": unit,
         "repaired": found.repairs(unit),
-        "edge_length": first.edge_length,
+        "edge_length": device.mesh.edge_length,
         "poses": [p.name for p in device.poses], "cord": first.cord, "cords": device.propose,
         "material": first.material, "process": process, "note": unusual(size),
     }  # fmt: skip
@@ -211,22 +224,30 @@ def _cord(found: DroppedBody, unit: str, process: str, named: str | None, asked:
     """The cord that is named or chosen. Raises DeviceError for one that there is not, BodyError for
     a body that has no room for it, or for none of those that could be chosen."""
     from ...pipeline.starts.first_device import check_room
-    from .new_questions import answered, ask_cord, cord_row, cords
+    from .new_questions import answered, ask_cord, cord_row
 
     def checked(text: str) -> str:
         cord = cord_row(text)
         check_room(found, unit, cord, process)
         return cord
 
-    def fits(cord: str) -> bool:
-        with contextlib.suppress(BodyError):
-            return bool(checked(cord))
-        return False
-
     if named is not None or not asked:
-        return checked(named or CORD)
-    usual = checked(next((c for c in (CORD, *cords()) if fits(c)), CORD))
+        return checked(CORD if named is None else named)
+    usual = _usual_cord(found, unit, process)
     return answered(lambda: ask_cord(usual), checked)
+
+
+def _usual_cord(found: DroppedBody, unit: str, process: str) -> str:
+    """The first that the body has room for. Raises BodyError where there is none."""
+    from ...pipeline.starts.first_device import check_room
+    from .new_questions import cords
+
+    for cord in cords():
+        with contextlib.suppress(BodyError):
+            check_room(found, unit, cord, process)
+            return cord
+    check_room(found, unit, CORD, process)
+    return CORD
 
 
 def _name(options: argparse.Namespace) -> str:

@@ -41,9 +41,9 @@ def ask_unit(found: DroppedBody) -> str:
     """The unit of a mesh whose size is not that of a device in mm."""
     from ...pipeline.starts.units import UNIT_WORDS
 
+    unit = "so large" if found.unit == found.own else f"in {UNIT_WORDS[found.unit]}"
     return _choose(
-        f"In {UNIT_WORDS[found.own]} the body would be {found.told_size(found.own)}: is it in"
-        f" {UNIT_WORDS[found.unit]}?",
+        f"In {UNIT_WORDS[found.own]} the body would be {found.told_size(found.own)}: is it {unit}?",
         [(unit, f"{words}: {found.told_size(unit)}") for unit, words in UNIT_WORDS.items()],
         found.unit,
     )
@@ -130,7 +130,7 @@ def _choose(
     line = sys.stdin.readline()
     if not line:
         raise KeyboardInterrupt  # the terminal was closed
-    answer = line.strip().strip("'\"")
+    answer = line.strip()
     words = [word.strip() for word in answer.split(",")] if several else [answer]
     numbered = {str(k): name for k, (name, _) in enumerate(rows, 1)}
     return ",".join(numbered.get(word, word) for word in words if word) or usual

@@ -36,8 +36,11 @@ def refusal(name: str) -> str | None:
     if bad or name.endswith((".", " ")):
         why = f"contains {bad[0]!r}" if bad else "ends with a point or a space"
         return f"the name {why}, which Windows cannot have; use letters, digits and hyphens"
-    if len(name.encode()) > _LONGEST:
-        return f"the name is too long; use at most {_LONGEST} letters"
+    try:
+        if len(name.encode()) > _LONGEST:
+            return f"the name is too long; use fewer letters ({_LONGEST} bytes)"
+    except UnicodeEncodeError:
+        return "the name is no text in this system's encoding; use letters, digits and hyphens"
     return None
 
 

@@ -198,7 +198,7 @@ def save_layout(folder: Path, layout: LayoutRecord, prediction: PredictionRecord
 def name_layout(folder: Path, device: str) -> None:
     """Write the device's name into `layout.json`, if it is another one. Raises StorageError."""
     layout = load_json(folder / LAYOUT, StorageError, BUILD_AGAIN)
-    if layout["device"] != device:
+    if layout.get("device") != device:
         write_json(folder / LAYOUT, layout | {"device": device})
 
 

@@ -76,11 +76,11 @@ def build(
             asked = recorded(device, final)
         own, device = device, asked.of(device)
         wanted = keys(device, final)
+        if working.is_dir():  # a build was interrupted
+            keep(working, kept, final, spared=set(wanted.values()))
         if all(finished(device, final, s, wanted) for s in stages):
             _say_anew(final, stages, own, asked)
             return BuildResult(final, (), tuple(s.name for s in stages))
-        if working.is_dir():  # a build was interrupted
-            keep(working, kept, final)
         working.mkdir()
         try:
             more = _given(watch, solve)
@@ -117,10 +117,7 @@ def _make(
     device, made, reused, versions = asked.of(own), [], [], installed()
     for stage in STAGES:
         source = _where(stage, device, working, before, versions)
-        if source is not None:
-            stage_files.copy(stage, source, working)
-            if LAYOUT in stage.outputs:  # the device may have been renamed
-                name_layout(working, device.name)
+        if source is not None and _copied(stage, source, working, device):
             reused.append(stage.name)
         elif stage in stages:
             progress(stage.name, 0.0, stage.title)
@@ -134,6 +131,19 @@ def _make(
         done = {"key": key, "files": files} | record(stage.name, own, asked)
         write_json(working / STATE, {**load_state(working), stage.name: done})
     return made, reused
+
+
+def _copied(stage: Stage, source: Path, working: Path, device: Device) -> bool:
+    """Whether the stage's files are in the `working` folder now, under the device's name, which may
+    be another than before; not where they are damaged."""
+    stage_files.copy(stage, source, working)
+    try:
+        if LAYOUT in stage.outputs:
+            name_layout(working, device.name)
+    except StorageError:
+        stage_files.remove(working, stage)
+        return False
+    return True
 
 
 def _where(

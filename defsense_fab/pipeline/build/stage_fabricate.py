@@ -83,9 +83,7 @@ def write(
         made = replace(split.made, warnings=(*split.made.warnings, *split.notes))
     moulds = make_moulds(made, mould_rules(device), partial(part, report, 0, 0.9)) if cast else []
     report(0.9 if cast else 0.0, "writing parts")
-    flat = {p.name: laid(p.surface, p.down) for p in made.parts}
-    if cast:
-        flat = casting.lying(moulds, device.fabrication.bed)
+    flat = casting.lying(moulds) if cast else {p.name: laid(p.surface, p.down) for p in made.parts}
     pins = pin_kinds(made)
     placed, bound = on_plates(device, flat, pins)
     out = folder / "parts"

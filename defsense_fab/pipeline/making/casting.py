@@ -13,7 +13,7 @@ from ...geometry.kernels import triangle_kernel
 from ...geometry.kernels.export import write_stl
 from ...geometry.moulds.moulds import whole
 from ...geometry.moulds.records import Mould
-from ...geometry.printing.print_bed import fits, laid, other_side
+from ...geometry.printing.print_bed import laid
 from ..artifacts.manifest import BillItem, Casting, MouldPieceRecord, MouldRecord
 from ..design.as_built import shrinkage
 
@@ -23,15 +23,11 @@ FOLDER = "moulds"
 _TOLD = 0.005  # strain
 
 
-def lying(moulds: Sequence[Mould], bed: tuple[float, float, float]) -> dict[str, Surface]:
-    """Every piece as it is printed, closed in single precision as it lies: where the bed (x, y, z,
-    mm) does not hold it so, on another side."""
+def lying(moulds: Sequence[Mould]) -> dict[str, Surface]:
+    """Every piece as it is printed, closed in single precision as it lies."""
     out = {}
     for piece in (p for m in moulds for p in m.pieces):
-        flat = laid(piece.surface, piece.down)
-        other = None if fits(flat, bed) else other_side(piece.surface, bed)
-        flat = flat if other is None else laid(piece.surface, other)
-        solid = triangle_kernel.to_manifold(flat, piece.name)
+        solid = triangle_kernel.to_manifold(laid(piece.surface, piece.down), piece.name)
         out[piece.name] = triangle_kernel.printable(whole(solid, piece.name), piece.name)
     return out
 

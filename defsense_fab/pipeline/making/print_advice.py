@@ -16,7 +16,10 @@ def print_advice(device: Device) -> list[str]:
     if f.kind == "cast":
         return _moulds(device)
     walls = round(f.wall / f.line)
-    out = ["Print every part as it lies on its plate, on its cut face: grooves need no supports."]
+    out = [
+        "Print every part as it lies on its plate, on its cut face unless a note tells another"
+        " side: grooves need no supports."
+    ]
     if kind == "filament":
         out += [
             f"Take {walls} wall lines of {f.line:g} mm, layers of {f.layer:g} mm and 100 % infill:"

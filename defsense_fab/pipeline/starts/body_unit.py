@@ -30,6 +30,11 @@ def body_unit(
     elif found.doubtful and ask is not None:
         unit = ask()
     elif found.doubtful:
+        if unit == found.own:
+            raise DeviceError(
+                f"units: in {UNIT_WORDS[unit]} the body is {found.told_size(unit)}, unusual for a"
+                f" soft device: give {written.format(unit)} if it is so large, or another"
+            )
         raise DeviceError(
             f"units: in {UNIT_WORDS[found.own]} the body would be {found.told_size(found.own)};"
             f" in {UNIT_WORDS[unit]} it is {found.told_size(unit)}: give {written.format(unit)}, or"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import io
 import re
 import tempfile
+import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,8 +31,9 @@ _THICK, _LONG, _MOST_TETS = 5, 10, 60000
 #: So many tets has a volume of the cube of their edge length.
 TETS = 8.5
 SCRIPT = ".py"
-#: Units of formats whose files are read into mm.
-_OWN = {".glb": "m", ".gltf": "m"}
+#: Units of 3MF files by their names there.
+_3MF_UNITS = {"micron": "um", "centimeter": "cm", "inch": "inch", "meter": "m"}
+_3MF_UNIT = re.compile(rb"<model\b[^>]*\bunit\s*=\s*[\"'](\w+)")
 _MM = re.compile(r"\bmm(?=3?\b)")
 
 
@@ -135,13 +138,25 @@ def look_at_file(name: str, content: bytes) -> DroppedBody:
         path.write_bytes(content)
         found = read_foreign(path)
     longest = float(np.ptp(found.surface.vertices, axis=0).max())
-    own = _OWN.get(suffix, "mm")
+    own = _own_unit(content, suffix)
     unit, doubtful = ("mm", False)
     if suffix != ".step":
         unit, doubtful = likely_unit(longest / UNITS[own], own)
     return DroppedBody(
         content, shown, suffix, found.surface, unit, doubtful, found.repaired, own=own
     )
+
+
+def _own_unit(content: bytes, suffix: str) -> str:
+    """In which a file of the kind is, by its format, or by what it says."""
+    if suffix == ".3mf":
+        with zipfile.ZipFile(io.BytesIO(content)) as parts:
+            models = [n for n in parts.namelist() if n.lower().endswith("3dmodel.model")]
+            for name in models[:1]:
+                with parts.open(name) as model:
+                    found = _3MF_UNIT.search(model.read(4096))
+                return _3MF_UNITS.get(found[1].decode() if found else "", "mm")
+    return "m" if suffix in (".glb", ".gltf") else "mm"
 
 
 def _look_at_script(path: Path, content: bytes) -> DroppedBody:

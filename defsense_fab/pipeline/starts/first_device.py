@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import tomlkit
 
+from ...core.arrays import Float
 from ...core.device.catalogue import read_rows
 from ...core.device.device_file import DEVICE, load_device, parse_device
 from ...core.errors import BodyError, DeviceError
@@ -119,22 +120,30 @@ def check_room(dropped: DroppedBody, unit: str, cord: str, process: str) -> None
     printers, cords = read_rows("printers.csv"), read_rows("cords.csv")
     if process not in printers or cord not in cords:
         return
-    row = {k: float(cords[cord][k]) for k in ("diameter", "min_stretch", "ferrule_length")}
-    size = dropped.size(unit)
-    thick, long = float(size.min()), float(np.linalg.norm(size))
-    wide = row["diameter"] + 2 * sum(float(printers[process][k]) for k in ("wall", "clearance"))
+    size, printer = dropped.size(unit), printers[process]
+    lacks = {name: _lacks(size, row, printer) for name, row in cords.items()}
+    if why := lacks[cord]:
+        fitting = [name for name, lack in lacks.items() if not lack]
+        remedy = f"take {' or '.join(fitting)}" if fitting else "make the body larger"
+        raise BodyError(
+            f"{dropped.name}: {why.format(cord)}: {remedy}, or check its unit ({UNIT_WORDS[unit]})"
+        )
+
+
+def _lacks(size: Float, cord: Mapping[str, str], printer: Mapping[str, str]) -> str:
+    """Why a body of these extents (3,) mm has no room for a cord, or nothing."""
+    row = {k: float(cord[k]) for k in ("diameter", "min_stretch", "ferrule_length")}
+    wide = row["diameter"] + 2 * sum(float(printer[k]) for k in ("wall", "clearance"))
     least = row["min_stretch"] + 2 * row["ferrule_length"]
-    remedy = f", or check its unit ({UNIT_WORDS[unit]})"
+    thick, long = float(size.min()), float(np.linalg.norm(size))
     if thick < wide:
-        raise BodyError(
-            f"{dropped.name}: is {thick:.3g} mm thin; the cord {cord} with its walls takes"
-            f" {wide:.2g} mm: make the body thicker{remedy}"
-        )
+        return f"is {thick:.3g} mm thin; the cord {{}} with its walls takes {wide:.2g} mm"
     if long < least:
-        raise BodyError(
-            f"{dropped.name}: is {long:.3g} mm from corner to corner; the cord {cord} takes at"
-            f" least {least:.3g} mm with its two ends: make the body larger{remedy}"
+        return (
+            f"is {long:.3g} mm from corner to corner; the cord {{}} takes at least {least:.3g} mm"
+            " with its two ends"
         )
+    return ""
 
 
 def check_edge_length(dropped: DroppedBody, unit: str, edge_length: float) -> None:
@@ -159,7 +168,7 @@ def device_text(dropped: DroppedBody, file: str, first: FirstDevice) -> str:
     tables: dict[str, Any] = {
         "body": _nested(dropped.table(file, first.unit)),
         "material": {"name": first.material},
-        "mesh": {"edge_length": numbers([float(f"{first.edge_length:.2g}")])[0]},
+        "mesh": {"edge_length": numbers([first.edge_length])[0]},
         "regions": _regions(ends, first),
         "outputs": {"markers": 40, "anchor": "base"},
         "cord": {"name": first.cord},

@@ -7,10 +7,12 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 
 from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.geometry.bodies.body import load_body
 from tests.places import DEVICES
 
 BLOB = str(DEVICES / "blob" / "blob.stl")
@@ -100,7 +102,11 @@ def test_a_terminal_that_closes_leaves_nothing(typed, tmp_path, capsys):
         (["--body", BLOB, "--edge-length", "0.01"], "(a million elements)"),
         (["--body", BLOB, "--material", "stone"], "material stone: there is"),
         (["--body", BLOB, "--cords", "17"], "--cords 17: give a number from 1 to 16"),
-        (["--body", BLOB, "--name", ""], "name"),
+        (["--body", BLOB, "--name", " "], "--name ' ': give one line of letters"),
+        (["--body", BLOB, "--cord", ""], "cord : there is"),
+        (["--body", BLOB, "--material", ""], "material : there is"),
+        (["--body", BLOB, "--process", ""], "process : there is"),
+        (["--body", ""], "--body: give one of bar"),
         (["--body", "bar", "--name", "a\nb"], "one line of letters"),
         (["--body", "bar", "--poses", "bend"], "comes with its own"),
         (["--body", "bar", "--cord", "rope"], "cord rope"),
@@ -117,8 +123,6 @@ def test_what_cannot_be_is_one_line(words, told, tmp_path, capsys, monkeypatch):
 
 
 def box(path, size):
-    import trimesh
-
     made = trimesh.creation.box(np.array(size))
     path.write_bytes(made.export(file_type=path.suffix[1:]))
     return str(path)
@@ -127,16 +131,56 @@ def box(path, size):
 def test_answers_that_do_not_suit_the_body_are_asked_again(typed, tmp_path, capsys):
     body = box(tmp_path / "a small.stl", (30, 6, 4.6))
     # Neither metres nor a cord that is too thick, and the path as a terminal pastes it.
-    typed(body.replace(" ", r"\ "), "m", "mm", "")
-    assert main(["new", str(tmp_path / "größe")]) == 2  # no cord has room in it
-    told = capsys.readouterr()
-    assert "choose another unit" in told.out
-    assert "make the body thicker" in told.err
+    typed(body.replace(" ", r"\ "), "m", "mm")
+    assert main(["new", str(tmp_path / "größe")]) == STOPPED
+    told = capsys.readouterr().out
+    assert "choose another unit" in told
+    assert (
+        "4.6 mm thin; the cord rubber-2mm with its walls takes 4.8 mm: make the body larger" in told
+    )
     body = box(tmp_path / "thin.stl", (60, 12, 4.6))
     typed(body, "", "rubber-2mm", "")
     assert main(["new", str(tmp_path / "größe")]) == 0
     assert "cord rubber-2mm with its walls takes 4.8 mm" in capsys.readouterr().out
     assert load_device(tmp_path / "größe").cord.name == "rubber-1.7mm"
+
+
+@pytest.mark.parametrize(
+    ("says", "meant", "size"),
+    [("inch", "inch", 4.0), ("meter", "m", 0.1), ("meter", "mm", 100), ("millimeter", "cm", 10)],
+)
+def test_3mf_files_are_in_the_unit_that_they_say_or_another(says, meant, size, tmp_path):
+    import lib3mf
+
+    model = lib3mf.get_wrapper().CreateModel()
+    model.SetUnit(
+        getattr(lib3mf.ModelUnit, {"inch": "Inch", "meter": "Meter"}.get(says, "MilliMeter"))
+    )
+    made = trimesh.creation.box((size, size / 4, size / 4))
+    mesh = model.AddMeshObject()
+    mesh.SetGeometry(
+        [lib3mf.Position(tuple(map(float, v))) for v in made.vertices],
+        [lib3mf.Triangle(tuple(map(int, f))) for f in made.faces],
+    )
+    model.AddBuildItem(mesh, lib3mf.get_wrapper().GetIdentityTransform())
+    model.QueryWriter("3mf").WriteToFile(str(tmp_path / "body.3mf"))
+    words = ["new", str(tmp_path / "x"), "--body", str(tmp_path / "body.3mf"), "--units", meant]
+    assert main(words) == 0
+    made = load_body(load_device(tmp_path / "x").body).surface
+    assert np.ptp(made.vertices, axis=0)[0] == pytest.approx(100, rel=0.02)
+
+
+def test_a_quoted_path_is_taken(typed, tmp_path):
+    body = box(tmp_path / "it's a body.stl", (60, 20, 20))
+    typed("'" + body.replace("'", "'\\''") + "'", "", "")
+    assert main(["new", str(tmp_path / "x")]) == 0
+
+
+def test_a_given_edge_length_is_written_as_it_is(tmp_path, capsys):
+    words = ["new", str(tmp_path / "x"), "--body", BLOB, "--edge-length", "7.123", "--json"]
+    assert main(words) == 0
+    assert json.loads(capsys.readouterr().out)["edge_length"] == 7.123
+    assert load_device(tmp_path / "x").mesh.edge_length == 7.123
 
 
 def test_a_device_is_called_as_its_folder(tmp_path):
@@ -155,6 +199,8 @@ def test_a_file_in_another_unit_than_its_format_says_is_asked_about(tmp_path, ca
     assert "give --units mm" in told
     assert main([*words, "--units", "mm"]) == 0
     assert load_device(tmp_path / "x").body.scale == 0.001
+    told = capsys.readouterr().out
+    assert "took metres with y upwards, as GLB has them, to millimetres with z upwards" in told
     assert (
         main(["new", str(tmp_path / "y"), "--body", box(tmp_path / "m.glb", (0.15, 0.04, 0.04))])
         == 0

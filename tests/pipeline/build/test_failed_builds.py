@@ -164,6 +164,36 @@ def test_an_interrupted_build_is_gone_on_with_after_another_failed(folder, ran, 
     assert build(load_device(folder)).made == ("optimize", "fabricate", "report")
 
 
+def test_stages_that_are_wanted_are_not_lost_to_an_interrupted_build(folder, ran, monkeypatch):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    build(load_device(folder))
+    for before, after in (("6.0", "7.0"), ("6.0", "8.0")):
+        change(folder, f"edge_length = {before}", f"edge_length = {after}")
+        with monkeypatch.context() as m:
+            m.setattr(stage_optimize, "run", interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                build(load_device(folder))
+        change(folder, f"edge_length = {after}", f"edge_length = {before}")
+        if after == "7.0":  # all is up to date; what was interrupted is kept
+            assert build(load_device(folder)).made == ()
+            assert hidden(folder) == [".build-kept"]
+    change(folder, "edge_length = 6.0", "edge_length = 7.0")
+    assert build(load_device(folder)).made == ("optimize", "fabricate", "report")
+
+
+@pytest.mark.parametrize("damaged", ["{", "{}"])
+def test_a_damaged_layout_is_made_anew_for_a_renamed_device(folder, ran, damaged):
+    build(load_device(folder))
+    layout = folder / "build" / "layout.json"
+    whole = layout.read_text()
+    layout.write_text(damaged.ljust(len(whole)))
+    change(folder, 'name = "bar"', 'name = "beam"')
+    build(load_device(folder))
+    assert json.loads(layout.read_text())["device"] == "beam"
+
+
 def test_a_device_that_is_renamed_has_no_file_with_its_old_name(folder, ran):
     build(load_device(folder))
     change(folder, 'name = "bar"', 'name = "beam"')

@@ -52,7 +52,7 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
             vertices, faces = read_tets(path, suffix)
         elif suffix in (".glb", ".gltf"):
             vertices, faces = _read_gltf(path, suffix)
-            told = ("took metres with y upwards, as GLB has them, to mm with z upwards",)
+            told = ("took metres with y upwards, as GLB has them, to millimetres with z upwards",)
         else:
             vertices, faces = _read_surface(path, suffix)
     except MemoryError:
