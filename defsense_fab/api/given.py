@@ -56,17 +56,28 @@ def listed(values: object, name: str, error: Error = DeviceError) -> Sequence[An
     raise error(f"{name}: must be a list, not {shown(values)}; write [...] around a single one")
 
 
-def number(value: object, name: str, error: Error = DeviceError, above: float = -math.inf) -> float:
-    """A finite number above a limit, of Python or NumPy."""
+def truth(value: object, name: str, error: Error = DeviceError) -> bool:
+    """True or False, of Python or NumPy."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise error(f"{name}: must be True or False, not {shown(value)}")
+
+
+def number(
+    value: object, name: str, error: Error = DeviceError, above: float = -math.inf,
+    most: float = math.inf,
+) -> float:  # fmt: skip
+    """A finite number between limits, of Python or NumPy."""
     if isinstance(value, Real) and not isinstance(value, bool):
         try:
             found = float(value)
         except OverflowError:
             found = math.inf
-        if math.isfinite(found) and found > above:
+        if math.isfinite(found) and above < found <= most:
             return found
-    limit = "" if above == -math.inf else f" above {above:g}"
-    raise error(f"{name}: must be a number{limit}, not {shown(value)}")
+    limits = "" if above == -math.inf else f" above {above:g}"
+    limits += "" if most == math.inf else f" and of at most {most:g}"
+    raise error(f"{name}: must be a number{limits}, not {shown(value)}")
 
 
 def whole(

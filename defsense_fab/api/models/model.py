@@ -137,13 +137,14 @@ def train(
         given.whole(number, "without_markers", TrainingError, least=0)
         for number in given.listed(without_markers, "without_markers", TrainingError)
     ]
+    together = given.truth(in_step, "in_step", TrainingError)
     automatic = isinstance(shift, str) and shift == "auto"
     offset: Offset = "auto" if automatic else given.number(shift, "shift", TrainingError)
     device = None if layout is None else layout.poses.device.record
     if device is not None and data.device == UNNAMED:
         data = replace(data, device=device.name)
     data, prior, notes = prepare(
-        data, device, wanted=NO if device is None else YES, without=left_out, in_step=in_step,
+        data, device, wanted=NO if device is None else YES, without=left_out, in_step=together,
         shift=offset, progress=progress,
     )  # fmt: skip
     options = TrainingOptions(decoder=decoder, test_share=share)
