@@ -62,6 +62,13 @@ TABLE_WITHIN_ITSELF["a"] = TABLE_WITHIN_ITSELF
         (lambda la: la.poses.device.changed({"cord.noise": {1: 2}}), "cord.noise.: keys are texts"),
         (lambda la: la.poses.index(0), "state: must be text, not 0"),
         (lambda la: la.poses.displaced(None), "points: must be an array of numbers, not None"),
+        (
+            lambda la: la.poses.displaced(np.zeros((600, 2), complex)),
+            r"must be an array of numbers, not an array of complex128 of shape \(600, 2\)",
+        ),
+        (lambda la: la.poses.displaced(np.zeros((1, 3), bool)), "not an array of bool of shape"),
+        (lambda la: la.poses.displaced(np.zeros(3, "M8[s]")), r"an array of datetime64\[s\] of"),
+        (lambda la: la.poses.displaced([[np.nan, 0, 0]]), "points: must be finite, in mm"),
         (lambda la: df.Pose(5), "name: must be text, not 5"),
         (lambda la: df.Pose("a", "base"), "fixed: must be a list, not 'base'; write"),
         (lambda la: df.Pose("a", None), "fixed: must be a list, not None"),
