@@ -15,22 +15,25 @@ from ..core.storage.files import storage_errors
 from ..geometry.kernels.export import write_stl
 from ..pipeline.starts.body_unit import body_unit
 from ..pipeline.starts.dropped_body import DroppedBody, look_at, worth_telling
+from ..pipeline.starts.first_device import check_edge_length
 from ..pipeline.starts.units import unit_name, unusual
-from .given import array, of_kind, path, shown
+from .given import array, number, of_kind, path, shown
 
 
 def write_body(
-    body: object, units: str | None, folder: Path
+    body: object, units: str | None, edge_length: float, folder: Path
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
     """The table `[body]` of a file that is written into the `folder`, and notes: what was repaired,
     and whether its size is unusual. The body is a path to STEP, a mesh or a script; a build123d
     shape or builder; a trimesh.Trimesh, or anything else with `vertices` (n, 3) and `faces` (m, 3).
-    A mesh is in these `units`. Raises BodyError for what is none of these, DeviceError for units
-    that cannot be, or must be given."""
+    A mesh is in these `units`, and its elements have edges of `edge_length` mm. Raises BodyError
+    for what is none of these, DeviceError for units that cannot be, or must be given, and for edges
+    that do not suit the body."""
     if units is not None:
         unit_name(of_kind(units, "units", str))
     found = _found(body)
     unit = body_unit(found, units, 'units="{}"')
+    check_edge_length(found, unit, number(edge_length, "edge_length"))
     name = f"{found.name}{found.suffix}"
     with storage_errors(folder):
         for inner, content in {name: found.content, **found.others}.items():
@@ -69,8 +72,12 @@ def _file_of(body: Any, folder: Path) -> Path:
 def _surface(body: Any) -> Surface:
     vertices = array(body.vertices, "body.vertices", BodyError)
     faces = array(body.faces, "body.faces", BodyError)
-    if not (faces.size and (faces >= 0).all() and (faces < len(vertices)).all()):
-        raise BodyError(f"body.faces: must be numbers of the {len(vertices)} vertices, from 0 on")
+    if not faces.size:
+        raise BodyError("body: has no triangles")
+    if not ((faces >= 0) & (faces < len(vertices)) & (faces % 1 == 0)).all():
+        raise BodyError(
+            f"body.faces: must be whole numbers of the {len(vertices)} vertices, from 0 on"
+        )
     try:
         return Surface(vertices, faces.astype(np.int64))
     except (TypeError, ValueError) as error:

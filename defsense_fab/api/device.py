@@ -18,11 +18,13 @@ from ..pipeline.build.build import build
 from ..pipeline.build.stages import STAGES
 from ..pipeline.study.points.studied_device import studied_text
 from .bodies import write_body
-from .given import called, each_of, path
+from .given import called, each_of, path, whole
 from .plain import table
 from .poses import DrawnCord, Pose
 from .regions import region_tables
 from .workspace import Workspace
+
+_MOST_CORDS = 16
 
 
 class Device:
@@ -72,8 +74,8 @@ class Device:
         `body` is a path, a build123d shape, a trimesh or a Surface; `material`, `cord` and
         `process` are names of rows of the package's tables; `regions` parts of the body by name, in
         mm; `poses` what is to be sensed. `cords` are drawn, and so many more are found that there
-        are `sensors` in all. Tetrahedra have edges of `edge_length` mm. Where a region is named
-        `anchor`, it holds still. `values` sets further keys of device.toml, as in
+        are `sensors` in all, 16 at most. Tetrahedra have edges of `edge_length` mm. Where a region
+        is named `anchor`, it holds still. `values` sets further keys of device.toml, as in
         {"cord.noise": 0.002}.
 
         `units` are those of a mesh: "mm", "cm", "m", "inch" or "um". Where they are not given, a
@@ -84,6 +86,7 @@ class Device:
         Raises BodyError for what is no body, DeviceError for the other values; messages name them
         as device.toml does.
         """
+        count = None if sensors is None else whole(sensors, "sensors", most=_MOST_CORDS)
         further = table({} if values is None else values)
         data = table({
             "schema": 1,
@@ -95,12 +98,12 @@ class Device:
             "outputs": {} if anchor is None else {"anchor": anchor},
             "cord": {"name": cord},
             "fabrication": {"process": process},
-            "design": {} if sensors is None else {"sensors": sensors},
+            "design": {} if count is None else {"sensors": count},
             "poses": [pose.table() for pose in each_of(poses, "poses", Pose)],
             "sensors": [drawn.table() for drawn in each_of(cords, "cords", DrawnCord)],
         })  # fmt: skip
         workspace = Workspace()
-        data["body"], notes = write_body(body, units, workspace.folder)
+        data["body"], notes = write_body(body, units, edge_length, workspace.folder)
         workspace.write(studied_text(tomlkit.dumps(data), further))
         return Device(workspace, None, notes)
 

@@ -56,17 +56,28 @@ def listed(values: object, name: str, error: Error = DeviceError) -> Sequence[An
     raise error(f"{name}: must be a list, not {shown(values)}; write [...] around a single one")
 
 
-def number(value: object, name: str, error: Error = DeviceError, above: float = -math.inf) -> float:
-    """A finite number above a limit, of Python or NumPy."""
+def truth(value: object, name: str, error: Error = DeviceError) -> bool:
+    """True or False, of Python or NumPy."""
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise error(f"{name}: must be True or False, not {shown(value)}")
+
+
+def number(
+    value: object, name: str, error: Error = DeviceError, above: float = -math.inf,
+    most: float = math.inf,
+) -> float:  # fmt: skip
+    """A finite number between limits, of Python or NumPy."""
     if isinstance(value, Real) and not isinstance(value, bool):
         try:
             found = float(value)
         except OverflowError:
             found = math.inf
-        if math.isfinite(found) and found > above:
+        if math.isfinite(found) and above < found <= most:
             return found
-    limit = "" if above == -math.inf else f" above {above:g}"
-    raise error(f"{name}: must be a number{limit}, not {shown(value)}")
+    limits = "" if above == -math.inf else f" above {above:g}"
+    limits += "" if most == math.inf else f" and of at most {most:g}"
+    raise error(f"{name}: must be a number{limits}, not {shown(value)}")
 
 
 def whole(
@@ -124,6 +135,6 @@ def shown(value: Any) -> str:
         text = repr(value.item() if isinstance(value, np.generic) else value)
         return text if len(text) <= _LONG else f"{text[:_LONG]}..."
     if isinstance(value, np.ndarray):
-        return f"an array of shape {value.shape}"
+        return f"an array of {value.dtype} of shape {value.shape}"
     name = type(value).__name__
     return f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"

@@ -11,10 +11,14 @@ import numpy as np
 from ..core.errors import DeviceError
 from .given import shown
 
+_DEEP = 16  # lists and tables within each other, which no device.toml has
 
-def plain(value: object, name: str) -> Any:
-    """Texts, true and false, integers and floats, and lists and tables of them. Raises DeviceError
-    for what is something else, with its `name`."""
+
+def plain(value: object, name: str, depth: int = 0) -> Any:
+    """Texts, true and false, integers and floats, and lists and tables of them, of which `depth`
+    are around it. Raises DeviceError for what is something else, with its `name`."""
+    if depth > _DEEP:
+        raise DeviceError(f"{name}: has too many lists within each other, or contains itself")
     if isinstance(value, str):
         return _text(value, name)
     if isinstance(value, bool):
@@ -24,15 +28,15 @@ def plain(value: object, name: str) -> Any:
     if isinstance(value, Real):
         return float(value)
     if isinstance(value, Mapping):
-        return table(value, f"{name}.")
+        return table(value, f"{name}.", depth)
     if isinstance(value, Sequence) and not isinstance(value, bytes | bytearray):
-        return [plain(each, name) for each in value]
+        return [plain(each, name, depth + 1) for each in value]
     if isinstance(value, np.ndarray | np.bool_) or hasattr(value, "__array__"):
-        return plain(np.asarray(value).tolist(), name)
+        return plain(np.asarray(value).tolist(), name, depth + 1)
     raise DeviceError(f"{name}: give numbers, texts, or lists of them, not {shown(value)}")
 
 
-def table(values: object, within: str = "") -> dict[str, Any]:
+def table(values: object, within: str = "", depth: int = 0) -> dict[str, Any]:
     """A mapping from keys to what `plain` takes. Raises DeviceError for what is none."""
     if not isinstance(values, Mapping):
         raise DeviceError(
@@ -44,7 +48,10 @@ def table(values: object, within: str = "") -> dict[str, Any]:
             raise DeviceError(
                 f'{within or "values"}: keys are texts as in "cord.noise", not {shown(key)}'
             )
-    return {_text(key, "key"): plain(value, f"{within}{key}") for key, value in values.items()}
+    return {
+        _text(key, "key"): plain(value, f"{within}{key}", depth + 1)
+        for key, value in values.items()
+    }
 
 
 def _text(value: str, name: str) -> str:

@@ -17,6 +17,7 @@ from ..training.data.dataset import Dataset, Recording
 from .given import array, called, each_of, number, of_kind, path, whole
 from .layout import Layout
 
+_DAY = 86400.0  # s
 UNNAMED = "device"  # the name of one that was given none
 
 
@@ -73,15 +74,15 @@ def record_twin(
     unit: int = 1,
     progress: Progress = silent,
 ) -> Dataset:
-    """Training sessions of so many `seconds` of a simulated built device (docs/twin.md): `unit`
-    says which one of those that differ in how they were made, `seed` how the hand moves it, both
-    from 0 on. Raises TrainingError for what cannot be, CaptureError for a device that no twin is
-    made of."""
+    """Training sessions of so many `seconds`, a day at most, of a simulated built device
+    (docs/twin.md): `unit` says which one of those that differ in how they were made, `seed` how the
+    hand moves it, both from 0 on. Raises TrainingError for what cannot be, CaptureError for a
+    device that no twin is made of."""
     of_kind(layout, "layout", Layout, TrainingError)
     called(progress, TrainingError)
     return simulate_recordings(
         layout.poses.device.record,
-        seconds=number(seconds, "seconds", TrainingError, above=0),
+        seconds=number(seconds, "seconds", TrainingError, above=0, most=_DAY),
         sessions=whole(sessions, "sessions", TrainingError),
         seed=whole(seed, "seed", TrainingError, least=0),
         unit=whole(unit, "unit", TrainingError, least=0),

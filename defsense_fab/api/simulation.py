@@ -105,6 +105,8 @@ def simulate(device: Device, progress: Progress = silent) -> Simulation:
 
 def _checked(points: ArrayLike) -> Float:
     at = array(points, "points")
-    if at.ndim != 2 or at.shape[1] != 3 or not np.isfinite(at).all():
-        raise DeviceError(f"points: must be finite, of shape (p, 3) in mm, not {at.shape}")
+    if at.ndim != 2 or at.shape[1] != 3:
+        raise DeviceError(f"points: must have shape (p, 3), in mm, not {at.shape}")
+    if not np.isfinite(at).all():
+        raise DeviceError("points: must be finite, in mm")
     return at

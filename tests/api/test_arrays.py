@@ -1,5 +1,7 @@
 """Arrays in other units than they should be do not become a model in silence."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,15 @@ def arrays(twin, *, length=1.0, time=1.0, ohm=1.0):
 def test_other_units_are_refused(twin, layout, factors, message):
     with pytest.raises(df.DefsenseError, match=message):
         df.train(arrays(twin, **factors), layout, decoder="affine", in_step=True)
+
+
+def test_samples_in_another_unit_than_r0_are_refused(twin, model):
+    run = twin.recordings[0]
+    kiloohm = replace(twin, recordings=(replace(run, ohm=run.ohm * 1e-3),))
+    with pytest.raises(df.DefsenseError, match=r"times smaller than R0.* Give both in ohm"):
+        df.train(kiloohm, decoder="affine", in_step=True)
+    with pytest.raises(df.DefsenseError, match=r"times smaller than R0.* Give both in ohm"):
+        model.predict(run.sample_time, run.ohm * 1e-3, run.rest)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 taken as Python's."""
 
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,17 @@ import pytest
 import defsense_fab as df
 from defsense_fab.api.plain import plain
 from tests.api.conftest import small_bar
+
+
+def mesh(faces):
+    """With four vertices."""
+    return SimpleNamespace(vertices=np.eye(4, 3), faces=np.reshape(np.array(faces, float), (-1, 3)))
+
+
+WITHIN_ITSELF: list[object] = []
+WITHIN_ITSELF.append(WITHIN_ITSELF)
+TABLE_WITHIN_ITSELF: dict[str, object] = {}
+TABLE_WITHIN_ITSELF["a"] = TABLE_WITHIN_ITSELF
 
 
 @pytest.mark.parametrize(
@@ -32,6 +44,7 @@ from tests.api.conftest import small_bar
         (lambda la: df.predict(la, noise="x"), "noise: must be a number above 0, not 'x'"),
         (lambda la: df.record_twin(la.poses), "layout: must be a Layout, not a Simulation"),
         (lambda la: df.record_twin(la, seconds="1"), "seconds: must be a number above 0"),
+        (lambda la: df.record_twin(la, seconds=1e12), "seconds: .* above 0 and of at most 86400"),
         (lambda la: df.record_twin(la, sessions=1.5), "sessions: must be a whole number of at le"),
         (lambda la: df.record_twin(la, seed=-1), "seed: must be a whole number of at least 0"),
         (lambda la: df.load_sessions(["a"]), r"sessions\[0\]: must be a path, not a list"),
@@ -49,6 +62,13 @@ from tests.api.conftest import small_bar
         (lambda la: la.poses.device.changed({"cord.noise": {1: 2}}), "cord.noise.: keys are texts"),
         (lambda la: la.poses.index(0), "state: must be text, not 0"),
         (lambda la: la.poses.displaced(None), "points: must be an array of numbers, not None"),
+        (
+            lambda la: la.poses.displaced(np.zeros((600, 2), complex)),
+            r"must be an array of numbers, not an array of complex128 of shape \(600, 2\)",
+        ),
+        (lambda la: la.poses.displaced(np.zeros((1, 3), bool)), "not an array of bool of shape"),
+        (lambda la: la.poses.displaced(np.zeros(3, "M8[s]")), r"an array of datetime64\[s\] of"),
+        (lambda la: la.poses.displaced([[np.nan, 0, 0]]), "points: must be finite, in mm"),
         (lambda la: df.Pose(5), "name: must be text, not 5"),
         (lambda la: df.Pose("a", "base"), "fixed: must be a list, not 'base'; write"),
         (lambda la: df.Pose("a", None), "fixed: must be a list, not None"),
@@ -84,6 +104,15 @@ def test_what_is_no_such_object_is_told(layout, call, message):
         ({"values": 3}, "values: must be a dict"),
         ({"edge_length": None}, "edge_length: give numbers"),
         ({"material": np.zeros(3)}, "name: must be a text"),
+        ({"values": {"cord.noise": WITHIN_ITSELF}}, "cord.noise: .* or contains itself"),
+        ({"values": {"cord": TABLE_WITHIN_ITSELF}}, "cord.a.*: .* or contains itself"),
+        ({"edge_length": 1e-9}, "edge length 1e-09 mm: give one from 0.6"),
+        ({"edge_length": 1e9}, r"edge length 1e\+09 mm: .* to 20 mm"),
+        ({"edge_length": "12"}, "edge_length: must be a number, not '12'"),
+        ({"sensors": 99}, "sensors: must be a whole number from 1 to 16, not 99"),
+        ({"body": mesh([[0, 1, 2.5]])}, "faces: must be whole numbers of the 4 vertices"),
+        ({"body": mesh([[0, 1, 4]])}, "faces: must be whole numbers of the 4 vertices"),
+        ({"body": mesh([])}, "body: has no triangles"),
         ({"name": "\ud800"}, "name: .* no file can hold"),
     ],
 )
@@ -128,6 +157,7 @@ def test_what_no_model_takes_is_told_and_leaves_no_file(
         ({"layout": 3}, "layout: must be a Layout, not 3"),
         ({"decoder": None}, "decoder: must be text"),
         ({"test_share": "a"}, "test_share: must be a number"),
+        ({"in_step": "no"}, "in_step: must be True or False, not 'no'"),
         ({"shift": "soon"}, "shift: must be a number"),
         ({"without_markers": 3}, "without_markers: must be a list, not 3"),
         ({"without_markers": ["a"]}, "without_markers: must be a whole number"),
@@ -194,7 +224,7 @@ def test_a_device_takes_the_numbers_of_numpy():
 def test_functions_take_the_numbers_of_numpy(layout, twin):
     assert df.predict(layout, noise=np.float32(0.5)) == df.predict(layout, noise=0.5)
     made = df.train(
-        twin, decoder="affine", in_step=True, shift=np.float32(0.0),
+        twin, decoder="affine", in_step=np.bool_(True), shift=np.float32(0.0),
         test_share=np.float32(0.25), without_markers=np.array([0]),
     )  # fmt: skip
     assert made.rest_positions.shape == (9, 3)

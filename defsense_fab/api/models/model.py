@@ -22,6 +22,8 @@ from ...pipeline.train.models.train_device import train_dataset
 from ...runtime.surface.live_surface import Mode
 from ...sensing.signal import relative_change
 from ...training.data.dataset import Dataset
+from ...training.data.problems import refuse
+from ...training.data.unit_checks import unlike_rest
 from ...training.fitting.train_model import TrainingOptions
 from .. import given
 from ..layout import Layout
@@ -68,7 +70,7 @@ class Model:
     ) -> Float:
         """Positions (t, m, 3) mm of the markers, of `resistances` (t, c) ohm at the times (t,) s,
         with those at rest (c,) ohm; NaN where a resistance is. Raises TrainingError for shapes that
-        do not fit the model."""
+        do not fit the model, and resistances in another unit than those at rest."""
         c = len(self.channels)
         when = given.array(time, "time", TrainingError)
         ohm = given.array(resistances, "resistances", TrainingError)
@@ -82,6 +84,7 @@ class Model:
             raise TrainingError("time: must be finite and increase, in s")
         if not (np.isfinite(rest).all() and (rest > 0).all()):
             raise TrainingError("rest_resistances: must be above 0, in ohm, and none NaN")
+        refuse(unlike_rest(ohm, rest))
         known = np.where(ohm > 0, ohm, np.nan)
         return self.record.decode(when, relative_change(known, rest), when).points
 
@@ -134,13 +137,14 @@ def train(
         given.whole(number, "without_markers", TrainingError, least=0)
         for number in given.listed(without_markers, "without_markers", TrainingError)
     ]
+    together = given.truth(in_step, "in_step", TrainingError)
     automatic = isinstance(shift, str) and shift == "auto"
     offset: Offset = "auto" if automatic else given.number(shift, "shift", TrainingError)
     device = None if layout is None else layout.poses.device.record
     if device is not None and data.device == UNNAMED:
         data = replace(data, device=device.name)
     data, prior, notes = prepare(
-        data, device, wanted=NO if device is None else YES, without=left_out, in_step=in_step,
+        data, device, wanted=NO if device is None else YES, without=left_out, in_step=together,
         shift=offset, progress=progress,
     )  # fmt: skip
     options = TrainingOptions(decoder=decoder, test_share=share)

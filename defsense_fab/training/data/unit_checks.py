@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...core.arrays import Float
@@ -14,6 +16,7 @@ _SLOW = 1.0  # s between pictures, as those of a slow camera in ms have
 _LONG = 30 * 86400.0  # s, which no slow recording lasts
 _FEW_OHMS = 20.0  # what no rubber cord of a usable length has
 _PART = 0.05  # of its shortest cord's resistance, which no device's is below
+_TIMES = 20.0  # by which no cord's resistance is larger or smaller than at rest
 _KILO = "are resistances in kiloohm?"
 _GIVE_OHM = "give ohm, as the device's board does when it runs live"
 
@@ -56,11 +59,35 @@ def _times(dataset: Dataset) -> list[Problem]:
 
 
 def _resistances(dataset: Dataset) -> list[Problem]:
+    out = [
+        replace(p, what=f"{r.name}: {p.what}", of=(r.name,))
+        for r in dataset.recordings
+        for p in unlike_rest(r.ohm, r.rest)
+    ]
     largest = _largest_rest(dataset)
-    if not 0 < largest < _FEW_OHMS:
+    if 0 < largest < _FEW_OHMS:
+        what = f"R0 of at most {largest:.3g} ohm is little for rubber cord"
+        out.append(Problem("wrong unit", False, f"{what}: {_KILO}", _GIVE_OHM, largest))
+    return out
+
+
+def unlike_rest(ohm: Float, rest: Float) -> list[Problem]:
+    """Of resistances (n, c) in another unit than R0 (c,): all channels that have any must say so,
+    since one alone may be broken. Those whose R0 is 1 are in units of R0, and not judged."""
+    known = np.isfinite(ohm) & (ohm > 0)
+    judged = known.any(axis=0) & np.isfinite(rest) & (rest > 0) & (rest != 1.0)
+    if not judged.any():
         return []
-    what = f"R0 of at most {largest:.3g} ohm is little for rubber cord"
-    return [Problem("wrong unit", False, f"{what}: {_KILO}", _GIVE_OHM, largest)]
+    middle = np.nanmedian(np.where(known, ohm, np.nan)[:, judged], axis=0)
+    times = middle / rest[judged]
+    if (times < 1 / _TIMES).all():
+        how = f"{1 / np.median(times):,.0f} times smaller"
+    elif (times > _TIMES).all():
+        how = f"{np.median(times):,.0f} times larger"
+    else:
+        return []
+    what = f"resistances are {how} than R0: is one of them in kiloohm?"
+    return [Problem("wrong unit", True, what, "give both in ohm", float(np.median(times)))]
 
 
 def unlike_cords(dataset: Dataset, shortest: float) -> list[Problem]:

@@ -7,7 +7,7 @@ import pytest
 
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset_checks import checked
-from defsense_fab.training.data.unit_checks import unit_problems, unlike_cords
+from defsense_fab.training.data.unit_checks import unit_problems, unlike_cords, unlike_rest
 from tests.training.synthetic import dataset
 
 
@@ -68,6 +68,27 @@ def test_kiloohm_of_known_cords_forbid_training(good):
     assert "of which the shortest has 290 ohm: are resistances in kiloohm?" in problem.what
     assert unlike_cords(good, shortest=290.0) == []
     assert unlike_cords(good, shortest=0.0) == []
+
+
+@pytest.mark.parametrize(
+    ("ohm", "how"), [(1e-3, "[0-9,]+ times smaller"), (1e3, "[0-9,]+ times larger")]
+)
+def test_samples_in_another_unit_than_r0_forbid_training(good, ohm, how):
+    runs = [replace(r, ohm=r.ohm * ohm) for r in good.recordings]
+    runs[1].ohm[:, 0] = np.nan  # a broken channel does not hide it
+    message = f"run-1: resistances are {how} than R0: is one of them in kiloohm.*and 1 more"
+    with pytest.raises(TrainingError, match=message):
+        checked(replace(good, recordings=tuple(runs)))
+
+
+@pytest.mark.parametrize("broken", [np.nan, 0.0, 1.0, 1e6])
+def test_a_broken_channel_is_not_taken_for_another_unit(good, broken):
+    run = good.recordings[0]
+    ohm = run.ohm.copy()
+    ohm[:, 0] = broken
+    assert unlike_rest(ohm, run.rest) == []
+    assert unlike_rest(np.full_like(ohm, np.nan), run.rest) == []
+    assert unlike_rest(ohm[:0], run.rest) == []
 
 
 def test_resistances_in_units_of_r0_are_not_judged(good):
