@@ -29,7 +29,7 @@ def device(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("command", ["calibrate specimen", "calibrate coupon", "capture board"])
+@pytest.mark.parametrize("command", ["calibrate coupon --clearances 0.2,0.4", "capture board"])
 def test_a_file_where_a_folder_should_be(tmp_path, capsys, command):
     (tmp_path / "file").write_text("")
     error = refused(capsys, [*command.split(), tmp_path / "file" / "x.pdf"])
@@ -37,7 +37,7 @@ def test_a_file_where_a_folder_should_be(tmp_path, capsys, command):
 
 
 def test_a_folder_that_takes_no_files(capsys):
-    assert "/proc/x: No such file" in refused(capsys, ["calibrate", "specimen", "/proc/x"])
+    assert "/proc/x: No such file" in refused(capsys, ["capture", "board", "/proc/x"])
 
 
 def test_a_file_in_place_of_the_device_s_folder(device, capsys):
