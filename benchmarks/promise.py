@@ -11,11 +11,11 @@ random ones of one to three poses that go together, each 0.2 to 1.2 of its ampli
 have cords shifted as a whole by up to 0.3 mm, gauge factors 5 % off, another pre-stretch and noise;
 each is trained on its own readings of its own training states. Their RMSE on the random states is
 compared with the promised band, and so is that on the states that the device holds out, each on as
-many frames as the band is of, at least. `inside`
-are random states within the amplitudes that were designed for, `beyond` the others; `in band` are
-the shares of devices whose error lies in the band: on the states held out, and on the random ones
-inside. With `--edge 1 --law device` all is solved as the design does it: what is then outside of
-the band is due to how devices are built, and the rest to the mesh and the material.
+many frames as the band is of, at least. `inside` are random states within the amplitudes that were
+designed for, `beyond` the others; `in band` are the shares of devices whose error lies in the band:
+on the states held out, and on the random ones inside. With `--edge 1 --law device` all is solved as
+the design does it: what is then outside of the band is due to how devices are built, and the rest
+to the mesh and the material.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from ..core.progress import Progress, silent
 from ..pipeline.artifacts.own_files import refuse_outside
 from ..pipeline.build.build import build
 from ..pipeline.build.stages import STAGES
+from ..pipeline.starts.usual import MOST_CORDS
 from ..pipeline.study.points.studied_device import studied_text
 from .bodies import write_body
 from .given import called, each_of, path, whole
@@ -23,8 +24,6 @@ from .plain import table
 from .poses import DrawnCord, Pose
 from .regions import region_tables
 from .workspace import Workspace
-
-_MOST_CORDS = 16
 
 
 class Device:
@@ -86,7 +85,7 @@ class Device:
         Raises BodyError for what is no body, DeviceError for the other values; messages name them
         as device.toml does.
         """
-        count = None if sensors is None else whole(sensors, "sensors", most=_MOST_CORDS)
+        count = None if sensors is None else whole(sensors, "sensors", most=MOST_CORDS)
         further = table({} if values is None else values)
         data = table({
             "schema": 1,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import BodyError, DeviceError, StorageError
-from ...pipeline.starts.usual import CORD, CORDS, PROCESS
+from ...pipeline.starts.usual import CORD, CORDS, MOST_CORDS, PROCESS
 from ..output import progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
@@ -123,12 +123,13 @@ def _body(options: argparse.Namespace) -> DroppedBody | None:
 
 def _path(word: str) -> Path:
     """A file as it was typed, or as terminals paste one that is dropped on them."""
-    forms = [word, word.strip("'\"")]
+    bare = word.strip("'\"")
+    forms = [word, bare]
     if os.name != "nt":
         with contextlib.suppress(ValueError):  # no closing quotation
             forms += shlex.split(word)[:1]
-    paths = [Path(form).expanduser() for form in forms if form]
-    return next((p for p in paths if p.exists()), paths[min(1, len(paths) - 1)])
+    paths = [Path(form).expanduser() for form in forms]
+    return next((p for p in paths if p.exists()), Path(bare).expanduser())
 
 
 def _from_start(options: argparse.Namespace, asked: bool) -> dict[str, Any]:
@@ -182,8 +183,8 @@ def _from_file(found: DroppedBody, options: argparse.Namespace, asked: bool) -> 
     named = options.material
     material = usual_material(process) if named is None else material_row(named)
     cords, edge = options.cords, options.edge_length
-    if cords is not None and not 1 <= cords <= 16:  # none is for devices that are drawn on
-        raise DeviceError(f"--cords {cords}: give a number from 1 to 16")
+    if cords is not None and not 1 <= cords <= MOST_CORDS:  # none: devices that are drawn on
+        raise DeviceError(f"--cords {cords}: give a number from 1 to {MOST_CORDS}")
 
     def checked(text: str) -> str:
         unit = unit_name(text)

@@ -7,7 +7,9 @@ import io
 import re
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -149,14 +151,17 @@ def look_at_file(name: str, content: bytes) -> DroppedBody:
 
 def _own_unit(content: bytes, suffix: str) -> str:
     """In which a file of the kind is, by its format, or by what it says."""
+    if suffix in (".glb", ".gltf"):
+        return "m"
     if suffix == ".3mf":
-        with zipfile.ZipFile(io.BytesIO(content)) as parts:
-            models = [n for n in parts.namelist() if n.lower().endswith("3dmodel.model")]
-            for name in models[:1]:
-                with parts.open(name) as model:
-                    found = _3MF_UNIT.search(model.read(4096))
-                return _3MF_UNITS.get(found[1].decode() if found else "", "mm")
-    return "m" if suffix in (".glb", ".gltf") else "mm"
+        # What lib3mf reads, and zipfile does not, is in mm, as most is.
+        failures = (zipfile.BadZipFile, zlib.error, NotImplementedError, StopIteration)
+        with suppress(*failures), zipfile.ZipFile(io.BytesIO(content)) as parts:
+            name = next(n for n in parts.namelist() if n.lower().endswith("3dmodel.model"))
+            with parts.open(name) as model:
+                found = _3MF_UNIT.search(model.read(4096))
+            return _3MF_UNITS.get(found[1].decode() if found else "", "mm")
+    return "mm"
 
 
 def _look_at_script(path: Path, content: bytes) -> DroppedBody:

@@ -24,7 +24,7 @@ from .device_comments import commented
 from .dropped_body import TETS, DroppedBody
 from .starting_devices import put_device
 from .units import UNIT_WORDS, UNITS
-from .usual import CORD, CORDS, PROCESS
+from .usual import CORD, CORDS, MOST_CORDS, PROCESS
 
 MODES = "modes"
 _MOST_TETS = 1_000_000
@@ -63,8 +63,8 @@ class FirstDevice:
     def __post_init__(self) -> None:
         if self.unit not in UNITS:
             raise DeviceError(f"units {self.unit!r}: there is {', '.join(UNITS)}")
-        if self.cords is not None and not 0 <= self.cords <= 16:
-            raise DeviceError(f"cords {self.cords}: give a number from 1 to 16")
+        if self.cords is not None and not 0 <= self.cords <= MOST_CORDS:
+            raise DeviceError(f"cords {self.cords}: give a number from 1 to {MOST_CORDS}")
         if self.poses:
             check_poses(self.poses)
 

@@ -3,3 +3,5 @@
 from __future__ import annotations
 
 PROCESS, CORD, CORDS = "fdm-tpu", "rubber-2mm", 3
+#: That are to be found at most.
+MOST_CORDS = 16

@@ -68,6 +68,18 @@ def failing(stage):
     return run
 
 
+def interrupt(*_, **__):
+    raise KeyboardInterrupt
+
+
+def fails(folder, monkeypatch, module, run, error=LayoutError):
+    """One build, in which the module's stage runs so."""
+    with monkeypatch.context() as m:
+        m.setattr(module, "run", run)
+        with pytest.raises(error):
+            build(load_device(folder))
+
+
 def change(folder, old, new):
     path = folder / "device.toml"
     path.write_text(path.read_text().replace(old, new))
@@ -86,10 +98,7 @@ def test_nothing_is_left_where_nothing_was_finished(folder, ran, monkeypatch):
 
 
 def test_finished_stages_become_the_build_where_there_is_none(folder, ran, monkeypatch):
-    with monkeypatch.context() as m:
-        m.setattr(stage_optimize, "run", failing("layout.json"))
-        with pytest.raises(LayoutError):
-            build(load_device(folder))
+    fails(folder, monkeypatch, stage_optimize, failing("layout.json"))
     assert hidden(folder) == []
     assert (folder / "build" / "mesh.vtu").exists()
     assert not (folder / "build" / "layout.json").exists()
@@ -100,10 +109,7 @@ def test_finished_stages_become_the_build_where_there_is_none(folder, ran, monke
 def test_a_good_build_stays_and_new_stages_are_taken_up_later(folder, ran, monkeypatch):
     build(load_device(folder))
     change(folder, "edge_length = 6.0", "edge_length = 7.0")
-    with monkeypatch.context() as m:
-        m.setattr(stage_optimize, "run", failing("layout.json"))
-        with pytest.raises(LayoutError):
-            build(load_device(folder))
+    fails(folder, monkeypatch, stage_optimize, failing("layout.json"))
     assert (folder / "build" / "layout.json").exists()
     assert hidden(folder) == [".build-kept"]
     del ran[:]
@@ -134,10 +140,7 @@ def test_poses_outlast_builds_that_fail_earlier(folder, ran, monkeypatch):
         if module is stage_simulate:
             change(folder, "width = 31", "width = 30")
             change(folder, "edge_length = 7.0", "edge_length = 8.0")
-        with monkeypatch.context() as m:
-            m.setattr(module, "run", failing(output))
-            with pytest.raises(LayoutError):
-                build(load_device(folder))
+        fails(folder, monkeypatch, module, failing(output))
     change(folder, "edge_length = 8.0", "edge_length = 7.0")
     del ran[:]
     assert build(load_device(folder)).reused == ("body", "simulate")
@@ -146,35 +149,20 @@ def test_poses_outlast_builds_that_fail_earlier(folder, ran, monkeypatch):
 
 
 def test_an_interrupted_build_is_gone_on_with_after_another_failed(folder, ran, monkeypatch):
-    def interrupt(*_, **__):
-        raise KeyboardInterrupt
-
     build(load_device(folder))
     change(folder, "edge_length = 6.0", "edge_length = 7.0")
-    with monkeypatch.context() as m:
-        m.setattr(stage_optimize, "run", interrupt)
-        with pytest.raises(KeyboardInterrupt):
-            build(load_device(folder))
+    fails(folder, monkeypatch, stage_optimize, interrupt, KeyboardInterrupt)
     change(folder, "width = 30", "width = 31")
-    with monkeypatch.context() as m:
-        m.setattr(stage_body, "run", failing("body"))
-        with pytest.raises(LayoutError):
-            build(load_device(folder))
+    fails(folder, monkeypatch, stage_body, failing("body"))
     change(folder, "width = 31", "width = 30")
     assert build(load_device(folder)).made == ("optimize", "fabricate", "report")
 
 
 def test_stages_that_are_wanted_are_not_lost_to_an_interrupted_build(folder, ran, monkeypatch):
-    def interrupt(*_, **__):
-        raise KeyboardInterrupt
-
     build(load_device(folder))
     for before, after in (("6.0", "7.0"), ("6.0", "8.0")):
         change(folder, f"edge_length = {before}", f"edge_length = {after}")
-        with monkeypatch.context() as m:
-            m.setattr(stage_optimize, "run", interrupt)
-            with pytest.raises(KeyboardInterrupt):
-                build(load_device(folder))
+        fails(folder, monkeypatch, stage_optimize, interrupt, KeyboardInterrupt)
         change(folder, f"edge_length = {after}", f"edge_length = {before}")
         if after == "7.0":  # all is up to date; what was interrupted is kept
             assert build(load_device(folder)).made == ()
