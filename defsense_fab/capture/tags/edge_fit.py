@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
+from ...core.machine.copying import copy_rows
 from .edge_line import FREE, MOST, fit_line
 
 #: px, standard deviation of the offset of a line through the detector's corners, and how far it
@@ -61,7 +62,8 @@ def _refine(image, plane, corners, cells, out, covariance, fitted):  # type: ign
                 together += more[k, 0]
         for k in range(4):
             if well[k]:  # pixels err together on all edges alike
-                spread[k] *= max(together / count, _LEAST_INFLATION)
+                for v in range(3):
+                    spread[k, v] *= max(together / count, _LEAST_INFLATION)
                 spread[k, 0] += more[k, 1] ** 2
                 spread[k, 2] += (2 * more[k, 1] / lines[k, 3]) ** 2
             else:
@@ -72,7 +74,7 @@ def _refine(image, plane, corners, cells, out, covariance, fitted):  # type: ign
         for k in range(4):
             _detected(ideal, k, cx, cy, lines[k], spread[k])
         if not _cross(lines, spread, out[tag], covariance[tag]):
-            out[tag] = ideal
+            copy_rows(ideal, out[tag])
             _as_detected(lines, covariance[tag])
 
 
@@ -116,7 +118,9 @@ def _as_detected(lines, covariance):  # type: ignore[no-untyped-def]
         each = 2 * _DETECTED**2 / (xx * yy - xy * xy)
         covariance[k, 0, 0], covariance[k, 1, 1] = each * yy, each * xx
         covariance[k, 0, 1] = covariance[k, 1, 0] = -each * xy
-        covariance[4] += covariance[k] / 16
+        for c in range(2):
+            for d in range(2):
+                covariance[4, c, d] += covariance[k, c, d] / 16
 
 
 @compiled()

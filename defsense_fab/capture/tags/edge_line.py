@@ -20,6 +20,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.machine.compiled import compiled
+from ...core.machine.copying import copy_row, copy_rows
 from .small_systems import solve
 
 #: px: pixels nearer to a corner than this, or this part of the edge, see the other edge too.
@@ -300,8 +301,10 @@ def _converge(  # type: ignore[no-untyped-def]
             damping = max(_TRIES * damping, _DAMPED)
         else:
             converged = steps > 0 and abs(delta[0]) + abs(delta[1]) * length / 2 < enough
-            best[:], least, told, kept = q, cost, now, here
-            A[:], g[:] = B[:FREE, :FREE], B[:FREE, FREE]
+            copy_row(q, best)
+            least, told, kept = cost, now, here
+            copy_rows(B, A)
+            copy_row(B[FREE], g)
             for a in range(FREE):
                 A[a, a] += 1e-9 * A[a, a] + 1e-12
             variance = B[FREE, FREE] / (told - 5) + 1 / 12  # rounding to whole grey levels
@@ -324,12 +327,12 @@ def _converge(  # type: ignore[no-untyped-def]
                 failures, damping = 0, damping / _TRIES
             else:
                 damping = damping / _TRIES if damping > _DAMPED else 0.0
-        damped[:] = A
+        copy_rows(A, damped)
         for a in range(FREE):
             damped[a, a] *= 1 + damping
         if not solve(damped, g, B, delta):
             break
-        q[:] = best
+        copy_row(best, q)
         q[0] += min(max(delta[0], -1.0), 1.0)
         q[1] += min(max(delta[1], -2.0 / length), 2.0 / length)
         q[2] += delta[2]
@@ -337,7 +340,7 @@ def _converge(  # type: ignore[no-untyped-def]
         q[4] = min(max(q[4] + min(max(delta[4], -0.3), 0.3), _SHARP), _BLURRED)
         q[5] += delta[5]
         q[6] += min(max(delta[6], -0.4), 0.4)
-    q[:] = best
+    copy_row(best, q)
     if failures:  # the rows are those of a step that failed
         _equations(xs, ys, grey, count, nx, ny, q, limit, rows, B)
     return told, kept, variance, converged

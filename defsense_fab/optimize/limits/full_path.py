@@ -8,6 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
+from ...core.machine.copying import copy_row, copy_rows
 from ..problem.cord_kinematics import PlacedCord
 
 RUN = 4  # samples of a straight run to the surface
@@ -40,14 +41,14 @@ def _with_runs(path, runs):  # type: ignore[no-untyped-def]
     a, b = RUN * (runs[0] > 0), RUN * (runs[1] > 0)
     count = len(path)
     out = np.empty((a + count + b, 3))
-    out[a : a + count] = path
+    copy_rows(path, out[a : a + count])
     for end, before, number, length in ((0, 1, a, runs[0]), (count - 1, count - 2, b, runs[1])):
         if number:
             step = path[end] - path[before]
             step *= length / np.sqrt((step**2).sum()) / RUN
             for k in range(number):
                 at = a - 1 - k if end == 0 else a + count + k
-                out[at] = path[end] + (k + 1) * step
+                copy_row(path[end] + (k + 1) * step, out[at])
     return out
 
 
@@ -62,7 +63,8 @@ def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
     for q in range(len(samples)):
         i = samples[q] - a
         if 0 <= i < count:
-            rows[m], on[m], along[m] = q, i, directions[q]
+            rows[m], on[m] = q, i
+            copy_row(directions[q], along[m])
             m += 1
             continue
         # A run's sample turns with the path's last step.
@@ -74,7 +76,8 @@ def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
         size = np.sqrt((step**2).sum())
         step /= size
         across = (directions[q] - step * (step * directions[q]).sum()) * s / size
-        rows[m], on[m], along[m] = q, end, directions[q] + across
-        rows[m + 1], on[m + 1], along[m + 1] = q, before, -across
+        rows[m], on[m], rows[m + 1], on[m + 1] = q, end, q, before
+        copy_row(directions[q] + across, along[m])
+        copy_row(-across, along[m + 1])
         m += 2
     return rows[:m], on[:m], along[:m]

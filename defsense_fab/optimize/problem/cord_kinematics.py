@@ -10,6 +10,7 @@ from ...core.arrays import Float, Int
 from ...core.curves.curve import Hermite, Plane
 from ...core.device.device import Sensor
 from ...core.machine.compiled import compiled
+from ...core.machine.copying import copy_rows
 from .cord_parameters import FRAME, CordParameters
 
 
@@ -115,7 +116,7 @@ def _place(  # type: ignore[no-untyped-def]
     if len(turns):
         frame = 2 * len(rows)
         for k in range(3):
-            turns[k] = axes
+            copy_rows(axes, turns[k])
         for k in range(3):
             angle = x[frame + 2 + k] / reach
             c, s = np.cos(angle), np.sin(angle)

@@ -18,6 +18,7 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
+from ...core.machine.copying import copy_row
 from ...mechanics.elements.point_location import PointLocator, walk
 from ...mechanics.elements.tet10 import EDGES
 from ...mechanics.elements.threads import cores, over_chunks
@@ -262,7 +263,7 @@ def _signals(paths, grid, across, cells, nodal, answer, out):  # type: ignore[no
         walk(paths[c], grid, across, cell, bary)
         _move(cell, bary, cells, nodal, moved)
         _signal(paths[c], moved, first, count, answer, steps, shares, lengths, found, unused)
-        out[c] = found[0]
+        copy_row(found[0], out[c])
 
 
 @compiled(error_model="numpy")

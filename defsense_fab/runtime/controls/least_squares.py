@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.machine.compiled import compiled
+from ...core.machine.copying import copy_row, copy_rows
 
 _ROUNDS, _SWEEPS = 12, 60  # of Gauss-Newton; over the unknowns of each of its steps
 _CLOSE = 1e-4  # of an amplitude: what moves less is found
@@ -112,7 +113,9 @@ def descend(a, upper, u, weights, prior, knots, counts, values, slopes):  # type
             size /= 2
         if not better:
             break
-        a[:], g[:], H[:] = tried, g2, H2
+        copy_row(tried, a)
+        copy_row(g2, g)
+        copy_rows(H2, H)
         left, cost = left2, cost2
     return left, cost, H
 

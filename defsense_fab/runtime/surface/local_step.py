@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
+from ...core.machine.copying import copy_row
 from .rotation import LANES, nearest_of_many, nearest_rotation
 
 
@@ -75,7 +76,7 @@ def fit_rotations(
             entries[3 * LANES + lane], entries[4 * LANES + lane] = d, e
             entries[5 * LANES + lane], entries[6 * LANES + lane] = f, g
             entries[7 * LANES + lane], entries[8 * LANES + lane] = h, k
-        kept[:] = entries
+        copy_row(entries, kept)
         nearest_of_many(entries, settled)
         for lane in range(count):
             i = first + lane

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
+from ...core.machine.copying import copy_row
 from .elastic_net import ElasticNet
 from .local_step import rotate_edges
 
@@ -142,7 +143,7 @@ def _unwind(ptr: Int, ends: Int, vectors: Float) -> None:
                 if angle > 1e-9:
                     axis = vectors[j] / angle
                     turns = round(((vectors[i] * axis).sum() - angle) / (2.0 * math.pi))
-                    vectors[j] = axis * (angle + 2.0 * math.pi * turns)
+                    copy_row(axis * (angle + 2.0 * math.pi * turns), vectors[j])
 
 
 @compiled(error_model="numpy", fastmath={"contract", "nsz", "arcp"})
