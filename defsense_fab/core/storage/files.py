@@ -91,6 +91,17 @@ def _move(source: Path, target: Path) -> None:
         time.sleep(0.05)
 
 
+def check_folder(path: Path) -> None:
+    """Before long work whose results go to a folder `path`, made if need be: raises StorageError
+    where it cannot be made, or takes no files."""
+    with storage_errors(path):
+        there = next(p for p in (path.absolute(), *path.absolute().parents) if os.path.lexists(p))
+        if not there.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(there))
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(there))
+
+
 def free_path(path: Path) -> Path:
     """A name by which nothing is there: x.mid, x-2.mid, x-3.mid, ..."""
     number, free = 1, path

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 
 from ...core.arrays import Float
 from ...core.curves.path_sampling import arc_lengths
 from ...core.mesh import Surface
+from ..kernels.signed_distance import distances_of
 
 _STEP = 0.5  # mm, between the places that are asked
 _BESIDE = (0.3, 0.9, 1.8)  # mm beyond the channel's wall, where parts are looked for
@@ -60,12 +60,7 @@ def stretches(
 
 def _nearest(points: Float, parts: Sequence[Surface]) -> Float:
     """The part (n,) that each point (n, 3) is deepest in, or else nearest to."""
-    depth = []
-    for part in parts:
-        away = np.sqrt(igl.point_mesh_squared_distance(points, part.vertices, part.faces)[0])
-        inside = igl.fast_winding_number(part.vertices, part.faces, points) > 0.5
-        depth.append(np.where(inside, away, -away))
-    return np.asarray(np.argmax(depth, axis=0))
+    return np.asarray(np.argmax([distances_of(part)(points) for part in parts], axis=0))
 
 
 def _joint(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import FabricationError
+from ...core.storage.files import check_folder
 from .print_files import Print, Printer, PrintFiles, cord_diameter, write_prints
 
 FILE = "coupon.json"
@@ -31,7 +32,7 @@ def write_coupon(
     the diameter, mm.
 
     Raises FabricationError for clearances that cannot be, a process that casts its parts, or a bed
-    that does not hold the plate.
+    that does not hold the plate, and StorageError for a folder that takes no files.
     """
     from ...geometry.specimen.coupon import PEG, coupon, sizes
 
@@ -42,6 +43,7 @@ def write_coupon(
         raise FabricationError(f"coupon: {process} {NO_MOULD}")
     ordered = sorted(clearances)
     printer.check(sizes(diameter, ordered))
+    check_folder(folder)
     solids = coupon(diameter, ordered)
     prints = {name: Print.of(name, solid, (0, 0, 1)) for name, solid in solids.items()}
     data = {

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.curves.bending import RADII
 from ...core.errors import FabricationError
 from ...core.progress import Progress, silent
+from ...core.storage.files import check_folder
 from .print_files import Print, Printer, PrintFiles, cord_diameter, write_prints
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ def write_specimen(
     Without an `offset` the outer cords lie 2 mm from bottom and top, as in the paper, or as much
     more as leaves the process its two lines of skin.
 
-    Raises FabricationError for parts that cannot be or that the process's bed does not hold.
+    Raises FabricationError for parts that cannot be or that the process's bed does not hold,
+    and StorageError for a folder that takes no files.
     """
     from ...geometry.specimen.specimen import Specimen, halves, jig
 
@@ -58,6 +60,7 @@ def write_specimen(
     if offset is None:
         offset = max(OFFSET, enough)
     spec = Specimen(length, thickness, width, offset, channel, clearance)
+    check_folder(folder)
     solids: dict[str, Any] = {}
     for n, radius in enumerate([None, *sorted(radii)]):
         name = "jig-flat" if radius is None else f"jig-{radius:g}"

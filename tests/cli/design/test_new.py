@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from defsense_fab.cli.exit_codes import STOPPED
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.pipeline.starts import dropped_body
 from tests.places import DEVICES
 
 BLOB = str(DEVICES / "blob" / "blob.stl")
@@ -21,6 +23,14 @@ BLOB = str(DEVICES / "blob" / "blob.stl")
 class Terminal(io.StringIO):
     def isatty(self):
         return True
+
+
+@pytest.fixture(scope="module", autouse=True)
+def read_once():
+    """Each file is read once by its content: that takes a process of its own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dropped_body, "look_at_file", cache(dropped_body.look_at_file))
+        yield
 
 
 @pytest.fixture

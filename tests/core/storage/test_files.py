@@ -3,7 +3,7 @@
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.core.storage.files import free_path, replacing_folder
+from defsense_fab.core.storage.files import check_folder, free_path, replacing_folder
 
 
 def names(folder):
@@ -66,3 +66,12 @@ def test_a_name_that_is_taken_gets_a_number(tmp_path):
     path.write_text("")
     (tmp_path / "x-2.mid").symlink_to("nowhere")
     assert free_path(path) == tmp_path / "x-3.mid"
+
+
+def test_a_folder_that_cannot_be_is_told_before_it_is_made(tmp_path):
+    check_folder(tmp_path / "new" / "within")
+    assert not (tmp_path / "new").exists()
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file", tmp_path / "file" / "within"):
+        with pytest.raises(StorageError, match="file: Not a directory; check the path"):
+            check_folder(path)

@@ -50,7 +50,7 @@ def device(tmp_path_factory):
     text = (BAR / "device.toml").read_text()
     text = text.replace("edge_length = 6.0", "edge_length = 12.0")
     text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
-    text = text[: text.rindex("[[sensors]]")]
+    text = text[: text.rindex("[[sensors]]")] + "[design]\nsearches = 2\n"
     (folder / "device.toml").write_text(text)
     assert main(["build", str(folder)]) == 0
     return folder

@@ -27,7 +27,8 @@ def device(tmp_path):
             assert old in text
             text = text.replace(old, new)
         (folder / "device.toml").write_text(
-            text[: text.index("[[sensors]]")] + '[design]\nsensors = 2\ndecoder = "affine"\n'
+            text[: text.index("[[sensors]]")]
+            + '[design]\nsensors = 2\nsearches = 2\ndecoder = "affine"\n'
         )
         return folder
 

@@ -1,6 +1,5 @@
 """Three cameras: in another order than their calibration, and one that went."""
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -55,7 +54,7 @@ def views_of(watched):
     return [TagView(r["id"], r["corners"], r["covariance"], r["corners"]) for r in rows]
 
 
-@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (1, 2, 0)])
 def test_cameras_in_another_order_are_named(order):
     true = cameras()
     watched, corners = filmed([true[k] for k in order], true, np.random.default_rng(1))

@@ -101,7 +101,7 @@ def test_a_device_is_designed_and_exported(browser, studio_server, studio, tmp_p
 
     copy = tmp_path / "elsewhere"
     shutil.copytree(tmp_path / "arm", copy, ignore=shutil.ignore_patterns("build*", ".*"))
-    build(load_device(copy), "report")
+    build(load_device(copy), "fabricate")
     with zipfile.ZipFile(zipped) as whole:
         whole.extractall(tmp_path / "out")
     (exported,) = (p for p in (tmp_path / "out").rglob("parts") if p.is_dir())
