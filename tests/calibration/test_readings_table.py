@@ -26,7 +26,7 @@ def test_a_table_is_what_was_measured(tmp_path):
 
 
 def test_semicolons_decimal_commas_and_other_columns(tmp_path):
-    text = table(tmp_path / "a.csv", GOOD).read_text().splitlines()
+    text = table(tmp_path / "a.csv", GOOD).read_text("utf-8").splitlines()
     lines = ["# measured on Tuesday", text[0].upper() + ",Note"] + [t + ",x" for t in text[1:]]
     path = tmp_path / "b.csv"
     path.write_text(
@@ -131,12 +131,12 @@ def test_the_command(tmp_path, capsys):
     path, out = table(tmp_path / "a.csv", GOOD), tmp_path / "deep" / "response.json"
     assert main(["calibrate", "fit", str(path), "--out", str(out), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told == json.loads(out.read_text())
+    assert told == json.loads(out.read_text("utf-8"))
     assert told["model"] == "line"
     assert told["interval"][0] < told["k_res"] < told["interval"][1]
     assert told["strain_range"] == pytest.approx([-5.5 / 82.5, 5.5 / 82.5])
     assert abs(told["neutral_drift"]) < 0.006
-    page = out.with_suffix(".html").read_text()
+    page = out.with_suffix(".html").read_text("utf-8")
     assert f"{told['k_res']:.2f}" in page
     assert page.count("data:image/png") == 3
     bad, none = tmp_path / "bad.csv", tmp_path / "none.json"
@@ -150,7 +150,7 @@ def test_the_command(tmp_path, capsys):
 
 def test_places_that_the_result_must_not_go_to(tmp_path, capsys):
     path = table(tmp_path / "a.csv", GOOD)
-    text = path.read_text()
+    text = path.read_text("utf-8")
     (tmp_path / "folder.json").mkdir()
     for out in ("a.csv", "x.html", "folder.json", ".", "no/"):
         assert main(["calibrate", "fit", str(path), "--out", str(tmp_path / out)]) == 2
@@ -160,7 +160,7 @@ def test_places_that_the_result_must_not_go_to(tmp_path, capsys):
         main(["calibrate", "fit", str(tmp_path / "b.html"), "--out", str(tmp_path / "b.json")]) == 2
     )
     assert "would overwrite" in capsys.readouterr().err
-    assert path.read_text() == (tmp_path / "b.html").read_text() == text
+    assert path.read_text("utf-8") == (tmp_path / "b.html").read_text("utf-8") == text
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "b.html", "folder.json"]
 
 

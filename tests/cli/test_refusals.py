@@ -61,7 +61,7 @@ def test_a_device_whose_folder_takes_no_build(device, capsys):
 @pytest.mark.parametrize("command", ["mesh", "modes --fixed base", "study", "capture markers"])
 def test_a_name_that_no_file_can_have(device, capsys, command):
     """Looking whether it is there is an OSError."""
-    text = (device / "device.toml").read_text()
+    text = (device / "device.toml").read_text("utf-8")
     (device / "device.toml").write_text(text.replace("bar.py", "x" * 300))
     first, *rest = command.split()
     where = [first, *rest, device] if first == "capture" else [first, device, *rest]

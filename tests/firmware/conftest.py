@@ -45,7 +45,7 @@ class Board:
     def conversions(self):
         """By channel (ADS1115 inputs from 0, too): cycles and counts in their order."""
         out = defaultdict(list)
-        for line in self._log.read_text().splitlines():
+        for line in self._log.read_text("utf-8").splitlines():
             cycle, channel, count = map(int, line.split())
             if channel != 200:
                 out[channel % 100].append((cycle, max(count, 0)))

@@ -10,7 +10,9 @@ from tests.places import FIRMWARE
 
 GOLDEN = FIRMWARE / "golden.txt"
 LINES = [
-    line.split() for line in GOLDEN.read_text().splitlines() if line and not line.startswith("#")
+    line.split()
+    for line in GOLDEN.read_text("utf-8").splitlines()
+    if line and not line.startswith("#")
 ]
 #: Faults of the campaign.
 FAULTS = int(os.environ.get("DEFSENSE_FAULTS", "3000"))

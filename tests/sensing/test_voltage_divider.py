@@ -47,7 +47,7 @@ def test_the_best_reference_is_the_cord_itself():
 def test_the_page_prints_what_is_computed():
     rows = [
         [cell.strip() for cell in line.strip("| \n").split("|")]
-        for line in PAGE.read_text().splitlines()
+        for line in PAGE.read_text("utf-8").splitlines()
         if re.match(r"\| (cord at rest|\d+ \| (own|ADS))", line)
     ]
     refs = [float(r) for r in rows[0][2:]]

@@ -114,7 +114,7 @@ def test_a_fisheye_beside_a_pinhole_is_arranged_and_checked(tmp_path):
     again = read_rig(tmp_path / "c.toml").cameras
     assert [c.fisheye for c in again] == [True, False]
     assert (again[0].distortions == LENS).all()
-    assert "fisheye = true" in (tmp_path / "c.toml").read_text()  # as aniposelib has it
+    assert "fisheye = true" in (tmp_path / "c.toml").read_text("utf-8")  # as aniposelib has it
 
 
 def test_tags_in_a_fisheyes_picture_are_where_they_are():

@@ -60,7 +60,7 @@ def test_what_is_written_is_read(tmp_path):
         assert np.allclose(a.rotation, b.rotation, atol=1e-14)
         assert np.allclose(a.translation, b.translation, atol=0)
     keys = {"name", "size", "matrix", "distortions", "rotation", "translation"}
-    assert set(tomllib.loads(path.read_text())["cam_2"]) == keys
+    assert set(tomllib.loads(path.read_text("utf-8"))["cam_2"]) == keys
 
 
 @pytest.mark.parametrize("name", ["GoPro 1", "käse", "cam.left", "clip (1)", "it's", "[a]=#"])

@@ -75,7 +75,7 @@ def test_every_format_has_the_same_frames_and_rate(tmp_path):
         assert found.ids.tolist() == [2, 5, 11]
         np.testing.assert_allclose(found.points[at], points, atol=1e-4)
         assert found.seen.sum() == tracks.seen.sum()
-    head = (tmp_path / "a.trc").read_text().splitlines()[2].split("\t")
+    head = (tmp_path / "a.trc").read_text("utf-8").splitlines()[2].split("\t")
     assert head[:4] == ["15.000000", "15.000000", "413", "3"]
     assert c3d_format.parse((tmp_path / "a.c3d").read_bytes()).rate == pytest.approx(15)
 

@@ -46,7 +46,7 @@ def test_round_trip(tmp_path_factory, t, m, seed, known):
     tracks = made(t, m, seed, known=known)
     write_tracks(path, tracks)
     same(tracks, read_tracks(path))
-    assert path.read_text().splitlines()[0] == HEADER
+    assert path.read_text("utf-8").splitlines()[0] == HEADER
     assert [p.name for p in path.parent.iterdir()] == ["tracks.csv"]
 
 
@@ -60,7 +60,7 @@ def test_what_was_not_seen_has_no_place(tmp_path):
         same(of, read_tracks(tmp_path / "a.csv"))
     write_tracks(tmp_path / "a.csv", tracks)
     nan = ",nan" * 6
-    assert (tmp_path / "a.csv").read_text().splitlines()[1:4] == [
+    assert (tmp_path / "a.csv").read_text("utf-8").splitlines()[1:4] == [
         f"0,0.000000000,4{nan}", "0,0.000000000,9,1.000000,2.000000,3.000000,1.000000,2.000000,"
         "3.000000", f"1,1.000000000,4{nan}",
     ]  # fmt: skip
@@ -134,5 +134,5 @@ def test_more_frames_and_markers_than_the_file_can_mean_are_refused_at_once(tmp_
     assert tracemalloc.get_traced_memory()[1] < 50e6
     tracemalloc.stop()
     assert str(error.value).startswith(str(path))
-    path.write_text("\n".join([HEADER, *path.read_text().split("\n")[1:801]]) + "\n")
+    path.write_text("\n".join([HEADER, *path.read_text("utf-8").split("\n")[1:801]]) + "\n")
     assert read_tracks(path).points.shape == (800, 800, 3)

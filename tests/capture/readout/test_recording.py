@@ -213,7 +213,7 @@ def test_other_channels_are_refused(tmp_path):
     path.write_text("mine\n")
     with pytest.raises(CaptureError, match="no recording"):
         Recorder(path, 3)
-    assert path.read_text() == "mine\n"
+    assert path.read_text("utf-8") == "mine\n"
 
 
 def test_replay(tmp_path):

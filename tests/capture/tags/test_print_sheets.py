@@ -201,7 +201,7 @@ def test_a_board_comes_back(tmp_path):
     board = CharucoBoard().measure(29.9)
     save_board(board, tmp_path / "board.json")
     assert load_board(tmp_path) == board
-    assert json.loads((tmp_path / "board.json").read_text())["measured"] == 29.9
+    assert json.loads((tmp_path / "board.json").read_text("utf-8"))["measured"] == 29.9
     assert board.charuco.getSquareLength() == pytest.approx(29.9)
     assert board.charuco.getMarkerLength() == pytest.approx(22 * 29.9 / 30)
     assert board.corners == pytest.approx(board.charuco.getChessboardCorners(), abs=1e-4)
@@ -239,7 +239,7 @@ def test_files_that_are_no_boards(tmp_path, text, said):
     path = tmp_path / "board.json"
     save_board(CharucoBoard(), path)
     if isinstance(text, dict):
-        text = json.dumps({**json.loads(path.read_text()), **text})
+        text = json.dumps({**json.loads(path.read_text("utf-8")), **text})
     path.write_text(text)
     with pytest.raises(CaptureError, match=said):
         load_board(path)

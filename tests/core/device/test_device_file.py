@@ -19,10 +19,10 @@ def edit(tmp_path):
     """Loads the bar's device.toml with one text replaced."""
 
     def change(old, new):
-        text = (BAR / "device.toml").read_text()
+        text = (BAR / "device.toml").read_text("utf-8")
         assert old in text
         (tmp_path / "device.toml").write_text(text.replace(old, new, 1))
-        (tmp_path / "bar.py").write_text((BAR / "bar.py").read_text())
+        (tmp_path / "bar.py").write_text((BAR / "bar.py").read_text("utf-8"))
         return load_device(tmp_path)
 
     return change
@@ -198,7 +198,7 @@ def test_mistakes_in_materials_meshes_and_handles_are_named(edit, old, new, mess
 
 def test_a_device_without_poses_is_told_of_modes(edit, tmp_path):
     edit("schema = 1", "schema = 1")
-    text = (tmp_path / "device.toml").read_text()
+    text = (tmp_path / "device.toml").read_text("utf-8")
     start, end = text.index("[[poses]]"), text.index("[outputs]")
     (tmp_path / "device.toml").write_text(text[:start] + text[end:])
     with pytest.raises(DeviceError, match="`defsense modes` proposes some"):
@@ -225,7 +225,7 @@ def changed(tmp_path):
 
     def load(**tables):
         shutil.copy(BAR / "bar.py", tmp_path)
-        text = (BAR / "device.toml").read_text()
+        text = (BAR / "device.toml").read_text("utf-8")
         for name, lines in tables.items():
             head = f"[{name}]\n"
             text = text.replace(head, head + lines + "\n") if head in text else text
@@ -277,7 +277,7 @@ def test_what_cannot_be_built_in_is_refused(changed, tables, message):
 
 def test_outputs_fabrication_and_design_have_defaults(tmp_path):
     shutil.copy(BAR / "bar.py", tmp_path)
-    text = (BAR / "device.toml").read_text()
+    text = (BAR / "device.toml").read_text("utf-8")
     for head, following in (("[outputs]", "[cord]"), ("[fabrication]", "[[sensors]]")):
         start = text.index(head)
         text = text[:start] + text[text.index(following, start) :]
@@ -293,7 +293,7 @@ def test_a_calibrated_response(tmp_path):
     shutil.copytree(BAR, folder, ignore=shutil.ignore_patterns("build"))
     assert load_device(folder).cord.response == ResponseSpec.line(2.0)
     toml = folder / "device.toml"
-    toml.write_text(toml.read_text().replace("[cord]", '[cord]\nresponse = "response.json"'))
+    toml.write_text(toml.read_text("utf-8").replace("[cord]", '[cord]\nresponse = "response.json"'))
     with pytest.raises(DeviceError, match=r"device.toml:\d+: cord.response: .*cannot be read"):
         load_device(folder)
     spec = ResponseSpec("quadratic", {"k": 1.8, "q": 5.0}, (-0.06, 0.07))

@@ -53,7 +53,7 @@ def test_what_is_another_file_is_left_as_it_is(tmp_path):
         path.write_text(text)
         with pytest.raises(CaptureError, match="is no diary"):
             AppendLog(path, "head", "diary")
-        assert path.read_text() == text
+        assert path.read_text("utf-8") == text
     with pytest.raises(StorageError, match="none"):
         AppendLog(tmp_path / "none" / "log")
 

@@ -17,7 +17,7 @@ def test_a_second_holder_is_refused_until_the_first_leaves(tmp_path):
     with locked(path, "busy here"), pytest.raises(StorageError, match=r"^busy here$"):
         locked(path, "busy here").__enter__()
     with locked(path, "busy"):
-        assert path.read_text() == "kept"
+        assert path.read_text("utf-8") == "kept"
 
 
 def test_a_lock_that_is_left_between_opening_and_locking_has_one_holder(tmp_path, monkeypatch):

@@ -48,7 +48,7 @@ def appears(file, seconds=60):
     while not file.exists():
         assert time.monotonic() < end, f"{file} did not appear"
         time.sleep(0.05)
-    return [int(word) for word in file.read_text().split()]
+    return [int(word) for word in file.read_text("utf-8").split()]
 
 
 @pytest.fixture

@@ -95,7 +95,7 @@ def test_what_may_run_with_a_script_belongs_to_its_text(tmp_path):
     ]  # fmt: skip
     for name in names:
         before = read_script(path).digest
-        (tmp_path / name).write_text((tmp_path / name).read_text() + "# changed\n")
+        (tmp_path / name).write_text((tmp_path / name).read_text("utf-8") + "# changed\n")
         assert read_script(path).digest != before
     before = read_script(path).digest
     (tmp_path / "note.txt").write_text("other")

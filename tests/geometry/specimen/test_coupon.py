@@ -51,7 +51,7 @@ def test_grooves_and_sockets_have_their_clearance(folder):
     sockets = level[np.abs(level[:, 1] - low[1] - 7) < 3]
     sockets = sockets[np.abs(sockets[:, 0]) < high[0] - 0.1]
     assert circles(sockets, 3)[1] == pytest.approx([2.05, 2.1, 2.15], abs=0.02)
-    data = json.loads((folder / "coupon.json").read_text())
+    data = json.loads((folder / "coupon.json").read_text("utf-8"))
     assert data["clearances"] == [0.1, 0.2, 0.3]
     assert data["grooves"] == pytest.approx([2.1, 2.2, 2.3])
     peg = trimesh.load(folder / "coupon-peg.stl")

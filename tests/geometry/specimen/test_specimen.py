@@ -101,7 +101,7 @@ def overlap(a, b):
 
 def test_strains_are_those_of_the_paper(folder):
     """METHOD: 6.7 % at a radius of 75 mm and 2.1 % at 250 mm, 5.5 mm off the neutral plane."""
-    data = json.loads((folder / "specimen.json").read_text())
+    data = json.loads((folder / "specimen.json").read_text("utf-8"))
     strains = {j["radius"]: j["strains"] for j in data["jigs"]}
     assert strains[75.0] == pytest.approx([-0.0667, 0, 0.0667], abs=1e-4)
     assert strains[250.0] == pytest.approx([-0.0214, 0, 0.0214], abs=1e-4)

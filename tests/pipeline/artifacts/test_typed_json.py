@@ -58,7 +58,7 @@ def test_a_record_comes_back_to_the_last_bit(tmp_path):
 def test_what_is_no_record_is_refused(tmp_path, damage, message):
     path = tmp_path / "r.json"
     typed_json.save(path, GOOD)
-    path.write_text(json.dumps(json.loads(path.read_text()) | damage))
+    path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | damage))
     with pytest.raises(CaptureError, match=message):
         typed_json.load(path, Outer, "build again", CaptureError)
 

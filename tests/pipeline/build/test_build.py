@@ -47,7 +47,7 @@ def device(tmp_path_factory):
     folder = tmp_path_factory.mktemp("device") / "bar"
     folder.mkdir()
     shutil.copy(BAR / "bar.py", folder)
-    text = (BAR / "device.toml").read_text()
+    text = (BAR / "device.toml").read_text("utf-8")
     text = text.replace("edge_length = 6.0", "edge_length = 12.0")
     text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
     text = text[: text.rindex("[[sensors]]")] + "[design]\nsearches = 2\n"
@@ -64,7 +64,7 @@ def copy(device, tmp_path):
 
 def change(folder, old, new):
     path = folder / "device.toml"
-    text = path.read_text()
+    text = path.read_text("utf-8")
     assert old in text
     path.write_text(text.replace(old, new, 1))
 
@@ -77,7 +77,8 @@ def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
     shutil.copy(BAR.parent / "bar-cadquery" / "bar.py", folder)
     assert main(["fabricate", str(folder)]) == 0
     one, other = (
-        json.loads((f / "build" / "parts" / "manifest.json").read_text()) for f in (device, folder)
+        json.loads((f / "build" / "parts" / "manifest.json").read_text("utf-8"))
+        for f in (device, folder)
     )
     assert one["assembly"] == other["assembly"]
     for a, b in zip(one["parts"], other["parts"], strict=True):
@@ -87,7 +88,7 @@ def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
 
 @pytest.mark.slow
 def test_layout_and_manifest_hold_what_was_agreed(device):
-    layout = json.loads((device / "build" / "layout.json").read_text())
+    layout = json.loads((device / "build" / "layout.json").read_text("utf-8"))
     assert layout["prediction"]["rmse"] < layout["initial"]["rmse"] / 5
     assert layout["prediction"]["unseen_noise_free"] < layout["prediction"]["unseen"]
     assert layout["prediction"]["how"] == "held out"
@@ -98,13 +99,13 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
     assert 0 < layout["band"]["low"] < layout["band"]["median"] < layout["band"]["high"]
     # Each device is trained on states that are not quite those of the design.
     assert 0.8 < layout["band"]["median"] / layout["prediction"]["unseen"] < 2.5
-    assert layout["mesh"] == json.loads((device / "build" / "mesh.json").read_text())["hash"]
+    assert layout["mesh"] == json.loads((device / "build" / "mesh.json").read_text("utf-8"))["hash"]
     for s in layout["sensors"]:
         assert len(s["points"]) >= 100
         assert s["min_radius"] >= layout["limits"]["min_radius"]
         assert s["min_wall"] >= layout["limits"]["wall"]
     assert layout["min_clearance"] >= layout["limits"]["clearance"]
-    manifest = json.loads((device / "build" / "parts" / "manifest.json").read_text())
+    manifest = json.loads((device / "build" / "parts" / "manifest.json").read_text("utf-8"))
     (tried,) = (w for w in layout["weighed"] if w["chosen"])
     assert tried["parts"] == len(manifest["parts"])
     assert tried["smallest"] == pytest.approx(min(p["volume"] for p in manifest["parts"]), rel=1e-3)
@@ -121,7 +122,7 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
         gained = 14.5 * 2.0 * c["prestretch"] * c["sensing_length"] / (1 + c["prestretch"])
         assert c["resistance"] == pytest.approx(c["resistance_before"] + gained)
         assert c["range"][0] <= c["resistance"] <= c["range"][1]
-    page = (device / "build" / "report.html").read_text()
+    page = (device / "build" / "report.html").read_text("utf-8")
     # Three poses, two mixtures and the worst unseen state; cords, parts, and error against parts.
     assert page.count("data:image/png;base64,") == 3 + 2 * 6
     assert 'alt="error against parts"' in page
@@ -129,7 +130,7 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
     assert f"<td>{least:.1f} to {most:.1f} %</td>" in page
     # Nothing asks the network (this is a name, not an address); base64 holds no colon.
     assert set(re.findall(r"\w+://[\w./]*", page)) == {"http://www.w3.org/1999/xhtml"}
-    for each in (page, (device / "build" / "guide.html").read_text()):
+    for each in (page, (device / "build" / "guide.html").read_text("utf-8")):
         assert [each.count(mark) for mark in ("data-v3-told>", "data-v3-numbers>")] == [1, 1]
         assert len(each) < 6e6
 
@@ -404,7 +405,7 @@ def test_a_built_device_is_shown_to_cameras_and_recorded(copy, capsys):
     assert np.nanmax(moved) > 3
     at_rest = tracks.time < 1.5
     assert np.nanmedian(moved[at_rest]) < 1
-    rows = (copy / "session" / "signals.csv").read_text().splitlines()
+    rows = (copy / "session" / "signals.csv").read_text("utf-8").splitlines()
     signals = np.array([[float(c) if c else np.nan for c in r.split(",")[2:-1]] for r in rows[1:]])
     assert signals.shape[1] == 2
     # A busy machine's picture may show no tag: its frame has a row of signals and none of tracks.

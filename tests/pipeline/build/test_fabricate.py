@@ -102,7 +102,7 @@ def layout(cube, made):
 
 @pytest.fixture(scope="module")
 def manifest(folder):
-    return json.loads((folder / "parts" / "manifest.json").read_text())
+    return json.loads((folder / "parts" / "manifest.json").read_text("utf-8"))
 
 
 @pytest.mark.slow
@@ -253,7 +253,7 @@ def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, layout, manife
     write_pdf(guide, folder / "guide.pdf")
     write_guide_file(guide, folder / "guide.json")
     typed_json.save(folder / "layout.json", layout)
-    page = (folder / "guide.html").read_text()
+    page = (folder / "guide.html").read_text("utf-8")
     steps = len(manifest["assembly"])
     late = sum(e["after"] is not None for c in manifest["cords"] for e in c["ends"])
     assert any(c["drawn"] for c in manifest["cords"])  # cords pass through the last joint
@@ -282,7 +282,7 @@ def test_freecad_opens_the_step_files_with_the_same_volume(folder, manifest, tmp
         f"open({str(tmp_path / 'out.json')!r}, 'w').write(json.dumps(out))\n"
     )
     subprocess.run(["freecadcmd", str(script)], capture_output=True, timeout=300, check=False)
-    volumes = json.loads((tmp_path / "out.json").read_text())
+    volumes = json.loads((tmp_path / "out.json").read_text("utf-8"))
     for p in manifest["parts"]:
         assert volumes[p["step"]] == pytest.approx(p["step_volume"], rel=1e-6)
     total = sum(p["step_volume"] for p in manifest["parts"])
@@ -315,7 +315,7 @@ def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_p
     parts = {p.name: load_part(tmp_path / "parts" / p.stl) for p in manifest.parts}
     steps = plain_steps(guide_steps(small, manifest, parts))
     hands = Hands(
-        json.loads((tmp_path / "parts" / "manifest.json").read_text()),
+        json.loads((tmp_path / "parts" / "manifest.json").read_text("utf-8")),
         typed_json.to_json(layout),
         {n: s.vertices[s.faces] for n, s in parts.items()},
         small.cord.ferrule_length,
@@ -336,7 +336,7 @@ def test_hands_can_follow_the_guide_of_parts_in_pieces(cube, made, layout, tmp_p
     ],
 )
 def test_a_bay_is_checked(tmp_path, bay, message):
-    text = (DEVICES / "cube" / "device.toml").read_text()
+    text = (DEVICES / "cube" / "device.toml").read_text("utf-8")
     shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
     text = text.replace("[material]", f"[body.bay]\n{bay}\n\n[material]", 1)
     (tmp_path / "device.toml").write_text(text.replace("marker_seats = 8", "pockets = false"))
@@ -357,7 +357,7 @@ def test_a_bay_is_checked(tmp_path, bay, message):
     ],
 )
 def test_settings_are_checked(tmp_path, line, message):
-    text = (DEVICES / "cube" / "device.toml").read_text()
+    text = (DEVICES / "cube" / "device.toml").read_text("utf-8")
     shutil.copy(DEVICES / "cube" / "cube.py", tmp_path)
     (tmp_path / "device.toml").write_text(text.replace("marker_seats = 8", line))
     with pytest.raises(DeviceError, match=re.escape(message)):

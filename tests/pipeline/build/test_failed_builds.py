@@ -82,7 +82,7 @@ def fails(folder, monkeypatch, module, run, error=LayoutError):
 
 def change(folder, old, new):
     path = folder / "device.toml"
-    path.write_text(path.read_text().replace(old, new))
+    path.write_text(path.read_text("utf-8").replace(old, new))
 
 
 def hidden(folder):
@@ -175,11 +175,11 @@ def test_stages_that_are_wanted_are_not_lost_to_an_interrupted_build(folder, ran
 def test_a_damaged_layout_is_made_anew_for_a_renamed_device(folder, ran, damaged):
     build(load_device(folder))
     layout = folder / "build" / "layout.json"
-    whole = layout.read_text()
+    whole = layout.read_text("utf-8")
     layout.write_text(damaged.ljust(len(whole)))
     change(folder, 'name = "bar"', 'name = "beam"')
     build(load_device(folder))
-    assert json.loads(layout.read_text())["device"] == "beam"
+    assert json.loads(layout.read_text("utf-8"))["device"] == "beam"
 
 
 def test_a_device_that_is_renamed_has_no_file_with_its_old_name(folder, ran):
@@ -187,5 +187,5 @@ def test_a_device_that_is_renamed_has_no_file_with_its_old_name(folder, ran):
     change(folder, 'name = "bar"', 'name = "beam"')
     assert build(load_device(folder)).made == ("fabricate", "report")
     layout = folder / "build" / "layout.json"
-    assert json.loads(layout.read_text()) == {"device": "beam", "by": "optimize"}
+    assert json.loads(layout.read_text("utf-8")) == {"device": "beam", "by": "optimize"}
     assert build(load_device(folder)).made == ()

@@ -28,7 +28,7 @@ from tests.places import DEVICES
 @pytest.fixture
 def folder(tmp_path):
     """A bar that is an STL file, so that no CAD kernel is needed."""
-    text = (DEVICES / "bar" / "device.toml").read_text()
+    text = (DEVICES / "bar" / "device.toml").read_text("utf-8")
     script = text[text.index("script =") : text.index("\n\n[material]")]
     text = text.replace(script, 'mesh = "bar.stl"')
     (tmp_path / "device.toml").write_text(text.replace("edge_length = 6.0", "edge_length = 15.0"))
@@ -45,7 +45,7 @@ def test_each_change_makes_old_what_depends_on_it(folder):
     assert states(folder) == ["missing"] * 3
     build(load_device(folder), "mesh")
     assert states(folder) == ["current", "current", "missing"]
-    text = (folder / "device.toml").read_text()
+    text = (folder / "device.toml").read_text("utf-8")
     (folder / "device.toml").write_text(text.replace("edge_length = 15.0", "edge_length = 12.0"))
     assert states(folder) == ["current", "old", "missing"]
     (folder / "device.toml").write_text(text)
@@ -83,13 +83,13 @@ def quick(monkeypatch):
 
 
 def test_copies_and_bed_that_were_asked_for_are_kept_with_the_build(folder, quick):
-    path, text = folder / "device.toml", (folder / "device.toml").read_text()
+    path, text = folder / "device.toml", (folder / "device.toml").read_text("utf-8")
     build(load_device(folder), asked=Asked(3, (250.0, 210.0, 200.0)))
     device = load_device(folder)
     assert outdated(device) is None
     assert recorded(device, folder / "build").options == "--copies 3 --bed 250,210,200"
     assert build(device, "simulate").made == ()  # the parts are not made again
-    assert json.loads((folder / "build" / "parts").read_text())["copies"] == 3
+    assert json.loads((folder / "build" / "parts").read_text("utf-8"))["copies"] == 3
 
     path.write_text(text + "\n[fabrication]\ncopies = 2\n" if "[fabrication]" not in text else
                     text.replace("[fabrication]", "[fabrication]\ncopies = 2"))  # fmt: skip
@@ -110,7 +110,7 @@ def test_copies_and_bed_that_were_asked_for_are_kept_with_the_build(folder, quic
 
 def test_what_device_toml_has_since_counts_although_a_build_was_asked_for_it(folder, quick):
     """Once a build finds its plates as device.toml has them, they are device.toml's."""
-    path, text = folder / "device.toml", (folder / "device.toml").read_text()
+    path, text = folder / "device.toml", (folder / "device.toml").read_text("utf-8")
     assert "[fabrication]" in text
     build(load_device(folder), asked=Asked(3))
     path.write_text(text.replace("[fabrication]", "[fabrication]\ncopies = 3"))

@@ -65,7 +65,9 @@ def mesh_of_bar(bar_mesh):
 @pytest.fixture
 def folder(tmp_path):
     shutil.copy(BAR / "bar.py", tmp_path)
-    text = (BAR / "device.toml").read_text().replace("edge_length = 6.0", "edge_length = 12.0")
+    text = (
+        (BAR / "device.toml").read_text("utf-8").replace("edge_length = 6.0", "edge_length = 12.0")
+    )
     text = text.replace("0.25, 0.5, 0.75, 1.0", "1.0")
     (tmp_path / "device.toml").write_text(text)
     return tmp_path
@@ -73,7 +75,7 @@ def folder(tmp_path):
 
 def edit(folder, *changes):
     path = folder / "device.toml"
-    text = path.read_text()
+    text = path.read_text("utf-8")
     for old, new in changes:
         assert old in text
         text = text.replace(old, new, 1)
@@ -84,7 +86,7 @@ def test_accuracy_is_told_in_words_and_numbers(folder, capsys):
     edit(folder, ("edge_length = 12.0", "accuracy = 0.1"))
     assert main(["mesh", str(folder)]) == 0
     assert "keeps signals within" in capsys.readouterr().out
-    mesh = json.loads((folder / "build" / "mesh.json").read_text())
+    mesh = json.loads((folder / "build" / "mesh.json").read_text("utf-8"))
     assert mesh["accuracy"]["asked"] == 0.1
     assert mesh["accuracy"]["reached"] <= 0.1
     assert len(mesh["accuracy"]["tried"]) >= 2
@@ -132,7 +134,7 @@ def test_a_body_through_itself_and_a_small_region_are_notes(folder, capsys):
 
 
 def test_modes_propose_poses_that_build(folder, capsys):
-    text = (folder / "device.toml").read_text()
+    text = (folder / "device.toml").read_text("utf-8")
     start, end = text.index("tip ="), text.index("[outputs]")
     text = text[:start] + "\n" + text[end : text.index("[[sensors]]")]
     (folder / "device.toml").write_text(text + "[design]\nsensors = 1\n")
@@ -145,7 +147,7 @@ def test_modes_propose_poses_that_build(folder, capsys):
     capsys.readouterr()
     assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 2
     assert "there is a pose 'bend' already" in capsys.readouterr().err
-    text = (folder / "device.toml").read_text()
+    text = (folder / "device.toml").read_text("utf-8")
     assert "bend = 0.5, bend_2 = 1" in text  # mixtures, which name the poses
     text = text[: text.index("[states]")].replace('name = "', 'name = "my_')
     (folder / "device.toml").write_text(text.replace("my_tango", "tango").replace("my_rub", "rub"))

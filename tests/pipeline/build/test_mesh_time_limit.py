@@ -21,7 +21,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "cache"))
     made = tmp_path / "bar"
     made.mkdir()
-    text = (DEVICES / "bar" / "device.toml").read_text()
+    text = (DEVICES / "bar" / "device.toml").read_text("utf-8")
     script = text[text.index("script =") : text.index("\n\n[material]")]
     text = text.replace(script, 'mesh = "bar.stl"').replace("= 6.0", "= 15.0\ntime_limit = 60", 1)
     (made / "device.toml").write_text(text)
@@ -31,7 +31,7 @@ def folder(tmp_path, monkeypatch):
 
 def limited(folder, seconds):
     path = folder / "device.toml"
-    path.write_text(path.read_text().replace("time_limit = 60", f"time_limit = {seconds}"))
+    path.write_text(path.read_text("utf-8").replace("time_limit = 60", f"time_limit = {seconds}"))
     return load_device(folder)
 
 
@@ -46,7 +46,7 @@ def test_it_is_made_anew_only_where_the_limit_was_raised(folder, monkeypatch):
         assert build(load_device(folder), "mesh").made == ("body", "mesh")
     assert [made.time_limit for made in mesh_lock.read(folder).values()] == [60.0]
     assert build(load_device(folder), "mesh").made == ()
-    text = (folder / "device.toml").read_text()
+    text = (folder / "device.toml").read_text("utf-8")
     assert build(limited(folder, 50), "mesh").made == ()
     (folder / "device.toml").write_text(text)
     assert build(limited(folder, 600), "mesh").made == ("mesh",)

@@ -22,7 +22,7 @@ def device(tmp_path):
         folder = tmp_path / name
         folder.mkdir(parents=True)
         shutil.copy(BAR / "bar.py", folder)
-        text = (BAR / "device.toml").read_text()
+        text = (BAR / "device.toml").read_text("utf-8")
         for old, new in (*SMALL, *changes):
             assert old in text
             text = text.replace(old, new)
@@ -36,7 +36,7 @@ def device(tmp_path):
 
 
 def hashes(folder):
-    return json.loads((folder / "build" / "mesh.json").read_text())["hash"]
+    return json.loads((folder / "build" / "mesh.json").read_text("utf-8"))["hash"]
 
 
 @pytest.mark.slow
@@ -50,7 +50,7 @@ def test_two_users_get_the_same_layout(device, tmp_path, monkeypatch, capsys):
         if made:
             solid = occ.read_step(made[0] / "build" / "body" / "body.step")[0]
             occ.write_step(solid, folder / "bar.step", "bar")
-            text = (folder / "device.toml").read_text()
+            text = (folder / "device.toml").read_text("utf-8")
             head, tail = text.split('script = "bar.py"\n')
             tail = tail[tail.index("\n") :]
             (folder / "device.toml").write_text(f'{head}step = "bar.step"{tail}')
@@ -73,7 +73,7 @@ def test_a_mesh_that_cannot_be_made_again_is_kept_with_the_device(
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / "cache"))
     first = device("first")
     assert main(["mesh", str(first)]) == 0
-    assert json.loads((first / "build" / "mesh.json").read_text())["mesher"] == "ftetwild"
+    assert json.loads((first / "build" / "mesh.json").read_text("utf-8"))["mesher"] == "ftetwild"
     assert (first / "device.mesh").exists()
     capsys.readouterr()
     assert main(["mesh", str(first), "--json"]) == 0

@@ -20,7 +20,9 @@ def folder(tmp_path):
 
 def test_it_is_written_with_comments_kept_and_undone(folder):
     path = folder / "device.toml"
-    text = "# mine\n" + path.read_text().replace("[fabrication]\n", "[fabrication]  # my printer\n")
+    text = "# mine\n" + path.read_text("utf-8").replace(
+        "[fabrication]\n", "[fabrication]  # my printer\n"
+    )
     path.write_bytes(text.replace("\n", "\r\n").encode())
     before = path.read_bytes()
     found = write_clearance(folder, 0.25)
@@ -38,7 +40,7 @@ def test_it_is_written_with_comments_kept_and_undone(folder):
 
 def test_a_device_without_that_table_gets_it(folder):
     path = folder / "device.toml"
-    path.write_text(path.read_text().replace('[fabrication]\nprocess = "fdm-tpu"\n', ""))
+    path.write_text(path.read_text("utf-8").replace('[fabrication]\nprocess = "fdm-tpu"\n', ""))
     write_clearance(folder, 0.1)
     assert load_device(folder).fabrication.clearance == 0.1
 
@@ -69,7 +71,7 @@ def test_processes_that_cast_have_no_coupon_which_is_said(folder, capsys):
     )
     assert not (folder / "out").exists()
     path = folder / "device.toml"
-    text = path.read_text().replace('process = "fdm-tpu"', 'process = "cast-silicone"')
+    text = path.read_text("utf-8").replace('process = "fdm-tpu"', 'process = "cast-silicone"')
     path.write_text(text.replace("tango-black-plus", "ecoflex-00-30"))
     assert main(["calibrate", "clearance", str(folder), "--fits", "0.2"]) == 0
     assert "the coupon has no mould" in capsys.readouterr().out.replace("\n", " ")

@@ -103,7 +103,7 @@ def test_a_session_in_two_runs_fits_like_one(tmp_path):
     folder = tmp_path / "whole"
     record_twin(folder, CordTraits(Response.line(2.0)), seed=1, rounds=2)
     shutil.copytree(folder, tmp_path / "split")
-    lines = (folder / "frames.csv").read_text().splitlines()
+    lines = (folder / "frames.csv").read_text("utf-8").splitlines()
     points = [n for n, line in enumerate(lines) if '"point"' in line]
     cut = points[len(points) // 2] + 1
     start = next(line for line in lines if '"start"' in line)
@@ -134,7 +134,7 @@ def test_a_session_in_two_runs_fits_like_one(tmp_path):
 def test_edited_sessions(tmp_path, key, value):
     session = begin(tmp_path / "s")
     path = session.folder / "session.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
+    path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | {key: value}))
     with pytest.raises(CalibrationError, match=r"session.json"):
         sessions.load(session.folder)
 
@@ -159,7 +159,7 @@ def test_a_session_whose_start_was_lost_says_so(tmp_path):
     session = record_twin(
         tmp_path / "s", CordTraits(Response.line(2.0)), seed=1, radii=(75.0, 112.0, 200.0), rounds=1
     )
-    lines = session.frames.read_text().splitlines()
+    lines = session.frames.read_text("utf-8").splitlines()
     begins = next(n for n, line in enumerate(lines) if '"start"' in line)
     session.frames.write_text("\n".join(lines[:begins] + lines[begins + 1 :]) + "\n")
     with pytest.raises(CaptureError, match=r"frames\.csv: no event before frame 1 tells .*add it"):

@@ -81,7 +81,7 @@ def test_calibrated_and_arranged_like_the_true_ones(camera, tmp_path):
         assert d["error"] < 0.1
         assert np.abs(np.array(d["focal"]) - true.focal).max() < 2
     assert not read_rig(tmp_path / "cameras.toml").placed
-    assert "<svg" in (tmp_path / "cameras.html").read_text()
+    assert "<svg" in (tmp_path / "cameras.html").read_text("utf-8")
     data = camera("arrange", "left.mkv", "right.mkv")
     assert data["distances"] == pytest.approx([0, 120], abs=0.3)
     assert data["warnings"] == []
@@ -222,7 +222,7 @@ def test_odd_metadata_is_no_obstacle(camera, tmp_path):
     out = tmp_path / "cameras.toml"
     write_rig(out, [LEFT, RIGHT], {})
     lines = ['sigma_left = "no"', "sigma_right = [1, 2]", "day = 2026-01-01", "more = { a = 1 }"]
-    out.write_text(out.read_text() + "\n".join(lines) + "\n")
+    out.write_text(out.read_text("utf-8") + "\n".join(lines) + "\n")
     camera("arrange", "left.mkv", "right.mkv")
     assert read_rig(out).metadata["adjusted"] is True
 
@@ -230,7 +230,7 @@ def test_odd_metadata_is_no_obstacle(camera, tmp_path):
 def test_bad_input(camera, boards, tmp_path):
     assert "found in none of 28 frames" in camera("calibrate", "left.mkv", board="other.json")
     shutil.copy(boards / "board.json", boards / "nan.json")
-    text = (boards / "board.json").read_text()
+    text = (boards / "board.json").read_text("utf-8")
     (boards / "nan.json").write_text(re.sub(r'"square": [0-9.]+', '"square": NaN', text))
     assert "nan.json" in camera("calibrate", "left.mkv", board="nan.json")
     assert "no such file" in camera("calibrate", "none.mkv")

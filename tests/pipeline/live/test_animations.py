@@ -42,8 +42,8 @@ def test_a_file_that_is_there_stays(tmp_path):
     send(animations)
     late.write_text("of another program, meanwhile")
     assert animations.finish().file.path.name == "a-2-2.npz"
-    assert first.read_text() == "mine"
-    assert late.read_text() == "of another program, meanwhile"
+    assert first.read_text("utf-8") == "mine"
+    assert late.read_text("utf-8") == "of another program, meanwhile"
 
 
 def test_what_a_folder_does_not_take_goes_to_another(tmp_path):

@@ -47,7 +47,7 @@ def test_models_of_other_devices_cords_and_channels_are_refused(live_bar, tmp_pa
 
 
 def test_a_model_that_was_edited_is_refused(live_bar, tmp_path):
-    data = json.loads(live_bar.model.read_text())
+    data = json.loads(live_bar.model.read_text("utf-8"))
     data["gain"][0] = 2.0
     (tmp_path / "model.json").write_text(json.dumps(data))
     with pytest.raises(TrainingError, match="was changed after it was written"):

@@ -22,7 +22,7 @@ BAR = DEVICES / "bar"
 
 
 def device(fabrication, material='name = "dragon-skin-30"'):
-    text = (BAR / "device.toml").read_text()
+    text = (BAR / "device.toml").read_text("utf-8")
     text = text.replace('process = "fdm-tpu"', fabrication)
     return parse_device(text.replace('name = "tango-black-plus"', material), BAR)
 

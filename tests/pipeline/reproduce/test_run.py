@@ -54,10 +54,10 @@ def test_a_device_is_built_recorded_tested_and_told(done, out):
     rows = {(r["of"], r["over"], r["quantity"]): r for r in found["numbers"]}
     assert rows["straight", None, "rmse"]["ours"] == pytest.approx(unit["chosen"]["rmse"])
     assert rows["refined", None, "rmse"]["ours"] is None
-    page = (out / PAGE).read_text()
+    page = (out / PAGE).read_text("utf-8")
     assert "2.40" in page
     assert f"{unit['chosen']['rmse']:.2f}" in page
-    assert json.loads((out / RESULTS).read_text()) == done
+    assert json.loads((out / RESULTS).read_text("utf-8")) == done
 
 
 def test_the_page_keeps_experiments_that_were_made_there_before(done, out, monkeypatch):
@@ -67,9 +67,9 @@ def test_the_page_keeps_experiments_that_were_made_there_before(done, out, monke
     (small,) = find_experiments(["sheet"])
     again = reproduce([replace(small.at_size(quick=True), name="another")], out, silent)
     assert [e["name"] for e in again["experiments"]] == ["another"]
-    both = json.loads((out / RESULTS).read_text())["experiments"]
+    both = json.loads((out / RESULTS).read_text("utf-8"))["experiments"]
     assert [e["name"] for e in both] == ["another", found["name"]]
-    assert "Another device" in (out / PAGE).read_text()
+    assert "Another device" in (out / PAGE).read_text("utf-8")
     assert (out / "twist-bar" / "pictures" / "twist_left-straight.png").stat().st_size > 3000
 
 
@@ -103,5 +103,5 @@ def test_a_run_that_is_stopped_leaves_what_was_done(small, done, tmp_path, monke
     monkeypatch.setattr(module, "reproduce_one", one)
     with pytest.raises(KeyboardInterrupt):
         reproduce([small, other], tmp_path, silent)
-    assert json.loads((tmp_path / RESULTS).read_text())["experiments"] == [kept]
-    assert "twist-bar" in (tmp_path / PAGE).read_text()
+    assert json.loads((tmp_path / RESULTS).read_text("utf-8"))["experiments"] == [kept]
+    assert "twist-bar" in (tmp_path / PAGE).read_text("utf-8")

@@ -45,7 +45,7 @@ def test_cords_that_drift_between_runs_are_at_zero_at_rest_in_both(tmp_path):
         assert len(rest) > 50
         assert np.abs(rest).max() < 1e-3
     assert result.signals[np.isfinite(result.signals[:, 0]), 0].max() > 0.05
-    told = json.loads((session.folder / "quality.json").read_text())["R0"]
+    told = json.loads((session.folder / "quality.json").read_text("utf-8"))["R0"]
     assert told["run-1"] == pytest.approx([1200.0] * 4, rel=1e-3)
     assert told["run-2"] == pytest.approx([1260.0] * 4, rel=1e-3)
     assert not [w for w in result.quality["warnings"] if "R0" in w]
@@ -77,13 +77,13 @@ def test_all_samples_are_told_by_the_tracks_clock(tmp_path, monkeypatch):
     """Of runs whose read-out boards started at other times, the LED in view."""
     session = recorded(tmp_path / "s", {"led": True}, {"led": True, "ohm": 1260.0})
     for k, run in enumerate(session.runs):
-        head = (run / sessions.BOARD).read_text().splitlines()
+        head = (run / sessions.BOARD).read_text("utf-8").splitlines()
         rows = [line.split(",") for line in head[3:]]
         rows = [",".join([r[0], str(int(r[1]) + 3_000_000 * k), *r[2:]]) for r in rows]
         (run / sessions.BOARD).write_text("\n".join([*head[:3], *rows, ""]))
     result = process_session(session.folder)
     path = session.folder / "samples.csv"
-    whole = path.read_text()
+    whole = path.read_text("utf-8")
     names = "run,counter,device_us,time,a,b,c,d,a_ohm,b_ohm,c_ohm,d_ohm"
     assert whole.splitlines()[0] == names
     begins = result.tracks.time[np.diff(result.tracks.time, prepend=-10.0) > 0.5]
@@ -107,9 +107,9 @@ def test_all_samples_are_told_by_the_tracks_clock(tmp_path, monkeypatch):
     monkeypatch.setattr(sample_table, "_BLOCK", 777)
     write = (path, session, result.clocks, result.quality["R0"])
     sample_table.write_samples(*write)
-    assert path.read_text() == whole
+    assert path.read_text("utf-8") == whole
     sample_table.write_samples(path, session, {"run-1": []}, result.quality["R0"])
-    assert path.read_text().splitlines()[1].startswith("run-1,0,0,,0.0")  # clocks not known
+    assert path.read_text("utf-8").splitlines()[1].startswith("run-1,0,0,,0.0")  # clocks not known
     sample_table.write_samples(path, session, {}, {})
     assert not path.exists()
 
@@ -131,7 +131,7 @@ def test_tags_of_another_size_are_noticed_by_two_cameras(tmp_path, monkeypatch, 
     if told:
         words = "the tags measure 14.55 mm where 15 mm is stated"
         assert said[0].startswith(words)
-        assert f"run-1: {words}" in (session.folder / "report.html").read_text()
+        assert f"run-1: {words}" in (session.folder / "report.html").read_text("utf-8")
 
 
 def test_one_camera_cannot_tell_the_size(tmp_path, monkeypatch):
@@ -150,12 +150,12 @@ def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
     kept = []
     for run in session.runs:
         for name in ("cam_0.csv", "cam_1.csv"):
-            head, *lines = (run / name).read_text().splitlines()
+            head, *lines = (run / name).read_text("utf-8").splitlines()
             lines = [line for line in lines if line.split(",")[2] != "3"]
             (run / name).write_text("\n".join([head, *lines, ""]))
         drop = {str(k) for k in rng.choice(np.arange(1, 599), 360, replace=False)}
         for name in ("cam_0-frames.csv", "cam_0.csv"):
-            head, *lines = (run / name).read_text().splitlines()
+            head, *lines = (run / name).read_text("utf-8").splitlines()
             lines = [line for line in lines if line.split(",")[0] not in drop]
             (run / name).write_text("\n".join([head, *lines, ""]))
         kept.append(600 - len(drop))
@@ -206,7 +206,7 @@ def test_recorded_tags_are_those_of_their_frames(tmp_path, monkeypatch):
     frames = np.loadtxt(run / "cam_0-frames.csv", delimiter=",", skiprows=1)
     whole = np.loadtxt(path, delimiter=",", skiprows=1)
     whole = whole[np.isin(whole[:, 2], ids)]
-    lines = path.read_text().split("\n")
+    lines = path.read_text("utf-8").split("\n")
     lines[40] = "999" + lines[40]
     path.write_text("\n".join([*lines[:-1], "12345,1"]))
     for size in (1 << 22, 300):

@@ -61,7 +61,7 @@ def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "bar.py").write_text("mine")
     with pytest.raises(StorageError, match="is there already"):
         begin_with(STARTS[0], tmp_path, "grip")
-    assert (tmp_path / "bar.py").read_text() == "mine"
+    assert (tmp_path / "bar.py").read_text("utf-8") == "mine"
     assert not (tmp_path / "device.toml").exists()
 
 

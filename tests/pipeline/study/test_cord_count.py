@@ -54,7 +54,7 @@ def test_damaged_files_are_no_rows(tmp_path):
     write_rows(path, "key", [row(1, 1), row(1, 2)])
     assert read_rows(path, "key") == [row(1, 1), row(1, 2)]
     assert read_rows(path, "other") == []
-    data = json.loads(path.read_text())
+    data = json.loads(path.read_text("utf-8"))
     for damage in (
         [],
         {**data, "schema": 1},
@@ -89,7 +89,7 @@ def test_what_a_study_has_left_is_for_the_device_that_it_was_made_of(tmp_path, s
 
 @pytest.mark.slow
 def test_a_resumed_study_finds_what_an_uninterrupted_one_finds(tmp_path, capsys):
-    text = (BAR / "device.toml").read_text()
+    text = (BAR / "device.toml").read_text("utf-8")
     text = text.replace("edge_length = 6.0", "edge_length = 12.0")
     text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
     found = []

@@ -75,7 +75,7 @@ def test_a_study_goes_on_where_it_stood(folder, capsys):
     # Nothing is made again, not what a wider study of the same device has in common with it.
     assert study(capsys, folder)["made"] == 0
     log = folder / "study" / "runs.log"
-    lines = log.read_text().splitlines(keepends=True)
+    lines = log.read_text("utf-8").splitlines(keepends=True)
     assert len(lines) == 5
     log.write_text("".join(lines[:-1]) + lines[-1][:40])  # cut, as when it is killed
     (folder / "study.toml").write_text(STUDY.replace("3.0, 3.0", "2.0, 3.0, 1.0"))
@@ -95,7 +95,7 @@ def test_a_study_goes_on_where_it_stood(folder, capsys):
     log.write_text("what?\n")
     (folder / "study" / "results.parquet").unlink()
     assert "runs.log: is not the log of this version's studies" in refused(capsys, folder)
-    assert log.read_text() == "what?\n"
+    assert log.read_text("utf-8") == "what?\n"
 
 
 def test_a_run_whose_process_dies_is_broken_and_tried_again(folder, capsys, monkeypatch):

@@ -40,7 +40,7 @@ def added(tmp_path, before, fixed="base"):
     path = tmp_path / "device.toml"
     path.write_text(before)
     append(path, Proposal((), tuple(POSES), as_toml(POSES, fixed), Path()), ())
-    return path.read_text()
+    return path.read_text("utf-8")
 
 
 def test_the_text_says_what_is_meant_and_numbers_are_short():
@@ -96,7 +96,7 @@ def test_a_file_that_cannot_be_continued_is_left_alone(tmp_path):
     before = 'poses = "none"\n' + HEAD
     with pytest.raises(DeviceError, match="prints without --write"):
         added(tmp_path, before)
-    assert (tmp_path / "device.toml").read_text() == before
+    assert (tmp_path / "device.toml").read_text("utf-8") == before
 
 
 def test_a_region_that_is_there_already_is_used_again(tmp_path):

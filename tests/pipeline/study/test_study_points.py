@@ -109,7 +109,7 @@ def test_a_parameter_that_does_not_exist_is_told_with_the_nearest_ones(folder, k
 
 
 def test_parameters_reach_into_poses_and_absent_tables_and_leave_comments(folder):
-    text = (folder / "device.toml").read_text()
+    text = (folder / "device.toml").read_text("utf-8")
     values = {"poses.twist.handles.1.rotate.degrees": 20, "design.planes": 1, "cord.noise": 0.1}
     device = studied_device(text, folder, values)
     assert np.rad2deg(np.linalg.norm(device.poses[2].handles[0].rotation)) == pytest.approx(20)

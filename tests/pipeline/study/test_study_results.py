@@ -118,7 +118,7 @@ def test_the_page_has_best_runs_failures_and_pictures(tmp_path):
     assert least in best_compromises(table)
     path = tmp_path / "study.html"
     write_study_page(path, table, best_compromises(table), sensitivities(table, "error"), None)
-    text = path.read_text()
+    text = path.read_text("utf-8")
     assert text.count("data:image/png") == 4
     assert "2 runs, refused: no room for 1" in text
     assert text.index(least.run[:8]) < text.index("<details")

@@ -252,7 +252,7 @@ def test_markers_come_back(tmp_path):
     assert m.corners[0] == pytest.approx(
         np.array([[-5, 6, 0], [7, 6, 0], [7, -6, 0], [-5, -6, 0.0]])
     )
-    good = json.loads((tmp_path / "markers.json").read_text())
+    good = json.loads((tmp_path / "markers.json").read_text("utf-8"))
     tag = good["tags"][0]
     for change, said in (
         ({"schema": 9}, "schema 1"),

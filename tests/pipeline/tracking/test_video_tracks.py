@@ -188,7 +188,7 @@ def test_damaged_videos(process, films):
 
 
 def test_cameras_that_are_not_those_of_the_videos(process, films):
-    text = (films / "cameras.toml").read_text()
+    text = (films / "cameras.toml").read_text("utf-8")
 
     def error(cameras, *videos, **options):
         if isinstance(cameras, str):

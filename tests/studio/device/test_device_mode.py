@@ -145,7 +145,7 @@ def test_a_history_that_cannot_be_written_leaves_file_and_page_agreeing(studio_p
     by_hand(length, 77.0)
     studio_page.modes["Device"].flush()
     assert "the disk is full" in bench._message.content
-    assert "length = 77" in (bench.project.folder / "device.toml").read_text()
+    assert "length = 77" in (bench.project.folder / "device.toml").read_text("utf-8")
     assert bench.project.device.body.parameters["length"] == 77
 
 

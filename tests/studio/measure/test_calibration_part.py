@@ -74,7 +74,7 @@ def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_
     calibration.simulate()
     assert "is there already" in calibration._told.content
     calibration.fit()
-    told = json.loads((folder / "response.json").read_text())
+    told = json.loads((folder / "response.json").read_text("utf-8"))
     assert "says nothing of a real cord" in calibration._told.content
     assert f"**k_res = {told['k_res']:.2f}** (95 %: " in calibration._told.content
     assert abs(told["k_res"] - 2.0) < 0.2
@@ -82,7 +82,7 @@ def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_
     (folder / "specimen-twin-150").rename(folder / "mine")
     calibration.fit()
     assert "simulated" not in calibration._told.content
-    again = json.loads((folder / "response.json").read_text())
+    again = json.loads((folder / "response.json").read_text("utf-8"))
     assert [Path(p).name for p in again["sources"]] == ["mine"]
     before = bench.project.text
     calibration.use()

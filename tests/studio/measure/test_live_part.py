@@ -173,7 +173,7 @@ def test_a_model_of_other_cords_is_refused_with_what_to_do(live, studio_page):
         live.start()
         assert said in live._told.content
         assert not live.session.busy
-    path.write_text(path.read_text()[:-200], encoding="utf-8")
+    path.write_text(path.read_text("utf-8")[:-200], encoding="utf-8")
     live.refresh()
     assert live.looked(LONG)
     assert "model.json: not valid JSON" in live._known.content

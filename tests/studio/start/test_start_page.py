@@ -191,7 +191,7 @@ def test_links_that_lead_out_of_the_folder_are_not_written_through(begin, tmp_pa
     (folder / name).symlink_to(outside)
     studio = begin(folder)
     assert "is a symbolic link" in studio.page.about
-    assert not any(outside.iterdir()) if outside.is_dir() else outside.read_text() == "mine"
+    assert not any(outside.iterdir()) if outside.is_dir() else outside.read_text("utf-8") == "mine"
     (folder / name).unlink()
     studio.look()
     assert isinstance(studio.page, StudioPage)

@@ -118,7 +118,7 @@ def test_scripts_that_raise_or_never_end_are_told_and_the_page_lives(
 ):
     folder = write_device(tmp_path / "grip")
     (folder / "grip.py").write_text(text + "def body(length=150, width=30): pass\n")
-    toml = (folder / "device.toml").read_text()
+    toml = (folder / "device.toml").read_text("utf-8")
     (folder / "device.toml").write_text(toml.replace("[body]\n", "[body]\ntime_limit = 2\n"))
     studio_server.gui.reset()
     page = StudioPage(studio_server, Project(folder), Agreement(trusted=True))

@@ -54,5 +54,5 @@ def test_results_are_kept_until_what_they_were_made_from_changes(tmp_path):
     assert once(path, "a", make) == once(path, "a", make) == {"rmse": 1}
     assert once(path, "b", make) == {"rmse": 2}
     assert kept(path, "a") is None
-    path.write_text(path.read_text()[:10])
+    path.write_text(path.read_text("utf-8")[:10])
     assert once(path, "b", make) == {"rmse": 3}

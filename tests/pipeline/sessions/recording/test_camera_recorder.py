@@ -62,7 +62,7 @@ def test_a_camera_that_hangs_is_closed_by_its_own_thread(tmp_path, monkeypatch):
     assert source.closed == 1
     assert not source.closed_under_read
     assert read_camera_tags(tmp_path, "cam_0", np.arange(9)).time.tolist() == [10**9, 2 * 10**9]
-    kinds = [json.loads(line)["event"] for line in (tmp_path / LOG).read_text().splitlines()]
+    kinds = [json.loads(line)["event"] for line in (tmp_path / LOG).read_text("utf-8").splitlines()]
     assert kinds == ["camera hangs"]
     with pytest.raises(StorageError, match="is closed"):
         recorder._frames.line("late")

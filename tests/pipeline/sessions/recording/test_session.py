@@ -91,8 +91,8 @@ def test_processed_in_the_rest_frame_with_signals(recorded):
     together = np.corrcoef(t.points[good, 4, 2], result.signals[good, 0])[0, 1]
     assert together > 0.97
     assert len(t.time) == len(result.signals)
-    assert json.loads((session.folder / "quality.json").read_text())["frames"] == len(t.time)
-    assert "<h1>plate: session</h1>" in (session.folder / "report.html").read_text()
+    assert json.loads((session.folder / "quality.json").read_text("utf-8"))["frames"] == len(t.time)
+    assert "<h1>plate: session</h1>" in (session.folder / "report.html").read_text("utf-8")
     with pytest.raises(CaptureError, match="recorded without --video"):
         process_session(session.folder, video=True)
 
@@ -237,7 +237,7 @@ def test_each_part_of_a_run_has_its_boards_full_scale(tmp_path):
     session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
     rig.board_alone(session, 4)
     path = session.folder / "run-1" / sessions.BOARD
-    lines = path.read_text().splitlines()
+    lines = path.read_text("utf-8").splitlines()
     whole = read_recording(path)
     half = 3 + len(whole.counter) // 2
     later = [line.split(",") for line in lines[half:]]
@@ -261,7 +261,7 @@ def test_a_board_that_does_not_tell_its_full_scale(tmp_path, start, says):
     session = rig.begin(tmp_path / "s", [("rest", 6.0)], seen=False)
     rig.board_alone(session, 1)
     path = session.folder / "run-1" / sessions.BOARD
-    lines = path.read_text().splitlines()
+    lines = path.read_text("utf-8").splitlines()
     path.write_text("\n".join([*lines[:2], *([start] if start else []), *lines[3:]]) + "\n")
     with pytest.raises(CaptureError, match=says):
         resistances(session, read_recording(path))
@@ -315,7 +315,9 @@ def test_killed_at_any_moment(tmp_path):
         assert "cut off" in sessions.ending(run)
         for name in ("cam_0", "cam_1"):
             frames = np.loadtxt(
-                (run / f"{name}-frames.csv").read_text().splitlines()[1:-1], delimiter=",", ndmin=2
+                (run / f"{name}-frames.csv").read_text("utf-8").splitlines()[1:-1],
+                delimiter=",",
+                ndmin=2,
             )
             assert (frames[:, 0] == np.arange(len(frames))).all()
             seen = read_camera_tags(run, name, TAGS)

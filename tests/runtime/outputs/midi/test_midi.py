@@ -283,7 +283,7 @@ def test_what_an_earlier_run_learned_stays(tmp_path):
         cable.waiting = [bytes([0xB0, cc, 1])]
         output.send(frame(begin + 40, controls={"bend": 0.0, "twist": 0.0, control: 1.0}))
     output.close()
-    assert path.read_text() == "mine"
+    assert path.read_text("utf-8") == "mine"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["learned-2.toml", "learned.toml"]
     assert "into " + str(tmp_path / "learned-2.toml") in output.about
     (live,) = read_live_file(tmp_path / "learned-2.toml").outputs
