@@ -20,10 +20,12 @@ from ..core.device.device import CONVERTERS, Device
 from .response import Response, response_of
 from .signal import mean_strain, signals
 
-#: A held cord is stretched by this much at least, so that it does not begin with slack.
-LEAST_PRESTRETCH = 0.02
-#: And so much beyond what the states need, for poses that are taken further than they were solved.
-_FURTHER = 1.1
+#: Standard deviation of what a held cord is stretched by as it is laid by hand, a strain.
+PRESTRETCH_SPREAD = 0.01
+#: It is stretched for poses that are taken so much further than they were solved, and by so many
+#: standard deviations more: a cord that is laid with less is slack in some state, and senses
+#: nothing there.
+_FURTHER, _SURE = 1.1, 2
 
 
 @dataclass(frozen=True)
@@ -113,11 +115,9 @@ def held_taut(response: Response, prestretch: float) -> Response:
 
 def needed_prestretch(least_strain: float) -> float:
     """How far to stretch a cord that it stays taut down to the body's mean strain `least_strain`
-    along it (below zero), with some in hand: rounded up to per cents."""
-    if least_strain >= 0:
-        return LEAST_PRESTRETCH
-    needed = 1 / (1 + _FURTHER * least_strain) - 1
-    return max(LEAST_PRESTRETCH, float(np.ceil(100 * needed - 1e-6)) / 100)
+    along it, though it is not laid exactly so: in whole per cents."""
+    needed = max(1 / (1 + _FURTHER * least_strain) - 1, 0.0)
+    return round(float(np.ceil(100 * needed - 1e-6)) / 100 + _SURE * PRESTRETCH_SPREAD, 2)
 
 
 def scaled(response: Response, factor: float, compression: float) -> Response:

@@ -16,7 +16,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...decoding.decoders import Trained, fit_decoder
 from ...decoding.unseen import UnseenStates
-from ...sensing.built_cord import BuiltCord, CordReading
+from ...sensing.built_cord import PRESTRETCH_SPREAD, BuiltCord, CordReading
 from ..problem.problem import Problem, reduce_outputs
 
 #: A cord wanders in its groove between so many points along its path.
@@ -34,7 +34,7 @@ class Tolerances:
     offset: float = 0.3
     gauge: float = 0.05
     amplitude: float = 0.05
-    prestretch: float = 0.01
+    prestretch: float = PRESTRETCH_SPREAD
     compression: float = 0.5
     frames: int = 600
 
