@@ -12,6 +12,8 @@ from ...core.arrays import Bool, Float
 from ...core.mesh import Surface
 from .made_once import MadeOnce
 
+_ON_FACET = 1e-9  # mm; a point so near has the facet's normal for its gradient
+
 
 class SignedDistance:
     """Of one body: its search trees are made when they are first needed, once, and take most of the
@@ -28,6 +30,12 @@ class SignedDistance:
         return tree
 
     @cached_property
+    def _inward(self) -> Float:
+        a, b, c = (self._v[self._f[:, i]] for i in range(3))
+        normal = np.cross(b - a, c - a)
+        return np.asarray(-normal / np.maximum(np.linalg.norm(normal, axis=1)[:, None], 1e-30))
+
+    @cached_property
     def _winding(self) -> Any:
         tree = igl.FastWindingNumberBVH()
         tree.init(self._v, self._f)
@@ -37,18 +45,34 @@ class SignedDistance:
         """Distance (q,) mm of points (q, 3) to the facets, negative outside by the winding
         number."""
         distance = self.unsigned(points)
-        return np.asarray(np.where(self.inside(points), distance, -distance))
+        return np.asarray(np.where(self.sides(points, distance), distance, -distance))
 
-    def along(self, path: Float) -> Float:
-        """The same of a path (q, 3) whose points lie close: where the skin is further away than the
-        next point, both are on one side of it, and one winding number tells of them."""
-        distance = self.unsigned(path)
-        step = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    def with_gradient(self, points: Float) -> tuple[Float, Float]:
+        """The same, and its gradient (q, 3) with the points."""
+        q = np.ascontiguousarray(points)
+        square, facet, nearest = self._tree.squared_distance(self._v, self._f, q)
+        distance = np.sqrt(np.asarray(square))
+        signed = np.where(self.sides(q, distance), distance, -distance)
+        away = q - np.asarray(nearest)
+        size = np.linalg.norm(away, axis=1, keepdims=True)
+        gradient = np.where(
+            size > _ON_FACET,
+            away / np.maximum(size, _ON_FACET) * np.sign(signed)[:, None],
+            self._inward[np.asarray(facet)],
+        )
+        return signed, gradient
+
+    def sides(self, points: Float, distance: Float) -> Bool:
+        """Which points (q, 3), at a distance (q,) mm, lie inside. That takes some ten times as long
+        as the distance, but of points along a path: where the skin is further away than the next
+        point, both are on one side of it, and one winding number tells of them."""
+        if not len(points):
+            return np.zeros(0, bool)
+        step = np.linalg.norm(np.diff(points, axis=0), axis=1)
         apart = step >= np.maximum(distance[1:], distance[:-1])
         run = np.concatenate([[0], np.cumsum(apart)])
         deepest = np.lexsort((-distance, run))[np.searchsorted(run, np.arange(run[-1] + 1))]
-        inside = self.inside(path[deepest])[run]
-        return np.asarray(np.where(inside, distance, -distance))
+        return np.asarray(self.inside(points[deepest])[run])
 
     def unsigned(self, points: Float) -> Float:
         """Distance (q,) mm of points (q, 3) to the facets."""

@@ -14,10 +14,10 @@ from ...core.device.device import Sensor
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import INLET_SLOPE
 from ...geometry.kernels import ray_casting
+from ...geometry.kernels.signed_distance import SignedDistance
 from ..problem.cord_kinematics import PlacedCord, cord_at
 from ..problem.cord_parameters import CordParameters
 from ..problem.problem import Limits
-from ..problem.surface_depth import DepthField
 from .full_path import RUN, FullPath
 from .polyline_distance import nearest, nearest_strand
 
@@ -80,7 +80,7 @@ class _Inlets:
     end: Int
 
     @classmethod
-    def of(cls, cord: CordParameters, depth: DepthField, surface: Surface) -> _Inlets:
+    def of(cls, cord: CordParameters, depth: SignedDistance, surface: Surface) -> _Inlets:
         lengths = to_exits(cord.sensor, surface)
         runs = run_lengths(lengths)
         track = FullPath.of(cord_at(cord, np.zeros(cord.size)), runs)
@@ -90,7 +90,7 @@ class _Inlets:
         finite = np.isfinite(lengths)
         exits = path[[0, -1]] + np.where(finite, lengths, 0.0)[:, None] * out
         below = exits - 0.01 * out  # on the surface itself rounding decides what is inside
-        normals = np.where(finite[:, None], -depth(below)[1], 0.0)
+        normals = np.where(finite[:, None], -depth.with_gradient(below)[1], 0.0)
         along = arc_lengths(points)
         i = np.arange(len(points))
         near = np.minimum(i, i[::-1]) < 12 + RUN
@@ -132,7 +132,7 @@ class Constraints:
     def __init__(
         self,
         surface: Surface,
-        depth: DepthField,
+        depth: SignedDistance,
         limits: Limits,
         cords: Sequence[CordParameters],
         stride: int = 3,
@@ -151,7 +151,7 @@ class Constraints:
         ]
         values, rows = [], []
         free = [i for i, c in enumerate(self._cords) if c.size]
-        depth, inward = self._depth(np.concatenate([tracks[i].points for i in free]))
+        depth, inward = self._depth.with_gradient(np.concatenate([tracks[i].points for i in free]))
         done = 0
         for i in free:
             part = slice(done, done + len(tracks[i].points))

@@ -40,7 +40,7 @@ class ThinParts:
         volume, surface = evenly(problem, _VOLUME, rng), problem.surface
         skin = surface.scatter(_SURFACE, rng)
         self._points = np.concatenate([volume, surface.vertices[:_SURFACE], skin])
-        depth = problem.depth(volume)[0]
+        depth = problem.depth(volume)
         self._depth = np.concatenate([depth, np.zeros(len(self._points) - len(depth))])
         self._limits = problem.limits
 

@@ -91,7 +91,7 @@ def _cord(
     name = f"cord {sensor.name!r}"
     start, end = _inlet(points[0], points[1], surface), _inlet(points[-1], points[-2], surface)
     inlets = (start, end)
-    path_depth = depth_of.along(points)
+    path_depth = depth_of(points)
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     length = float(step.sum())
     if path_depth.min() < -_TOLERANCE:
@@ -107,7 +107,7 @@ def _cord(
                 f" end within {LONGEST_INLET:g} mm of the surface"
             )
     whole = points if problems else _with_runs(points, inlets)
-    depth = depth_of.along(whole)
+    depth = depth_of(whole)
     along = arc_lengths(whole)
     if not problems:
         to_exit = np.minimum(along, along[-1] - along)

@@ -13,9 +13,10 @@ from ...core.mesh import Surface
 from ...decoding.elimination import expected_square
 from ...decoding.features import KINDS, Features
 from ...decoding.ridge import floor
+from ...geometry.kernels.signed_distance import SignedDistance, distances_of
 from ...mechanics.elements.point_location import PointLocator
 from .cord_signals import CordCarrier, SignalModel
-from .surface_depth import DepthField, DepthGrid
+from .depth_grid import DepthGrid
 
 _STILL = 1e-6  # mm
 
@@ -100,9 +101,9 @@ class Problem:
         return CordCarrier(self.locator, self.fields, self.sense)
 
     @cached_property
-    def depth(self) -> DepthField:
+    def depth(self) -> SignedDistance:
         """Exact depth below the surface."""
-        return DepthField(self.surface)
+        return distances_of(self.surface)
 
     @cached_property
     def grid(self) -> DepthGrid:

@@ -7,15 +7,16 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.curves.curve import curvature
 from ...core.curves.path_sampling import arc_lengths
+from ...geometry.kernels.signed_distance import SignedDistance
 from ..limits.constraints import LONGEST_INLET, MARGIN, depth_before_exit, run_lengths, separation
 from ..limits.full_path import RUN
 from ..limits.polyline_distance import self_gaps
+from ..problem.depth_grid import DepthGrid
 from ..problem.problem import Limits
-from ..problem.surface_depth import DepthField, DepthGrid
 from .candidate_batch import COARSE, Batch
 
 
-def feasible(batch: Batch, depth: DepthField, grid: DepthGrid, limits: Limits) -> Int:
+def feasible(batch: Batch, depth: SignedDistance, grid: DepthGrid, limits: Limits) -> Int:
     """Indices of the candidates that keep the limits."""
     kept = np.arange(len(batch))
 
@@ -50,7 +51,7 @@ def feasible(batch: Batch, depth: DepthField, grid: DepthGrid, limits: Limits) -
     length = along[:, -1] + rest.sum(axis=1)
     good &= (length > limits.shortest + MARGIN) & (length < limits.longest - MARGIN)
     close = good[:, None] & (found - need < grid.error)
-    found[close] = depth(whole[close])[0]
+    found[close] = depth(whole[close])
     good &= (found >= need).all(axis=1)
     good[good] = self_gaps(whole[good], separation(limits)) >= (
         limits.clearance + np.diff(along[good]).max(axis=1) / 4

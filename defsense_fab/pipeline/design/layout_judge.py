@@ -110,7 +110,7 @@ class LayoutJudge:
         x, normal = np.eye(3)[int(extent.argmax())], np.eye(3)[int(extent.argmin())]
         half = float(extent.max()) / 2
         along = np.linspace(-half, half, _STEPS)
-        depth = self._task.everything.depth(middle + along[:, None] * x)[0]
+        depth = self._task.everything.depth(middle + along[:, None] * x)
         inside = along[depth >= self._task.design.limits.depth]
         if not len(inside) or np.ptp(inside) < 2 * _ENDS + 1:
             raise LayoutError("a straight cord along the body has no room in it; draw its plane")

@@ -17,11 +17,21 @@ def test_depth_is_positive_inside_and_negative_outside():
     np.testing.assert_allclose(depth(q), np.where((over < 0).all(1), -over.max(1), -outside))
 
 
-def test_along_a_path_it_is_the_same():
+def test_along_a_path_the_sides_are_those_of_its_points():
     depth = SignedDistance(box_surface((-20, -10, -5), (20, 10, 5)))
     t = np.linspace(0, 1, 300)[:, None]
     for seed in range(5):
         a, b, c = np.random.default_rng(seed).uniform(-30, 30, (3, 3))
-        path = (1 - t) ** 2 * a + 2 * t * (1 - t) * b + t**2 * c
-        np.testing.assert_array_equal(depth.along(path), depth(path))
-        np.testing.assert_array_equal(depth.along(path[::60]), depth(path[::60]))
+        whole = (1 - t) ** 2 * a + 2 * t * (1 - t) * b + t**2 * c
+        for path in (whole, whole[::60], whole[:1], whole[:0]):
+            np.testing.assert_array_equal(depth(path) > 0, depth.inside(path))
+
+
+def test_the_gradient_is_that_of_the_distance():
+    depth = SignedDistance(box_surface((-20, -10, -5), (20, 10, 5)))
+    points = np.array([[0.0, 0, 4], [18, 1, 0], [23, 0, 0], [23, 14, 0], [3, 2, 5]])
+    found, gradient = depth.with_gradient(points)
+    np.testing.assert_array_equal(found, depth(points))
+    step = 1e-6
+    moved = [depth(points + step * e) - depth(points - step * e) for e in np.eye(3)]
+    np.testing.assert_allclose(gradient, np.stack(moved, axis=1) / (2 * step), atol=1e-6)

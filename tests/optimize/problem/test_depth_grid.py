@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.optimize.problem.surface_depth import DepthField, DepthGrid
+from defsense_fab.geometry.kernels.signed_distance import SignedDistance
+from defsense_fab.optimize.problem.depth_grid import DepthGrid
 from tests.conftest import box_surface
 
 
@@ -29,7 +30,7 @@ def test_the_grid_has_the_exact_depth_at_its_nodes(gap):
     grid = DepthGrid(surface)
     shape = grid._depth.shape
     nodes = grid._low + grid._step * np.stack(np.indices(shape), axis=-1)
-    exact = DepthField(surface)(nodes.reshape(-1, 3))[0].reshape(shape)
+    exact = SignedDistance(surface)(nodes.reshape(-1, 3)).reshape(shape)
     np.testing.assert_array_equal(grid._depth, exact)
     assert (exact > 0).any()
     assert grid(np.array([[0.0, 0, 0], [15, 0, 0]])) == pytest.approx([-10, 5], abs=grid._step / 2)

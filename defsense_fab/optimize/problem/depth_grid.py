@@ -1,64 +1,25 @@
-"""Depth below the body's surface: exact for the few points of a descent, on a grid for the many
-points of candidates."""
+"""Depth below the body's surface on a grid, for the many points of candidates."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-import igl
 import numpy as np
 from scipy import ndimage
 
-from ...core.arrays import Bool, Float
+from ...core.arrays import Float
 from ...core.machine.compiled import compiled
 from ...core.mesh import Surface
+from ...geometry.kernels.signed_distance import distances_of
 
 #: Nodes of the grid, and its finest spacing, mm.
 _NODES, _FINEST = 60_000, 1.0
 _PART = 250  # nodes at once
 
 
-class DepthField:
-    """Distance below the surface (positive inside), with its gradient."""
-
-    def __init__(self, surface: Surface) -> None:
-        self._v = np.ascontiguousarray(surface.vertices)
-        self._f = np.ascontiguousarray(surface.faces)
-        # Kept between queries: building these trees costs far more than one query.
-        self._tree, self._winding = igl.AABB(), igl.FastWindingNumberBVH()
-        self._tree.init(self._v, self._f)
-        self._winding.init(self._v, self._f)
-        a, b, c = (surface.vertices[surface.faces[:, i]] for i in range(3))
-        normal = np.cross(b - a, c - a)
-        self._inward = -normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-
-    def __call__(self, points: Float) -> tuple[Float, Float]:
-        """Depth (p,) mm and gradient (p, 3) at points (p, 3)."""
-        points = np.ascontiguousarray(points)
-        square, face, closest = self._tree.squared_distance(self._v, self._f, points)
-        depth = np.sqrt(np.asarray(square)) * np.where(self.inside(points), 1.0, -1.0)
-        away = points - np.asarray(closest)
-        size = np.linalg.norm(away, axis=1, keepdims=True)
-        direction = np.where(
-            size > 1e-9,
-            away / np.maximum(size, 1e-9) * np.sign(depth)[:, None],
-            self._inward[np.asarray(face)],
-        )
-        return depth, direction
-
-    def distance(self, points: Float) -> Float:
-        """From the surface (p,) mm at points (p, 3), inside or not."""
-        square = self._tree.squared_distance(self._v, self._f, np.ascontiguousarray(points))[0]
-        return np.asarray(np.sqrt(square))
-
-    def inside(self, points: Float) -> Bool:
-        """Which points (p, 3) are inside: that takes some ten times as long as the distance."""
-        return np.asarray(self._winding.winding_number(np.ascontiguousarray(points))) > 0.5
-
-
 class DepthGrid:
-    """The same depth interpolated on a grid; negative everywhere outside of it."""
+    """Depth interpolated on a grid; negative everywhere outside of it."""
 
     def __init__(self, surface: Surface) -> None:
         low, high = surface.bounds
@@ -67,15 +28,15 @@ class DepthGrid:
         self._low = (low + high) / 2 - self._step * (count - 1) / 2
         ticks = [a + self._step * np.arange(n) for a, n in zip(self._low, count, strict=True)]
         nodes = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
-        field = DepthField(surface)
-        distance = _in_parts(field.distance, nodes.reshape(-1, 3)).reshape(count)
+        exact = distances_of(surface)
+        distance = _in_parts(exact.unsigned, nodes.reshape(-1, 3)).reshape(count)
         # Between neighbours that are both more than half a step away there is no surface: one
         # of all that hang together tells for the others.
         same, kinds = ndimage.label(distance > 0.51 * self._step)
         first = np.unique(same, return_index=True)[1] if kinds else np.zeros(0, int)
         asked = np.union1d(np.flatnonzero(same == 0), first)
         inside = np.zeros(same.size, bool)
-        inside[asked] = _in_parts(field.inside, nodes.reshape(-1, 3)[asked])
+        inside[asked] = _in_parts(exact.inside, nodes.reshape(-1, 3)[asked])
         of_kind = np.zeros(kinds + 1, bool)
         of_kind[same.ravel()[first]] = inside[first]
         inside = np.where(same.ravel() > 0, of_kind[same.ravel()], inside).reshape(count)
