@@ -29,8 +29,18 @@ def device(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("command", ["calibrate coupon --clearances 0.2,0.4", "capture board"])
-def test_a_file_where_a_folder_should_be(tmp_path, capsys, command):
+@pytest.mark.parametrize(
+    ("command", "work"),
+    [
+        ("calibrate coupon", "defsense_fab.geometry.specimen.coupon.coupon"),
+        ("calibrate specimen", "defsense_fab.geometry.specimen.specimen.jig"),
+        ("capture board", None),
+    ],
+)
+def test_a_file_where_a_folder_should_be(tmp_path, capsys, monkeypatch, command, work):
+    """It is told before the long work begins."""
+    if work:
+        monkeypatch.setattr(work, lambda *_: pytest.fail("begun"))
     (tmp_path / "file").write_text("")
     error = refused(capsys, [*command.split(), tmp_path / "file" / "x.pdf"])
     assert f"{tmp_path}/file" in error

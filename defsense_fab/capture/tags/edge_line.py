@@ -304,7 +304,7 @@ def _converge(  # type: ignore[no-untyped-def]
             copy_row(q, best)
             least, told, kept = cost, now, here
             copy_rows(B, A)
-            copy_row(B[FREE], g)
+            copy_row(B[FREE], g)  # B is symmetric
             for a in range(FREE):
                 A[a, a] += 1e-9 * A[a, a] + 1e-12
             variance = B[FREE, FREE] / (told - 5) + 1 / 12  # rounding to whole grey levels

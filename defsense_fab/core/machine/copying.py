@@ -11,14 +11,14 @@ from .compiled import compiled
 
 @compiled()
 def copy_row(source, out):  # type: ignore[no-untyped-def]
-    """Copy source (n,) into out (n,)."""
+    """Copy the first n entries of source (m,) into out (n,)."""
     for i in range(len(out)):
         out[i] = source[i]
 
 
 @compiled()
 def copy_rows(source, out):  # type: ignore[no-untyped-def]
-    """Copy source (m, n) into out (m, n)."""
+    """Copy the first rows and columns of source (p, q) into out (m, n)."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = source[i, j]

@@ -95,7 +95,10 @@ def check_folder(path: Path) -> None:
     """Before long work whose results go to a folder `path`, made if need be: raises StorageError
     where it cannot be made, or takes no files."""
     with storage_errors(path):
-        there = next(p for p in (path.absolute(), *path.absolute().parents) if os.path.lexists(p))
+        whole = path.absolute()
+        there = next((p for p in (whole, *whole.parents) if os.path.lexists(p)), None)
+        if there is None:  # a drive that is not there
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
         if not there.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(there))
         if not os.access(there, os.W_OK | os.X_OK):

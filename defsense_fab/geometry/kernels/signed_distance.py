@@ -69,7 +69,7 @@ class SignedDistance:
         if not len(points):
             return np.zeros(0, bool)
         step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        apart = step >= np.maximum(distance[1:], distance[:-1])
+        apart = ~(step < np.maximum(distance[1:], distance[:-1]))  # also where one is no number
         run = np.concatenate([[0], np.cumsum(apart)])
         deepest = np.lexsort((-distance, run))[np.searchsorted(run, np.arange(run[-1] + 1))]
         return np.asarray(self.inside(points[deepest])[run])

@@ -12,7 +12,8 @@ from ...sensing.built_cord import BuiltCord
 
 #: How far a joint is opened at least for work in it, mm.
 LEAST_OPEN = 15.0
-#: More than what held cords are stretched by as they are laid, where that is not known yet.
+#: As much as most held cords are stretched by as they are laid, where that is not known yet;
+#: `overstretched` tells of those that are stretched by more.
 _PRESTRETCH = 0.1
 
 

@@ -35,3 +35,11 @@ def test_the_gradient_is_that_of_the_distance():
     step = 1e-6
     moved = [depth(points + step * e) - depth(points - step * e) for e in np.eye(3)]
     np.testing.assert_allclose(gradient, np.stack(moved, axis=1) / (2 * step), atol=1e-6)
+    on_the_skin = np.array([[20.0, 1, 0], [2, -10, 1]])
+    np.testing.assert_allclose(depth.with_gradient(on_the_skin)[1], [[-1, 0, 0], [0, 1, 0]])
+
+
+def test_what_is_no_point_tells_nothing_of_its_neighbours():
+    depth = SignedDistance(box_surface((-20, -10, -5), (20, 10, 5)))
+    found = depth(np.array([[0.0, 0, 0], [np.nan] * 3, [1, 0, 0], [30, 0, 0]]))
+    np.testing.assert_allclose(found[[0, 2, 3]], [5, 5, -10])

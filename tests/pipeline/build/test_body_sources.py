@@ -70,7 +70,7 @@ def test_modules_count_though_python_has_compiled_them(folder):
     (folder / "parts" / "hole.py").write_text("RADIUS = 1\n")
     assert made(folder) == ["body"]
     change = folder / "device.toml"
-    change.write_text(change.read_text().replace("length = 150", "length = 149"))
+    change.write_text(change.read_text("utf-8").replace("length = 150", "length = 149"))
     assert made(folder) == ["body"]  # this time from the compiled module
     assert sorted(body_sources.recorded(folder / "build")) == ["bar.py", "parts/hole.py"]
     (folder / "parts" / "hole.py").write_text("RADIUS = 2\n")
