@@ -65,7 +65,8 @@ def on_meshes(source: Path, options: argparse.Namespace) -> None:
     if own is None:
         own = load_mesh_record(build(first, "mesh").folder).edge_length
     errors, kinds = [], []
-    for k, factor in enumerate(np.linspace(1 - options.spread, 1 + options.spread, options.count)):
+    factors = np.linspace(1 - options.spread, 1 + options.spread, options.count)
+    for k, factor in list(enumerate(factors))[options.first - 1 :]:
         with tempfile.TemporaryDirectory() as made:
             copy = Path(made) / source.name
             shutil.copytree(
@@ -174,6 +175,7 @@ def main() -> None:
     parser.add_argument("what", choices=("meshes", "bodies"))
     parser.add_argument("folder", nargs="*", type=Path)
     parser.add_argument("--count", type=int, default=10)
+    parser.add_argument("--first", type=int, default=1, help="of the meshes, to go on with it")
     parser.add_argument("--spread", type=float, default=0.05, help="of the edges' length")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--until", choices=("optimize", "fabricate", "report"), default="fabricate")

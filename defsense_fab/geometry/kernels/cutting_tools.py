@@ -8,6 +8,9 @@ import numpy as np
 
 from ...core.arrays import Float
 
+#: mm^3; what a cut leaves of less than that is not a part, and is left out.
+CRUMB = 0.5
+
 
 @dataclass(frozen=True)
 class Frustum:

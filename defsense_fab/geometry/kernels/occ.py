@@ -23,7 +23,7 @@ from ...core.curves.curve import Plane
 from ...core.errors import BodyError, FabricationError
 from ...core.mesh import Surface
 from .canonical_facets import canonical
-from .cutting_tools import Frustum, Prism, Tool, frame
+from .cutting_tools import CRUMB, Frustum, Prism, Tool, frame
 
 #: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
 ANGLE = 0.06
@@ -203,7 +203,7 @@ def carve_and_split(
     solid: Any, cutters: Sequence[Any], knives: Sequence[Knife], count: int, expected: float
 ) -> list[Any]:
     """Cut solids out of the body and divide it into `count` parts (TopoDS_Solids) whose volumes
-    should add up to about `expected` mm^3.
+    should add up to about `expected` mm^3, without crumbs.
 
     Raises FabricationError where OpenCascade loses a part or some volume on the way.
     """
@@ -211,7 +211,7 @@ def carve_and_split(
     channels = _solids(tools[0].fuse(*tools[1:])) if len(tools) > 1 else tools
 
     def carved(pieces: list[Any]) -> list[Any]:
-        return [s for p in pieces for s in _solids(p.cut(*channels))]
+        return [s for p in pieces for s in _solids(p.cut(*channels)) if s.volume > CRUMB]
 
     for channels_first in (False, True):  # now and then one order fails where the other works
         made = (

@@ -14,7 +14,7 @@ from ...core.curves.curve import Plane, coincident
 from ...core.errors import FabricationError
 from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
-from ..kernels.cutting_tools import Prism
+from ..kernels.cutting_tools import CRUMB, Prism
 from .channel_openings import ChannelOpening, borders, channel_openings
 from .cut_orders import cut_orders
 
@@ -26,7 +26,6 @@ _LIMITED = 0.5  # parts that a limited cut has to save
 _ROUGH = 0.3  # mm, by which the body may differ where plans are compared
 #: Parts smaller than this part of the body are hard to print and to handle.
 SMALL = 0.01
-_CRUMB = 0.5  # mm^3; what a cut leaves of less than that is not a part, and is left out
 
 
 @dataclass(frozen=True)
@@ -253,7 +252,7 @@ def _cut(
 
 def _solids(solid: Any) -> list[Any]:
     """The separate solids of one, without crumbs."""
-    return [p for p in solid.decompose() if p.volume() > _CRUMB]
+    return [p for p in solid.decompose() if p.volume() > CRUMB]
 
 
 def _runs_in(thread: Any, piece: Any) -> bool:
