@@ -53,7 +53,7 @@ def built(folder: Path, until: str, scale: float) -> dict[str, Any]:
 
     begun = cpu()
     (file,) = folder.glob("body.*")
-    surface, repairs = read_mesh(file, scale, SIZES)
+    surface, repairs, _ = read_mesh(file, scale, SIZES)
     out: dict[str, Any] = {"triangles": len(surface.faces), "repairs": list(repairs)}
     out["read"] = cpu() - begun
     write_device(folder, file, surface, scale)
@@ -91,7 +91,7 @@ def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
     from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch, run
 
     (file,) = folder.glob("body.*")
-    surface, _ = read_mesh(file, scale, SIZES)
+    surface, _, _ = read_mesh(file, scale, SIZES)
     edge = load_device(folder).mesh.edge_length
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
     more: dict[str, Any] = {"points": np.zeros((0, 3)), "edges": []}

@@ -35,12 +35,13 @@ MOST_MEMORY = 8 * 2**30
 class FileBody:
     """The body of a file: its `surface`, the enclosed `volume` (exact of STEP), its `solid` where
     that was asked for and it is CAD; what was `repaired`. Both are in mm where the format has a
-    unit, else in the file's."""
+    `unit`, of so many mm, else in the file's; that is 1 then."""
 
     surface: Surface
     volume: float
     repaired: tuple[str, ...]
     solid: Any = None
+    unit: float = 1.0
 
 
 def read_foreign(path: Path, limit: float = 120.0) -> FileBody:
@@ -116,7 +117,7 @@ def _read(
         with np.load(folder / _SURFACE) as data:
             surface = Surface(data["vertices"], data["faces"])
         body = brep().read_brep(folder / _SOLID)[0] if brep else None
-    return FileBody(surface, made["volume"], tuple(made["repaired"]), body)
+    return FileBody(surface, made["volume"], tuple(made["repaired"]), body, made["unit"])
 
 
 def _main(folder: Path) -> None:
@@ -135,11 +136,11 @@ def _main(folder: Path) -> None:
 
 
 def _made(path: Path, task: dict[str, Any], folder: Path) -> dict[str, Any]:
-    sizes = (task["sizes"][0], task["sizes"][1])
+    sizes, unit = (task["sizes"][0], task["sizes"][1]), 1.0
     if not task["step"]:
         from .mesh_repair import read_mesh
 
-        surface, repaired = read_mesh(path, task["scale"], sizes, task["fill_cavities"])
+        surface, repaired, unit = read_mesh(path, task["scale"], sizes, task["fill_cavities"])
         volume = surface.volume
     else:
         from ..kernels import brep, occ
@@ -153,7 +154,7 @@ def _made(path: Path, task: dict[str, Any], folder: Path) -> dict[str, Any]:
         if task["solid"]:
             brep.write_brep([cad.solid], folder / _SOLID)
     np.savez(folder / _SURFACE, vertices=surface.vertices, faces=surface.faces)
-    return {"volume": volume, "repaired": list(repaired)}
+    return {"volume": volume, "repaired": list(repaired), "unit": unit}
 
 
 if __name__ == "__main__":

@@ -24,8 +24,9 @@ _ANY_UNIT = (1e-6, 1e9)
 
 def read_mesh(
     path: Path, scale: float, sizes: tuple[float, float], fill_cavities: bool = False
-) -> tuple[Surface, tuple[str, ...]]:
-    """The closed surface in `path` times `scale`, and what was repaired.
+) -> tuple[Surface, tuple[str, ...], float]:
+    """The closed surface in `path` times `scale`, what was repaired, and the mm of the file's unit,
+    1 where it has none.
 
     What kind of file it is, its content says. Raises BodyError for an unreadable file, a size
     outside `sizes` mm, holes too wide to close, several separate pieces, cavities unless they are
@@ -52,7 +53,7 @@ def read_mesh(
             f"{path}: the body is {size:.3g} mm across; set [body] scale in device.toml ({unit})"
         )
     vertices, faces, repairs = repair(vertices, read.faces, str(path), fill_cavities)
-    return Surface(vertices, faces), (*_renamed(path, suffix), *read.told, *repairs)
+    return Surface(vertices, faces), (*_renamed(path, suffix), *read.told, *repairs), read.unit
 
 
 def _suffix(path: Path) -> str:

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import ast
-import io
 import re
 import tempfile
-import zipfile
-import zlib
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,9 +29,6 @@ _THICK, _LONG, _MOST_TETS = 5, 10, 60000
 #: So many tets has a volume of the cube of their edge length.
 TETS = 8.5
 SCRIPT = ".py"
-#: Units of 3MF files by their names there.
-_3MF_UNITS = {"micron": "um", "centimeter": "cm", "inch": "inch", "meter": "m"}
-_3MF_UNIT = re.compile(rb"<model\b[^>]*\bunit\s*=\s*[\"'](\w+)")
 _MM = re.compile(r"\bmm(?=3?\b)")
 
 
@@ -140,28 +133,13 @@ def look_at_file(name: str, content: bytes) -> DroppedBody:
         path.write_bytes(content)
         found = read_foreign(path)
     longest = float(np.ptp(found.surface.vertices, axis=0).max())
-    own = _own_unit(content, suffix)
+    own = next((name for name, mm in UNITS.items() if mm == found.unit), "mm")
     unit, doubtful = ("mm", False)
     if suffix != ".step":
         unit, doubtful = likely_unit(longest / UNITS[own], own)
     return DroppedBody(
         content, shown, suffix, found.surface, unit, doubtful, found.repaired, own=own
     )
-
-
-def _own_unit(content: bytes, suffix: str) -> str:
-    """In which a file of the kind is, by its format, or by what it says."""
-    if suffix in (".glb", ".gltf"):
-        return "m"
-    if suffix == ".3mf":
-        # What lib3mf reads, and zipfile does not, is in mm, as most is.
-        failures = (zipfile.BadZipFile, zlib.error, NotImplementedError, StopIteration)
-        with suppress(*failures), zipfile.ZipFile(io.BytesIO(content)) as parts:
-            name = next(n for n in parts.namelist() if n.lower().endswith("3dmodel.model"))
-            with parts.open(name) as model:
-                found = _3MF_UNIT.search(model.read(4096))
-            return _3MF_UNITS.get(found[1].decode() if found else "", "mm")
-    return "mm"
 
 
 def _look_at_script(path: Path, content: bytes) -> DroppedBody:

@@ -76,7 +76,7 @@ def test_mesh_files_round_trip(bar, tmp_path, kind):
         lines = ["v {} {} {}".format(*v) for v in bar.vertices]
         lines += ["f {} {} {}".format(*(f + 1)) for f in bar.faces]
         path.write_text("\n".join(lines))
-    surface, _ = read_mesh(path, 2.0, (1, 1e4))
+    surface, _, _ = read_mesh(path, 2.0, (1, 1e4))
     assert surface.volume == pytest.approx(8 * 135000, rel=1e-6)
 
 
@@ -92,7 +92,7 @@ def test_3mf_units_and_transforms_count(bar, tmp_path):
     items.MoveNext()
     items.GetCurrent().SetObjectTransform(wrapper.GetUniformScaleTransform(2.0))
     model.QueryWriter("3mf").WriteToFile(str(tmp_path / "b.3mf"))
-    surface, _ = read_mesh(tmp_path / "b.3mf", 1.0, (1, 1e5))
+    surface, _, _ = read_mesh(tmp_path / "b.3mf", 1.0, (1, 1e5))
     assert surface.bounds == pytest.approx(50.8 * bar.bounds)
 
 

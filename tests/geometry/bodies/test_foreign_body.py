@@ -49,7 +49,7 @@ def test_meshes_are_read_whatever_materials_they_name(tmp_path):
     """A material is a file that the mesh names: /dev/zero never ends."""
     path = tmp_path / "box.obj"
     path.write_bytes(obj(BOX, "mtllib /dev/zero\nusemtl all\n"))
-    surface, _ = read_mesh(path, 1.0, (1, 1e4))
+    surface, _, _ = read_mesh(path, 1.0, (1, 1e4))
     assert surface.volume == pytest.approx(8000)
     (tmp_path / "box.ply").write_bytes(ply(BOX))
     assert read_mesh(tmp_path / "box.ply", 1.0, (1, 1e4))[0].volume == pytest.approx(8000)

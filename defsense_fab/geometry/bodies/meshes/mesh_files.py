@@ -31,12 +31,13 @@ _3MF_UNITS = {
 
 @dataclass(frozen=True)
 class Triangles:
-    """`vertices` (n, 3), in mm where the format has a unit, `faces` (m, 3), and what of the reading
-    is to be `told`."""
+    """`vertices` (n, 3), in mm where the format has a unit, `faces` (m, 3), what of the reading is
+    to be `told`, and the mm of the file's unit, 1 where it has none."""
 
     vertices: Float
     faces: Int
     told: tuple[str, ...] = ()
+    unit: float = 1.0
 
 
 def read_triangles(path: Path, suffix: str) -> Triangles:
@@ -45,13 +46,15 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
     if suffix not in SUFFIXES:
         raise BodyError(f"{path}: unknown kind of mesh; give {KINDS}")
     told: tuple[str, ...] = ()
+    unit = 1.0
     try:
         if suffix == ".3mf":
-            vertices, faces = _read_3mf(path)
+            vertices, faces, unit = _read_3mf(path)
         elif suffix in TET_SUFFIXES:
             vertices, faces = read_tets(path, suffix)
         elif suffix in (".glb", ".gltf"):
             vertices, faces = _read_gltf(path, suffix)
+            unit = 1e3
             told = ("took metres with y upwards, as GLB has them, to millimetres with z upwards",)
         else:
             vertices, faces = _read_surface(path, suffix)
@@ -74,7 +77,7 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
         raise BodyError(f"{path}: a triangle names a vertex that is not there")
     if not np.isfinite(vertices).all():
         raise BodyError(f"{path}: a vertex is not a finite number")
-    return Triangles(vertices, faces, told)
+    return Triangles(vertices, faces, told, unit)
 
 
 def _read_surface(path: Path, suffix: str) -> tuple[Float, Int]:
@@ -112,7 +115,7 @@ def _read_gltf(path: Path, suffix: str) -> tuple[Float, Int]:
     return 1e3 * np.stack([x, -z, y], axis=1), np.asarray(mesh.faces, np.int64)
 
 
-def _read_3mf(path: Path) -> tuple[Float, Int]:
+def _read_3mf(path: Path) -> tuple[Float, Int, float]:
     import lib3mf
 
     model = lib3mf.get_wrapper().CreateModel()
@@ -128,4 +131,4 @@ def _read_3mf(path: Path) -> tuple[Float, Int]:
         vertices.append(v)
         faces.append(f + offset)
         offset += len(v)
-    return unit * np.concatenate(vertices), np.concatenate(faces)
+    return unit * np.concatenate(vertices), np.concatenate(faces), unit

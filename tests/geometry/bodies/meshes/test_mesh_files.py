@@ -59,7 +59,7 @@ def test_off_is_read_whatever_its_name(tmp_path):
     path = tmp_path / "box.obj"
     path.write_bytes(b"# by hand\n" + off(BOX))
     assert kind_of_file(path.read_bytes()) == ".off"
-    surface, told = read_mesh(path, 2.0, SIZES)
+    surface, told, _ = read_mesh(path, 2.0, SIZES)
     assert surface.volume == pytest.approx(8 * 8000)
     assert told == ("read as OFF, which the file is in spite of its name",)
 
@@ -67,7 +67,7 @@ def test_off_is_read_whatever_its_name(tmp_path):
 def test_glb_comes_in_mm_with_z_upwards(tmp_path):
     path = tmp_path / "box.glb"
     path.write_bytes(glb(BOX))
-    surface, told = read_mesh(path, 1.0, SIZES)
+    surface, told, _ = read_mesh(path, 1.0, SIZES)
     assert surface.bounds == pytest.approx(BOX.bounds, abs=1e-5)
     assert surface.volume == pytest.approx(8000)
     assert told[0].startswith("took metres with y upwards")
@@ -90,7 +90,7 @@ def test_of_tetrahedra_the_boundary_is_taken(kind, tmp_path):
     formats = {"msh": "gmsh", "vtu": "vtu", "mesh": "medit"}
     meshio.write(path, meshio.Mesh(points, [("tetra", tets)]), formats[kind])
     assert kind_of_file(path.read_bytes()) == f".{kind}"
-    surface, _ = read_mesh(path, 1.0, SIZES)
+    surface, _, _ = read_mesh(path, 1.0, SIZES)
     assert len(surface.faces) == 6
     assert surface.volume == pytest.approx(4500 + 9000)
 
