@@ -117,6 +117,13 @@ def _percent(error: float | None) -> str:
     return "an unknown error" if error is None else f"{error:.2%}"
 
 
+def _told(error: float | dict[str, float]) -> str:
+    """An error, or the least and the largest of several states."""
+    if isinstance(error, dict):
+        return f"{min(error.values()):.2f} to {max(error.values()):.2f}"
+    return f"{error:.3f}"
+
+
 def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
     """What it costs to keep the affine map where another decoder was tried and does better."""
     tried = layout["unseen"]
@@ -206,11 +213,13 @@ def _show(data: dict[str, Any], options: argparse.Namespace, asked: Asked) -> No
         table.add_row("  90 % of devices", "", f"{band['low']:.2f} to {band['high']:.2f}")
         for label, key in (
             ("as designed, unseen states", "unseen"),
+            ("  best state to worst", "held_out"),
             ("  without noise", "unseen_noise_free"),
             ("as designed, fitted states", "rmse"),
             ("  without noise", "rmse_noise_free"),
         ):
-            table.add_row(label, f"{first[key]:.3f}", f"{best[key]:.3f}")
+            if best[key] != {}:
+                table.add_row(label, *(_told(p[key]) for p in (first, best)))
         table.add_row("floor of affine maps, all states", "", f"{best['floor']:.3f}")
         out.print(table)
         say([f"note: {MEANING[best['how']]}"])

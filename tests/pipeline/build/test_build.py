@@ -87,6 +87,18 @@ def test_the_same_body_through_cadquery_gives_the_same_parts(device, tmp_path):
 
 
 @pytest.mark.slow
+def test_the_terminal_tells_how_far_unseen_states_lie_apart(copy, capsys):
+    capsys.readouterr()
+    assert main(["optimize", str(copy)]) == 0
+    errors = json.loads((copy / "build" / "layout.json").read_text("utf-8"))["prediction"][
+        "held_out"
+    ]
+    told = f"{min(errors.values()):.2f} to {max(errors.values()):.2f}"
+    row = next(x for x in capsys.readouterr().out.splitlines() if "best state to worst" in x)
+    assert told in row
+
+
+@pytest.mark.slow
 def test_layout_and_manifest_hold_what_was_agreed(device):
     layout = json.loads((device / "build" / "layout.json").read_text("utf-8"))
     assert layout["prediction"]["rmse"] < layout["initial"]["rmse"] / 5
@@ -128,6 +140,10 @@ def test_layout_and_manifest_hold_what_was_agreed(device):
     assert 'alt="error against parts"' in page
     least, most = (100 * layout["sensors"][0][k] for k in ("least_strain", "peak_strain"))
     assert f"<td>{least:.1f} to {most:.1f} %</td>" in page
+    unseen = layout["prediction"]["held_out"].items()
+    name, error = max(unseen, key=lambda told: told[1])
+    assert len(unseen) > 1
+    assert f"the worst by {error:.2f} mm ({name})" in page
     # Nothing asks the network (this is a name, not an address); base64 holds no colon.
     assert set(re.findall(r"\w+://[\w./]*", page)) == {"http://www.w3.org/1999/xhtml"}
     for each in (page, (device / "build" / "guide.html").read_text("utf-8")):
