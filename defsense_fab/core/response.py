@@ -61,6 +61,8 @@ class ResponseSpec:
         low, high = self.strain_range
         if not low < high:
             self._fail(f"the strain range {low:g} to {high:g} is empty")
+        if self.model in ("quadratic", "cubic") and not low <= 0 <= high:
+            self._fail(f"the strain range {low:g} to {high:g} must have rest (0) in it")
         if self.model == "piecewise":
             strains, changes = (np.asarray(self.coefficients[n], float) for n in names)
             if len(strains) != len(changes) or len(strains) < _LEAST_KNOTS:

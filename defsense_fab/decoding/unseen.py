@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Bool, Float, Int
+from ..core.device.loading_path import Path, on_path
 
 HELD_OUT, LEFT_OUT, NONE = "held out", "left out", "none"
 
@@ -52,9 +53,8 @@ def unseen_states(states: Sequence[Weights], held_out: Bool) -> UnseenStates:
         return UnseenStates(HELD_OUT, ((np.flatnonzero(~held_out), held),), paths)
     groups: dict[object, list[int]] = {}
     for k, weights in enumerate(states[1:], 1):
-        single = len(weights) == 1
-        key = next(iter(weights.values())) if single else tuple(weights.items())
-        groups.setdefault(key, []).append(k)
+        path, at = on_path(weights)
+        groups.setdefault(at * path[0][1] if len(path) == 1 else (path, at), []).append(k)
     everything = np.arange(len(states))
     if len(groups) < 2:
         return UnseenStates(NONE, ((everything, everything),), paths)
@@ -64,11 +64,10 @@ def unseen_states(states: Sequence[Weights], held_out: Bool) -> UnseenStates:
 
 def _paths(states: Sequence[Weights]) -> tuple[tuple[Int, Float], ...]:
     """Of states, rest first: a pose's amplitudes, and mixtures of the same ratios."""
-    found: dict[tuple[tuple[str, float], ...], list[tuple[int, float]]] = {}
+    found: dict[Path, list[tuple[int, float]]] = {}
     for k, weights in enumerate(states[1:], 1):
-        largest = max(map(abs, weights.values()))
-        ratios = tuple((pose, round(w / largest, 9)) for pose, w in weights.items())
-        found.setdefault(ratios, []).append((k, largest))
+        path, at = on_path(weights)
+        found.setdefault(path, []).append((k, at))
     return tuple(
         (np.array([k for k, _ in path]), np.array([at for _, at in path]))
         for path in found.values()

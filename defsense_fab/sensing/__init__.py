@@ -1,1 +1,1 @@
-"""Cord signals, decoders, error measures, and the floor."""
+"""Cords as they are built in, and how they answer to strain."""

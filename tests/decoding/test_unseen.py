@@ -58,8 +58,16 @@ def test_unseen_states_see_through_a_fit_of_noise(kind):
     assert square > 0.8 * spread
 
 
+def test_neither_the_order_of_poses_nor_zeros_make_another_path():
+    states = ({}, {"a": 0.5, "b": 0.5}, {"b": 1.0, "a": 1.0}, {"a": 1.0, "b": 0}, {"a": 0.5})
+    found = unseen_states(states, np.zeros(5, bool))
+    paths = [(k.tolist(), at.tolist()) for k, at in found.paths]
+    assert paths == [([1, 2], [0.5, 1.0]), ([3, 4], [1.0, 0.5])]
+    assert sorted(test.tolist() for _, test in found.folds) == [[1], [2], [3], [4]]
+
+
 def test_states_on_one_path_of_loading():
-    more = {"up": 1.0, "down": 1.0}, {"down": 0.3, "up": 1.0}
+    more = {"up": 1.0, "down": 1.0}, {"down": 0.15, "up": 0.5}
     found = unseen_states((*STATES, *more), np.zeros(9, bool))
     paths = {tuple(k.tolist()): at.tolist() for k, at in found.paths}
-    assert paths == {(1, 2): [0.5, 1], (3, 4): [0.5, 1], (5, 7): [0.5, 1], (6,): [1], (8,): [1]}
+    assert paths == {(1, 2): [0.5, 1], (3, 4): [0.5, 1], (5, 7): [0.5, 1], (6, 8): [1, 0.5]}

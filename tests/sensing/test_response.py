@@ -94,6 +94,15 @@ def test_bad_responses(model, coefficients, says):
         ResponseSpec(model, coefficients)
 
 
+@pytest.mark.parametrize("coefficients", [{"k": 2.0, "q": 5.0}, {"k": 2.0, "q": 5.0, "c": 1.0}])
+def test_a_curve_has_rest_in_its_range(coefficients):
+    """It goes on straight from the range's ends, and would not be 0 at rest."""
+    model = "cubic" if "c" in coefficients else "quadratic"
+    with pytest.raises(CalibrationError, match=r"0.021 to 0.067 must have rest"):
+        ResponseSpec(model, coefficients, (0.021, 0.067))
+    assert response_of(ResponseSpec(model, coefficients, (0.0, 0.067)))(np.zeros(1)) == 0
+
+
 def test_files(tmp_path):
     path = tmp_path / "response.json"
     for spec in SPECS.values():

@@ -127,7 +127,8 @@ def _agree(top: Table, body: BodySpec, cord: CordSpec, f: FabricationSpec) -> No
     """What one table asks of another."""
     material = top.table("material")
     name = material.data.get("name")
-    if f.kind == "cast" and name in read_rows("materials.csv") and not silicone(str(name)):
+    printed = isinstance(name, str) and name in read_rows("materials.csv") and not silicone(name)
+    if f.kind == "cast" and printed:
         material.fail(
             "name",
             f"[fabrication] process {f.process!r} casts silicone, and {name!r} is none; there is:"

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.curves.curve import Plane
+from ...core.mesh import Surface
 from ..limits.interior_points import evenly, strain
 from ..limits.polyline_distance import gaps
 from ..problem.problem import Problem
@@ -20,7 +21,7 @@ _LINES = 1500
 def manual(problem: Problem, count: int) -> Layout:
     """Straight cords side by side in the plane through the middle of the body's box, along its
     longest edge. Raises LayoutError where they do not fit."""
-    plane = _middle(problem)
+    plane = middle_plane(problem.surface)
     points = evenly(problem, 4000, np.random.default_rng(0))
     width = float(np.ptp((points - plane.origin) @ plane.axes[:, 1])) - 2 * problem.limits.depth
     offsets = (np.arange(count) - (count - 1) / 2) * width / (count + 1)
@@ -38,14 +39,16 @@ def visual(problem: Problem, count: int, rng: np.random.Generator) -> Layout:
 
     Raises LayoutError where they do not fit.
     """
-    pool = _along(problem, evenly(problem, _LINES, rng), _middle(problem))
+    pool = _along(problem, evenly(problem, _LINES, rng), middle_plane(problem.surface))
+    if len(pool) < count:
+        raise no_room(problem, count)
     seen = strain(problem, pool.paths.reshape(-1, 3))
     size = np.sqrt((seen**2).sum((2, 3))).reshape(-1, *pool.paths.shape[:2]).mean(2)  # (n, c)
     clear = np.ones(len(pool), bool)
     chosen: list[int] = []
     for _ in range(count):
         worth = np.where(clear, np.linalg.norm(size, axis=0), -1.0)
-        if not len(worth) or worth.max() < 0:
+        if worth.max() < 0:
             raise no_room(problem, count)
         k = int(worth.argmax())
         chosen.append(k)
@@ -55,10 +58,10 @@ def visual(problem: Problem, count: int, rng: np.random.Generator) -> Layout:
     return _layout(pool, chosen)
 
 
-def _middle(problem: Problem) -> Plane:
+def middle_plane(surface: Surface) -> Plane:
     """The plane through the middle of the body's box, x along the box's longest edge and the
     normal along its shortest, the later axis where two are alike."""
-    low, high = problem.surface.bounds
+    low, high = surface.bounds
     size = np.round(high - low, 3)
     longest = int(size.argmax())
     shortest = max((i for i in range(3) if i != longest), key=lambda i: (-size[i], i))

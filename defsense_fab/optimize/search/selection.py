@@ -21,14 +21,18 @@ def select(
     *,
     rounds: int = 3,
     some: Sequence[Bool] | None = None,
+    settled: Sequence[bool] | None = None,
     allowed: Callable[[dict[int, int]], bool] | None = None,
 ) -> Int:
     """Index into each pool (m,), -1 for those left when no clear candidate was found for one.
 
     `error` takes sets of signals (k, n, m) to the error of each (k,), for any number m of cords.
     Cords are added one by one, then exchanged one by one while that helps. `some` restricts each
-    pool to a part; `allowed` may refuse what is chosen so far, pool by pool.
+    pool to a part; `allowed` may refuse what is chosen so far, pool by pool. `settled`
+    pools have one candidate, a cord that was verified beside the others of these: what is asked
+    here is more, for the sake of coarse samples, and is not asked of two of them.
     """
+    stays = settled or [False] * len(pools)
     chosen = np.full(len(pools), -1)
     order = sorted(range(len(pools)), key=lambda i: len(pools[i]))
     for turn in range(rounds + 1):
@@ -40,7 +44,7 @@ def select(
             own = pool.signals.T[which]
             rest = [np.broadcast_to(pools[i].signals[:, chosen[i]], own.shape) for i in others]
             errors = error(np.stack([own, *rest], axis=-1))
-            lines = [pools[i].paths[chosen[i]] for i in others]
+            lines = [pools[i].paths[chosen[i]] for i in others if not (stays[slot] and stays[i])]
             best = np.argsort(errors, kind="stable")[: _TRIES if chosen[slot] >= 0 else None]
             for k in which[best].tolist():
                 if k == chosen[slot]:

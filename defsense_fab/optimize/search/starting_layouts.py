@@ -207,6 +207,7 @@ def _select(
             problem.expected_error,
             problem.limits.clearance + _HAND,
             some=some,
+            settled=[c.settled for c in cords],
             allowed=allowed,
         )
         if (chosen >= 0).all():

@@ -25,6 +25,8 @@ def risks(problem: Problem, sensors: Sequence[Sensor]) -> list[str]:
                 f" than the noise of {problem.noise:g}: it carries no information; free its path"
                 " and plane"
             )
+    if problem.decoder == "kernel":
+        return out  # its features are as many as it is trained on
     count, states = len(problem.features(len(sensors)).linear), len(problem.markers)
     if count >= states - 1:
         out.append(

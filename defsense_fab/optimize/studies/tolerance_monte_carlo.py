@@ -21,6 +21,8 @@ from ..problem.problem import Problem, reduce_outputs
 
 #: A cord wanders in its groove between so many points along its path.
 _KNOTS = 5
+#: Of its length: a path that leaves its line by less has no plane.
+_STRAIGHT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -142,8 +144,15 @@ def as_laid(
 
 
 def _normal(path: Float) -> Float:
-    """Unit normal (3,) of the plane of a path (p, 3); any across it, where it is straight."""
-    return np.asarray(np.linalg.svd(path - path.mean(0), full_matrices=False)[2][2])
+    """Unit normal (3,) of the plane of a path (p, 3), or where it is straight that across it which
+    is nearest to an axis; the same whatever rounding does."""
+    _, size, axes = np.linalg.svd(path - path.mean(0), full_matrices=False)
+    normal = axes[2]
+    if size[1] < _STRAIGHT * size[0]:
+        across = np.eye(3)[int(np.round(np.abs(axes[0]), 6).argmin())]
+        normal = across - (across @ axes[0]) * axes[0]
+        normal /= np.linalg.norm(normal)
+    return np.asarray(normal * np.sign(normal[np.round(np.abs(normal), 6).argmax()]))
 
 
 def _off_axis(path: Float, rng: np.random.Generator, offset: float) -> Float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.device.device import Device
+from ...core.device.loading_path import Path, on_path
 from ...core.errors import DeviceError
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.constraint_check import check_constraints, narrow
@@ -46,16 +47,15 @@ def _along(
     mixtures: Sequence[Mapping[str, float]], held_out: bool, optional: bool
 ) -> list[Loading]:
     """Mixtures of which one is a part of another lie on one path of loading."""
-    paths: dict[tuple[tuple[str, float], ...], list[Mapping[str, float]]] = {}
+    paths: dict[Path, list[tuple[float, Mapping[str, float]]]] = {}
     for m in mixtures:
-        largest = max(abs(w) for w in m.values())
-        paths.setdefault(tuple((n, round(w / largest, 9)) for n, w in m.items()), []).append(m)
+        path, at = on_path(m)
+        paths.setdefault(path, []).append((at, m))
     out = []
     for same in paths.values():
-        sizes = [max(abs(w) for w in m.values()) for m in same]
-        whole = same[int(np.argmax(sizes))]
-        fractions = tuple(sorted(size / max(sizes) for size in sizes))
-        out.append(Loading(whole, fractions, held_out, optional))
+        whole, weights = max(same, key=lambda found: found[0])
+        fractions = tuple(sorted(at / whole for at, _ in same))
+        out.append(Loading(weights, fractions, held_out, optional))
     return out
 
 

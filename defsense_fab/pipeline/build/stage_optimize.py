@@ -39,7 +39,7 @@ from ..artifacts.mesh import load_mesh_record
 from ..artifacts.weighed_layouts import WeighedCords, save_weighed
 from ..design.as_built import assumed_cords
 from ..design.choose_layout import choose_layout
-from ..design.design_task import SEED, DesignTask, load_task, tolerances_of
+from ..design.design_task import SEED, DesignTask, decoders, load_task, tolerances_of
 from ..design.predict import Scored, left_out_error, predict
 from .stages import Report, Seen, Watch
 
@@ -51,7 +51,7 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
     seen = _Watching(folder, watch)
     task = load_task(device, folder)
     surface, bay = load_surface(folder), load_body_record(folder).bay
-    kinds = DECODERS if device.decoder == "auto" else (device.decoder,)
+    kinds = decoders(device, task)
     tried: dict[str, tuple[float, Optimised]] = {}
     for n, kind in enumerate(kinds):
         task = task.decoded_by(kind)

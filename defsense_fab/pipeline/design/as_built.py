@@ -12,7 +12,7 @@ from ...core.arrays import Float, xyz
 from ...core.curves.path_sampling import arc_lengths, resample, sample_path
 from ...core.device.device import Device, Sensor
 from ...core.device.silicone import silicone
-from ...core.errors import FabricationError
+from ...core.errors import DeviceError, FabricationError
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import Pockets
 from ...geometry.channels.cord_channels import Channel, channels_of
@@ -23,7 +23,7 @@ from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
 from ...sensing.built_cord import BuiltCord, needed_prestretch
 from ...sensing.signal import mean_strain
-from .design_task import DesignTask, limits, pocket_diameter, wires
+from .design_task import DesignTask, beyond_path, limits, pocket_diameter, wires
 from .open_joints import least_across
 from .predict import Scored, predict
 
@@ -108,7 +108,8 @@ def with_relief(
     bay: Prism | None,
 ) -> tuple[Device, list[str]]:
     """The device with its strain relief decided where it leaves that open: bends are left out where
-    the deeper pockets would cost too much accuracy, or leave too little to stretch, with a note.
+    the deeper pockets would cost too much accuracy on unseen states, leave too little to stretch,
+    or ask for longer channels than there are, with a note.
 
     Raises FabricationError for a path that is no channel.
     """
@@ -120,16 +121,24 @@ def with_relief(
         changed = replace(device, fabrication=replace(f, strain_relief=relief))
         r = rules(changed, bay)
         cords = built_cords(task, channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets))
-        found.append((changed, cords, predict(task, cords).prediction.rmse))
+        found.append((changed, cords, predict(task, cords).prediction.unseen))
     (straight, _, without), (bent, cords, with_bends) = found
     enough = all(c.length >= device.cord.min_stretch - _TOLERANCE for c in cords)
-    if enough and with_bends <= WORSE * without:
+    if enough and with_bends <= WORSE * without and _allows(bent, surface, sensors):
         return bent, []
     return straight, [
         "wires leave by the cords' mouths, without a bend that relieves their joints: the deeper"
         f" pockets would raise the predicted error from {without:.2f} to {with_bends:.2f} mm, or"
         " leave too little cord to stretch; strain_relief = true in [fabrication] makes them"
     ]
+
+
+def _allows(device: Device, surface: Surface, sensors: Sequence[Sensor]) -> bool:
+    """Whether the paths keep the limits of the device."""
+    try:
+        return not verify(sensors, surface, limits(device)).problems
+    except DeviceError:  # no length is left at all
+        return False
 
 
 def built_cords(task: DesignTask, channels: Sequence[Channel]) -> list[BuiltCord]:
@@ -156,9 +165,9 @@ def assumed_cords(task: DesignTask, sensors: Sequence[Sensor]) -> list[BuiltCord
 
 def assumed_ends(task: DesignTask, length: float) -> tuple[float, float]:
     """How much of a path of a `length` mm is assumed to lie in pockets at either end, and how much
-    cord to hang out of it in all, mm."""
+    cord beyond it in all, mm."""
     hidden = task.design.sense.hidden
-    return min(hidden, 0.45 * length), 0.0 if hidden else 2 * task.fabrication.lead
+    return min(hidden, 0.45 * length), beyond_path(task.fabrication)
 
 
 def _built(task: DesignTask, path: Float, series: float) -> BuiltCord:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.curves.curve import distinct
-from ...core.device.device import DECODERS, Device, Sensor
+from ...core.device.device import Device, Sensor
 from ...core.errors import LayoutError, StorageError
 from ...optimize.refinement.refine import Optimised
 from ...optimize.search import baselines
@@ -20,7 +20,7 @@ from ..artifacts.layout import CordPath, LayoutRecord, WeighedRecord, load_layou
 from ..artifacts.weighed_layouts import load_weighed
 from .as_built import assumed_cords
 from .choose_layout import make_on_trial
-from .design_task import SEED, DesignTask, load_task, tolerances_of
+from .design_task import SEED, DesignTask, decoders, load_task, tolerances_of
 from .predict import Scored, predict
 from .preference import preferred
 
@@ -128,8 +128,7 @@ def _tried(
     device: Device, folder: Path, task: DesignTask, name: str, sensors: tuple[Sensor, ...]
 ) -> ComparedLayout:
     """Made on trial, for the decoder that does best on it."""
-    kinds = DECODERS if device.decoder == "auto" else (device.decoder,)
-    tasks = [task.decoded_by(kind) for kind in kinds]
+    tasks = [task.decoded_by(kind) for kind in decoders(device, task)]
     cords = assumed_cords(task, sensors)
     error, best = min(
         ((predict(t, cords).prediction.unseen, t) for t in tasks), key=lambda found: found[0]

@@ -13,7 +13,7 @@ from ...core.arrays import Bool, Float
 from ...core.device.device import DECODERS, Device, FabricationSpec
 from ...core.errors import DeviceError
 from ...core.mesh import Surface
-from ...decoding.unseen import UnseenStates, unseen_states
+from ...decoding.unseen import NONE, UnseenStates, unseen_states
 from ...geometry.channels.wire_channels import Wires
 from ...geometry.kernels.cutting_tools import Prism
 from ...mechanics.elements.point_location import PointLocator
@@ -26,7 +26,7 @@ from ..artifacts.body import load_surface
 from ..artifacts.fields import load_fields
 from ..artifacts.mesh import load_mesh
 
-#: Of every random choice of the design.
+#: Of markers, of devices as built, and of whatever is found beside the search, which has its own.
 SEED = 1
 #: Pieces of cord are longer by this much than needed, mm: they are trimmed as they are laid.
 SLACK = 5.0
@@ -41,7 +41,14 @@ def limits(device: Device) -> Limits:
     """What the cords of a device must keep, mm. Raises DeviceError where no length is left."""
     channel, wall = device.channel_diameter, device.fabrication.wall
     shallow = pocket_depth(device, bends=device.fabrication.strain_relief is True)
-    shortest, longest = (_channel_of(device, n, shallow) for n in device.cord.lengths)
+    given = device.fabrication.prestretch
+    # A piece reaches as far as it is stretched, which is not known yet where it is not given.
+    likely = _PRESTRETCH if device.fabrication.assembly == "held" else 0.0
+    stretches = (likely, 0.0) if given is None else (given, given)
+    shortest, longest = (
+        _channel_of(device, piece, shallow, stretch)
+        for piece, stretch in zip(device.cord.lengths, stretches, strict=True)
+    )
     least = max(shortest, device.cord.min_stretch + 2 * shallow)
     if longest < least + 1:
         raise DeviceError(
@@ -80,11 +87,13 @@ def _likely_depth(device: Device) -> float:
     return pocket_depth(device, bends=device.fabrication.strain_relief is not False)
 
 
-def _channel_of(device: Device, piece: float, pocket: float) -> float:
-    """How long a channel a piece of cord reaches through, mm, with both ends in pockets so deep, or
-    hanging out: a ferrule's half at either end and the slack are cut besides."""
-    beyond = 2 * pocket if pocket else -2 * device.fabrication.lead
-    return piece - device.cord.ferrule_length - SLACK + beyond
+def _channel_of(device: Device, piece: float, pocket: float, stretch: float) -> float:
+    """How long a channel a piece of cord reaches through, mm, stretched by so much (a strain)
+    between its ends, which lie in pockets so deep or hang out: a ferrule's half at either end and
+    the slack are cut besides."""
+    beyond = 0.0 if pocket else 2 * device.fabrication.lead
+    between = piece - device.cord.ferrule_length - SLACK - beyond
+    return between * (1 + stretch) + 2 * pocket
 
 
 def pocket_diameter(device: Device) -> float:
@@ -104,16 +113,20 @@ def sensing(device: Device) -> tuple[SignalModel, float]:
         response = found(reading.response, p)
         scale = (1 + float(reading.response(np.array(p)))) / (1 + p)
     pocket = _likely_depth(device)
-    series = 0.0 if pocket else 2 * (f.lead + _INLET)
     joints = np.sqrt(2) * reading.contact / (reading.ohm_per_mm * reading.relative)
     model = SignalModel(
         response,
         local=f.assembly == "bonded",
         hidden=max(pocket - _INLET, 0.0),
-        series=series / scale,
+        series=beyond_path(f) / scale,
         contact=float(joints) / scale,
     )
     return model, reading.relative
+
+
+def beyond_path(fabrication: FabricationSpec) -> float:
+    """How much cord there is beyond both ends of a path where no pockets end it, mm."""
+    return 0.0 if fabrication.pockets else 2 * (fabrication.lead + _INLET)
 
 
 def tolerances_of(device: Device) -> Tolerances:
@@ -180,6 +193,14 @@ class DesignTask:
         """The same for another decoder."""
         both = self.everything.decoded_by(kind), self.design.decoded_by(kind)
         return replace(self, everything=both[0], design=both[1])
+
+
+def decoders(device: Device, task: DesignTask) -> tuple[str, ...]:
+    """Those to choose from by their errors on unseen states. Where there are none, the affine map
+    alone: the others fit the states exactly, and are far off beside them."""
+    if device.decoder != "auto":
+        return (device.decoder,)
+    return DECODERS[:1] if task.unseen.how == NONE else DECODERS
 
 
 def load_task(device: Device, folder: Path) -> DesignTask:

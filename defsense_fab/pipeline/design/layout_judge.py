@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import Hermite, Plane, catmull_rom
-from ...core.device.device import DECODERS, Device, Sensor
+from ...core.curves.curve import Hermite, catmull_rom
+from ...core.device.device import Device, Sensor
 from ...core.errors import LayoutError
 from ...geometry.kernels.signed_distance import SignedDistance
 from ...optimize.limits.verification import LayoutCheck, verify
 from ...optimize.refinement.refine import optimise, part
+from ...optimize.search.baselines import middle_plane
 from ..artifacts.body import load_surface
 from .as_built import assumed_cords
-from .design_task import SEED, DesignTask, load_task
+from .design_task import SEED, DesignTask, decoders, load_task
 from .predict import predict
 
 _ENDS = 8.0  # mm, of a straight run at either end of a new path
@@ -49,7 +50,7 @@ class LayoutJudge:
     def __init__(self, device: Device, folder: Path) -> None:
         """Raises a DefsenseError where the poses are not simulated."""
         self._task: DesignTask = load_task(device, folder)
-        kinds = DECODERS if device.decoder == "auto" else (device.decoder,)
+        kinds = decoders(device, self._task)
         self._tasks = {kind: self._task.decoded_by(kind) for kind in kinds}
         self.surface = load_surface(folder)
         self._depth = SignedDistance(self.surface)
@@ -104,13 +105,10 @@ class LayoutJudge:
     def new_cord(self, name: str) -> Sensor:
         """A straight cord along the body, through its middle, in the plane in which it is widest.
         Raises LayoutError where none has room."""
-        v = self.surface.vertices
-        middle = (v.min(axis=0) + v.max(axis=0)) / 2
-        extent = np.ptp(v, axis=0)
-        x, normal = np.eye(3)[int(extent.argmax())], np.eye(3)[int(extent.argmin())]
-        half = float(extent.max()) / 2
+        plane = middle_plane(self.surface)
+        half = float(np.ptp(self.surface.vertices, axis=0).max()) / 2
         along = np.linspace(-half, half, _STEPS)
-        depth = self._task.everything.depth(middle + along[:, None] * x)
+        depth = self._task.everything.depth(plane.origin + along[:, None] * plane.axes[:, 0])
         inside = along[depth >= self._task.design.limits.depth]
         if not len(inside) or np.ptp(inside) < 2 * _ENDS + 1:
             raise LayoutError("a straight cord along the body has no room in it; draw its plane")
@@ -118,5 +116,4 @@ class LayoutJudge:
         first, last = along[depth > 0][[0, -1]] + [1.0, -1.0]
         between = np.linspace(first + _ENDS, last - _ENDS, _POINTS)
         points = np.array([[p, 0.0] for p in (first, *between, last)])
-        plane = Plane.from_normal(middle, normal, x)
         return Sensor(name, plane, Hermite(points, catmull_rom(points)), frozenset({"path"}))

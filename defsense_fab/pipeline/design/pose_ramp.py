@@ -47,8 +47,8 @@ class Ramp:
 def simulated_ramp(folder: Path, preview: PosePreview, pose: Pose, full: Float) -> Ramp | None:
     """From a build's `folder`; `full` (v, 3) mm is the pose as the preview has it. None where the
     build has no fields of it, or of another mesh, or of the pose before it was changed."""
-    levels = load_levels(folder, pose.name)
-    if not levels or max(levels) != 1.0:
+    levels = {s: u for s, u in load_levels(folder, pose.name).items() if 0 < s <= 1}
+    if 1.0 not in levels:
         return None
     shares = sorted(levels)
     if len(levels[1.0]) != preview.nodes:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.device.device import DECODERS, Device
+from ...core.device.device import Device
 from ...core.errors import LayoutError
 from ...core.machine.blas_threads import one_blas_thread
 from ...core.progress import Progress, silent
@@ -18,7 +18,7 @@ from ..build.build import build
 from ..build.stages import keys, plain
 from ..design.as_built import assumed_cords
 from ..design.compare_layouts import ComparedLayout
-from ..design.design_task import SEED, load_task
+from ..design.design_task import SEED, decoders, load_task
 from ..design.predict import predict
 from .cord_count_file import Row, chain, read_rows, write_rows
 
@@ -96,7 +96,7 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     try:
         with one_blas_thread():
             for count, layout in search:
-                kinds = DECODERS if auto else (device.decoder,)
+                kinds = decoders(device, task)
                 cords = assumed_cords(task, layout)
                 scored = [predict(task.decoded_by(k), cords).prediction for k in kinds]
                 prediction = min(scored, key=lambda p: p.unseen)

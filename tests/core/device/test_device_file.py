@@ -236,6 +236,15 @@ def changed(tmp_path):
     return load
 
 
+def test_a_material_for_casting_whose_name_is_no_text_is_refused(tmp_path):
+    text = (BAR / "device.toml").read_text("utf-8")
+    text = text.replace('"tango-black-plus"', '["x"]').replace('"fdm-tpu"', '"cast-silicone"')
+    (tmp_path / "device.toml").write_text(text)
+    shutil.copy(BAR / "bar.py", tmp_path)
+    with pytest.raises(DeviceError, match=r"device.toml:\d+: material.name: must be"):
+        load_device(tmp_path)
+
+
 def test_how_cords_are_built_in_and_read(changed):
     device = changed()
     assert (device.fabrication.assembly, device.fabrication.prestretch) == ("held", None)

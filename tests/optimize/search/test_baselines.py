@@ -1,14 +1,18 @@
 """The paper's baselines keep the limits, and the search beats them; its joint iteration."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 
 from benchmarks import joint
 from defsense_fab.core.curves.curve import distinct
+from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.refinement.refine import layout_error, optimise
-from defsense_fab.optimize.search.baselines import manual, visual
-from tests.conftest import structured_bar
+from defsense_fab.optimize.search.baselines import manual, middle_plane, visual
+from tests.conftest import box_surface, structured_bar
 from tests.optimize import exact
 
 
@@ -32,6 +36,21 @@ def test_full_beats_visual_beats_manual(bends):
     assert len(distinct([s.plane for s in layouts[0]])) == 1
     along = [s.plane.axes[:, 0] for layout in layouts[:2] for s in layout]
     assert np.abs(along) == pytest.approx(np.repeat([[1.0, 0, 0]], 6, axis=0))
+
+
+def test_where_no_straight_cord_fits_it_is_said(bends):
+    tight = replace(bends, limits=replace(bends.limits, shortest=200.0))
+    for lay in (manual, partial(visual, rng=np.random.default_rng(0))):
+        with pytest.raises(LayoutError, match="no layout of 3 cords was found"):
+            lay(tight, 3)
+
+
+@pytest.mark.parametrize("size", [(40.0, 40.0, 40.0), (30.0, 40.0, 40.0), (40.0, 40.0, 30.0)])
+def test_the_middle_plane_of_a_body_whose_edges_are_alike(size):
+    plane = middle_plane(box_surface([0, 0, 0], size))
+    assert plane.axes[:, 0] @ plane.normal == 0
+    assert np.array(size) @ np.abs(plane.axes[:, 0]) == max(size)
+    assert np.array(size) @ np.abs(plane.normal) == min(size)
 
 
 def test_the_joint_problem_has_the_same_stationary_points(bends):

@@ -64,6 +64,22 @@ def built(problem, layout, rng):
     return np.sqrt(((off**2).sum(2) @ problem.marker_weights).mean())
 
 
+def test_the_band_of_straight_cords_does_not_hang_by_rounding(problem, straight):
+    """A straight path lies in many planes; where a cord may wander is the same in each run."""
+    path = sample_path(straight("a", y=6.0))
+    reading = CordReading(problem.sense.response, 14.5, problem.noise, 0.0)
+    bands = []
+    for last in (0.0, 1e-13, -1e-13):
+        moved = path.copy()
+        moved[len(path) // 2, 1:] += [last, -2 * last]
+        cords = [BuiltCord(moved, 0.0, None)]
+        band = tolerance_band(
+            problem, cords, reading, np.random.default_rng(0), every(problem), draws=20
+        )
+        bands.append((band.low, band.median, band.high))
+    assert np.ptp(bands, axis=0).max() < 1e-9
+
+
 def test_the_band_holds_nine_devices_of_ten(problem, straight):
     problem = replace(problem, noise=0.001)
     rng = np.random.default_rng(0)

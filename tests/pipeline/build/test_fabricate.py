@@ -19,6 +19,7 @@ from defsense_fab.core.prediction import Prediction
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.channels.cord_channels import channels_of
 from defsense_fab.geometry.channels.cord_stretches import Stretch
+from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.pipeline.artifacts import typed_json
 from defsense_fab.pipeline.artifacts.layout import (
     BandRecord,
@@ -33,6 +34,7 @@ from defsense_fab.pipeline.build.cut_list import bill, cut_list, held_by
 from defsense_fab.pipeline.build.stage_fabricate import write
 from defsense_fab.pipeline.design import as_built
 from defsense_fab.pipeline.design.as_built import fabricate, rules
+from defsense_fab.pipeline.design.design_task import limits
 from defsense_fab.pipeline.report.guide.guide import assembly_guide
 from defsense_fab.pipeline.report.guide.guide_file import plain_steps, write_guide_file
 from defsense_fab.pipeline.report.guide.hands.steps import guide_steps
@@ -205,10 +207,13 @@ def test_the_bill_is_that_of_all_copies(cube, made):
 
 
 @pytest.mark.parametrize(
-    ("loss", "length", "bends"), [(1.04, 30.0, 6), (1.06, 30.0, 0), (1.0, 19.0, 0)]
+    ("loss", "length", "piece", "bends"),
+    [(1.04, 30.0, 50.0, 6), (1.06, 30.0, 50.0, 0), (1.0, 19.0, 50.0, 0), (1.0, 30.0, 60.0, 0)],
 )
-def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, length, bends):
+def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, length, piece, bends):
+    """Paths are 65.7 mm long: with bends that is more than the shortest `piece` reaches through."""
     device, body = cube
+    device = replace(device, cord=replace(device.cord, lengths=(piece, 400.0)))
     monkeypatch.setattr(
         as_built,
         "built_cords",
@@ -218,7 +223,7 @@ def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, le
         as_built,
         "predict",
         lambda task, cords: SimpleNamespace(
-            prediction=SimpleNamespace(rmse=loss if cords[0].bent else 1.0)
+            prediction=SimpleNamespace(unseen=loss if cords[0].bent else 1.0)
         ),
     )
     decide = as_built.with_relief
@@ -227,6 +232,7 @@ def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, le
     made = channels_of(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
     assert sum(len(c.leads) for c in made) == bends
     assert bool(note) == (bends == 0)
+    assert not verify(device.sensors, body.surface, limits(decided)).problems
     wanted = replace(device, fabrication=replace(device.fabrication, strain_relief=True))
     kept, note = decide(wanted, None, body.surface, device.sensors, None)
     assert kept is wanted

@@ -1,13 +1,17 @@
 """What the cords of a device must keep, and how they sense before they have ends."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from defsense_fab.core.device.device import DECODERS
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
-from defsense_fab.pipeline.design.design_task import limits, sensing
+from defsense_fab.decoding.unseen import LEFT_OUT, NONE
+from defsense_fab.pipeline.design.as_built import assumed_ends
+from defsense_fab.pipeline.design.design_task import decoders, limits, sensing
 from tests.places import DEVICES
 
 
@@ -28,11 +32,25 @@ def test_channels_are_long_enough_for_the_stretch_between_two_ends(bar):
     assert np.isinf(limits(bar).longest)
 
 
+def test_where_no_state_is_unseen_no_decoder_is_chosen_by_its_fit(bar):
+    left = SimpleNamespace(unseen=SimpleNamespace(how=LEFT_OUT))
+    none = SimpleNamespace(unseen=SimpleNamespace(how=NONE))
+    assert decoders(bar, left) == DECODERS
+    assert decoders(bar, none) == ("affine",)
+    assert decoders(replace(bar, decoder="kernel"), none) == ("kernel",)
+
+
 def test_pieces_reach_as_far_as_the_cut_list_says(bar):
-    """A piece of 100 mm: 5 mm of slack, half a ferrule in each of two pockets of 7 mm."""
+    """A piece of 100 mm: 5 mm of slack, half a ferrule in each of two pockets of 7 mm. It reaches
+    further as it is stretched, where that is known; by 6 % about, where it is not."""
     short = replace(bar, cord=replace(bar.cord, lengths=(60.0, 100.0)))
     assert limits(short).longest == pytest.approx(100 - 5 - 7 + 2 * 7)
-    assert limits(short).shortest == pytest.approx(60 - 5 - 7 + 2 * 7)
+    assert limits(short).shortest == pytest.approx(1.06 * (60 - 5 - 7) + 2 * 7)
+    given = limits(with_(short, prestretch=0.1))
+    assert given.longest == pytest.approx(1.1 * (100 - 5 - 7) + 2 * 7)
+    assert given.shortest == pytest.approx(1.1 * (60 - 5 - 7) + 2 * 7)
+    bonded = limits(with_(short, assembly="bonded"))
+    assert bonded.shortest == pytest.approx(60 - 5 - 7 + 2 * 7)
     assert limits(with_(short, pockets=False)).longest == 100 - 5 - 7 - 2 * 20
     with pytest.raises(
         DeviceError, match=r"cord.length: pieces of up to 30 mm reach through .* 32"
@@ -56,3 +74,15 @@ def test_how_cords_sense_before_they_have_ends(bar):
     assert bonded.response(e) == pytest.approx(2 * e)
     free, _ = sensing(with_(bar, pockets=False, assembly="bonded"))
     assert (free.hidden, free.series) == (0, 44)
+
+
+@pytest.mark.parametrize(
+    ("pockets", "hidden", "beyond"), [(True, 5.0, 0.0), (True, 0.0, 0.0), (False, 0.0, 44.0)]
+)
+def test_cord_hangs_out_where_there_are_no_pockets(bar, pockets, hidden, beyond):
+    """However shallow pockets are; 20 mm at either end, 2 mm from a path's end to the skin."""
+    task = SimpleNamespace(
+        fabrication=with_(bar, pockets=pockets).fabrication,
+        design=SimpleNamespace(sense=SimpleNamespace(hidden=hidden)),
+    )
+    assert assumed_ends(task, 100.0) == (hidden, beyond)

@@ -21,6 +21,7 @@ from defsense_fab.pipeline.artifacts.mesh import (
     save_mesh,
 )
 from defsense_fab.pipeline.build import stage_simulate
+from defsense_fab.pipeline.design import pose_ramp
 from defsense_fab.pipeline.design.pose_preview import PosePreview, coarse_mesh, load_preview
 from defsense_fab.pipeline.design.pose_ramp import (
     followed_ramp,
@@ -174,6 +175,19 @@ def test_a_ramp_comes_from_the_build_as_long_as_it_is_of_this_pose(simulated, pr
     assert simulated_ramp(folder, preview, other, preview.edit(other).moved) is None
     new = replace(bend, name="new")
     assert simulated_ramp(folder, preview, new, full) is None
+
+
+def test_a_ramp_leaves_out_what_lies_before_rest_and_beyond_the_pose(
+    simulated, preview, monkeypatch
+):
+    """Mixtures of one pose with a weight below 0 or above 1."""
+    folder, bend = simulated.source / "build", simulated.poses[0]
+    levels = load_levels(folder, bend.name)
+    more = {-0.5: -levels[0.5], **levels, 1.2: 1.2 * levels[1.0]}
+    monkeypatch.setattr(pose_ramp, "load_levels", lambda *_: more)
+    ramp = simulated_ramp(folder, preview, bend, preview.edit(bend).moved)
+    assert ramp.shares.tolist() == [0.25, 0.5, 0.75, 1.0]
+    assert np.abs(ramp.at(0.0)).max() == 0
 
 
 def test_a_ramp_that_no_build_has_is_followed_from_rest(simulated, preview):

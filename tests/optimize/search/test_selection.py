@@ -1,0 +1,28 @@
+"""Candidates for new cords beside cords that stay as they are."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.device.device import Sensor
+from defsense_fab.optimize.limits.verification import verify
+from defsense_fab.optimize.refinement.refine import optimise
+
+
+def straight(name, y):
+    points = np.array([[x, 0.0] for x in (2, 10, 36, 62, 88, 114, 140, 148)])
+    plane = Plane.from_normal(np.array([0, y, 5.0]), np.eye(3)[2], np.eye(3)[0])
+    return Sensor(name, plane, Hermite(points, catmull_rom(points)), frozenset())
+
+
+@pytest.mark.parametrize("apart", [3.6, 4.8])
+def test_a_cord_is_found_beside_two_that_lie_close_to_each_other(problem, apart):
+    """They keep their clearance of 3.4 mm, by less than coarse samples of paths could tell."""
+    locked = (straight("a", -apart / 2), straight("b", apart / 2))
+    assert not verify(locked, problem.surface, problem.limits).problems
+    found = optimise(
+        problem, locked, np.random.default_rng(1), lambda *_: None, extra=1, starts=1,
+        finalists=1, candidates=1500,
+    )  # fmt: skip
+    assert [s.name for s in found.sensors] == ["a", "b", "cord-1"]
+    assert not verify(found.sensors, problem.surface, problem.limits).problems
