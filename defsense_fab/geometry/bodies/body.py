@@ -41,7 +41,7 @@ class Body:
 
 def load_body(spec: BodySpec) -> Body:
     """Load the body that `spec` names, with its bay. Raises BodyError where it is not one closed
-    solid, or has no room for the bay."""
+    solid, lies far from the origin, or has no room for the bay."""
     body = _load(spec)
     if spec.bay is None:
         return body

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.errors import BodyError
 from ...core.mesh import Surface
 from ..kernels import inner_shells, occ
+from .far_bodies import check_near
 from .repair.shells import DEBRIS, cavity_text, refused_cavities
 from .repair.words import place
 
@@ -36,8 +37,8 @@ def cad_solid(
     """The one solid of TopoDS_Solids, with facets no further from it than `tolerance` mm, or times
     its size where that is `relative`.
 
-    Raises BodyError where there is not one, it is not closed or of a size outside `sizes` mm, and
-    for cavities unless they are to be filled.
+    Raises BodyError where there is not one, it is not closed or of a size outside `sizes` mm,
+    for one that lies far from the origin for these, and for cavities unless they are to be filled.
     """
     if len(solids) != 1:
         told = "; ".join(f"{occ.volume(s):.3g} mm3 around {place(occ.centroid(s))}"
@@ -54,6 +55,7 @@ def cad_solid(
         )
     solid, repairs = _without_cavities(solids[0], where, fill_cavities)
     surface = _facets(solid, where, tolerance * size if relative else tolerance)
+    check_near(where, surface.vertices, sizes[1])
     volume = occ.volume(solid)
     if not volume > 0:
         raise BodyError(f"{where}: the solid's volume is {volume:.3g} mm^3; turn its faces")

@@ -22,6 +22,8 @@ from typing import IO
 from ...core.errors import DefsenseError
 from ...core.machine.processes import OWN_GROUP, end_group, end_own_group, was_killed
 
+#: What a child leaves as its error where it has no memory, or not enough.
+OUT_OF_MEMORY = "out of memory"
 #: Between calls of `on_wait`, s.
 _EVERY = 2.0
 

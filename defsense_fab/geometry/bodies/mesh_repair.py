@@ -9,6 +9,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.errors import BodyError
 from ...core.mesh import Surface
+from .far_bodies import check_near
 from .meshes.file_kind import kind_of_file
 from .meshes.mesh_files import IN_MM, read_triangles
 from .repair.cleaning import cleaned
@@ -29,8 +30,9 @@ def read_mesh(
     1 where it has none.
 
     What kind of file it is, its content says. Raises BodyError for an unreadable file, a size
-    outside `sizes` mm, holes too wide to close, several separate pieces, cavities unless they are
-    to be filled, no enclosed volume, or a surface that cannot be repaired.
+    outside `sizes` mm, a place far from the origin for these, holes too wide to close, several
+    separate pieces, cavities unless they are to be filled, no enclosed volume, or a surface that
+    cannot be repaired.
     """
     suffix = _suffix(path)
     read = read_triangles(path, suffix)
@@ -52,6 +54,7 @@ def read_mesh(
         raise BodyError(
             f"{path}: the body is {size:.3g} mm across; set [body] scale in device.toml ({unit})"
         )
+    check_near(str(path), vertices[read.faces], sizes[1])
     vertices, faces, repairs = repair(vertices, read.faces, str(path), fill_cavities)
     return Surface(vertices, faces), (*_renamed(path, suffix), *read.told, *repairs), read.unit
 

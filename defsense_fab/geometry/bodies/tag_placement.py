@@ -141,7 +141,7 @@ def _flat(body: Surface, points: Float, wanted: Wanted) -> tuple[Float, Float]:
 
 
 def _upright(normals: Float) -> Float:
-    """`tools.upright` of many normals (n, 3): axes (n, 3, 3)."""
+    """`cutting_tools.upright` of many normals (n, 3): axes (n, 3, 3)."""
     flat = np.abs(normals[:, 2]) >= 0.9
     x = np.cross(np.where(flat[:, None], [0.0, 1, 0], [0.0, 0, 1]), normals)
     x /= np.linalg.norm(x, axis=1, keepdims=True)

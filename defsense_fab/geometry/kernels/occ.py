@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import itertools
 import re
@@ -34,6 +35,7 @@ _MENDED = 1e-6  # share of the volume that a mended solid may differ by
 _NOTHING = 1e-3  # mm^3
 _STAMP = "1980-01-01T00:00:00"  # of STEP files
 _USE = re.compile(rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+")
+_NOT_ASCII = re.compile(rb"[\x80-\xff]+")
 
 
 def solids_of(result: Any) -> list[Any]:
@@ -91,11 +93,23 @@ def write_assembly(solids: Mapping[str, Any], path: Path, label: str) -> None:
 def _export(shape: Any, path: Path) -> None:
     """The same shape gives the same bytes at any time: OpenCascade stamps the time, and numbers the
     uses of parts on and on while the program runs. On a full disk it would say nothing of use, so
-    it writes to memory."""
+    it writes to memory. Names come out of it with each byte of their UTF-8 as a letter of its own,
+    and are written as the standard asks for (ISO 10303-21, 6.4.3)."""
     written = io.BytesIO()
     bd.export_step(shape, written, timestamp=_STAMP)
     count = itertools.count(1)
-    path.write_bytes(_USE.sub(lambda m: m[1] + str(next(count)).encode(), written.getvalue()))
+    numbered = _USE.sub(lambda m: m[1] + str(next(count)).encode(), written.getvalue())
+    path.write_bytes(_NOT_ASCII.sub(_escaped, numbered))
+
+
+def _escaped(found: re.Match[bytes]) -> bytes:
+    """Letters beyond ASCII in hexadecimal digits."""
+    text = found[0].decode()
+    with contextlib.suppress(UnicodeError):  # the file's own name is written as it should be
+        text = text.encode("latin-1").decode()
+    wide = max(map(ord, text)) >= 0x10000
+    kind, coding = (b"X4", "utf-32-be") if wide else (b"X2", "utf-16-be")
+    return b"\\%s\\%s\\X0\\" % (kind, text.encode(coding).hex().upper().encode())
 
 
 def volume(solid: Any) -> float:

@@ -49,7 +49,8 @@ def printable(solid: Any, what: str, mating: Sequence[tuple[Float, float]] = ())
     """A solid's facets as an STL file can hold them: in single precision, where no two vertices
     coincide that were apart, so that whoever reads the file finds the same edges again.
 
-    Faces in the `mating` planes (outward normal (3,), offset mm) are set back by `GAP`: as rounded,
+    Faces in the `mating` planes (outward normal (3,), offset mm) are set back by `GAP`, or by what
+    coordinates are rounded by far from the origin: as rounded,
     those of two parts would pass through each other, which booleans of whoever checks them may
     take for an overlap of any size.
 
@@ -58,9 +59,10 @@ def printable(solid: Any, what: str, mating: Sequence[tuple[Float, float]] = ())
     mesh = solid.to_mesh64()
     exact = np.array(mesh.vert_properties, float)[:, :3]
     faces = np.array(mesh.tri_verts, np.int64)
+    rounding = float(np.spacing(np.float32(np.abs(exact).max())))
     for normal, offset in mating:
-        exact[np.abs(exact @ normal - offset) < _FLAT] -= GAP * normal
-    step = 16 * float(np.spacing(np.float32(np.abs(exact).max())))
+        exact[np.abs(exact @ normal - offset) < _FLAT] -= max(GAP, rounding) * normal
+    step = 16 * rounding
     rng = np.random.default_rng(0)
     vertices = exact.astype(np.float32)
     for _ in range(50):

@@ -15,9 +15,11 @@ from ..kernels.cutting_tools import frame
 from .planar import farthest, flat, spots, upright
 
 #: A key's radius at its foot and its height, mm; a screw's hole in the upper piece, its pilot hole
-#: in the lower one, and how deep that is: M3, driven into plastic.
+#: in the lower one, and how deep that is: M3, driven into plastic. In a high piece the head goes
+#: down a wider hole to a seat so far over the plane, so that all screws are of one length.
 _KEY, _KEY_HEIGHT = 2.2, 3.0
 _SCREW, _PILOT, _SCREW_DEPTH = 3.4, 2.5, 7.0
+_HEAD, _SEAT = 6.6, 5.0
 _APART, _WALL = 9.0, 1.4
 #: Radii of the hole that is poured through, mm, the first that there is room for, and of vents.
 _POURS, _VENT, _VENTS = (3.5, 2.5, 1.8, 1.2), 0.75, 4
@@ -35,12 +37,13 @@ class Joint:
 
 
 def joined(
-    above: Any, below: Any, normal: Float, origin: Float, opens: Float, play: float
+    above: Any, below: Any, cast: Any, normal: Float, origin: Float, opens: Float, play: float
 ) -> Joint:
     """Keys and screws between two pieces that meet in a plane, the one above coming off along
-    `opens` (3,), where there is room for them."""
+    `opens` (3,), where there is room for them beside what is `cast`."""
     axes = frame(normal)
     high, low = flat(above, axes, origin), flat(below, axes, origin)
+    inner = flat(cast, axes, origin)
     top = high.bounding_box()[5]
     common = low.slice(-0.05) ^ high.slice(0.05)
     for depth in (1.0, _KEY_HEIGHT, _SCREW_DEPTH):
@@ -51,22 +54,26 @@ def joined(
     found = farthest(spots(common, _KEY + _WALL), 8, _APART, np.zeros((0, 2)))
     local = axes.T @ opens
     # Keys and screws in turn; a key's place is nobody else's twin, so that pieces fit one way.
-    keys, screws = found[0::2], found[1::2]
+    keys = found[0::2]
     add, cut_high, cut_low = [], [], []
     for k, (x, y) in enumerate(keys):
         foot = _KEY - (0.5 if k == 0 else 0.0)
         add.append(_cone(foot, _KEY_HEIGHT, x, y, local, 0.0))
         cut_high.append(_cone(foot, _KEY_HEIGHT, x, y, local, play))
-    for x, y in screws:
-        cut_high.append(_rod(_SCREW / 2, -0.5, top + 1, x, y))
-        cut_low.append(_rod(_PILOT / 2, -_SCREW_DEPTH, 0.5, x, y))
+    screws = 0
+    for x, y in found[1::2]:
+        hole, pilot = _hole(top, x, y), _rod(_PILOT / 2, -_SCREW_DEPTH, 0.5, x, y)
+        if ((hole + pilot) ^ inner).is_empty():
+            cut_high.append(hole)
+            cut_low.append(pilot)
+            screws += 1
     if add:
         low = low + m3.Manifold.batch_boolean(add, m3.OpType.Add)
     if cut_low:
         low = low - m3.Manifold.batch_boolean(cut_low, m3.OpType.Add)
     if cut_high:
         high = high - m3.Manifold.batch_boolean(cut_high, m3.OpType.Add)
-    return Joint(upright(high, axes, origin), upright(low, axes, origin), len(keys), len(screws))
+    return Joint(upright(high, axes, origin), upright(low, axes, origin), len(keys), screws)
 
 
 def _cone(foot: float, height: float, x: float, y: float, opens: Float, play: float) -> Any:
@@ -75,6 +82,12 @@ def _cone(foot: float, height: float, x: float, y: float, opens: Float, play: fl
     lean = np.eye(3, 4)
     lean[:2, 2] = opens[:2] / opens[2] if abs(opens[2]) > 0.3 else 0.0
     return cone.translate([0, 0, -0.5]).transform(lean).translate([x, y, 0])
+
+
+def _hole(top: float, x: float, y: float) -> Any:
+    """A screw's way through the upper piece, which is `top` mm high."""
+    hole = _rod(_SCREW / 2, -0.5, top + 1, x, y)
+    return hole + _rod(_HEAD / 2, _SEAT, top + 1, x, y) if top > _SEAT + 1 else hole
 
 
 def _rod(radius: float, low: float, high: float, x: float, y: float) -> Any:

@@ -101,7 +101,7 @@ def _made(
     total = sum(float(s.volume()) for s in (*lids, *shells, cast))
     checks = [inspection.adds_up(part.name, total, float(block.volume()), free)]
     feed = fed(part.name, lids[0], cast, sides[0].normal, sides[0].origin)
-    solids, keys = _fitted([feed.lid, *lids[1:], *shells], own, opening, rules)
+    solids, keys = _fitted([feed.lid, *lids[1:], *shells], cast, own, opening, rules)
     names = _names(part.name, len(lids), len(shells))
     solids = [whole(s, n) for s, n in zip(solids, names, strict=True)]
     ways = [*(f.normal for f in own), *opening.directions]
@@ -221,24 +221,30 @@ def _shells(shell: Any, lids: list[Any], sides: Sequence[Face], opening: Opening
 
 
 def _fitted(
-    solids: list[Any], own: Sequence[Face], opening: Opening, rules: MouldRules
+    solids: list[Any], cast: Any, own: Sequence[Face], opening: Opening, rules: MouldRules
 ) -> tuple[list[Any], int]:
-    """Pieces with keys and screws: lids first, then the shell's. And how many of them there are
-    between those two that have the fewest."""
+    """Pieces around what is `cast` with keys and screws: lids first, then the shell's. And how many
+    of them there are between those two that have the fewest."""
     out = list(solids)
     least = []
     first = len(own)
     for k, face in enumerate(own):
         found = 0
         for j in range(k + 1, len(out)):
-            joint = joined(out[k], out[j], face.normal, face.origin, face.normal, rules.play)
+            joint = joined(out[k], out[j], cast, face.normal, face.origin, face.normal, rules.play)
             out[k], out[j] = joint.above, joint.below
             found += joint.keys + joint.screws
         least.append(found)
     if opening.plane is not None:
         normal, height = opening.plane
         joint = joined(
-            out[first], out[first + 1], normal, height * normal, opening.directions[0], rules.play
+            out[first],
+            out[first + 1],
+            cast,
+            normal,
+            height * normal,
+            opening.directions[0],
+            rules.play,
         )
         out[first], out[first + 1] = joint.above, joint.below
         least.append(joint.keys + joint.screws)

@@ -53,7 +53,7 @@ class Skin:
     def strain(self, depths: Float) -> tuple[float, Float | None]:
         """The largest of depth by thickness of the part there, and the point (3,)."""
         worst, at = 0.0, None
-        for k in np.argsort(-depths)[:12]:
+        for k in np.argsort(-depths, kind="stable")[:12]:
             if depths[k] <= _DEEP:
                 break
             start = self.points[k] - 2 * _OFF * self.normals[k]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Check:
-    """`value` as measured, the `limit` that it keeps, rounding of facets allowed for: it is
-    `at_least` so large, or else at most; where, and what a maker should be told of it, if
-    anything."""
+    """`value` as measured, and the `limit` that it keeps, rounding of facets allowed for: it is
+    `at_least` so large, or else at most. Beyond it an inspection raises, or leaves a `note`: what a
+    maker should be told; `at` is where."""
 
     name: str
     value: float

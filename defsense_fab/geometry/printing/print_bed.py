@@ -57,7 +57,8 @@ def _sides(surface: Surface) -> list[Float]:
     a, b, c = (hull.points[hull.simplices[:, i]] for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     normals, own = np.unique(np.round(hull.equations[:, :3], 2), axis=0, return_inverse=True)
-    widest = np.argsort(-np.bincount(own.reshape(-1), area))[:_TRIED]
+    wide = np.round(np.bincount(own.reshape(-1), area), 6)
+    widest = np.argsort(-wide, kind="stable")[:_TRIED]
     around = np.linalg.svd(hull.points - hull.points.mean(0), full_matrices=False)[2]
     flats = normals[widest] / np.linalg.norm(normals[widest], axis=1)[:, None]
     return [*flats, *around, *-around]

@@ -95,7 +95,8 @@ def _clipped(contact: Contact, normal: Float, height: float) -> Any:
     way = plane.axes[:, :2].T @ normal
     size = float(np.linalg.norm(way))
     if size < 1e-6:
-        return contact.section
+        beyond = float(plane.origin @ normal) >= height
+        return contact.section if beyond else m3.CrossSection()
     away = (height - float(plane.origin @ normal)) / size
     x = way / size
     y = np.array([-x[1], x[0]])

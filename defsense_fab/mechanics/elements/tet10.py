@@ -239,7 +239,7 @@ def _stiffness(F, gradient, weight, kind, p, share, start, stop, out):  # type: 
 def element_tangent(F, gradient, weight, kind, p, lag, share, K, H, T):  # type: ignore[no-untyped-def]
     """Fill K (30, 30) of one tet with F (4, 3, 3); H (9, 9) and T (9, 30) are scratch.
 
-    `lag` (4,) and `share` are those of `density.tangent`.
+    `lag` (4,) and `share` are those of `energy_density.tangent`.
     """
     C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
     K[:] = 0.0

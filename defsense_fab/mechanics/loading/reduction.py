@@ -179,7 +179,7 @@ class Reduction:
 
         `extra` are further blocks ((k,) nodes, (3 k, 3 k)) of loads; with the nodal `force` (n, 3)
         the second derivative of the handles' rotations is counted, which the true Hessian needs.
-        `share` and `lag` (m, 4) are those of `density.tangent`.
+        `share` and `lag` (m, 4) are those of `energy_density.tangent`.
         """
         mesh = self._active
         chunks = max(1, min(threads, len(mesh.cells) // 200))

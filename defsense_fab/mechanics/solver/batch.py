@@ -32,7 +32,8 @@ def solve_all(
     on_step: Callable[[int, float], None] | None = None,
     threads: int | None = None,
 ) -> list[list[Equilibrium]]:
-    """What `path.follow` gives for each job, in their order.
+    """What `load_stepping.follow`, `confirmed` and `move_on` give for each job, in their order,
+    however many threads there are.
 
     `on_step(job, fraction)` is called from the threads. When the caller is interrupted or one job
     raises, the others are cancelled before the exception goes on.
@@ -62,6 +63,7 @@ def solve_all(
                     if system:
                         system.close()
                     system = System(mesh, material, job.conditions, max(1, total // workers))
+                system.forget()  # or fields would hang by the number of threads
                 start = rest(job.conditions, len(mesh.nodes))
                 tell = (lambda at, i=i: on_step(i, at)) if on_step else None
                 found = follow(system, start, job.conditions, job.fractions, tell, ended.is_set)

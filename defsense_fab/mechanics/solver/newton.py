@@ -114,6 +114,10 @@ class System:
         self._hinged = any(len(h.free_axes) for h in conditions.handles)
         self._least = LEAST_STRAIN * material.shear * mesh.edge_length**2
         self._whole: Any = None
+        self.forget()
+
+    def forget(self) -> None:
+        """What earlier solves found out, so that the next takes the way that it takes alone."""
         self._share = 0  # of SHARES, where the last tangent was positive definite
         self._missed = False  # whether a lower one was tried in vain
 

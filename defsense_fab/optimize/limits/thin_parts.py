@@ -107,7 +107,7 @@ class ThinParts:
         _, leaf, inside = min(thin, key=lambda x: x[0])
         near = np.abs(heights[list(leaf.planes)][:, inside])
         k = int(np.minimum(self._depth[inside], near.min(axis=0)).argmax())
-        two = np.argsort(near[:, k])[:2]
+        two = np.argsort(near[:, k], kind="stable")[:2]
         return self._points[inside[k]], tuple(own[leaf.planes[i]][0] for i in two.tolist())
 
     def _thickness(self, inside: Int, leaf: Leaf, heights: Float) -> float:

@@ -20,7 +20,7 @@ from ...geometry.bodies.meshing.tetrahedra import Tetrahedra
 from ...geometry.bodies.meshing.ways import MeshedSurface
 
 #: Raised when meshes of the same body are to be made anew.
-VERSION = 3
+VERSION = 4
 #: Oldest meshes go when there are more.
 KEPT = 100
 

@@ -33,7 +33,7 @@ def cad_files(device: Device) -> list[SourceFile]:
 
 def record(device: Device, folder: Path, sources: Iterable[SourceFile]) -> None:
     """Write what the body in the build's `folder` was made from; files of builds do not count."""
-    files = {_name(device, s.path): s.content for s in sources}
+    files = {name_of(device, s.path): s.content for s in sources}
     kept = {n: c for n, c in sorted(files.items()) if n.split("/")[0] not in BUILDS}
     write_json(folder / _FILE, kept)
 
@@ -56,7 +56,7 @@ def unchanged(device: Device, folder: Path) -> bool:
     )
 
 
-def _name(device: Device, path: Path) -> str:
+def name_of(device: Device, path: Path) -> str:
     """Relative in the device's folder, which may be moved; absolute elsewhere."""
     whole, folder = Path(os.path.abspath(path)), Path(os.path.abspath(device.source))
     return (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()

@@ -2,8 +2,8 @@
 
 A build works in `.build-next/` beside `build/` and trades places with it at the end, so an
 error or an interruption leaves the last good build as it was. Stages that were finished by then go
-to `.build-kept/`, where the next builds find them until one succeeds; where there is no build yet,
-they become it.
+to `.build-kept/`, where the next builds find them until one succeeds as a whole; where there is no
+build yet, they become it. So do the later stages of the build before, where a build ends early.
 """
 
 from __future__ import annotations
@@ -92,8 +92,12 @@ def build(
         if final.exists():
             final.replace(old)
         working.replace(final)
-        for path in (old, kept):
-            shutil.rmtree(path, ignore_errors=True)
+        if old.exists() and stages != STAGES:
+            with suppress(DefsenseError, OSError):
+                keep(old, kept, final)  # a look at another mesh costs no layout
+        else:
+            shutil.rmtree(kept, ignore_errors=True)
+        shutil.rmtree(old, ignore_errors=True)
     return BuildResult(final, tuple(made), tuple(reused))
 
 

@@ -148,7 +148,7 @@ def probing_lines(locator: PointLocator, rng: np.random.Generator) -> Float:
     ahead = np.where(inside[:, middle:].all(1), middle, inside[:, middle:].argmin(1))
     behind = np.where(inside[:, :middle].all(1), middle, inside[:, :middle][:, ::-1].argmin(1))
     start, end = 0.9 * behind * (t[1] - t[0]), 0.9 * ahead * (t[1] - t[0])
-    longest = np.argsort(start + end)[::-1][:LINES]
+    longest = np.argsort(-(start + end), kind="stable")[:LINES]
     s = np.linspace(0, 1, SAMPLES)[:, None]
     a = (points - reach * start[:, None] * direction)[longest, None]
     b = (points + reach * end[:, None] * direction)[longest, None]

@@ -15,7 +15,7 @@ def sizes(folder: Path, stage: Stage) -> dict[str, int]:
     """Of every file of the stage, by its name in the folder."""
     paths = [folder / name for name in stage.outputs]
     files = [f for p in paths for f in (sorted(p.rglob("*")) if p.is_dir() else [p])]
-    return {str(f.relative_to(folder)): f.stat().st_size for f in files if f.is_file()}
+    return {f.relative_to(folder).as_posix(): f.stat().st_size for f in files if f.is_file()}
 
 
 def whole_key(folder: Path, stage: Stage) -> str | None:

@@ -98,7 +98,10 @@ def _note(made: Tetrahedra) -> str:
     if not made.repeatable:
         why = "made by fTetWild, which repeats none"
         if made.mesher != FTETWILD:
-            why = "made after a mesher was stopped for want of time, as may not happen elsewhere"
+            why = (
+                "made after a mesher was stopped for want of time or memory, as may not happen"
+                " elsewhere"
+            )
         notes.append(f"{mesh_lock.FILE} keeps the mesh, {why}.")
     if made.tried:
         notes.append(f"It was made by {made.way}. Tried before: {'; '.join(made.tried)}.")

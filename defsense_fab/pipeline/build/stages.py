@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.device.device import Device, FabricationSpec, Sensor
+from ...core.device.silicone import Silicone, silicone
 from ...core.machine.blas_threads import one_blas_thread
 from ...core.storage.files import digest
 from ..artifacts import mesh_lock
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ...mechanics.solver.load_stepping import Equilibrium
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 36
+CODE_VERSION = 37
 
 Report = Callable[[float, str], None]
 
@@ -63,7 +63,7 @@ def _body_inputs(d: Device) -> Any:
     """What the script or file was called; `body_sources` has the contents."""
     return (
         d.body.kind,
-        os.path.relpath(d.body.path, d.source),
+        body_sources.name_of(d, d.body.path),
         sorted(d.body.parameters.items()),
         d.body.scale,
         plain(d.body.bay),
@@ -105,6 +105,11 @@ def _of_the_parts(f: FabricationSpec) -> FabricationSpec:
     if f.kind != "cast":
         only += ["kind", "line", "mould_wall", "shrinkage"]
     return replace(f, **{name: getattr(alike, name) for name in only})
+
+
+def _silicone(d: Device) -> Silicone | None:
+    """What the parts are cast of, as far as the table has it."""
+    return silicone(d.material.name) if d.fabrication.kind == "cast" else None
 
 
 def _search(d: Device) -> tuple[Any, ...]:
@@ -170,6 +175,7 @@ STAGES = (
                 d.prefer,
                 d.converter,
                 _of_the_parts(d.fabrication),
+                cast.shrinkage if (cast := _silicone(d)) else None,
                 *_search(d),
             )
         ),
@@ -181,7 +187,7 @@ STAGES = (
         "fabricate",
         "make the parts",
         ("parts",),
-        lambda d: plain((d.name, d.fabrication)),
+        lambda d: plain((d.name, d.fabrication, _silicone(d))),
         _runner("fabricate"),
         (),  # CAD and mesh kernels are those of the body
         "simplify the body, or use fewer cords",

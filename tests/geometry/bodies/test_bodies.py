@@ -65,6 +65,13 @@ def test_a_surface_that_passes_through_itself_is_refused_with_its_place(bar):
     assert repair(bent, faces, "x")[2] == []
 
 
+def test_a_body_far_from_the_origin_is_refused(bar, tmp_path):
+    path = tmp_path / "bar.stl"
+    write_stl(Surface(bar.vertices + 60000, bar.faces), path)
+    with pytest.raises(BodyError, match=r"bar.stl: the body reaches 60.1 m away from the origin"):
+        load_body(BodySpec("mesh", path))
+
+
 @pytest.mark.parametrize("kind", ["stl", "3mf", "obj"])
 def test_mesh_files_round_trip(bar, tmp_path, kind):
     path = tmp_path / f"bar.{kind}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import build123d as bd
 import numpy as np
+import pytest
 
 from defsense_fab.geometry.kernels import occ
 from defsense_fab.geometry.kernels.export import write_3mf
@@ -24,6 +25,16 @@ def test_step_files_know_neither_the_time_nor_what_was_written_before(tmp_path):
     assert first.count(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE('1'") == 1
     assert first.count(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE('2'") == 1
     assert len(occ.read_step(whole)) == 2
+
+
+@pytest.mark.parametrize("name", ["Würfel", "日本-é", "😀ä"])
+def test_names_in_step_files_are_read_as_they_were_given(tmp_path, name):
+    path = tmp_path / "named.step"
+    solids = {f"{name}-{k}": occ.solids_of(bd.Box(1, 2, k))[0] for k in (1, 2)}
+    occ.write_assembly(solids, path, name)
+    assert path.read_bytes().isascii()
+    found = bd.import_step(path)
+    assert [found.label, *(c.label for c in found.children)] == [name, f"{name}-1", f"{name}-2"]
 
 
 def test_3mf_files_have_no_random_numbers(tmp_path):

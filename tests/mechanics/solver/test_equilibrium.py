@@ -318,6 +318,25 @@ def test_poses_in_parallel_are_those_one_by_one(mesh, clamp):
     assert {i for i, _ in seen} == {0, 1, 2}
 
 
+def test_a_pose_is_the_same_after_another_as_alone(clamp):
+    """Whatever its thread solved before, or fields would hang by the number of threads."""
+    small = QuadraticMesh.from_linear(structured_bar([0, -7, -7], [100, 8, 8], [10, 2, 2]))
+    material = neo_hookean(0.3, 15.0)
+    hard = clamp(small, [np.deg2rad(170), 0, 0], [-15, 0, 0])
+    system = System(small, material, hard)
+    follow(system, rest(hard, len(small.nodes)), hard, (0.5, 1.0))
+    assert system._share  # it ends where the tangent is not positive definite
+    system.close()
+    goals = [clamp(small, [0, a, 0], [-10, 0, 0]) for a in (0.5, -0.5)]
+    jobs = [Job(goal, (0.5, 1.0)) for goal in (hard, *goals)]
+    after = solve_all(small, material, jobs, threads=1)[1:]
+    for job, found in zip(jobs[1:], after, strict=True):
+        (alone,) = solve_all(small, material, [job], threads=1)
+        for a, b in zip(alone, found, strict=True):
+            assert np.array_equal(a.u, b.u)
+            assert a.statistics.factors == b.statistics.factors
+
+
 def test_an_exception_in_one_pose_ends_them_all(mesh, clamp):
     def fail(job, at):
         raise KeyboardInterrupt

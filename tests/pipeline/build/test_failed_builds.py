@@ -118,6 +118,19 @@ def test_a_good_build_stays_and_new_stages_are_taken_up_later(folder, ran, monke
     assert hidden(folder) == []
 
 
+def test_a_look_at_another_mesh_costs_no_later_stage(folder, ran):
+    build(load_device(folder))
+    change(folder, "edge_length = 6.0", "edge_length = 7.0")
+    build(load_device(folder), "mesh")
+    assert not (folder / "build" / "layout.json").exists()
+    change(folder, "edge_length = 7.0", "edge_length = 6.0")
+    del ran[:]
+    found = build(load_device(folder))
+    assert (found.made, ran) == ((), [])
+    assert len(found.reused) == 6
+    assert hidden(folder) == []
+
+
 def test_a_failure_after_stages_that_the_build_has_leaves_nothing(folder, ran, monkeypatch):
     build(load_device(folder))
     change(folder, "noise = 0.002", "noise = 0.003")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.device.silicone import silicone
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.storage.files import write_json
 from defsense_fab.geometry.kernels.export import write_stl
@@ -51,6 +52,27 @@ def test_each_change_makes_old_what_depends_on_it(folder):
     (folder / "device.toml").write_text(text)
     write_stl(box_surface([0, -15, -15], [100, 15, 15]), folder / "bar.stl")
     assert states(folder) == ["old", "old", "missing"]
+
+
+@pytest.mark.parametrize(
+    ("change", "old"),
+    [
+        ({"shrinkage": 0.01}, {"optimize", "fabricate", "report"}),
+        ({"pot_life": 9.0}, {"fabricate", "report"}),
+    ],
+)
+def test_the_row_of_a_silicone_counts_where_parts_are_cast(folder, monkeypatch, change, old):
+    path = folder / "device.toml"
+    text = path.read_text("utf-8").replace("tango-black-plus", "smooth-sil-950")
+    for process in ("cast-silicone", "fdm-tpu"):
+        path.write_text(text.replace("fdm-tpu", process))
+        device = load_device(folder)
+        before = stages.keys(device, folder / "build")
+        with monkeypatch.context() as m:
+            m.setattr(stages, "silicone", lambda name: replace(silicone(name), **change))
+            after = stages.keys(device, folder / "build")
+        changed = {name for name, key in before.items() if after[name] != key}
+        assert changed == (old if process == "cast-silicone" else set())
 
 
 def test_a_body_is_made_beside_the_build_which_stays(folder):

@@ -26,13 +26,15 @@ _STIFF = 0.05
 #: A move may take this share of a tet's volume at most; less is moved where it would take more.
 _MOST = 0.7
 _ROUNDS = 2
+_DECIMALS = 9  # of mm
 
 
 def fit_boundary(mesh: TetMesh, surface: Surface) -> TetMesh:
-    """The mesh with its boundary nodes moved; those inside stay where they are."""
+    """The mesh with its boundary nodes moved; those inside stay where they are. Without the last
+    digits, in which processors differ."""
     for _ in range(_ROUNDS):
         mesh = _moved(mesh, surface)
-    return mesh
+    return TetMesh(np.round(mesh.nodes, _DECIMALS) + 0.0, mesh.tets)
 
 
 def facet_gaps(mesh: TetMesh, surface: Surface) -> tuple[Float, Float]:

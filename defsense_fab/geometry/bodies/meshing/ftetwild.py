@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..child_process import end_with_parent
+from ..child_process import OUT_OF_MEMORY, end_with_parent
 
 IN, OUT = "surface.npz", "mesh.npz"
 
@@ -39,7 +39,7 @@ def main(folder: str) -> None:
         except RuntimeError as error:
             found = {"error": str(error)}
         except MemoryError:
-            found = {"error": "out of memory"}
+            found = {"error": OUT_OF_MEMORY}
     np.savez("unfinished.npz", **found)
     Path("unfinished.npz").replace(OUT)
 

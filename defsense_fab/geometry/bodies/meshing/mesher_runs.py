@@ -14,7 +14,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, TetMesh
-from ..child_process import Failure, finished
+from ..child_process import OUT_OF_MEMORY, Failure, finished
 from . import netgen
 
 #: A mesher that takes this many times as long as is usual gets advice said.
@@ -80,9 +80,17 @@ def run(mesher: ModuleType, surface: Surface, task: Mapping[str, Any], watch: Wa
                 f" one than elsewhere; install {package} and what it needs, or mesh the body on"
                 " another system: docs/platforms.md"
             )
-        if "error" in made:
-            raise MeshingError(f"{name} failed: {made['error']}")
+        raise_told(made, name)
         return tidy(np.asarray(made["nodes"], float), np.asarray(made["tets"], np.int64))
+
+
+def raise_told(made: Mapping[str, Any], who: str) -> None:
+    """The error that is in what a child left, if one is. Raises MemoryError, MeshingError."""
+    if "error" in made:
+        told = str(made["error"])
+        if told == OUT_OF_MEMORY:
+            raise MemoryError
+        raise MeshingError(f"{who} failed: {told}")
 
 
 def tidy(nodes: Float, tets: Any) -> TetMesh:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ....core.arrays import Float, Int
 from ....core.mesh import facet_crosses
-from ..child_process import end_with_parent
+from ..child_process import OUT_OF_MEMORY, end_with_parent
 
 IN, OUT = "surface.npz", "mesh.npz"
 _STL, _SIZES = "surface.stl", "sizes.txt"
@@ -53,7 +53,7 @@ def main(folder: str) -> None:
     except (NgException, RuntimeError) as error:
         found = {"error": " ".join(str(error).split()) or type(error).__name__}
     except MemoryError:
-        found = {"error": "out of memory"}
+        found = {"error": OUT_OF_MEMORY}
     np.savez("unfinished.npz", **found)
     Path("unfinished.npz").replace(OUT)
 

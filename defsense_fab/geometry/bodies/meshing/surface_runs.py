@@ -16,8 +16,8 @@ import numpy as np
 
 from ....core.errors import MeshingError
 from ....core.mesh import Surface
-from ..child_process import Failure, end_with_parent, finished
-from .mesher_runs import Watch
+from ..child_process import OUT_OF_MEMORY, Failure, end_with_parent, finished
+from .mesher_runs import Watch, raise_told
 from .remeshing import remeshed
 from .simplification import FEW, Simplified, is_fine, simplified
 from .voxel_surface import grid_points, voxel_surface
@@ -69,8 +69,7 @@ def _run(work: str, surface: Surface, edge_length: float, watch: Watch) -> Simpl
         finished(__name__, give, OUT, watch.left(), failure, on_wait=watch.passed) as folder,
         np.load(folder / OUT) as made,
     ):
-        if "error" in made:
-            raise MeshingError(f"{work} failed: {made['error']}")
+        raise_told(made, work)
         new = Surface(made["vertices"], made["faces"])
         return Simplified(new, float(made["tolerance"]), float(made["deviation"]))
 
@@ -95,7 +94,7 @@ def main(folder: str) -> None:
     except (MeshingError, RuntimeError, ValueError) as error:
         found = {"error": " ".join(str(error).split()) or type(error).__name__}
     except MemoryError:
-        found = {"error": "out of memory"}
+        found = {"error": OUT_OF_MEMORY}
     np.savez("unfinished.npz", **found)
     Path("unfinished.npz").replace(OUT)
 

@@ -11,6 +11,7 @@ import numpy as np
 from ....core.device.device import MeshSpec
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, TetMesh
+from ..child_process import OUT_OF_MEMORY
 from .mesh_quality import checked
 from .mesher_runs import UnusableMesherError, Watch
 from .ways import NETGEN, MeshedSurface, ways
@@ -19,9 +20,9 @@ from .ways import NETGEN, MeshedSurface, ways
 @dataclass(frozen=True)
 class Tetrahedra:
     """A mesh; the `mesher` and the `way` that made it; the `surface` that was meshed, None where it
-    was the body's own; sentences on the ways `tried` before, and whether one was `stopped` for the
-    time that it took, which another machine might not do; the `time_limit` (s) of all ways then,
-    the usual one where it was not told."""
+    was the body's own; sentences on the ways `tried` before, and whether one was `stopped` for
+    want of time or memory, of which another machine might have more; the `time_limit` (s) of all
+    ways then, the usual one where it was not told."""
 
     mesh: TetMesh
     mesher: str
@@ -77,7 +78,8 @@ def tetrahedralise(
         except (MeshingError, RuntimeError, ValueError, MemoryError) as error:
             # Native libraries raise whatever they do; the next way does without them.
             stopped |= time.monotonic() - begun >= limit
-            why = "out of memory" if isinstance(error, MemoryError) else str(error)
+            stopped |= isinstance(error, MemoryError) or getattr(error, "of_the_machine", False)
+            why = OUT_OF_MEMORY if isinstance(error, MemoryError) else str(error)
             tried.append(f"{way.says}: {' '.join(why.split()).partition(';')[0]}")
         else:
             told = tuple(tried)

@@ -1,0 +1,43 @@
+"""Keys and screws between two pieces of a mould."""
+
+import manifold3d as m3
+import numpy as np
+import pytest
+
+from defsense_fab.geometry.moulds.fittings import joined
+
+UP, ORIGIN = np.array([0, 0, 1.0]), np.zeros(3)
+BELOW = m3.Manifold.cube([60, 40, 20], True).translate([0, 0, -10])
+NOTHING = m3.Manifold()
+
+
+def block(height):
+    return m3.Manifold.cube([60, 40, height], True).translate([0, 0, height / 2])
+
+
+@pytest.mark.parametrize("height", [4.0, 8.0, 31.0])
+def test_a_screw_of_10_mm_holds_pieces_of_any_height(height):
+    """Its head has room down to a seat over the plane, and it grips the piece below."""
+    joint = joined(block(height), BELOW, NOTHING, UP, ORIGIN, UP, 0.1)
+    assert joint.screws >= 2
+
+    def holes(piece, at, radius):
+        """How many round holes of the radius there are in the piece at a height."""
+        found = piece.slice(at).to_polygons()
+        areas = [abs(float(m3.CrossSection([p[::-1]]).area())) for p in found]
+        return sum(a == pytest.approx(np.pi * radius**2, rel=0.02) for a in areas)
+
+    seat = min(height, 5.0)
+    assert holes(joint.above, seat - 0.1, 1.7) == joint.screws
+    assert 4 <= 10 - seat <= 7
+    if height > seat:
+        assert holes(joint.above, seat + 0.1, 3.3) == joint.screws
+        assert holes(joint.above, height - 0.1, 3.3) == joint.screws
+    assert holes(joint.below, -6.9, 1.25) == joint.screws
+
+
+def test_no_screw_goes_through_what_is_cast():
+    """Over the seats, between the heights at which a piece is looked at, and below."""
+    for z in (15.0, -5.0):
+        slab = m3.Manifold.cube([70, 50, 0.5], True).translate([0, 0, z])
+        assert joined(block(31.0), BELOW, slab, UP, ORIGIN, UP, 0.1).screws == 0
