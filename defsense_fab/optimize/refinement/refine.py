@@ -19,6 +19,7 @@ from ..limits.verification import verify
 from ..problem.problem import Problem
 from ..search.starting_layouts import Layout, choices, no_room, seeds
 from .descent import FORGIVEN, descend, jitter
+from .told_digits import as_told
 
 Report = Callable[[float, str], None]
 #: Gets a layout and its expected RMSE, mm: the best so far, or what a descent has come to.
@@ -202,7 +203,8 @@ class _Best:
 
     def offer(self, layout: Layout, trusted: bool = False) -> bool:
         """Take the layout if it is the best now, and tell whether it would be but for a limit that
-        it breaks; `trusted` ones are known to pass the check."""
+        it breaks; `trusted` ones are known to pass the check, and stay as they are."""
+        layout = layout if trusted else as_told(layout)
         rank = (self.slivers(layout), layout_error(self._problem, layout))
         if rank >= self.rank:
             return False

@@ -1,0 +1,66 @@
+"""What is free of a layout has few digits; the rest is as it was given."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curves.path_sampling import sample_path
+from defsense_fab.core.device.device import Sensor
+from defsense_fab.optimize.refinement.refine import optimise
+from defsense_fab.optimize.refinement.told_digits import as_told
+
+
+@pytest.fixture
+def cord():
+    rng = np.random.default_rng(0)
+    points = np.sort(rng.uniform(0, 100, (6, 2)), axis=0)
+    plane = Plane.from_normal(*rng.normal(size=(3, 3)) * [[9], [1], [1]])
+    return Sensor("a", plane, Hermite(points, catmull_rom(points)), frozenset())
+
+
+def moved(sensor, by):
+    """By what another processor may come to."""
+    rng = np.random.default_rng(1)
+    curve, plane = sensor.curve, sensor.plane
+    points, tangents, origin, normal, x_axis = (
+        v + by * rng.normal(size=v.shape)
+        for v in (curve.points, curve.tangents, plane.origin, plane.normal, plane.axes[:, 0])
+    )
+    return replace(
+        sensor, curve=Hermite(points, tangents), plane=Plane.from_normal(origin, normal, x_axis)
+    )
+
+
+def test_layouts_that_differ_by_rounding_are_told_alike(cord):
+    free = replace(cord, free=frozenset({"path", "plane"}))
+    (one,), (other,) = as_told((free,)), as_told((moved(free, 1e-10),))
+    assert np.array_equal(one.curve.points, other.curve.points)
+    assert np.array_equal(one.curve.tangents, other.curve.tangents)
+    assert np.array_equal(one.plane.origin, other.plane.origin)
+    assert np.abs(one.plane.axes - other.plane.axes).max() < 1e-15
+    assert np.abs(sample_path(one) - sample_path(free)).max() < 5e-4
+
+
+def test_what_was_given_stays_as_it_is(cord):
+    assert as_told((cord,))[0].curve is cord.curve
+    assert as_told((cord,))[0].plane is cord.plane
+    (path,) = as_told((replace(cord, free=frozenset({"path"})),))
+    assert path.plane is cord.plane
+    assert not np.array_equal(path.curve.points, cord.curve.points)
+    (tilted,) = as_told((replace(cord, free=frozenset({"plane"})),))
+    assert tilted.curve is cord.curve
+    (shifted,) = as_told((replace(cord, free=frozenset({"offset"})),))
+    assert np.array_equal(shifted.plane.axes, cord.plane.axes)
+    assert np.abs(shifted.plane.origin - cord.plane.origin).max() <= 5.1e-5
+
+
+def test_the_search_tells_few_digits(problem):
+    found = optimise(
+        problem, (), np.random.default_rng(0), lambda *_: None, extra=1, starts=1, finalists=1,
+        candidates=500,
+    )  # fmt: skip
+    for s in found.sensors:
+        values = np.concatenate([s.curve.points.ravel(), s.curve.tangents.ravel(), s.plane.origin])
+        assert np.array_equal(values, np.round(values, 4))
