@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,8 +14,14 @@ from ..arrays import Float
 _EXACT = 1e-15  # of a unit vector: what rounding leaves
 
 
+def _dot(a: Float, b: Float) -> float:
+    """Of two vectors (3,), the same on every processor, which BLAS is not."""
+    (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()
+    return float(a1 * b1 + a2 * b2 + a3 * b3)
+
+
 def _unit(vector: Float) -> Float:
-    length = float(np.linalg.norm(vector))
+    length = math.sqrt(_dot(vector, vector))
     return vector if abs(length - 1) <= _EXACT else vector / length
 
 
@@ -46,10 +53,10 @@ class Plane:
         if np.linalg.norm(normal) < 1e-9:
             raise ValueError("the normal must not be zero")
         n = _unit(normal)
-        x, off = x_axis, float(x_axis @ n)
+        x, off = x_axis, _dot(x_axis, n)
         if abs(off) > _EXACT * np.linalg.norm(x_axis):
             x = x_axis - off * n
-            x = x - (x @ n) * n  # what rounding has left
+            x = x - _dot(x, n) * n  # what rounding has left
         if np.linalg.norm(x) < 1e-9 * max(1.0, float(np.linalg.norm(x_axis))):
             raise ValueError("x_axis must not be parallel to the normal")
         x = _unit(x)
