@@ -56,11 +56,10 @@ print(tetrahedralise(blob, 9.0).mesh.digest)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["Haswell", "Nehalem"])
-def test_other_processors_make_the_same_mesh(blob, kind):
+def test_another_processor_makes_the_same_mesh(blob):
     made = subprocess.run(
         [sys.executable, "-c", _DIGEST],
-        env={**os.environ, "OPENBLAS_CORETYPE": kind, "PYTHONPATH": os.pathsep.join(sys.path)},
+        env={**os.environ, "OPENBLAS_CORETYPE": "Nehalem", "PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
         check=True,
