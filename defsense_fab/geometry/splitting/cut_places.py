@@ -60,32 +60,59 @@ def reach(part: Part, normal: Float, bed: tuple[float, float, float]) -> float:
     return 0.0
 
 
+def cut_by(made: Made, index: int, height: float, normal: Float) -> list[str]:
+    """What a plane at the height (mm) comes too near to, or cuts."""
+    found = [
+        what
+        for what, middle, half in _spared(made, index, normal)
+        if abs(height - middle) < half + _CLEAR
+    ]
+    return list(dict.fromkeys(found))
+
+
 def _clearance(made: Made, index: int, heights: Float, normal: Float) -> Float:
     """How far (n,) planes at these heights keep from what they must not cut, less what they have
     to, mm."""
-    spans = []
+    spared = _spared(made, index, normal)
+    if not spared:
+        return np.full(len(heights), np.inf)
+    _, middles, halves = (np.array(v) for v in zip(*spared, strict=True))
+    gaps = np.abs(heights[:, None] - middles) - halves - _CLEAR
+    return np.asarray(gaps.min(axis=1))
+
+
+def _spared(made: Made, index: int, normal: Float) -> list[tuple[str, float, float]]:
+    """What must not be cut of a part: its name, where its middle is along the normal, and how far
+    it reaches to either side, mm."""
+    out = []
     for pin in made.pins:
         contact = made.contacts[pin.contact]
         if index in (contact.lower, contact.upper):
             across = np.sqrt(max(0.0, 1 - float(pin.axis @ normal) ** 2)) * pin.socket / 2
             half = abs(float(pin.axis @ normal)) * pin.depth + across
-            spans.append((float(pin.center @ normal), half))
-    spans += [
-        (float(label.center @ normal), label.height) for label in made.labels if label.part == index
+            out.append(("a pin's socket", float(pin.center @ normal), half))
+    out += [
+        ("a number", float(label.center @ normal), label.height)
+        for label in made.labels
+        if label.part == index
     ]
-    box = made.parts[index].surface.bounds + np.array([[-1.0], [1.0]])
-    spans += [
-        (float(end.mouth @ normal), max(end.pocket, 3.0) + 3.0)
+    low, high = made.parts[index].surface.bounds + np.array([[-1.0], [1.0]])
+
+    def here(point: Float) -> bool:
+        return bool((point >= low).all() and (point <= high).all())
+
+    out += [
+        (f"an end of cord {channel.name}", float(end.mouth @ normal), max(end.pocket, 3.0) + 3.0)
         for channel in made.channels
         for end in channel.ends
-        if (end.mouth >= box[0]).all() and (end.mouth <= box[1]).all()
+        if here(end.mouth)
     ]
-    spans += [(float(seat.center @ normal), 0.75 * _side(seat)) for seat in made.seats]
-    if not spans:
-        return np.full(len(heights), np.inf)
-    middles, halves = (np.array(v) for v in zip(*spans, strict=True))
-    gaps = np.abs(heights[:, None] - middles) - halves - _CLEAR
-    return np.asarray(gaps.min(axis=1))
+    out += [
+        ("a marker seat", float(seat.center @ normal), 0.75 * _side(seat))
+        for seat in made.seats
+        if here(seat.center)
+    ]
+    return out
 
 
 def _side(seat: Seat) -> float:

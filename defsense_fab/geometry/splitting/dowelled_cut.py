@@ -17,6 +17,7 @@ from ..parts.alignment_pins import Pin, place_pins
 from ..parts.check import Check
 from ..parts.part_contacts import Contact
 from ..parts.records import Made, Part, Rules
+from .cut_places import cut_by
 from .inspection import crossed, crossings, dowel_walls, dowels_fit, pieces_add_up, whole_name
 from .renumbering import renumbered
 
@@ -82,12 +83,20 @@ def cut_across(
         if through
         else ""
     )
+    spoilt = cut_by(made, index, height, normal)
+    near = (
+        f"; no place was free, and the cut passes through or close by {', '.join(spoilt)}: see that"
+        " these are sound, or use a larger [fabrication] bed"
+        if spoilt
+        else ""
+    )
     return DowelledCut(
         renumbered(made, index, normal, height, contact, dowels, parts, bares, removed),
         checks,
         f"{whole_name(part)} is too long for the bed and is printed in pieces, {{pieces}}, cut"
         f" across near {xyz(origin)}: join them first, with glue ({section.area() / 100:.1f} cm2)"
-        f" and two dowels of {dowels[0].diameter:g} and {dowels[1].diameter:g} mm{across}{note}",
+        f" and two dowels of {dowels[0].diameter:g} and {dowels[1].diameter:g} mm"
+        f"{across}{near}{note}",
     )
 
 

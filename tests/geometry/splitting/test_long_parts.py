@@ -14,6 +14,8 @@ from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import Rules
 from defsense_fab.geometry.printing.print_bed import fits, laid
 from defsense_fab.geometry.splitting import inspection
+from defsense_fab.geometry.splitting.cut_places import cut_by
+from defsense_fab.geometry.splitting.dowelled_cut import cut_across
 from defsense_fab.geometry.splitting.long_parts import split_long
 from tests.geometry.parts.cords import cord
 
@@ -85,6 +87,16 @@ def test_no_pin_pocket_or_number_is_cut_and_the_groove_goes_on(made, split):
     for part in after.parts:
         common = triangle_kernel.to_manifold(part.surface, part.name) ^ thread
         assert common.volume() < 0.02
+
+
+def test_what_a_cut_spoils_is_told(made, split):
+    """Where every place cuts something, the maker is to look at it."""
+    along = np.array([1.0, 0, 0])
+    for height, spoilt in ((11.0, "an end of cord flat"), (75.0, "a number")):
+        assert cut_by(made, 0, height, along) == [spoilt]
+        note = cut_across(made, 0, along, height, RULES).note
+        assert f"the cut passes through or close by {spoilt}" in note
+    assert not any("passes through or close" in note for note in split.notes)
 
 
 def test_checks_are_those_of_the_pieces_and_fail_for_what_is_wrong(made, split):
