@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Bool, Float, Int
-from ..core.device.loading_path import Path, on_path
+from ..core.device.loading_path import LoadingPath, on_path
 
 HELD_OUT, LEFT_OUT, NONE = "held out", "left out", "none"
 
@@ -64,7 +64,7 @@ def unseen_states(states: Sequence[Weights], held_out: Bool) -> UnseenStates:
 
 def _paths(states: Sequence[Weights]) -> tuple[tuple[Int, Float], ...]:
     """Of states, rest first: a pose's amplitudes, and mixtures of the same ratios."""
-    found: dict[Path, list[tuple[int, float]]] = {}
+    found: dict[LoadingPath, list[tuple[int, float]]] = {}
     for k, weights in enumerate(states[1:], 1):
         path, at = on_path(weights)
         found.setdefault(path, []).append((k, at))

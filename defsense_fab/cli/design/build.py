@@ -125,8 +125,12 @@ def _told(error: float | dict[str, float]) -> str:
 
 
 def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
-    """What it costs to keep the affine map where another decoder was tried and does better."""
+    """What it costs to keep the affine map where another decoder does better on unseen states."""
+    from ...decoding.unseen import NONE
+
     tried = layout["unseen"]
+    if layout["prediction"]["how"] == NONE:
+        return []
     kept, best = layout["prediction"]["decoder"], min(tried, key=lambda k: tried[k])
     if kept != "affine" or best == kept:
         return []

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 #: The poses of a path by name, and how much of each there is where the largest is whole.
-Path = tuple[tuple[str, float], ...]
+LoadingPath = tuple[tuple[str, float], ...]
 
 
-def on_path(weights: Mapping[str, float]) -> tuple[Path, float]:
+def on_path(weights: Mapping[str, float]) -> tuple[LoadingPath, float]:
     """Of a state with so much of each pose (one at least above zero): poses of which it has
     nothing, and the order in which they are given, do not matter."""
     largest = max(map(abs, weights.values()))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.device.device import Device
-from ...core.device.loading_path import Path, on_path
+from ...core.device.loading_path import LoadingPath, on_path
 from ...core.errors import DeviceError
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.constraint_check import check_constraints, narrow
@@ -47,7 +47,7 @@ def _along(
     mixtures: Sequence[Mapping[str, float]], held_out: bool, optional: bool
 ) -> list[Loading]:
     """Mixtures of which one is a part of another lie on one path of loading."""
-    paths: dict[Path, list[tuple[float, Mapping[str, float]]]] = {}
+    paths: dict[LoadingPath, list[tuple[float, Mapping[str, float]]]] = {}
     for m in mixtures:
         path, at = on_path(m)
         paths.setdefault(path, []).append((at, m))

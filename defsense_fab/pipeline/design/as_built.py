@@ -128,8 +128,9 @@ def with_relief(
         return bent, []
     return straight, [
         "wires leave by the cords' mouths, without a bend that relieves their joints: the deeper"
-        f" pockets would raise the predicted error from {without:.2f} to {with_bends:.2f} mm, or"
-        " leave too little cord to stretch; strain_relief = true in [fabrication] makes them"
+        f" pockets would raise the predicted error from {without:.2f} to {with_bends:.2f} mm,"
+        " leave too little cord to stretch, or ask for longer channels; strain_relief = true"
+        " in [fabrication] makes them"
     ]
 
 

@@ -6,7 +6,7 @@ import build123d as bd
 import numpy as np
 import pytest
 
-from defsense_fab.geometry.kernels import occ
+from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.kernels.export import write_3mf
 from tests.conftest import box_surface
 
@@ -35,6 +35,14 @@ def test_names_in_step_files_are_read_as_they_were_given(tmp_path, name):
     assert path.read_bytes().isascii()
     found = bd.import_step(path)
     assert [found.label, *(c.label for c in found.children)] == [name, f"{name}-1", f"{name}-2"]
+
+
+@pytest.mark.parametrize("away", [0.0, 8000.0])
+def test_faces_that_meet_stay_apart_in_single_precision(away):
+    box = triangle_kernel.to_manifold(box_surface([away, 0, 0], [away + 10, 10, 10]), "box")
+    face = np.array([1.0, 0, 0]), away + 10
+    surface = triangle_kernel.printable(box, "box", [face])
+    assert 0 < away + 10 - surface.bounds[1, 0] < 1e-3
 
 
 def test_3mf_files_have_no_random_numbers(tmp_path):

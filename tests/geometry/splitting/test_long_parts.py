@@ -99,6 +99,12 @@ def test_what_a_cut_spoils_is_told(made, split):
     assert not any("passes through or close" in note for note in split.notes)
 
 
+def test_a_face_of_a_joint_is_that_of_the_piece_that_has_it(made):
+    """A part cut along its joint's face; glue is reckoned by these."""
+    after = cut_across(made, 0, np.array([0, 0, 1.0]), -6.0, RULES).made
+    assert sum(c.area for c in after.contacts[:-1]) == pytest.approx(made.contacts[0].area)
+
+
 def test_checks_are_those_of_the_pieces_and_fail_for_what_is_wrong(made, split):
     after = split.made
     values = {c.name: c.value for c in after.checks}
