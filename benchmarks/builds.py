@@ -153,7 +153,8 @@ sensors = {cords}
 def of_bodies(options: argparse.Namespace) -> None:
     """Builds of random bodies."""
     kinds = []
-    for k, rng in enumerate(np.random.default_rng(options.seed).spawn(options.count)):
+    streams = np.random.default_rng(options.seed).spawn(options.count)
+    for k, rng in list(enumerate(streams))[options.first - 1 :]:
         with tempfile.TemporaryDirectory() as made:
             folder = Path(made) / f"body-{k}"
             folder.mkdir()
@@ -161,7 +162,7 @@ def of_bodies(options: argparse.Namespace) -> None:
             kind, said, _ = outcome(partial(load_device, folder), options.until)
         kinds.append(kind)
         print(f"  body {k}: {kind}: {said}", flush=True)
-    print(f"{options.count} random bodies, seed {options.seed}: {_counted(kinds)}", flush=True)
+    print(f"{len(kinds)} random bodies, seed {options.seed}: {_counted(kinds)}", flush=True)
 
 
 def _counted(kinds: list[str]) -> str:
@@ -175,7 +176,7 @@ def main() -> None:
     parser.add_argument("what", choices=("meshes", "bodies"))
     parser.add_argument("folder", nargs="*", type=Path)
     parser.add_argument("--count", type=int, default=10)
-    parser.add_argument("--first", type=int, default=1, help="of the meshes, to go on with it")
+    parser.add_argument("--first", type=int, default=1, help="where to go on, counted from 1")
     parser.add_argument("--spread", type=float, default=0.05, help="of the edges' length")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--until", choices=("optimize", "fabricate", "report"), default="fabricate")
