@@ -197,7 +197,7 @@ def bill(
         BillItem(
             f"cord {device.cord.name}, {device.cord.diameter:g} mm",
             f"{copies * sum(c.cut_length for c in cords):.0f} mm",
-            f"{copies * len(cords)} pieces{of}, see the cut list",
+            f"{copies * len(cords)} piece{'s' * (copies * len(cords) > 1)}{of}, see the cut list",
         ),
         BillItem(
             f"ferrule, {device.cord.ferrule_diameter:g} mm outside,"

@@ -62,7 +62,8 @@ def assembly_guide(
     steps, problem = guide_steps(device, manifest, parts), order_of(manifest)[1]
     return Guide(
         title=f"{device.name}: assembly guide",
-        intro=f"{len(manifest.parts)} parts, {len(manifest.cords)} cords. All lengths in mm."
+        intro=f"{len(manifest.parts)} parts,"
+        f" {len(manifest.cords)} cord{'s' * (len(manifest.cords) > 1)}. All lengths in mm."
         + _of_copies(manifest.copies),
         warnings=(
             *manifest.warnings,

@@ -104,7 +104,7 @@ class Panel {
   _joint() {
     const shares = this.stage.shares(this.stage.state.open), n = shares.length;
     const opening = shares.findIndex((share) => share > 0);
-    if (opening < 0) return n ? `${n} joints, all closed` : "";
+    if (opening < 0) return n ? `${n} joint${n > 1 ? "s" : ""}, all closed` : "";
     const { join, cords } = this.told.joints[opening];
     const held = cords.length ? ` Cord ${cords.join(", ")} lies in it.` : "";
     return `Joint ${opening + 1} of ${n}, in the order in which they are closed: ${join[0].join(" + ")} and ${join[1].join(" + ")}.${held}`;
