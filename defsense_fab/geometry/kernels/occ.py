@@ -35,7 +35,7 @@ _MENDED = 1e-6  # share of the volume that a mended solid may differ by
 _NOTHING = 1e-3  # mm^3
 _STAMP = "1980-01-01T00:00:00"  # of STEP files
 _USE = re.compile(rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+")
-_NOT_ASCII = re.compile(rb"[\x80-\xff]+")
+_NOT_ASCII = re.compile(rb"[\x80-\xff]+(?:\r?\n[\x80-\xff]+)*")  # lines end within a letter
 
 
 def solids_of(result: Any) -> list[Any]:
@@ -104,7 +104,7 @@ def _export(shape: Any, path: Path) -> None:
 
 def _escaped(found: re.Match[bytes]) -> bytes:
     """Letters beyond ASCII in hexadecimal digits."""
-    text = found[0].decode()
+    text = b"".join(found[0].split()).decode()
     with contextlib.suppress(UnicodeError):  # the file's own name is written as it should be
         text = text.encode("latin-1").decode()
     wide = max(map(ord, text)) >= 0x10000

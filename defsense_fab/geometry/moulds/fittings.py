@@ -12,6 +12,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import FabricationError
 from ..kernels.cutting_tools import frame
+from ..parts.part_contacts import inside
 from .planar import farthest, flat, spots, upright
 
 #: A key's radius at its foot and its height, mm; a screw's hole in the upper piece, its pilot hole
@@ -51,7 +52,8 @@ def joined(
     # Over a key at least a layer or two, over a screw nothing.
     for height in (1.5, _KEY_HEIGHT, min(4.9, 0.98 * top)):
         common = common ^ high.slice(height)
-    found = farthest(spots(common, _KEY + _WALL), 8, _APART, np.zeros((0, 2)))
+    places = spots(common, _KEY + _WALL)
+    found = farthest(places, 8, _APART, np.zeros((0, 2)))
     local = axes.T @ opens
     # Keys and screws in turn; a key's place is nobody else's twin, so that pieces fit one way.
     keys = found[0::2]
@@ -60,20 +62,21 @@ def joined(
         foot = _KEY - (0.5 if k == 0 else 0.0)
         add.append(_cone(foot, _KEY_HEIGHT, x, y, local, 0.0))
         cut_high.append(_cone(foot, _KEY_HEIGHT, x, y, local, play))
-    screws = 0
-    for x, y in found[1::2]:
-        hole, pilot = _hole(top, x, y), _rod(_PILOT / 2, -_SCREW_DEPTH, 0.5, x, y)
-        if ((hole + pilot) ^ inner).is_empty():
-            cut_high.append(hole)
-            cut_low.append(pilot)
-            screws += 1
+    blocked = _blocked(inner, top)
+    screws = found[1::2][~inside(found[1::2], blocked)]
+    fewer, known = len(found[1::2]) - len(screws), np.concatenate([keys, screws])
+    others = farthest(places[~inside(places, blocked)], fewer, _APART, known)
+    screws = np.concatenate([screws, others])
+    for x, y in screws:
+        cut_high.append(_hole(top, x, y))
+        cut_low.append(_rod(_PILOT / 2, -_SCREW_DEPTH, 0.5, x, y))
     if add:
         low = low + m3.Manifold.batch_boolean(add, m3.OpType.Add)
     if cut_low:
         low = low - m3.Manifold.batch_boolean(cut_low, m3.OpType.Add)
     if cut_high:
         high = high - m3.Manifold.batch_boolean(cut_high, m3.OpType.Add)
-    return Joint(upright(high, axes, origin), upright(low, axes, origin), len(keys), screws)
+    return Joint(upright(high, axes, origin), upright(low, axes, origin), len(keys), len(screws))
 
 
 def _cone(foot: float, height: float, x: float, y: float, opens: Float, play: float) -> Any:
@@ -82,6 +85,14 @@ def _cone(foot: float, height: float, x: float, y: float, opens: Float, play: fl
     lean = np.eye(3, 4)
     lean[:2, 2] = opens[:2] / opens[2] if abs(opens[2]) > 0.3 else 0.0
     return cone.translate([0, 0, -0.5]).transform(lean).translate([x, y, 0])
+
+
+def _blocked(cast: Any, top: float) -> list[Float]:
+    """Outlines of the places where a screw would leave too little wall to what is cast."""
+    thread = cast.trim_by_plane([0, 0, 1], -_SCREW_DEPTH - _WALL).project()
+    head = cast.trim_by_plane([0, 0, 1], _SEAT - _WALL if top > _SEAT + 1 else top).project()
+    near = thread.offset(_SCREW / 2 + _WALL) + head.offset(_HEAD / 2 + _WALL)
+    return [np.asarray(p, float) for p in near.to_polygons()]
 
 
 def _hole(top: float, x: float, y: float) -> Any:

@@ -27,7 +27,11 @@ def test_step_files_know_neither_the_time_nor_what_was_written_before(tmp_path):
     assert len(occ.read_step(whole)) == 2
 
 
-@pytest.mark.parametrize("name", ["Würfel", "日本-é", "😀ä"])
+@pytest.mark.parametrize(
+    "name",
+    ["Würfel", "日本-é", "😀ä", "日" * 30, "я" * 40, *("a" * n + "ééé日" for n in range(56, 66))],
+    ids=range(15),
+)
 def test_names_in_step_files_are_read_as_they_were_given(tmp_path, name):
     path = tmp_path / "named.step"
     solids = {f"{name}-{k}": occ.solids_of(bd.Box(1, 2, k))[0] for k in (1, 2)}

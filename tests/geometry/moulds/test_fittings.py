@@ -42,3 +42,13 @@ def test_no_screw_goes_through_what_is_cast():
     for z in (15.0, -5.0):
         slab = m3.Manifold.cube([70, 50, 0.5], True).translate([0, 0, z])
         assert joined(block(31.0), BELOW, slab, UP, ORIGIN, UP, 0.1).screws == 0
+
+
+@pytest.mark.parametrize("edge", np.arange(-21.0, 10.0, 2.5))
+@pytest.mark.parametrize("z", [15.0, -5.0])
+def test_screws_find_places_where_they_leave_a_wall_to_what_is_cast(edge, z):
+    slab = m3.Manifold.cube([100, 50, 0.5]).translate([edge, -25, z])
+    joint = joined(block(31.0), BELOW, slab, UP, ORIGIN, UP, 0.1)
+    assert joint.screws >= 1
+    taken = (block(31.0) - joint.above) if z > 0 else (BELOW - joint.below)
+    assert taken.min_gap(slab, 10.0) > 1.35  # of 1.4 with circles of 32 sides
