@@ -161,7 +161,7 @@ def of_bodies(options: argparse.Namespace) -> None:
             write_random(folder, rng)
             kind, said, _ = outcome(partial(load_device, folder), options.until)
         kinds.append(kind)
-        print(f"  body {k}: {kind}: {said}", flush=True)
+        print(f"  body {k + 1}: {kind}: {said}", flush=True)
     print(f"{len(kinds)} random bodies, seed {options.seed}: {_counted(kinds)}", flush=True)
 
 

@@ -9,7 +9,7 @@ LoadingPath = tuple[tuple[str, float], ...]
 
 
 def on_path(weights: Mapping[str, float]) -> tuple[LoadingPath, float]:
-    """Of a state with so much of each pose (one at least above zero): poses of which it has
+    """Of a state with so much of each pose (of one at least, not zero): poses of which it has
     nothing, and the order in which they are given, do not matter."""
     largest = max(map(abs, weights.values()))
     return tuple((n, round(w / largest, 9)) for n, w in sorted(weights.items()) if w), largest

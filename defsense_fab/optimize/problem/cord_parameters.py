@@ -80,7 +80,7 @@ def together(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Float]:
     own: list[Int] = []
     count = 0
     for sensor in sensors:
-        sensor = replace(sensor, free=_freedom(sensor, sensors))
+        sensor = replace(sensor, free=freedom(sensor, sensors))
         lead = next((i for i, c in enumerate(cords) if _joined(c, sensor)), None)
         if lead is None:
             cord = CordParameters(sensor)
@@ -88,14 +88,14 @@ def together(sensors: Sequence[Sensor]) -> tuple[list[CordParameters], Float]:
             count += cord.size
         else:
             leader = cords[lead]
-            cord = CordParameters(_in_frame(sensor, leader.sensor.plane), leader)
+            cord = CordParameters(in_frame(sensor, leader.sensor.plane), leader)
             own.append(np.concatenate([_own(cord, count)[:-FRAME], own[lead][-FRAME:]]))
             count += cord.size - FRAME
         cords.append(cord)
     return cords, _spread(own)
 
 
-def _freedom(sensor: Sensor, sensors: Sequence[Sensor]) -> frozenset[str]:
+def freedom(sensor: Sensor, sensors: Sequence[Sensor]) -> frozenset[str]:
     """A cord's freedom less what others in its plane have not: a plane is as free as the least free
     of its cords."""
     same = [s.free for s in sensors if s.plane.coincides(sensor.plane)]
@@ -131,7 +131,7 @@ def _joined(cord: CordParameters, sensor: Sensor) -> bool:
     )
 
 
-def _in_frame(sensor: Sensor, plane: Plane) -> Sensor:
+def in_frame(sensor: Sensor, plane: Plane) -> Sensor:
     """The same cord in another frame of its plane."""
     turn = plane.axes[:, :2].T @ sensor.plane.axes[:, :2]
     shift = (sensor.plane.origin - plane.origin) @ plane.axes[:, :2]

@@ -111,7 +111,7 @@ def optimise(
     try:
         show = partial(part, report, 0.0, 0.25)
         begun = _begin(problem, drawn, rng, show, extra, planes, normals, starts, candidates, best)
-        initial = initial or (begun[0] if begun else ())
+        initial = initial or (as_told(begun[0]) if begun else ())
         show = partial(part, report, 0.25, 1.0)
         reached.extend(_improve(problem, begun, finalists, best, show, follow))
         report(1.0, f"best {best.rank[1]:.3g} mm")

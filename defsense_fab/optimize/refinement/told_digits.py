@@ -8,7 +8,8 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.curves.curve import Hermite, Plane
-from ...core.device.device import Sensor
+from ...core.device.device import PLANE_FREEDOMS, Sensor
+from ..problem.cord_parameters import freedom, in_frame
 from ..search.starting_layouts import Layout
 
 #: Decimals of lengths in mm, and of directions: far finer than any printer, far coarser than what
@@ -17,19 +18,35 @@ _LENGTHS, _DIRECTIONS = 4, 6
 
 
 def as_told(layout: Layout) -> Layout:
-    """The layout with what is free of each cord rounded; what was given stays as it is."""
-    return tuple(_rounded(s) for s in layout)
+    """The layout with what is free of each cord rounded; what was given stays as it is, and cords
+    in one plane stay in it."""
+    out: list[Sensor] = []
+    for sensor, lead in zip(layout, _leads(layout), strict=True):
+        free = freedom(sensor, layout)
+        if free & PLANE_FREEDOMS and not _same_frame(sensor.plane, lead.plane):
+            sensor = in_frame(sensor, lead.plane)
+        out.append(_rounded(sensor, free))
+    return tuple(out)
 
 
-def _rounded(sensor: Sensor) -> Sensor:
+def _leads(layout: Layout) -> list[Sensor]:
+    """Of each cord the first one in its plane."""
+    return [next(s for s in layout if s.plane.coincides(sensor.plane)) for sensor in layout]
+
+
+def _same_frame(a: Plane, b: Plane) -> bool:
+    return np.array_equal(a.origin, b.origin) and np.array_equal(a.axes, b.axes)
+
+
+def _rounded(sensor: Sensor, free: frozenset[str]) -> Sensor:
     curve, plane = sensor.curve, sensor.plane
-    if "path" in sensor.free:
+    if "path" in free:
         curve = Hermite(_told(curve.points, _LENGTHS), _told(curve.tangents, _LENGTHS))
     origin = _told(plane.origin, _LENGTHS)
-    if "plane" in sensor.free:
+    if "plane" in free:
         normal, x_axis = (_told(v, _DIRECTIONS) for v in (plane.normal, plane.axes[:, 0]))
         plane = Plane.from_normal(origin, normal, x_axis)
-    elif "offset" in sensor.free:
+    elif "offset" in free:
         plane = Plane(origin, plane.axes)
     return replace(sensor, curve=curve, plane=plane)
 

@@ -68,7 +68,7 @@ def build(
                 )
         if old.exists():  # a build was interrupted while trading places
             if final.exists():
-                shutil.rmtree(old)
+                keep(old, kept, final)
             else:
                 old.replace(final)
         stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
@@ -92,11 +92,11 @@ def build(
         if final.exists():
             final.replace(old)
         working.replace(final)
-        if old.exists() and stages != STAGES:
+        if stages == STAGES:
+            shutil.rmtree(kept, ignore_errors=True)
+        elif old.exists():
             with suppress(DefsenseError, OSError):
                 keep(old, kept, final)  # a look at another mesh costs no layout
-        else:
-            shutil.rmtree(kept, ignore_errors=True)
         shutil.rmtree(old, ignore_errors=True)
     return BuildResult(final, tuple(made), tuple(reused))
 

@@ -123,14 +123,18 @@ def with_relief(
         cords = built_cords(task, channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets))
         found.append((changed, cords, predict(task, cords).prediction.unseen))
     (straight, _, without), (bent, cords, with_bends) = found
-    enough = all(c.length >= device.cord.min_stretch - _TOLERANCE for c in cords)
-    if enough and with_bends <= WORSE * without and _allows(bent, surface, sensors):
+    costs = []
+    if with_bends > WORSE * without:
+        costs.append(f"raise the predicted error from {without:.2f} to {with_bends:.2f} mm")
+    if any(c.length < device.cord.min_stretch - _TOLERANCE for c in cords):
+        costs.append("leave too little cord to stretch")
+    if not _allows(bent, surface, sensors):
+        costs.append("ask for longer channels")
+    if not costs:
         return bent, []
     return straight, [
         "wires leave by the cords' mouths, without a bend that relieves their joints: the deeper"
-        f" pockets would raise the predicted error from {without:.2f} to {with_bends:.2f} mm,"
-        " leave too little cord to stretch, or ask for longer channels; strain_relief = true"
-        " in [fabrication] makes them"
+        f" pockets would {' and '.join(costs)}; strain_relief = true in [fabrication] makes them"
     ]
 
 

@@ -73,9 +73,8 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     """
     result = build(device, "simulate", progress)
     task = load_task(device, result.folder)
-    auto = device.decoder == "auto"
-    if auto:
-        task = task.decoded_by(_RICH)
+    kinds = decoders(device, task)
+    task = task.decoded_by(_RICH if _RICH in kinds else kinds[0])
     folder = study_folder(device)
     key = study_key(device, result.folder)
     with storage_errors(folder):
@@ -96,7 +95,6 @@ def study(device: Device, least: int, most: int, progress: Progress = silent) ->
     try:
         with one_blas_thread():
             for count, layout in search:
-                kinds = decoders(device, task)
                 cords = assumed_cords(task, layout)
                 scored = [predict(task.decoded_by(k), cords).prediction for k in kinds]
                 prediction = min(scored, key=lambda p: p.unseen)

@@ -56,6 +56,30 @@ def test_what_was_given_stays_as_it_is(cord):
     assert np.abs(shifted.plane.origin - cord.plane.origin).max() <= 5.1e-5
 
 
+@pytest.mark.parametrize("kinds", [("path plane", ""), ("", "path plane"), ("path",) * 2,
+    ("path plane",) * 2, ("path plane", "path offset"), ("path offset",) * 2])  # fmt: skip
+def test_cords_in_one_slanted_plane_stay_in_it(cord, kinds):
+    """Frames far apart: what a direction is rounded by counts 300 mm away."""
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        plane = Plane.from_normal(*rng.normal(size=(3, 3)))
+        x_axis = plane.axes @ [*rng.normal(size=2), 0]
+        away = plane.to_world(rng.normal(size=2) * 300)
+        frames = plane, Plane.from_normal(away, plane.normal, x_axis)
+        pair = [
+            replace(cord, plane=p, free=frozenset(k.split()))
+            for p, k in zip(frames, kinds, strict=True)
+        ]
+        told = as_told(tuple(pair))
+        assert told[0].plane.coincides(told[1].plane)
+        assert told[1].plane.coincides(told[0].plane)
+        for before, after in zip(pair, told, strict=True):
+            assert np.abs(sample_path(after) - sample_path(before)).max() < 1e-3
+            assert after.free == before.free
+            if not before.free:
+                assert after.plane is before.plane
+
+
 def test_the_search_tells_few_digits(problem):
     found = optimise(
         problem, (), np.random.default_rng(0), lambda *_: None, extra=1, starts=1, finalists=1,

@@ -232,6 +232,12 @@ def test_bends_are_left_out_where_they_cost_too_much(cube, monkeypatch, loss, le
     made = channels_of(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
     assert sum(len(c.leads) for c in made) == bends
     assert bool(note) == (bends == 0)
+    for said, costs in (
+        ("error", loss > 1.05),
+        ("too little", length < 20),
+        ("longer", piece > 55),
+    ):
+        assert (said in "".join(note)) == costs
     assert not verify(device.sensors, body.surface, limits(decided)).problems
     wanted = replace(device, fabrication=replace(device.fabrication, strain_relief=True))
     kept, note = decide(wanted, None, body.surface, device.sensors, None)

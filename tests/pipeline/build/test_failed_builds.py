@@ -131,6 +131,24 @@ def test_a_look_at_another_mesh_costs_no_later_stage(folder, ran):
     assert hidden(folder) == []
 
 
+def test_later_stages_outlast_what_comes_after_a_look_at_another_mesh(folder, ran):
+    """A build that is removed by hand, and one that was interrupted while trading places."""
+    build(load_device(folder))
+    change(folder, "edge_length = 6.0", "edge_length = 7.0")
+    build(load_device(folder), "mesh")
+    (folder / ".build-kept").replace(folder / ".build-old")
+    build(load_device(folder), "mesh")
+    assert hidden(folder) == [".build-kept"]
+    shutil.rmtree(folder / "build")
+    build(load_device(folder), "mesh")
+    assert hidden(folder) == [".build-kept"]
+    change(folder, "edge_length = 7.0", "edge_length = 6.0")
+    del ran[:]
+    build(load_device(folder))
+    assert ran == []
+    assert hidden(folder) == []
+
+
 def test_a_failure_after_stages_that_the_build_has_leaves_nothing(folder, ran, monkeypatch):
     build(load_device(folder))
     change(folder, "noise = 0.002", "noise = 0.003")

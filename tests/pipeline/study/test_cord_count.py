@@ -4,6 +4,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.cli.main import main
 from defsense_fab.core.curves.curve import Plane
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import LayoutError
+from defsense_fab.pipeline.study import cord_count
 from defsense_fab.pipeline.study.cord_count import (
     FILE,
     studied_layouts,
@@ -85,6 +88,28 @@ def test_what_a_study_has_left_is_for_the_device_that_it_was_made_of(tmp_path, s
     told = [(one.name, one.error, len(one.sensors), one.parts) for one in found]
     assert told == [("study, 1 cord", 1.2, 1, None), ("study, 2 cords", 0.9, 2, None)]
     assert studied_layouts(replace(device, planes=2), tmp_path / "build") == []
+
+
+@pytest.mark.parametrize(
+    ("decoder", "how", "searched"),
+    [("auto", "held out", "quadratic"), ("auto", "none", "affine"), ("kernel", "none", "kernel")],
+)
+def test_cords_are_found_for_a_decoder_that_they_are_judged_by(
+    tmp_path, monkeypatch, decoder, how, searched
+):
+    for name in ("bar.py", "device.toml"):
+        shutil.copy(BAR / name, tmp_path)
+    task = SimpleNamespace(unseen=SimpleNamespace(how=how))
+    task.decoded_by = lambda kind: SimpleNamespace(unseen=task.unseen, design=kind)
+
+    def by_count(design, *_, **__):
+        raise LayoutError(design)
+
+    monkeypatch.setattr(cord_count, "build", lambda *_: SimpleNamespace(folder=tmp_path))
+    monkeypatch.setattr(cord_count, "load_task", lambda *_: task)
+    monkeypatch.setattr(cord_count, "by_count", by_count)
+    with pytest.raises(LayoutError, match=searched):
+        cord_count.study(replace(load_device(tmp_path), decoder=decoder), 1, 2)
 
 
 @pytest.mark.slow
