@@ -330,8 +330,8 @@ KEYS: Mapping[str, Mapping[str, Key]] = {
         "decoder": Key(
             "`affine` maps the signals; `quadratic` their squares and products too, `kernel` any"
             " smooth function of them: better with many states and little noise; `auto` designs for"
-            " each and takes the one that does best on states left out of its training in turn, or"
-            " `affine` where none can be left out"
+            " each and takes the one that does best on unseen states, or `affine` where there are"
+            " none"
         ),
         "prefer": Key(
             "`simple`: of the layouts within 5 % of the best as built the one with nothing to"

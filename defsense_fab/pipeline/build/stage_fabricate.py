@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...core.prediction import Prediction
@@ -31,6 +29,7 @@ from ..artifacts.manifest import (
     save_manifest,
 )
 from ..design.as_built import as_made, fabricate, mould_rules, rules, with_relief
+from ..design.cord_pull import is_stiff, pulls
 from ..design.design_task import load_task
 from ..design.open_joints import overstretched
 from ..making import casting
@@ -45,8 +44,6 @@ _ANSWERS = {
     "none": "none",
     "rising": "the reverse of that in tension, so that resistance rises both ways",
 }
-#: Cords that are so many times as stiff as the body in their place are told.
-_STIFF = 2.0
 
 
 def run(device: Device, folder: Path, report: Report) -> None:
@@ -59,7 +56,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     made = fabricate(device, surface, sensors, report, solid, bay)
     report(0.75, "predicting with joints")
     built = as_made(task, made.channels)
-    told = (*made.warnings, *note, *overstretched(device, made, built.cords))
+    said = pulls(device, task.design.locator, built.cords, layout.band.median)
+    told = (*made.warnings, *note, *overstretched(device, made, built.cords), *said)
     made = replace(made, warnings=told)
     show = partial(part, report, 0.8, 1.0)
     write(device, made, folder, layout, cut_list(device, made, built), built.prediction, show)
@@ -203,9 +201,7 @@ def _warnings(device: Device, layout: LayoutRecord) -> list[str]:
             f" measured: it is taken to be {_ANSWERS[cord.compression]}; calibrate the cord, or"
             ' take assembly = "held", which stretches cords so far that none is compressed'
         )
-    stiff = cord.modulus * np.pi / 4 * cord.diameter**2
-    soft = device.material.young_modulus * device.channel_diameter**2 * np.pi / 4
-    if bonded and stiff > _STIFF * soft:
+    if bonded and is_stiff(device):
         warnings.append(
             f"the cord ({cord.modulus:g} MPa) is stiffer than {device.material.name}"
             f" ({device.material.young_modulus:.2g} MPa), which is not in the simulation: bonded"

@@ -60,7 +60,8 @@ def run(device: Device, folder: Path, report: Report) -> None:
     parts = load_parts(folder, manifest)
     found = surface_errors(folder, layout)
     turning = view3d(scene(device, folder, layout, manifest, parts, found, frame))
-    guide = assembly_guide(device, layout, manifest, parts, frame)
+    poses = load_index(folder).warnings
+    guide = assembly_guide(device, layout, manifest, parts, frame, poses)
     write_page(folder / "guide.html", "guide", guide=guide, view3d=turning)
     write_pdf(guide, folder / "guide.pdf")
     write_guide_file(guide, folder / "guide.json")
@@ -72,7 +73,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         "report",
         device=device,
         layout=layout,
-        poses=load_index(folder).warnings,
+        poses=poses,
         manifest=manifest,
         mesh=load_mesh_record(folder),
         meaning=MEANING,

@@ -190,6 +190,23 @@ def prestretch_for(strain: Float) -> float:
     return needed_prestretch(float(np.min(strain, initial=0.0)))
 
 
+def as_laid(
+    device: Device,
+    task: DesignTask,
+    surface: Surface,
+    sensors: Sequence[Sensor],
+    bay: Prism | None,
+) -> Scored:
+    """What cords along the paths would sense, with their ends as the channels would be made; as the
+    search assumes them where there is no channel to be made."""
+    try:
+        device, _ = with_relief(device, task, surface, sensors, bay)
+        r = rules(device, bay)
+        return as_made(task, channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets))
+    except FabricationError:
+        return predict(task, assumed_cords(task, sensors))
+
+
 def as_made(task: DesignTask, channels: Sequence[Channel]) -> Scored:
     """What the device is predicted to sense with its cords as they are built in."""
     return predict(task, built_cords(task, channels))

@@ -66,7 +66,7 @@ def studied_layouts(device: Device, folder: Path) -> list[ComparedLayout]:
 
 def study(device: Device, least: int, most: int, progress: Progress = silent) -> Study:
     """Find the best layouts of `least` to `most` cords for the device's poses; with `auto` each
-    number has the decoder that does best on states left out of its training.
+    number has the decoder that does best on unseen states.
 
     Each number is written to `study/` beside `device.toml` when it is done, and a study that was
     interrupted goes on from there. Cords drawn in `device.toml` are left out of account.

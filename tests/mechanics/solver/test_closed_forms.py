@@ -16,6 +16,7 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
 from defsense_fab.mechanics.solver.fields import deformation_gradient_at_nodes, principal_stretches
 from defsense_fab.mechanics.solver.load_stepping import solve_ramp
 from defsense_fab.mechanics.solver.newton import System
+from defsense_fab.mechanics.solver.small_loads import displaced, line_forces
 from defsense_fab.sensing.response import Response
 from defsense_fab.sensing.signal import signals
 from tests.conftest import structured_bar
@@ -68,6 +69,20 @@ def slender():
 
 def structured(low, high, counts):
     return QuadraticMesh.from_linear(structured_bar(low, high, counts))
+
+
+def test_a_taut_line_bends_and_shortens_a_bar_as_beams_do(slender):
+    """Euler-Bernoulli; 5 % for how the forces at its ends spread, some of 110 mm."""
+    x, tension, off = slender.nodes, 0.01, 3.0
+    path = np.stack([np.linspace(20, 130, 111), np.zeros(111), np.full(111, off)], axis=1)
+    forces = line_forces(PointLocator(slender), path, tension)
+    assert np.abs(forces.sum(axis=0)).max() < 1e-12
+    assert np.abs(np.cross(x, forces).sum(axis=0)).max() < 1e-9
+    u = displaced(slender, MATERIAL, np.flatnonzero(x[:, 0] <= 5), forces)
+    bent = tension * off / (YOUNG * 10**4 / 12)
+    tip = np.abs(x[:, 0] - 150) < 1e-3
+    assert u[tip, 2].mean() == pytest.approx(bent * 110 * (150 - 75), rel=0.05)
+    assert u[tip, 0].mean() == pytest.approx(-tension * 110 / (YOUNG * 100), rel=0.05)
 
 
 def clamped(mesh, rotation):

@@ -260,7 +260,9 @@ def test_the_reference_gives_the_largest_swing():
 def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, layout, manifest):
     device, _ = cube
     parts = {p["name"]: load_part(folder / "parts" / p["stl"]) for p in manifest["parts"]}
-    guide = assembly_guide(device, layout, load_manifest(folder), parts, np.eye(3))
+    layout = replace(layout, warnings=("What is to be said of a cord",))
+    said = "What is to be said of a pose"
+    guide = assembly_guide(device, layout, load_manifest(folder), parts, np.eye(3), [said])
     write_page(folder / "guide.html", "guide", guide=guide)
     write_pdf(guide, folder / "guide.pdf")
     write_guide_file(guide, folder / "guide.json")
@@ -275,6 +277,7 @@ def test_the_guide_tells_every_step_in_html_and_pdf(cube, folder, layout, manife
     for part in manifest["parts"]:
         assert part["name"] in page
     assert "The rest hangs out until a later joint" in page
+    assert [page.count(f"What is to be said of a {what}") for what in ("pose", "cord")] == [1, 1]
     pdf = (folder / "guide.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-")
     assert len(re.findall(rb"/Subtype /Image", pdf)) >= shown

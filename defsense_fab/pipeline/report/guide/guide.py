@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ....core.arrays import Float
@@ -56,8 +56,10 @@ def assembly_guide(
     manifest: Manifest,
     parts: Mapping[str, Surface],
     frame: Float,
+    notes: Sequence[str] = (),
 ) -> Guide:
-    """The guide of a device with its parts by name; `frame` (3, 3) says how its body stands."""
+    """The guide of a device with its parts by name; `frame` (3, 3) says how its body stands, and
+    `notes` what there is to say of its poses."""
     pictures = Pictures(device, layout, manifest, parts)
     steps, problem = guide_steps(device, manifest, parts), order_of(manifest)[1]
     return Guide(
@@ -66,6 +68,8 @@ def assembly_guide(
         f" {len(manifest.cords)} cord{'s' * (len(manifest.cords) > 1)}. All lengths in mm."
         + _of_copies(manifest.copies),
         warnings=(
+            *notes,
+            *layout.warnings,
             *manifest.warnings,
             *([] if problem is None else [problem]),
         ),
