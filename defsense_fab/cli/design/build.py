@@ -138,6 +138,18 @@ def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
             f" {tried[best]:.2f} mm; [design] decoder chooses"]  # fmt: skip
 
 
+def _begun_as_well(layout: dict[str, Any]) -> list[str]:
+    """Where the search set out from what tells unseen states as well as the layout taken."""
+    begun, taken = (layout[k]["unseen"] for k in ("initial", "prediction"))
+    if begun >= taken:
+        return []
+    return [
+        f"note: what the search set out from would have {begun:.3f} mm if it could be made, the"
+        f" layout taken has {taken:.3f} mm: it keeps all limits, and is the simplest of those that"
+        " are about as good ([design] prefer)"
+    ]
+
+
 def _measured(response: dict[str, Any] | None) -> list[str]:
     """The cords' response that was used, where it was measured."""
     if response is None:
@@ -227,6 +239,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace, asked: Asked) -> No
         table.add_row("floor of affine maps, all states", "", f"{best['floor']:.3f}")
         out.print(table)
         say([f"note: {MEANING[best['how']]}"])
+        say(_begun_as_well(layout))
         say(_measured(layout["response"]))
         say(_cost_of_affine(layout))
         say(_weighed(layout["weighed"]))
