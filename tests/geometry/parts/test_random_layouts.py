@@ -69,6 +69,7 @@ def test_a_random_layout_is_made_well_or_refused(name, seed, tmp_path):
         return
     for check in made.checks:
         assert np.isfinite(check.value)
+    assert all(p.diameter >= 3 and p.length >= 4 for p in made.pins)
     total = 0.0
     for part in made.parts:
         solid = triangle_kernel.to_manifold(laid(part.surface, part.down), part.name)
