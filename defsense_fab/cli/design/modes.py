@@ -55,6 +55,9 @@ def _modes(options: argparse.Namespace) -> int:
             sys.stdout.write(json.dumps(data, indent=1) + "\n")
         else:
             _show_modes(found, options)
+            if options.write and device.poses and device.states.given:
+                say(["note:    [states] in device.toml lists mixtures: add those of the new"
+                     " poses, or leave the lists out, so that all poses are mixed"])  # fmt: skip
     return 0
 
 

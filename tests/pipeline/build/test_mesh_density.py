@@ -1,6 +1,7 @@
 """The edge length chosen by the accuracy of signals, and what a build says of poses."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 
@@ -141,6 +142,7 @@ def test_modes_propose_poses_that_build(folder, capsys):
     assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 0
     said = capsys.readouterr().out
     assert "far_end" in said
+    assert "add those" not in said
     assert (folder / "modes.png").read_bytes()[:4] == b"\x89PNG"
     assert [p.name for p in load_device(folder).poses] == ["bend", "bend_2", "twist", "stretch"]
     assert main(["simulate", str(folder)]) == 0
@@ -149,9 +151,10 @@ def test_modes_propose_poses_that_build(folder, capsys):
     assert "there is a pose 'bend' already" in capsys.readouterr().err
     text = (folder / "device.toml").read_text("utf-8")
     assert "bend = 0.5, bend_2 = 1" in text  # mixtures, which name the poses
-    text = text[: text.index("[states]")].replace('name = "', 'name = "my_')
-    (folder / "device.toml").write_text(text.replace("my_tango", "tango").replace("my_rub", "rub"))
+    text = re.sub(r"\b(bend|bend_2|twist|stretch)( = |\")", r"my_\1\2", text)
+    (folder / "device.toml").write_text(text)
     assert main(["modes", str(folder), "--fixed", "base", "--write"]) == 0  # the same region
+    assert "add those of the new poses" in capsys.readouterr().out
     assert set(load_device(folder).regions) == {"base", "far_end"}
     capsys.readouterr()
     assert main(["modes", str(folder), "--fixed", "bse"]) == 2
