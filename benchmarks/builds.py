@@ -181,6 +181,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--until", choices=("optimize", "fabricate", "report"), default="fabricate")
     options = parser.parse_args()
+    if options.first < 1:
+        parser.error(f"--first {options.first}: counts from 1")
     if options.what == "bodies":
         of_bodies(options)
     for source in options.folder:

@@ -15,8 +15,8 @@ HELD_OUT, LEFT_OUT, NONE = "held out", "left out", "none"
 #: What an error on unseen states is worth, for those who read it.
 MEANING = {
     HELD_OUT: "unseen states are those held out: neither the cords' paths nor the decoder were"
-    ' fitted to them; of the few layouts that the search came to and, with decoder = "auto", of'
-    " three kinds of decoders the best on them was taken",
+    ' fitted to them; the few layouts that the search came to and, with decoder = "auto", three'
+    " kinds of decoders were compared on them",
     LEFT_OUT: "no states are held out: each amplitude and mixture was left out of the decoder's"
     " training in turn, but the cords were designed for all of them; [states] held_out in"
     " device.toml tells more",

@@ -141,12 +141,11 @@ def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
 def _begun_as_well(layout: dict[str, Any]) -> list[str]:
     """Where the search set out from what tells unseen states as well as the layout taken."""
     begun, taken = (layout[k]["unseen"] for k in ("initial", "prediction"))
-    if begun >= taken:
+    if round(begun, 3) >= round(taken, 3):
         return []
     return [
-        f"note: what the search set out from would have {begun:.3f} mm if it could be made, the"
-        f" layout taken has {taken:.3f} mm: it keeps all limits, and is the simplest of those that"
-        " are about as good ([design] prefer)"
+        "note: the layout taken tells these states no better than what the search set out from,"
+        " which is scored by its paths alone, not by what it takes to make"
     ]
 
 

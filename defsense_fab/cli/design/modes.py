@@ -56,8 +56,8 @@ def _modes(options: argparse.Namespace) -> int:
         else:
             _show_modes(found, options)
             if options.write and device.poses and device.states.given:
-                say(["note:    [states] in device.toml lists mixtures: add those of the new"
-                     " poses, or leave the lists out, so that all poses are mixed"])  # fmt: skip
+                say(["note: [states] in device.toml lists mixtures: add those of the new poses,"
+                     " or leave the lists out, so that all poses are mixed"])  # fmt: skip
     return 0
 
 

@@ -89,9 +89,13 @@ def _cone(foot: float, height: float, x: float, y: float, opens: Float, play: fl
 
 def _blocked(cast: Any, top: float) -> list[Float]:
     """Outlines of the places where a screw would leave too little wall to what is cast."""
-    thread = cast.trim_by_plane([0, 0, 1], -_SCREW_DEPTH - _WALL).project()
-    head = cast.trim_by_plane([0, 0, 1], _SEAT - _WALL if top > _SEAT + 1 else top).project()
-    near = thread.offset(_SCREW / 2 + _WALL) + head.offset(_HEAD / 2 + _WALL)
+    over, under = ([0, 0, 1], [0, 0, -1])
+    pilot = cast.trim_by_plane(over, -_SCREW_DEPTH - _WALL).trim_by_plane(under, 0.0)
+    hole = cast.trim_by_plane(over, 0.0)
+    head = cast.trim_by_plane(over, _SEAT - _WALL if top > _SEAT + 1 else top)
+    near = m3.CrossSection()
+    for solid, width in ((pilot, _PILOT), (hole, _SCREW), (head, _HEAD)):
+        near = near + solid.project().offset(width / 2 + _WALL)
     return [np.asarray(p, float) for p in near.to_polygons()]
 
 

@@ -18,8 +18,8 @@ _LENGTHS, _DIRECTIONS = 4, 6
 
 
 def as_told(layout: Layout) -> Layout:
-    """The layout with what is free of each cord rounded; what was given stays as it is, and cords
-    in one plane stay in it."""
+    """The layout with what is free of each cord rounded; what was given stays where it is, and
+    cords in one plane that is free stay in it, in the frame of the first of them."""
     out: list[Sensor] = []
     for sensor, lead in zip(layout, _leads(layout), strict=True):
         free = freedom(sensor, layout)

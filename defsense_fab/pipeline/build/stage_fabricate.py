@@ -38,7 +38,8 @@ from ..making.print_advice import print_advice
 from .cut_list import behind, bill, cut_list
 from .stages import Report
 
-_ANSWERS = {
+#: What bonded cords are taken to answer to compression, by `[cord] compression`.
+ANSWERS = {
     "same": "the same as in tension",
     "half": "half of that in tension",
     "none": "none",
@@ -56,7 +57,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
     made = fabricate(device, surface, sensors, report, solid, bay)
     report(0.75, "predicting with joints")
     built = as_made(task, made.channels)
-    said = pulls(device, task.design.locator, built.cords, layout.band.median)
+    said = pulls(device, task, built.cords, layout.band.median)
     told = (*made.warnings, *note, *overstretched(device, made, built.cords), *said)
     made = replace(made, warnings=told)
     show = partial(part, report, 0.8, 1.0)
@@ -198,7 +199,7 @@ def _warnings(device: Device, layout: LayoutRecord) -> list[str]:
     if bonded and pressed and cord.compression != "measured":
         warnings.append(
             "bonded cords are compressed, and how their resistance answers to that was not"
-            f" measured: it is taken to be {_ANSWERS[cord.compression]}; calibrate the cord, or"
+            f" measured: it is taken to be {ANSWERS[cord.compression]}; calibrate the cord, or"
             ' take assembly = "held", which stretches cords so far that none is compressed'
         )
     if bonded and is_stiff(device):

@@ -37,7 +37,7 @@ from ..artifacts.layout import (
 )
 from ..artifacts.mesh import load_mesh_record
 from ..artifacts.weighed_layouts import WeighedCords, save_weighed
-from ..design.as_built import as_laid, assumed_cords
+from ..design.as_built import assumed_cords, scored_by_paths
 from ..design.choose_layout import choose_layout
 from ..design.design_task import SEED, DesignTask, decoders, load_task, tolerances_of
 from ..design.predict import Scored, left_out_error, predict
@@ -71,7 +71,7 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
     # Of those not designed for: what they would make of the cords chosen.
     decoded = {kind: task.decoded_by(kind) for kind in DECODERS}
     problem, tolerances = task.design, tolerances_of(device)
-    initial = as_laid(device, task, surface, found.initial, bay)
+    initial = scored_by_paths(device, task, surface, found.initial, bay)
     check = verify(found.sensors, surface, problem.limits)
     if check.problems:
         raise LayoutError(f"the optimised layout fails its check: {check.problems[0]}")

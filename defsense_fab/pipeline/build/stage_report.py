@@ -34,6 +34,7 @@ from ..report.pictures.routing import routing
 from ..report.surface_errors import SurfaceErrors, state_words, surface_errors
 from ..report.viewer.page import view3d
 from ..report.viewer.scene import scene
+from .stage_fabricate import ANSWERS
 from .stages import Report
 
 _MOST = 99.5  # per cent of the strain in a state: the end of the scale, but for few places
@@ -77,6 +78,7 @@ def run(device: Device, folder: Path, report: Report) -> None:
         manifest=manifest,
         mesh=load_mesh_record(folder),
         meaning=MEANING,
+        answers=ANSWERS,
         images=images,
         view3d=turning,
         colors=COLORS,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ...mechanics.solver.load_stepping import Equilibrium
 
 #: Raised when a stage's results change for the same input, so that old ones are not reused.
-CODE_VERSION = 38
+CODE_VERSION = 39
 
 Report = Callable[[float, str], None]
 

@@ -125,7 +125,7 @@ def with_relief(
     (straight, _, without), (bent, cords, with_bends) = found
     costs = []
     if with_bends > WORSE * without:
-        costs.append(f"raise the predicted error from {without:.2f} to {with_bends:.2f} mm")
+        costs.append(f"raise the predicted error from {without:.3g} to {with_bends:.3g} mm")
     if any(c.length < device.cord.min_stretch - _TOLERANCE for c in cords):
         costs.append("leave too little cord to stretch")
     if not _allows(bent, surface, sensors):
@@ -190,7 +190,7 @@ def prestretch_for(strain: Float) -> float:
     return needed_prestretch(float(np.min(strain, initial=0.0)))
 
 
-def as_laid(
+def scored_by_paths(
     device: Device,
     task: DesignTask,
     surface: Surface,

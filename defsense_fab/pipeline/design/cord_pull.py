@@ -10,14 +10,15 @@ from ...core.arrays import Int
 from ...core.device.device import Device
 from ...core.errors import DeviceError
 from ...mechanics.elements.material import Material
-from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
 from ...mechanics.loading.constraint_check import check_constraints
+from ...mechanics.solver.linear_solver import NotPositiveDefinite
 from ...mechanics.solver.small_loads import displaced, line_forces
 from ...sensing.built_cord import BuiltCord
+from .design_task import DesignTask
 
-#: Cords that are so many times as stiff as the body in their place are looked at.
+#: Bonded cords that are so many times as stiff as the body in their place are told.
 STIFF = 2.0
 
 
@@ -27,32 +28,37 @@ def is_stiff(device: Device) -> bool:
     return device.cord.modulus * device.cord.diameter**2 > STIFF * soft
 
 
-def pulls(
-    device: Device, locator: PointLocator, cords: Sequence[BuiltCord], error: float
-) -> list[str]:
-    """What is to be said where cords move the body at rest, with the regions fixed that the first
-    pose fixes, by more than the `error` (mm) that is promised. Their pull is that of their
-    pre-stretch, and the body's answer is linear. Raises nothing."""
-    held = [c for c in cords if c.prestretch]
-    if not held or not is_stiff(device):
+def pulls(device: Device, task: DesignTask, cords: Sequence[BuiltCord], error: float) -> list[str]:
+    """What is to be said where held cords move the markers at rest, the first pose's fixed regions
+    in their places, by more than the `error` (mm) that is promised; both are root mean squares.
+    Cords pull by their pre-stretch, and the body's answer is linear. Nothing is said where these
+    regions alone do not hold the body."""
+    taut = [(c.path, _rod(device) * c.prestretch) for c in cords if c.prestretch]
+    locator = task.everything.locator
+    fixed = _fixed(device, locator.mesh)
+    if not taut or fixed is None:
         return []
-    mesh, rod = locator.mesh, device.cord.modulus * np.pi / 4 * device.cord.diameter**2
-    tension = [rod * (c.prestretch or 0.0) for c in held]
-    fixed = _fixed(device, mesh)
-    if fixed is None:
+    forces = np.sum([line_forces(locator, path, tension) for path, tension in taut], axis=0)
+    try:
+        u = displaced(locator.mesh, Material.from_spec(device.material), fixed, forces)
+    except (NotPositiveDefinite, MemoryError):  # no build fails for a note
         return []
-    forces = [line_forces(locator, c.path, t) for c, t in zip(held, tension, strict=True)]
-    material = Material.from_spec(device.material)
-    moves = displaced(mesh, material, fixed, np.sum(forces, axis=0))
-    moved = float(np.linalg.norm(moves, axis=1).max())
+    at = locator.displacement(locator.find(task.points), u[None])[0]
+    moved = float(np.sqrt((at**2).sum(axis=1) @ task.everything.marker_weights))
     if moved <= error:
         return []
     return [
-        f"the cord ({device.cord.modulus:g} MPa) is stiff beside {device.material.name}"
-        f" ({device.material.young_modulus:.2g} MPa): stretched as they are laid, cords pull with"
-        f" up to {max(tension):.1f} N, and move the body by about {moved:.1f} mm at rest, which is"
-        " not in the simulation; training takes the rest as it finds it"
+        f"stretched as they are laid, cords pull with up to {max(t for _, t in taut):.2g} N, and"
+        f" move the surface by about {moved:.2g} mm (root mean square) at rest: cords of"
+        f" {device.cord.modulus:g} MPa in {device.material.name} of"
+        f" {device.material.young_modulus:.2g} MPa. That is not in the simulation; training takes"
+        " the rest as it finds it"
     ]
+
+
+def _rod(device: Device) -> float:
+    """A cord's tension over its strain, N."""
+    return device.cord.modulus * np.pi / 4 * device.cord.diameter**2
 
 
 def _fixed(device: Device, mesh: QuadraticMesh) -> Int | None:

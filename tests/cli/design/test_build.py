@@ -21,8 +21,7 @@ def test_what_the_affine_map_costs_is_told_where_it_is_kept():
     assert _cost_of_affine(layout(taken=0.3)) == []
 
 
-@pytest.mark.parametrize(("initial", "told"), [(1.0, 0), (0.9, 0), (0.89, 1)])
-def test_a_search_that_ends_no_better_than_it_began_says_why(initial, told):
+@pytest.mark.parametrize(("initial", "told"), [(1.0, 0), (0.9, 0), (0.8996, 0), (0.89, 1)])
+def test_a_search_that_ends_no_better_than_it_began_says_so(initial, told):
     said = _begun_as_well(layout(initial=initial))
     assert len(said) == told
-    assert all("simplest" in line and "prefer" in line for line in said)
