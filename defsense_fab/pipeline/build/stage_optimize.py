@@ -20,7 +20,7 @@ from ...optimize.limits.verification import LayoutCheck, verify
 from ...optimize.refinement.refine import Optimised, optimise, part, unimproved
 from ...optimize.search.plane_directions import face_directions
 from ...optimize.search.starting_layouts import FREE, Layout
-from ...optimize.studies.risks import risks
+from ...optimize.studies.risks import risks, too_few
 from ...optimize.studies.tolerance_monte_carlo import tolerance_band
 from ...sensing.built_cord import BuiltCord
 from ...sensing.signal import mean_strain, strain_range
@@ -85,7 +85,11 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
         response=device.cord.measured,
         sensors=sensors,
         min_clearance=check.min_clearance,
-        warnings=(*risks(problem, found.sensors), *_uncalibrated(device, sensors)),
+        warnings=(
+            *risks(problem, found.sensors),
+            *too_few(task.everything, final.prediction),
+            *_uncalibrated(device, sensors),
+        ),
         weighed=tuple(
             WeighedRecord(
                 t.designed,
