@@ -154,15 +154,18 @@ def of_bodies(options: argparse.Namespace) -> None:
     """Builds of random bodies."""
     kinds = []
     streams = np.random.default_rng(options.seed).spawn(options.count)
-    for k, rng in list(enumerate(streams))[options.first - 1 :]:
+    for k, rng in list(enumerate(streams, 1))[options.first - 1 :]:
         with tempfile.TemporaryDirectory() as made:
             folder = Path(made) / f"body-{k}"
             folder.mkdir()
             write_random(folder, rng)
             kind, said, _ = outcome(partial(load_device, folder), options.until)
         kinds.append(kind)
-        print(f"  body {k + 1}: {kind}: {said}", flush=True)
-    print(f"{len(kinds)} random bodies, seed {options.seed}: {_counted(kinds)}", flush=True)
+        print(f"  body {k}: {kind}: {said}", flush=True)
+    print(
+        f"random bodies {options.first} to {options.count}, seed {options.seed}: {_counted(kinds)}",
+        flush=True,
+    )
 
 
 def _counted(kinds: list[str]) -> str:
@@ -181,8 +184,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--until", choices=("optimize", "fabricate", "report"), default="fabricate")
     options = parser.parse_args()
-    if options.first < 1:
-        parser.error(f"--first {options.first}: counts from 1")
+    if not 1 <= options.first <= options.count:
+        parser.error(f"--first {options.first}: give a number from 1 to --count")
     if options.what == "bodies":
         of_bodies(options)
     for source in options.folder:

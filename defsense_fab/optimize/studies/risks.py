@@ -46,7 +46,7 @@ def too_few(problem: Problem, prediction: Prediction) -> list[str]:
     """A warning where more cords might tell the states of a `problem` far better, by the floors of
     affine maps."""
     count, error = len(prediction.noise), prediction.unseen
-    now, then = problem.floor(count), problem.floor(count + 1)
+    now, then = prediction.floor, problem.floor(count + 1)
     limited = prediction.unseen_noise_free > _WITHOUT_NOISE * error and now > _FLOOR * error
     if not limited or then > _FLOOR * error:
         return []

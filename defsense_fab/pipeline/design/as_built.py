@@ -119,8 +119,7 @@ def with_relief(
     found = []
     for relief in (False, True):
         changed = replace(device, fabrication=replace(f, strain_relief=relief))
-        r = rules(changed, bay)
-        cords = built_cords(task, channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets))
+        cords = built_cords(task, _channels(changed, surface, sensors, bay))
         found.append((changed, cords, predict(task, cords).prediction.unseen))
     (straight, _, without), (bent, cords, with_bends) = found
     costs = []
@@ -136,6 +135,13 @@ def with_relief(
         "wires leave by the cords' mouths, without a bend that relieves their joints: the deeper"
         f" pockets would {' and '.join(costs)}; strain_relief = true in [fabrication] makes them"
     ]
+
+
+def _channels(
+    device: Device, surface: Surface, sensors: Sequence[Sensor], bay: Prism | None
+) -> Sequence[Channel]:
+    r = rules(device, bay)
+    return channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets)
 
 
 def _allows(device: Device, surface: Surface, sensors: Sequence[Sensor]) -> bool:
@@ -201,8 +207,7 @@ def scored_by_paths(
     search assumes them where there is no channel to be made."""
     try:
         device, _ = with_relief(device, task, surface, sensors, bay)
-        r = rules(device, bay)
-        return as_made(task, channels_of(sensors, surface, r.channel, r.inner_wall, r.pockets))
+        return as_made(task, _channels(device, surface, sensors, bay))
     except FabricationError:
         return predict(task, assumed_cords(task, sensors))
 

@@ -18,15 +18,6 @@ from ...mechanics.solver.small_loads import displaced, line_forces
 from ...sensing.built_cord import BuiltCord
 from .design_task import DesignTask
 
-#: Bonded cords that are so many times as stiff as the body in their place are told.
-STIFF = 2.0
-
-
-def is_stiff(device: Device) -> bool:
-    """Whether a cord is stiffer by far than the body that it takes the place of."""
-    soft = device.material.young_modulus * device.channel_diameter**2
-    return device.cord.modulus * device.cord.diameter**2 > STIFF * soft
-
 
 def pulls(device: Device, task: DesignTask, cords: Sequence[BuiltCord], error: float) -> list[str]:
     """What is to be said where held cords move the markers at rest, the first pose's fixed regions
@@ -35,8 +26,7 @@ def pulls(device: Device, task: DesignTask, cords: Sequence[BuiltCord], error: f
     regions alone do not hold the body."""
     taut = [(c.path, _rod(device) * c.prestretch) for c in cords if c.prestretch]
     locator = task.everything.locator
-    fixed = _fixed(device, locator.mesh)
-    if not taut or fixed is None:
+    if not taut or (fixed := _fixed(device, locator.mesh)) is None:
         return []
     forces = np.sum([line_forces(locator, path, tension) for path, tension in taut], axis=0)
     try:

@@ -17,9 +17,12 @@ from defsense_fab.optimize.studies.risks import too_few
     ],
 )
 def test_too_few_cords_are_told(cords, floors, unseen, noise_free, told):
-    problem = SimpleNamespace(floor=lambda n: floors[n - cords])
+    problem = SimpleNamespace(floor={cords + 1: floors[1]}.__getitem__)
     prediction = SimpleNamespace(
-        noise=(0.002,) * cords, unseen=unseen, unseen_noise_free=noise_free
+        noise=(0.002,) * cords,
+        floor=floors[0],
+        unseen=unseen,
+        unseen_noise_free=noise_free,
     )
     said = too_few(problem, prediction)
     assert len(said) == told
