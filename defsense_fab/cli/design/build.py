@@ -138,14 +138,15 @@ def _cost_of_affine(layout: dict[str, Any]) -> list[str]:
             f" {tried[best]:.2f} mm; [design] decoder chooses"]  # fmt: skip
 
 
-def _begun_as_well(layout: dict[str, Any]) -> list[str]:
-    """Where the search set out from what tells unseen states as well as the layout taken."""
+def _begun_better(layout: dict[str, Any]) -> list[str]:
+    """Where the search set out from what tells unseen states better than the layout taken."""
     begun, taken = (layout[k]["unseen"] for k in ("initial", "prediction"))
     if round(begun, 3) >= round(taken, 3):
         return []
     return [
-        "note: the layout taken tells these states no better than what the search set out from,"
-        " which is scored by its paths alone, not by what it takes to make"
+        f"note: on unseen states the layout taken ({taken:.3f} mm) is worse than what the search"
+        f" set out from ({begun:.3f} mm), which is scored by its paths alone, not by what it takes"
+        " to make"
     ]
 
 
@@ -238,7 +239,7 @@ def _show(data: dict[str, Any], options: argparse.Namespace, asked: Asked) -> No
         table.add_row("floor of affine maps, all states", "", f"{best['floor']:.3f}")
         out.print(table)
         say([f"note: {MEANING[best['how']]}"])
-        say(_begun_as_well(layout))
+        say(_begun_better(layout))
         say(_measured(layout["response"]))
         say(_cost_of_affine(layout))
         say(_weighed(layout["weighed"]))

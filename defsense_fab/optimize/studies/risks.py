@@ -9,13 +9,14 @@ import numpy as np
 from ...core.curves.path_sampling import sample_path
 from ...core.device.device import Sensor
 from ...core.prediction import Prediction
+from ...decoding.unseen import NONE
 from ..problem.problem import Problem
 
 #: Signals that change less than this tell nothing, (R - R0)/R0.
 _SILENT = 1e-6
-#: An error is for want of cords where so much of it is left without noise, no affine map of so many
-#: signals has less than such a share of it, and one of a signal more might.
-_WITHOUT_NOISE, _FLOOR = 0.7, 0.5
+#: An error is for want of cords where so much of it is left without noise, no decoder is below such
+#: a share of the floor of so many signals, and the floor of more is below such a share of it.
+_WITHOUT_NOISE, _BELOW, _FLOOR = 0.7, 0.8, 0.5
 
 
 def risks(problem: Problem, sensors: Sequence[Sensor]) -> list[str]:
@@ -42,16 +43,19 @@ def risks(problem: Problem, sensors: Sequence[Sensor]) -> list[str]:
     return out
 
 
-def too_few(problem: Problem, prediction: Prediction) -> list[str]:
+def too_few(problem: Problem, prediction: Prediction, free: float) -> list[str]:
     """A warning where more cords might tell the states of a `problem` far better, by the floors of
-    affine maps."""
+    affine maps; `free` is what the best of all decoders misses by on unseen states without noise,
+    mm. Floors of nearly as many signals as there are states say nothing, nor do they where a
+    decoder is below that of so many cords, or the error is of the states fitted alone."""
     count, error = len(prediction.noise), prediction.unseen
-    now, then = prediction.floor, problem.floor(count + 1)
-    limited = prediction.unseen_noise_free > _WITHOUT_NOISE * error and now > _FLOOR * error
-    if not limited or then > _FLOOR * error:
+    now, floors = prediction.floor, range(count + 1, len(problem.markers) - 2)
+    limited = free > _WITHOUT_NOISE * error and free > _BELOW * now > _BELOW * _FLOOR * error
+    more = next((n for n in floors if problem.floor(n) < _FLOOR * error), None)
+    if prediction.how == NONE or not limited or more is None:
         return []
     return [
         f"{count} cord{'s' * (count > 1)} can hardly tell these states apart: an affine map of so"
-        f" many signals misses by {now:.2g} mm at least, and of one more by {then:.2g} mm: try"
-        f" [design] sensors = {count + 1}, or `defsense study`, which looks at several numbers"
+        f" many signals misses by {now:.2f} mm at least, one of {more} by {problem.floor(more):.2f}"
+        f" mm: try [design] sensors = {more}, or `defsense study`, which looks at several numbers"
     ]

@@ -70,6 +70,7 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
     final = chosen.scored
     # Of those not designed for: what they would make of the cords chosen.
     decoded = {kind: task.decoded_by(kind) for kind in DECODERS}
+    told = {kind: predict(t, final.cords).prediction for kind, t in decoded.items()}
     problem, tolerances = task.design, tolerances_of(device)
     initial = scored_by_paths(device, task, surface, found.initial, bay)
     check = verify(found.sensors, surface, problem.limits)
@@ -87,7 +88,11 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
         min_clearance=check.min_clearance,
         warnings=(
             *risks(problem, found.sensors),
-            *too_few(task.everything, final.prediction),
+            *too_few(
+                task.everything,
+                final.prediction,
+                min(p.unseen_noise_free for p in told.values()),
+            ),
             *_uncalibrated(device, sensors),
         ),
         weighed=tuple(
@@ -106,7 +111,7 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
             for t in trials
         ),
         prediction=final.prediction,
-        unseen={k: predict(t, final.cords).prediction.unseen for k, t in decoded.items()},
+        unseen={kind: p.unseen for kind, p in told.items()},
         cross_validated={k: left_out_error(t, final.cords) for k, t in decoded.items()},
         band=BandRecord(
             **asdict(

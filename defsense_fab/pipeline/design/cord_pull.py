@@ -23,7 +23,7 @@ def pulls(device: Device, task: DesignTask, cords: Sequence[BuiltCord], error: f
     """What is to be said where held cords move the markers at rest, the first pose's fixed regions
     in their places, by more than the `error` (mm) that is promised; both are root mean squares.
     Cords pull by their pre-stretch, and the body's answer is linear. Nothing is said where these
-    regions alone do not hold the body."""
+    regions alone do not hold the body, or where its matrix takes more memory than there is."""
     taut = [(c.path, _rod(device) * c.prestretch) for c in cords if c.prestretch]
     locator = task.everything.locator
     if not taut or (fixed := _fixed(device, locator.mesh)) is None:
@@ -31,7 +31,7 @@ def pulls(device: Device, task: DesignTask, cords: Sequence[BuiltCord], error: f
     forces = np.sum([line_forces(locator, path, tension) for path, tension in taut], axis=0)
     try:
         u = displaced(locator.mesh, Material.from_spec(device.material), fixed, forces)
-    except (NotPositiveDefinite, MemoryError):  # no build fails for a note
+    except (NotPositiveDefinite, MemoryError):  # a note is not worth a build
         return []
     at = locator.displacement(locator.find(task.points), u[None])[0]
     moved = float(np.sqrt((at**2).sum(axis=1) @ task.everything.marker_weights))

@@ -25,7 +25,7 @@ from tests.geometry import slicer
 from tests.geometry.parts.random_layouts import random_layout
 from tests.places import DEVICES
 
-COUNT = int(os.environ.get("DEFSENSE_RANDOM_LAYOUTS", "3"))
+COUNT = int(os.environ.get("DEFSENSE_RANDOM_LAYOUTS", "4"))
 
 
 BODIES = ("bar", "blob", "bar with a bay")

@@ -2,30 +2,34 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from defsense_fab.optimize.studies.risks import too_few
 
 
 @pytest.mark.parametrize(
-    ("cords", "floors", "unseen", "noise_free", "told"),
+    ("cords", "floors", "unseen", "free", "wanted"),
     [
-        (1, (9.0, 0.4), 9.46, 9.4, True),  # a bend and a twist by one cord
-        (3, (1.22, 0.29), 0.49, 0.15, False),  # `bar`: what is left is noise
-        (3, (0.5, 0.16), 2.23, 1.97, False),  # `cube`: not for want of signals
-        (3, (1.28, 0.94), 1.08, 0.94, False),  # one cord more would not do it
+        (1, (7.6, 2.1), 9.46, 9.4, 2),  # a bend and a twist by one cord
+        (1, (7.6, 5.3, 0.1), 9.0, 8.9, 3),  # three poses by one cord
+        (3, (1.22, 0.29), 0.49, 0.15, None),  # `bar`: what is left is noise
+        (3, (1.22, 0.29), 0.6, 0.5, None),  # a decoder that is below the floor
+        (1, (2.5, 0.07), 2.6, 0.1, None),  # one bend: the affine map is in want, not the cord
+        (3, (0.5, 0.16), 2.23, 1.97, None),  # `cube`: not for want of signals
+        (3, (1.28, 0.94), 1.08, 0.94, None),  # more cords would not do it
     ],
 )
-def test_too_few_cords_are_told(cords, floors, unseen, noise_free, told):
-    problem = SimpleNamespace(floor={cords + 1: floors[1]}.__getitem__)
-    prediction = SimpleNamespace(
-        noise=(0.002,) * cords,
-        floor=floors[0],
-        unseen=unseen,
-        unseen_noise_free=noise_free,
+@pytest.mark.parametrize(("states", "how"), [(20, "held out"), (20, "none"), (3, "held out")])
+def test_too_few_cords_are_told(cords, floors, unseen, free, wanted, states, how):
+    """Not by the floors of three states, which any two signals reach, nor by fitted ones."""
+    problem = SimpleNamespace(
+        markers=np.zeros((states, 1, 3)),
+        floor=lambda n: floors[min(n - cords, len(floors) - 1)],
     )
-    said = too_few(problem, prediction)
-    assert len(said) == told
-    if told:
-        assert "1 cord can" in said[0]
-        assert "[design] sensors = 2" in said[0]
+    prediction = SimpleNamespace(noise=(0.002,) * cords, floor=floors[0], unseen=unseen, how=how)
+    said = too_few(problem, prediction, free)
+    assert len(said) == (wanted is not None and states == 20 and how == "held out")
+    if said:
+        assert f"{cords} cord can" in said[0]
+        assert f"[design] sensors = {wanted}," in said[0]
