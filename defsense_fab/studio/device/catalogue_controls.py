@@ -14,12 +14,14 @@ from ..edits.body import (
     reset_value,
     set_cord_count,
     set_edge_length,
+    set_searches,
     set_value,
 )
 from ..edits.edit import Edit
 
 _MOST_CORDS = 12
 _FROM_ACCURACY = 0.0  # shown where the edge length follows from an accuracy
+_BY_CORDS = 0  # shown where the number of cords tells how many searches there are
 
 
 class CatalogueControls:
@@ -40,6 +42,8 @@ class CatalogueControls:
                                     hint="With those drawn; the rest is found")  # fmt: skip
         self.decoder = gui.add_dropdown("Decoder", ("auto", *DECODERS),
                                         hint="Of signals; auto takes the best")  # fmt: skip
+        self.searches = gui.add_number("Searches", _BY_CORDS, min=_BY_CORDS, step=1,
+                                       hint="Fewer are quicker; 0: as cords need")  # fmt: skip
         self._told(self.material, lambda x: do(choose_material(_name(x))))
         self._told(self.cord, lambda x: do(choose_cord(_name(x))))
         self._told(self.printer, lambda x: do(set_value("fabrication", "process", _name(x))))
@@ -47,6 +51,7 @@ class CatalogueControls:
         self._told(self.name, lambda x: later("name", str(x)))
         self._told(self.edge, lambda x: later("edge", float(x)))
         self._told(self.cords, lambda x: later("cords", int(x)))
+        self._told(self.searches, lambda x: later("searches", int(x)))
 
     def settled(self, key: str, value: Any) -> Edit | None:
         """What a value that was typed changes; None for a key of another."""
@@ -54,6 +59,8 @@ class CatalogueControls:
             return rename_device(value)
         if key == "edge":
             return set_edge_length(value)
+        if key == "searches":
+            return set_searches(value)
         return set_cord_count(value) if key == "cords" else None
 
     def show(self, device: Device, held: Callable[[str], bool]) -> None:
@@ -75,6 +82,7 @@ class CatalogueControls:
             ("name", self.name, device.name),
             ("edge", self.edge, _FROM_ACCURACY if edge is None else edge),
             ("cords", self.cords, len(device.sensors) + device.propose),
+            ("searches", self.searches, _BY_CORDS if device.searches is None else device.searches),
         ):
             if not held(key):
                 _set(control, value)

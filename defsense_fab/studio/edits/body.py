@@ -85,6 +85,13 @@ def set_cord_count(count: int) -> Edit:
     return Edit(f"have {count} cord{'s' if count != 1 else ''}", change)
 
 
+def set_searches(count: int) -> Edit:
+    """The most searches that a layout is chosen from; 0: as many as the number of cords asks."""
+    if count == 0:
+        return reset_value("design", "searches")
+    return set_value("design", "searches", count)
+
+
 def _chosen(table: str, name: str, before: tuple[str, ...]) -> Edit:
     def change(document: TOMLDocument) -> None:
         found: Any = document.setdefault(table, {})

@@ -55,6 +55,8 @@ def test_a_device_is_designed_and_exported(browser, studio_server, studio, tmp_p
     assert until(lambda: device().mesh.edge_length == 20)
     person.choose("Decoder", "affine")  # a single one takes a fourth of the time
     assert until(lambda: device().decoder == "affine")
+    person.write("Searches", "1")  # as does a single search
+    assert until(lambda: device().searches == 1)
 
     person.press("Poses")
     build_by(person, "Mesh the body", studio)

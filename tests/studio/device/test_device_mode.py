@@ -97,6 +97,12 @@ def test_values_of_the_catalogue_are_steps_of_their_own(mode, studio_page):
         9.5, 5, "grip",
     )  # fmt: skip
     assert mode.begun == []  # the body is as it was
+    for typed, searches in ((2, 2), (0, None)):
+        by_hand(catalogue.searches, typed)
+        mode.flush()
+        assert project.device.searches == searches
+        catalogue.show(project.device, lambda key: False)
+        assert catalogue.searches.value == typed
     while project.undo():
         pass
     assert project.device.name == "bar"
