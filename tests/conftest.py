@@ -35,6 +35,12 @@ def structured_bar(low, high, counts):
     return grid_of_tets(axes)
 
 
+def pytest_collection_modifyitems(items):
+    """Files with slow tests first: one that began last would leave the other worker idle."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
     """Tests neither see nor fill the user's cache."""
