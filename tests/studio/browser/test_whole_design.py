@@ -23,6 +23,14 @@ LONG = 600.0  # s that a build may take on a loaded machine
 
 
 @pytest.fixture
+def page(browser):
+    with browser.new_context(viewport=SIZE, accept_downloads=True) as context:
+        made = context.new_page()
+        made.set_default_timeout(120_000)
+        yield made
+
+
+@pytest.fixture
 def studio(studio_server, tmp_path):
     made = Studio(studio_server, tmp_path / "arm", Agreement())
     yield made
@@ -42,9 +50,7 @@ def hashes(folder):
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.glob("*.st*")}
 
 
-def test_a_device_is_designed_and_exported(browser, studio_server, studio, tmp_path):
-    page = browser.new_context(viewport=SIZE, accept_downloads=True).new_page()
-    page.set_default_timeout(120_000)
+def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path):
     page.goto(f"http://127.0.0.1:{studio_server.get_port()}")
     person = Person(page)
 
