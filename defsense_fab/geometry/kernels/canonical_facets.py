@@ -30,11 +30,11 @@ def canonical(vertices: Float, faces: Int) -> tuple[Float, Int]:
     faces = inverse.reshape(-1)[faces]
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
+    fits, changed = np.zeros(faces.size, bool), np.ones(len(faces), bool)
     for _ in range(_ROUNDS):
-        flipped = _flip(points, faces)
-        if flipped is None:
+        faces, changed = _flip(points, faces, fits, changed)
+        if not changed.any():
             break
-        faces = flipped
     return points, _sorted(faces)
 
 
@@ -44,30 +44,43 @@ def _sorted(faces: Int) -> Int:
     return np.asarray(turned[np.lexsort(turned.T[::-1])])
 
 
-def _flip(points: Float, faces: Int) -> Int | None:
-    """The faces with some diagonals changed, each face in one of them at most; None for none."""
+def _flip(points: Float, faces: Int, fits: Bool, changed: Bool) -> tuple[Int, Bool]:
+    """The faces with some diagonals changed, each face in one of them at most, and which (m,) were
+    changed. `fits` (3 m,) is known of the edges of those that were not `changed` before: whether
+    the other diagonal ends at a smaller number, on the same circle."""
     # Directed edge k of a face runs from its corner k to k + 1, opposite to k + 2.
     begin, end, top = (np.roll(faces, -k, axis=1).ravel() for k in range(3))
     count = len(points)
     forth, back = begin * count + end, end * count + begin
     order = np.argsort(forth)
-    at = order[np.minimum(np.searchsorted(forth, back, sorter=order), len(order) - 1)]
-    closed = (forth[at] == back) & (begin < end)
-    one, other = np.flatnonzero(closed), at[closed]
-    a, b, c, d = begin[one], end[one], top[one], top[other]
+    known = forth[order]
+    one = np.flatnonzero(begin < end)
+    at = _place(known, back[one])
+    closed = known[at] == back[one]
+    one, other = one[closed], order[at[closed]]
+    new = changed[one // 3] | changed[other // 3]
+    i, j = one[new], other[new]
+    a, b, c, d = begin[i], end[i], top[i], top[j]
     better = np.minimum(c, d) < np.minimum(a, b)
-    keep = better & _on_circle(points, a, b, c, d) & _new_edge(forth, count, c, d)
-    one, other = one[keep], other[keep]
-    a, b, c, d = a[keep], b[keep], c[keep], d[keep]
-    if not len(one):
-        return None
+    fits[i] = False
+    fits[i[better]] = _on_circle(points, a[better], b[better], c[better], d[better])
+    one, other = one[fits[one]], other[fits[one]]
+    c, d = top[one], top[other]
+    there = [known[_place(known, ends)] == ends for ends in (c * count + d, d * count + c)]
+    one, other = (x[~(there[0] | there[1])] for x in (one, other))
+    a, b, c, d = begin[one], end[one], top[one], top[other]
     out, changed = faces.copy(), np.zeros(len(faces), bool)
     for k in np.lexsort((np.maximum(c, d), np.minimum(c, d))):
         i, j = one[k] // 3, other[k] // 3
         if not (changed[i] or changed[j]):
             out[i], out[j] = (c[k], a[k], d[k]), (d[k], b[k], c[k])
             changed[i] = changed[j] = True
-    return out
+    return out, changed
+
+
+def _place(known: Int, wanted: Int) -> Int:
+    """Of each wanted number in the sorted ones, or of another where it is not among them."""
+    return np.asarray(np.minimum(np.searchsorted(known, wanted), len(known) - 1))
 
 
 def _on_circle(points: Float, a: Int, b: Int, c: Int, d: Int) -> Bool:
@@ -86,9 +99,3 @@ def _angle(p: Float, at: Float, q: Float) -> Float:
     return np.asarray(
         np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
     )
-
-
-def _new_edge(forth: Int, count: int, c: Int, d: Int) -> Bool:
-    """Whether no facet has an edge between c and d yet."""
-    known = np.unique(forth)
-    return ~(np.isin(c * count + d, known) | np.isin(d * count + c, known))
