@@ -46,8 +46,8 @@ def _sorted(faces: Int) -> Int:
 
 def _flip(points: Float, faces: Int, fits: Bool, changed: Bool) -> tuple[Int, Bool]:
     """The faces with some diagonals changed, each face in one of them at most, and which (m,) were
-    changed. `fits` (3 m,) is known of the edges of those that were not `changed` before: whether
-    the other diagonal ends at a smaller number, on the same circle."""
+    changed. `fits` (3 m,) tells of every edge whether the other diagonal ends at a smaller number,
+    on the same circle; it is brought up to date for faces that were `changed` before."""
     # Directed edge k of a face runs from its corner k to k + 1, opposite to k + 2.
     begin, end, top = (np.roll(faces, -k, axis=1).ravel() for k in range(3))
     count = len(points)
