@@ -9,6 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 SIZE = {"width": 800, "height": 600}  # small: it is drawn by the processor
+#: A fourth of the pixels to draw; places on the page stay what they are.
+COARSE = {"device_scale_factor": 0.5}
 WAIT = 60_000.0  # ms that a loaded machine may take
 
 
@@ -19,7 +21,7 @@ def opened(browser, studio_server, studio_page):
     studio_page.enter("Cords")
 
     def open_studio(size=SIZE):
-        context = browser.new_context(viewport=size)
+        context = browser.new_context(**COARSE, viewport=size)
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(WAIT)

@@ -14,7 +14,7 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.pipeline.build.build import build
 from defsense_fab.studio.page.studio import Studio
 from defsense_fab.studio.project.agreement import Agreement
-from tests.studio.browser.conftest import around_arc, until
+from tests.studio.browser.conftest import COARSE, around_arc, until
 from tests.studio.browser.person import Person
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
@@ -24,7 +24,7 @@ LONG = 600.0  # s that a build may take on a loaded machine
 
 @pytest.fixture
 def page(browser):
-    with browser.new_context(viewport=SIZE, accept_downloads=True) as context:
+    with browser.new_context(**COARSE, viewport=SIZE, accept_downloads=True) as context:
         made = context.new_page()
         made.set_default_timeout(120_000)
         yield made
