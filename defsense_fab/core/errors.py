@@ -1,17 +1,60 @@
-"""The error tree: every message says what is wrong, where, and what to do, in one line."""
+"""Errors that a user can cause and fix.
+
+Each error carries a stable `code`. Programs and tests branch on the code and the data; the message
+is for people and may change.
+"""
 
 from __future__ import annotations
 
 
 class DefsenseError(Exception):
-    """Base of all errors that a user can cause and mend. One that is `of_the_machine` need not come
-    again: memory, disk or time did not suffice."""
+    """Base class for errors that the user can cause and fix.
 
-    of_the_machine = False
+    The text of an error reads `<where>: <problem>. <Action>.`
+
+    Args:
+        problem: What is wrong, with the offending value; no final full stop.
+        code: Stable identifier of this kind of problem, in lower-case words joined by hyphens, such
+            as `"port-busy"`. Codes are unique per kind of problem, not per place in the code.
+        where: The file (with its line), argument, field or name that is wrong.
+        action: One thing that the user can do about it, as an imperative sentence.
+        data: Facts about the problem for programs, such as `channel="left"`.
+
+    Attributes:
+        is_machine_limit: True for errors caused by the machine (memory, disk, time), which need
+            not occur again with the same input.
+    """
+
+    is_machine_limit = False
+
+    def __init__(
+        self, problem: str, *, code: str = "unspecified", where: object = "", action: str = "", **data: object
+    ) -> None:
+        super().__init__(problem)
+        self.problem = problem
+        self.code = code
+        self.where = str(where)
+        self.action = action
+        self.data = data
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _rebuild, (type(self), self.problem, dict(vars(self)))
+
+    def __str__(self) -> str:
+        text = f"{self.where}: {self.problem}" if self.where else self.problem
+        return f"{text.rstrip('.')}. {self.action.rstrip('.')}." if self.action else text
+
+
+def _rebuild(kind: type[DefsenseError], problem: str, state: dict[str, object]) -> DefsenseError:
+    """Recreate an error that was pickled, as errors of worker processes are."""
+    error = kind.__new__(kind, problem)
+    error.args = (problem,)
+    vars(error).update(state)
+    return error
 
 
 class DeviceError(DefsenseError):
-    """`device.toml` or something that it names is wrong."""
+    """`device.toml`, or a file that it names, is invalid."""
 
 
 class BodyError(DefsenseError):
@@ -19,7 +62,7 @@ class BodyError(DefsenseError):
 
 
 class MeshingError(DefsenseError):
-    """Tetrahedralisation failed or gave an unusable mesh."""
+    """Tetrahedralisation failed or produced an unusable mesh."""
 
 
 class SolveError(DefsenseError):
@@ -27,23 +70,23 @@ class SolveError(DefsenseError):
 
 
 class LayoutError(DefsenseError):
-    """A cord breaks a constraint: wall, radius of curvature, or clearance."""
+    """A cord violates a constraint: wall thickness, radius of curvature or clearance."""
 
 
 class FabricationError(DefsenseError):
-    """The parts cannot be made from this layout."""
+    """Parts cannot be made from this layout."""
 
 
 class CalibrationError(DefsenseError):
-    """Measurements of a cord, or a response made of them, cannot be used."""
+    """Measurements of a cord, or a response fitted to them, are unusable."""
 
 
 class CaptureError(DefsenseError):
-    """A port or a recording cannot be read."""
+    """A port, camera or recording cannot be read."""
 
 
 class TrainingError(DefsenseError):
-    """Recordings cannot be trained on, or a trained model cannot be used."""
+    """Recordings cannot be used for training, or a trained model cannot be used."""
 
 
 class LiveError(DefsenseError):
@@ -51,11 +94,11 @@ class LiveError(DefsenseError):
 
 
 class ControlError(DefsenseError):
-    """A control, or an expression that it is made of, cannot be used."""
+    """A control, or the expression that defines it, is invalid."""
 
 
 class OutputError(DefsenseError):
-    """An output of the live loop cannot be opened, or was told something wrong."""
+    """An output of the live loop cannot be opened, or is misconfigured."""
 
 
 class ExperimentError(DefsenseError):
@@ -63,16 +106,16 @@ class ExperimentError(DefsenseError):
 
 
 class StudyError(DefsenseError):
-    """A study of many runs cannot be made as it is asked for, or its files are not its own."""
+    """A parameter study is invalid, or its files belong to another study."""
 
 
 class StorageError(DefsenseError):
     """Files cannot be read or written."""
 
-    of_the_machine = True
+    is_machine_limit = True
 
 
 class CapacityError(DefsenseError):
-    """The machine's memory does not suffice for what was asked."""
+    """The machine has too little memory for the request."""
 
-    of_the_machine = True
+    is_machine_limit = True

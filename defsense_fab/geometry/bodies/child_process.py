@@ -65,7 +65,7 @@ def finished(
                 why += ", perhaps for want of memory"
             why += f": {said}" if said else ""
             error = failure.error(f"{failure.who} ended early ({why}); {failure.crashed}")
-            error.of_the_machine = was_killed(code)
+            error.is_machine_limit = was_killed(code)
             raise error
         yield folder
 
@@ -102,7 +102,7 @@ def _run(
             f"{failure.who} did not end within {round(limit, 2):g} s and was stopped;"
             f" {failure.slow}"
         )
-        error.of_the_machine = True
+        error.is_machine_limit = True
         raise error from None
     finally:
         end_group(process.pid)  # what it started ends, too

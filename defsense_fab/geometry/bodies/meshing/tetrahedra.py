@@ -78,7 +78,7 @@ def tetrahedralise(
         except (MeshingError, RuntimeError, ValueError, MemoryError) as error:
             # Native libraries raise whatever they do; the next way does without them.
             stopped |= time.monotonic() - begun >= limit
-            stopped |= isinstance(error, MemoryError) or getattr(error, "of_the_machine", False)
+            stopped |= isinstance(error, MemoryError) or getattr(error, "is_machine_limit", False)
             why = OUT_OF_MEMORY if isinstance(error, MemoryError) else str(error)
             tried.append(f"{way.says}: {' '.join(why.split()).partition(';')[0]}")
         else:

@@ -50,7 +50,7 @@ def _made(name: str, values: Mapping[str, Any], job: Mapping[str, Any], source: 
         device = studied_device(job["text"], source, values)
         measures = measure(build(device, job["until"], meter.progress).folder, job["until"])
     except DefsenseError as error:
-        outcome, message = ("broken" if error.of_the_machine else "refused"), str(error)
+        outcome, message = ("broken" if error.is_machine_limit else "refused"), str(error)
     except MemoryError:
         outcome, message = "broken", "the memory does not suffice; use a larger [mesh] edge_length"
     except Exception as error:

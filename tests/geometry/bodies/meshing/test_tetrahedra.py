@@ -75,7 +75,7 @@ def test_a_mesh_made_for_want_of_memory_is_kept_with_the_device(monkeypatch, how
         if how == "told":
             raise_told({"error": OUT_OF_MEMORY}, "Netgen")
         error = MeshingError("Netgen ended early (signal 9, perhaps for want of memory); ")
-        error.of_the_machine = True
+        error.is_machine_limit = True
         raise error
 
     first, *others = ways(ball(10.0, 2), 4.0)
