@@ -41,7 +41,12 @@ class Shutter:
     def __post_init__(self) -> None:
         parts = (self.dropped, self.repeated)
         if not (self.rate > 0 and self.jitter >= 0 and all(0 <= p < 1 for p in parts)):
-            raise CaptureError("shutter: rate above 0, jitter not negative, parts within 0 and 1")
+            raise CaptureError(
+                "the rate must be positive, the jitter at least 0, and shares from 0 to below 1",
+                code="setting-out-of-range",
+                where="shutter",
+                record="shutter",
+            )
 
     def schedule(self, duration: float, rng: np.random.Generator) -> tuple[Int, Float, Float, Bool]:
         """Of f frames within so many s: their numbers, true times and stamps in s (in order), and
@@ -92,10 +97,23 @@ def film(
     """Take a film of `scene_at`(s), s; writes `path`, its table of stamps and its truth beside it.
     Raises CaptureError for a codec that is not known, StorageError where nothing can be written."""
     if codec not in CODECS:
-        raise CaptureError(f"{path.name}: codec {codec}: there are {', '.join(CODECS)}")
+        raise CaptureError(
+            f"codec {codec!r} is not supported",
+            code="unknown-codec",
+            where=path.name,
+            action=f"Use one of {', '.join(CODECS)}",
+            codec=codec,
+        )
     number, times, stamp, repeats = shutter.schedule(duration, rng)
     if not len(number):
-        raise CaptureError(f"{path.name}: {duration} s at {shutter.rate} frames/s hold no frame")
+        raise CaptureError(
+            f"a film of {duration} s at {shutter.rate} frames/s has no frames",
+            code="no-frames",
+            where=path.name,
+            action="Choose a longer duration or a higher rate",
+            duration=duration,
+            rate=shutter.rate,
+        )
     fourcc = cv2.VideoWriter.fourcc(*codec)
     renderer = Renderer(camera, optics, rng)
     scenes: list[Scene] = []
@@ -110,7 +128,11 @@ def film(
             seen.append((picture.corners, picture.visible))
             if len(scene.patches) != len(scenes[0].patches) or not scene.patches:
                 raise CaptureError(
-                    f"{path.name}: a film has the same patches in all its frames, one at least"
+                    f"the scene has {len(scene.patches)} patches at {time:g} s, and"
+                    f" {len(scenes[0].patches)} in the first frame; a film needs the same patches"
+                    " in all frames, at least one",
+                    code="patches-differ",
+                    where=path.name,
                 )
     lines = (f"{k},{t:.9f}" for k, t in enumerate(stamp))
     write_text(path.with_suffix(".csv"), "\n".join(["frame,time", *lines]) + "\n")
@@ -128,7 +150,10 @@ def _writer(
     try:
         if not writer.isOpened():
             raise StorageError(
-                f"{path}: cannot be written; check the folder, and .mkv as its ending"
+                "the video cannot be written",
+                code="file-not-writable",
+                where=path,
+                action="Check that the folder exists and that the file name ends in .mkv",
             )
         yield writer
     finally:
@@ -164,4 +189,8 @@ def load_truth(path: Path) -> Truth:
         with np.load(path, allow_pickle=False) as data:
             return Truth(**{f.name: data[f.name] for f in fields(Truth)})
     except (OSError, KeyError, ValueError) as problem:
-        raise StorageError(f"{path}: not the truth about a film: {problem}") from None
+        raise StorageError(
+            f"is not a table of the truth about a film ({problem})",
+            code="file-unreadable",
+            where=path,
+        ) from None

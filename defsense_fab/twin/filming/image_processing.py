@@ -33,8 +33,11 @@ class ImageProcessing:
         quality = 100 if self.quality is None else self.quality
         if not (self.gamma > 0 and self.sharpened >= 0 and self.radius > 0 and 1 <= quality <= 100):
             raise CaptureError(
-                "image processing: gamma and radius are positive, sharpening is not negative,"
-                " quality is 1 to 100"
+                "gamma and radius must be positive, sharpening at least 0, and quality from 1 to"
+                " 100",
+                code="setting-out-of-range",
+                where="image processing",
+                record="image processing",
             )
 
     def tiles(self, size: tuple[int, int]) -> NDArray[np.float32]:

@@ -66,7 +66,12 @@ class LiveCamera:
             if self._frames:
                 return self._frames.popleft()
             if self._problem is not None:
-                raise CaptureError(f"twin camera {self.name}: {self._problem}") from self._problem
+                raise CaptureError(
+                    f"the scene failed: {self._problem}",
+                    code="scene-failed",
+                    where=f"twin camera {self.name}",
+                    camera=self.name,
+                ) from self._problem
         return None
 
     def close(self) -> None:

@@ -56,8 +56,11 @@ class Optics:
         parts = (self.vignetting, self.slant, self.flicker, self.wander)
         if not (all(x >= 0 for x in rest) and self.gain > 0 and all(0 <= x <= 1 for x in parts)):
             raise CaptureError(
-                "optics: blur, times and noise are not negative, gain is positive, parts of the"
-                " light are from 0 to 1"
+                "blur, times and noise must be at least 0, the gain positive, and shares of the"
+                " light from 0 to 1",
+                code="setting-out-of-range",
+                where="optics",
+                record="optics",
             )
 
 
@@ -110,7 +113,11 @@ class Renderer:
         exposure (see `exposure.py`): body and corners are those in the middle."""
         instants = instants or [middle]
         if any(len(s.patches) != len(middle.patches) for s in instants):
-            raise CaptureError(f"camera {self.camera.name}: patches must not change in an exposure")
+            raise CaptureError(
+                "the number of patches changes during an exposure",
+                code="patches-differ",
+                where=f"camera {self.camera.name}",
+            )
         self._hang(middle.backdrop)
         drawn = [
             render_primitives(s, self.camera, self._limit, self._pad, self._size) for s in instants

@@ -28,9 +28,18 @@ class Ramp:
 
     def __post_init__(self) -> None:
         if self.levels.shape != self.states.shape or not len(self.levels):
-            raise CaptureError(f"ramp {self.name}: as many levels as states, and at least one")
+            raise CaptureError(
+                f"{len(self.levels)} levels for {len(self.states)} states; there must be one level"
+                " per state, and at least one",
+                code="ramp-sizes-differ",
+                where=f"ramp {self.name}",
+            )
         if not (np.diff(self.levels, prepend=0.0) > 0).all():
-            raise CaptureError(f"ramp {self.name}: levels must increase, from above 0")
+            raise CaptureError(
+                f"levels {self.levels.tolist()} do not increase from above 0",
+                code="levels-not-increasing",
+                where=f"ramp {self.name}",
+            )
 
     def weights(self, level: Float) -> Float:
         """Those (..., k) of its states at levels (...): a smooth path through all of them."""
@@ -65,11 +74,17 @@ class Motion:
     def __post_init__(self) -> None:
         if self.keys.shape != (len(self.times), len(self.ramps)) or not len(self.times):
             raise CaptureError(
-                f"motion: keys {self.keys.shape} for {len(self.times)} times and"
-                f" {len(self.ramps)} ramps"
+                f"keys of shape {self.keys.shape} do not fit {len(self.times)} times and"
+                f" {len(self.ramps)} ramps",
+                code="motion-sizes-differ",
+                where="motion",
             )
         if (np.diff(self.times) <= 0).any() or not (self.keys >= 0).all():
-            raise CaptureError("motion: times must increase, and levels are not negative")
+            raise CaptureError(
+                "times must increase, and levels must be at least 0",
+                code="motion-not-increasing",
+                where="motion",
+            )
 
     @property
     def states(self) -> int:
@@ -97,7 +112,13 @@ def scripted(ramps: Sequence[Ramp], script: Sequence[tuple[float, Mapping[str, f
     for row, (_, levels) in zip(keys, script, strict=True):
         for name, level in levels.items():
             if name not in names:
-                raise CaptureError(f"motion: no ramp of the pose {name}; there are {names}")
+                raise CaptureError(
+                    f"the pose {name!r} has no ramp",
+                    code="unknown-pose",
+                    where="motion",
+                    action=f"Use one of {', '.join(names)}",
+                    pose=name,
+                )
             row[names.index(name)] = level
     return Motion(tuple(ramps), np.array([t for t, _ in script], float), keys)
 

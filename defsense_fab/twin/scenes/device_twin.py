@@ -43,8 +43,10 @@ class DeviceTwin:
     def __init__(self, rest: Surface, fields: Float, seats: tuple[Patch, ...]) -> None:
         if fields.shape[1:] != rest.vertices.shape or not np.isfinite(fields).all():
             raise CaptureError(
-                f"device twin: displacements {fields.shape} do not fit {len(rest.vertices)}"
-                " vertices of the surface"
+                f"displacements of shape {fields.shape} do not fit the {len(rest.vertices)}"
+                " vertices of the surface, or are not finite",
+                code="displacements-do-not-fit",
+                where="device twin",
             )
         self.rest, self.fields, self.seats = rest, np.ascontiguousarray(fields), seats
         if seats:

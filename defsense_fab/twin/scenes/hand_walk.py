@@ -61,7 +61,14 @@ def walk(
     short."""
     own = traits or WalkTraits()
     if not duration >= _LEAST:
-        raise CaptureError(f"twin: {duration:g} s are too short; give {_LEAST:g} s or more")
+        raise CaptureError(
+            f"a recording of {duration:g} s is too short",
+            code="duration-too-short",
+            where="twin",
+            action=f"Use {_LEAST:g} s or more",
+            duration=duration,
+            minimum=_LEAST,
+        )
     hand = _Hand(together, rng, own)
     count = len(names) if shown is None else shown
     rest = min(own.rest, duration / 4)

@@ -35,8 +35,13 @@ class PoseSpace:
     def __post_init__(self) -> None:
         if len(self.states) < self.axes.shape[0] + 1:
             raise CaptureError(
-                f"twin: {len(self.states)} solved states are too few for"
-                f" {self.axes.shape[0]} ways to move"
+                f"{len(self.states)} solved states are too few for {self.axes.shape[0]} independent"
+                " poses",
+                code="states-too-few",
+                where="twin",
+                action="Simulate more combinations of poses",
+                states=len(self.states),
+                axes=self.axes.shape[0],
             )
 
     def __call__(self, levels: Float) -> Float:

@@ -20,7 +20,10 @@ def printed(patch: Patch, ink: float, curl: float) -> Patch:
     wider = round(ink / patch.cell * _FINE)
     if not 0 <= wider < patch.margin * _FINE:
         raise CaptureError(
-            f"patch {patch.number}: ink that spreads by {ink:g} mm leaves no white around it"
+            f"ink that spreads by {ink:g} mm leaves no white margin",
+            code="ink-too-wide",
+            where=f"patch {patch.number}",
+            ink=ink,
         )
     if wider == 0:
         return replace(patch, curl=curl)

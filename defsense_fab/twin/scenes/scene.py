@@ -35,15 +35,30 @@ class Patch:
 
     def __post_init__(self) -> None:
         if self.pattern.ndim != 2 or self.pattern.dtype != np.uint8 or not self.pattern.size:
-            raise CaptureError(f"patch {self.number}: a pattern has rows and columns of uint8")
+            raise CaptureError(
+                "its pattern must be a non-empty two-dimensional array of uint8",
+                code="pattern-invalid",
+                where=f"patch {self.number}",
+            )
         if self.center.shape != (3,) or self.axes.shape != (3, 3):
-            raise CaptureError(f"patch {self.number}: its center is (3,), its axes are (3, 3)")
+            raise CaptureError(
+                f"its center has the shape {self.center.shape}, its axes {self.axes.shape}; (3,)"
+                " and (3, 3) are expected",
+                code="patch-shape-invalid",
+                where=f"patch {self.number}",
+            )
         place = self.center.tolist()
         if not all(map(math.isfinite, place)) or not self.size > 0 or not self.margin >= 0:
-            raise CaptureError(f"patch {self.number}: it needs a place, a size, and no less margin")
+            raise CaptureError(
+                "its center must be finite, its size positive, and its margin at least 0",
+                code="patch-out-of-range",
+                where=f"patch {self.number}",
+            )
         if not _is_rotation(self.axes.tolist()):
             raise CaptureError(
-                f"patch {self.number}: its axes must be a rotation, columns right, up and normal"
+                "its axes must be a rotation with the columns right, up and normal",
+                code="axes-not-rotation",
+                where=f"patch {self.number}",
             )
 
     @property

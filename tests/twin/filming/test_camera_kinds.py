@@ -13,6 +13,7 @@ from defsense_fab.twin.filming.renderer import Optics, Renderer
 from defsense_fab.twin.scenes.printed import printed
 from defsense_fab.twin.scenes.scene import Backdrop, Patch, Scene
 from tests.conftest import box_surface
+from tests.errors import raises
 from tests.twin.views import camera
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
@@ -48,7 +49,7 @@ def test_sharpening_overshoots_and_tones_are_lifted():
 
 @pytest.mark.parametrize("wrong", [{"gamma": 0.0}, {"sharpened": -1.0}, {"quality": 0}])
 def test_processing_that_cannot_be(wrong):
-    with pytest.raises(CaptureError, match="image processing"):
+    with raises(CaptureError, "setting-out-of-range", record="image processing"):
         ImageProcessing(**wrong)
 
 

@@ -12,6 +12,7 @@ from defsense_fab.twin.filming.film import Shutter, film, load_truth
 from defsense_fab.twin.filming.live_camera import LiveCamera
 from defsense_fab.twin.filming.renderer import Optics, Renderer
 from defsense_fab.twin.scenes.scene import Led, Patch, Scene
+from tests.errors import raises
 from tests.twin.views import camera, tag, turn
 
 UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
@@ -108,14 +109,14 @@ def test_instants_follow_the_motion():
 
 def test_films_that_cannot_be(tmp_path):
     rng = np.random.default_rng(0)
-    with pytest.raises(CaptureError, match="codec"):
+    with raises(CaptureError, "unknown-codec", codec="H264"):
         film(tmp_path / "a.mkv", VIEW, scene_at, 0.1, Shutter(), Optics(), rng, codec="H264")
-    with pytest.raises(CaptureError, match="no frame"):
+    with raises(CaptureError, "no-frames"):
         film(tmp_path / "a.mkv", VIEW, scene_at, 0.0, Shutter(), Optics(), rng)
-    with pytest.raises(StorageError, match="cannot be written"):
+    with raises(StorageError, "file-not-writable"):
         film(tmp_path / "none" / "a.mkv", VIEW, scene_at, 0.1, Shutter(), Optics(), rng)
     (tmp_path / "b.npz").write_text("nothing")
-    with pytest.raises(StorageError, match="truth"):
+    with raises(StorageError, "file-unreadable"):
         load_truth(tmp_path / "b.npz")
     assert [p.name for p in tmp_path.iterdir()] == ["b.npz"]
 
@@ -146,6 +147,7 @@ def test_a_live_camera_says_what_failed():
 
     live = LiveCamera(VIEW, broken, Optics(), np.random.default_rng(0), time.monotonic_ns())
     live.start()
-    with pytest.raises(CaptureError, match="left: no scene at all"):
+    with raises(CaptureError, "scene-failed", camera="left") as caught:
         live.read(5.0)
+    assert isinstance(caught.value.__cause__, ValueError)
     live.close()

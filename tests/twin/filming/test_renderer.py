@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.renderer import Optics, Renderer, render
 from defsense_fab.twin.scenes.scene import Backdrop, Patch, Scene
+from tests.errors import raises
 from tests.twin.views import camera, tag, turn
 
 CLEAN = Optics(blur=0.0, read=0.0, shot=0.0, vignetting=0.0)
@@ -154,5 +155,5 @@ def test_what_is_gone_leaves_nothing_behind():
 
 def test_optics_that_cannot_be():
     for wrong in ({"blur": -1.0}, {"gain": 0.0}, {"read": float("nan")}):
-        with pytest.raises(CaptureError, match="optics"):
+        with raises(CaptureError, "setting-out-of-range", record="optics"):
             Optics(**wrong)

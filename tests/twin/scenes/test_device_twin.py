@@ -10,6 +10,7 @@ from defsense_fab.core.mesh import Surface
 from defsense_fab.twin.scenes.device_motion import Motion, Ramp, scripted, sway, wander
 from defsense_fab.twin.scenes.device_twin import DeviceTwin, Rigid, blend
 from defsense_fab.twin.scenes.scene import Ball, Patch, Scene
+from tests.errors import raises
 from tests.twin.views import tag, turn
 
 LEVELS = np.array([0.25, 0.5, 0.75, 1.0])
@@ -133,7 +134,7 @@ def test_a_script():
     assert motion.weights(1.0) == pytest.approx(UNIT[3])
     assert motion.weights(5.0) == pytest.approx(UNIT[4])
     assert motion.weights(-1.0) == pytest.approx(np.zeros(6))
-    with pytest.raises(CaptureError, match="squeeze"):
+    with raises(CaptureError, "unknown-pose", pose="squeeze"):
         scripted(RAMPS, [(0.0, {"squeeze": 1.0})])
 
 
@@ -148,13 +149,13 @@ def test_a_hand_is_never_quite_still():
 
 
 def test_what_does_not_go_together():
-    with pytest.raises(CaptureError, match="do not fit"):
+    with raises(CaptureError, "displacements-do-not-fit"):
         DeviceTwin(BAR, FIELDS[:, 1:], SEATS)
-    with pytest.raises(CaptureError, match="increase"):
+    with raises(CaptureError, "levels-not-increasing"):
         Ramp("bend", np.array([0.5, 0.25]), np.array([0, 1]))
-    with pytest.raises(CaptureError, match="as many"):
+    with raises(CaptureError, "ramp-sizes-differ"):
         Ramp("bend", np.array([0.5]), np.array([0, 1]))
-    with pytest.raises(CaptureError, match="keys"):
+    with raises(CaptureError, "motion-sizes-differ"):
         Motion(RAMPS, np.array([0.0, 1.0]), np.zeros((2, 3)))
-    with pytest.raises(CaptureError, match="times"):
+    with raises(CaptureError, "motion-not-increasing"):
         Motion(RAMPS, np.array([1.0, 1.0]), np.zeros((2, 2)))

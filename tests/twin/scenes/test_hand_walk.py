@@ -8,6 +8,7 @@ import pytest
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.scenes.assumption import without
 from defsense_fab.twin.scenes.hand_walk import FREE, REST, WalkTraits, walk
+from tests.errors import raises
 
 NAMES = ("up", "down", "twist")
 TOGETHER = np.array([[0, 0, 1], [0, 0, 1], [1, 1, 0]], bool)
@@ -75,5 +76,5 @@ def test_poses_beyond_those_shown_come_in_mixtures_alone():
 def test_short_walks_have_rests_and_too_short_ones_are_refused():
     path = made(seconds=12.0, traits=replace(WalkTraits(), rest=5.0))
     assert path(np.array([0.0, 11.99])) == pytest.approx(np.zeros((2, 3)))
-    with pytest.raises(CaptureError, match="5 s are too short"):
+    with raises(CaptureError, "duration-too-short", duration=5.0):
         made(seconds=5.0)

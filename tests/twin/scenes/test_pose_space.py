@@ -5,6 +5,7 @@ import pytest
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.scenes.pose_space import PoseSpace
+from tests.errors import raises
 
 OPPOSITE = np.array([[-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])  # up, down, twist
 
@@ -73,5 +74,5 @@ def test_terms_that_no_state_tells_apart_are_left_out():
 
 
 def test_too_few_states_are_refused():
-    with pytest.raises(CaptureError, match="2 solved states are too few for 2 ways to move"):
+    with raises(CaptureError, "states-too-few", states=2, axes=2):
         PoseSpace(OPPOSITE, np.eye(3)[:2])
