@@ -82,7 +82,9 @@ def estimate_extrinsics(
         raise CaptureError(
             "the poses of the cameras cannot be found: the reprojection error of the corners is"
             f" {error:.1f} px; check that the views were taken at the same time, that the"
-            " calibrations belong to these cameras, and that board.json describes this board"
+            " calibrations belong to these cameras, and that board.json describes this board",
+            code="camera-poses-unsolved",
+            error=error,
         )
     return Extrinsics(out, error, errors, shared)
 
@@ -98,7 +100,10 @@ def _chain(
         if count < LEAST_VIEWS:
             raise CaptureError(
                 f"cameras {cameras[a].name} and {cameras[b].name} saw the board together"
-                f" {count} times, but {LEAST_VIEWS} views are needed; hold it where both see it"
+                f" {count} times, but {LEAST_VIEWS} views are needed; hold it where both see it",
+                code="views-too-few",
+                cameras=(cameras[a].name, cameras[b].name),
+                count=count,
             )
         steps = []
         for s in poses:

@@ -53,7 +53,8 @@ def solve_fisheye(
     except cv2.error as problem:
         raise CaptureError(
             f"no fisheye can be computed from the views ({problem.err}); take others with more"
-            " tilt, out to the picture's corners, or calibrate without --lens fisheye"
+            " tilt, out to the picture's corners, or calibrate without --lens fisheye",
+            code="calibration-unsolvable",
         ) from None
     poses = np.column_stack([np.reshape(turns, (-1, 3)), np.reshape(shifts, (-1, 3))])
     start = np.concatenate([[K[0, 0], K[1, 1], K[0, 2], K[1, 2]], np.ravel(D), poses.ravel()])
@@ -70,7 +71,10 @@ def solve_fisheye(
     found = least_squares(miss, start, x_scale=scale, max_nfev=20)
     x, r = found.x, found.fun
     if not np.isfinite(x).all():
-        raise CaptureError("no fisheye can be computed from the views; take others with more tilt")
+        raise CaptureError(
+            "no fisheye can be computed from the views; take others with more tilt",
+            code="calibration-unsolvable",
+        )
     noise = (r @ r) / max(len(r) - len(x), 1)
     covariance = noise * np.linalg.pinv(found.jac.T @ found.jac)
     sigma = np.append(np.sqrt(np.maximum(np.diag(covariance)[:_LENS], 0.0)), 0.0)

@@ -52,7 +52,10 @@ def calibrate(
     if len(views) < LEAST_VIEWS:
         raise CaptureError(
             f"camera {name}: the board was found in {len(views)} views, but {LEAST_VIEWS} are"
-            " needed; hold it still and well lit, at more positions and tilts"
+            " needed; hold it still and well lit, at more positions and tilts",
+            code="views-too-few",
+            camera=name,
+            count=len(views),
         )
     used = np.ones(len(views), bool)
     solve = partial(_solve, size, board, views, fisheye=fisheye)
@@ -68,7 +71,9 @@ def calibrate(
         raise CaptureError(
             f"camera {name}: the views do not fit one camera (reprojection error"
             f" {fit.error:.1f} px); check that board.json describes this board, that the"
-            " board is flat, and that zoom and focus were not changed"
+            " board is flat, and that zoom and focus were not changed",
+            code="views-inconsistent",
+            camera=name,
         )
     # Boards that are parallel to each other say nothing, wherever they are in the image; what they
     # are solved for is then wrong by far more than its sigma.
@@ -83,7 +88,9 @@ def calibrate(
         raise CaptureError(
             f"camera {name}: the board always faces the camera, so that the focal length is"
             f" uncertain ({fit.matrix[0, 0]:.0f} +- {fit.sigma[0]:.0f} px); tilt it by 30 to"
-            " 45 degrees, each way"
+            " 45 degrees, each way",
+            code="focal-length-uncertain",
+            camera=name,
         )
     camera = Camera(name, size, fit.matrix, fit.distortions, np.eye(3), np.zeros(3), fisheye)
     return Intrinsics(camera, fit.error, fit.errors, used, fit.sigma, fit.tilt)
@@ -131,7 +138,8 @@ def _pinhole(size: tuple[int, int], board: CharucoBoard, chosen: Sequence[BoardV
         except cv2.error as problem:
             raise CaptureError(
                 f"no calibration can be computed from the views ({problem.err}); take"
-                " others with more tilt"
+                " others with more tilt",
+                code="calibration-unsolvable",
             ) from None
         score = count * np.log(found[0] ** 2 / 2) + np.log(count) * (free + 6 * len(chosen))
         if score < least - 1e-9:

@@ -59,7 +59,8 @@ def check_rig(
     """By the views of each instant by camera. Raises CaptureError where there are none."""
     if not instants:
         raise CaptureError(
-            "the cameras never saw the board together; hold it where all of them see it"
+            "the cameras never saw the board together; hold it where all of them see it",
+            code="board-never-shared",
         )
     own: list[list[Float]] = [[] for _ in cameras]
     apart, placed = [], []

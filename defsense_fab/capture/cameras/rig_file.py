@@ -40,19 +40,23 @@ def read_rig(path: Path) -> Rig:
     except OSError as error:
         raise CaptureError(
             f"{path}: cannot be read: {error.strerror}; 'defsense capture camera calibrate'"
-            " writes this file"
+            " writes this file",
+            code="file-unreadable",
         ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CaptureError(f"{path}: is not valid TOML: {error}") from None
+        raise CaptureError(f"{path}: is not valid TOML: {error}", code="toml-invalid") from None
     tables = {k: v for k, v in data.items() if re.fullmatch(r"cam_\d+", k)}
     if not tables:
-        raise CaptureError(f"{path}: describes no camera, because it has no table [cam_0]")
+        raise CaptureError(
+            f"{path}: describes no camera, because it has no table [cam_0]",
+            code="camera-table-missing",
+        )
     ordered = sorted(tables.items(), key=lambda kv: int(kv[0][4:]))
     cameras = tuple(_camera(path, key, table) for key, table in ordered)
     try:
         check_names([c.name for c in cameras])
     except CaptureError as error:
-        raise CaptureError(f"{path}: {error}") from None
+        raise CaptureError(f"{path}: {error}", code=error.code, **error.data) from None
     metadata = data.get("metadata", {})
     placed = len(cameras) == 1 or not all(np.allclose(c.center, 0) for c in cameras)
     return Rig(cameras, placed, metadata if isinstance(metadata, dict) else {})
@@ -63,21 +67,33 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
         try:
             values = np.array(table[name], float)
         except KeyError:
-            raise CaptureError(f"{path}: [{key}] has no {name}") from None
+            raise CaptureError(
+                f"{path}: [{key}] has no {name}", code="key-missing", table=key, key=name
+            ) from None
         except (TypeError, ValueError):
-            raise CaptureError(f"{path}: [{key}] {name}: must be numbers") from None
+            raise CaptureError(
+                f"{path}: [{key}] {name}: must be numbers", code="not-a-number", table=key, key=name
+            ) from None
         if shape and values.shape != shape:
             raise CaptureError(
                 f"{path}: [{key}] {name}: must have the shape {' x '.join(map(str, shape))},"
-                f" but has {' x '.join(map(str, values.shape)) or 'one number'}"
+                f" but has {' x '.join(map(str, values.shape)) or 'one number'}",
+                code="shape-wrong",
+                table=key,
+                key=name,
             )
         return values
 
     if not isinstance(table, dict):
-        raise CaptureError(f"{path}: {key} must be a table")
+        raise CaptureError(f"{path}: {key} must be a table", code="not-a-table", key=key)
     fisheye = table.get("fisheye", False)
     if not isinstance(fisheye, bool):
-        raise CaptureError(f"{path}: [{key}] fisheye: must be true or false")
+        raise CaptureError(
+            f"{path}: [{key}] fisheye: must be true or false",
+            code="not-a-boolean",
+            table=key,
+            key="fisheye",
+        )
     size = numbers("size", (2,))
     bent = numbers("distortions", ()).ravel()
     rotation, translation = numbers("rotation", (3,)), numbers("translation", (3,))
@@ -85,11 +101,15 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
     plain = np.isfinite(rotation).all() and np.isfinite(size).all()
     if not plain or (size != np.round(size)).any():
         raise CaptureError(
-            f"{path}: [{key}] size must be whole numbers and rotation finite numbers"
+            f"{path}: [{key}] size must be whole numbers and rotation finite numbers",
+            code="not-a-number",
+            table=key,
         )
     if not ((size >= 1) & (size <= 100_000)).all():
         raise CaptureError(
-            f"{path}: [{key}] size: must be the width and height in pixels, 1 to 100000 each"
+            f"{path}: [{key}] size: must be the width and height in pixels, 1 to 100000 each",
+            code="image-size-invalid",
+            table=key,
         )
     try:
         return Camera(
@@ -98,7 +118,9 @@ def _camera(path: Path, key: str, table: Any) -> Camera:
             translation, fisheye,
         )  # fmt: skip
     except CaptureError as error:
-        raise CaptureError(f"{path}: [{key}]: {error}") from None
+        raise CaptureError(
+            f"{path}: [{key}]: {error}", code=error.code, **{**error.data, "table": key}
+        ) from None
 
 
 def _shortest(distortions: Any) -> Any:

@@ -54,13 +54,17 @@ class Video:
             images = (p for p in path.iterdir() if p.suffix.lower() in _IMAGES)
             self._files = sorted(images, key=_by_number)
             if not self._files:
-                raise CaptureError(f"{path}: the folder has no images ({', '.join(_IMAGES)})")
+                raise CaptureError(
+                    f"{path}: the folder has no images ({', '.join(_IMAGES)})",
+                    code="images-missing",
+                )
         elif not path.exists() and not pattern:
-            raise CaptureError(f"{path}: there is no such file")
+            raise CaptureError(f"{path}: there is no such file", code="file-not-found")
         if (self._files or pattern) and rate is None:
             raise CaptureError(
                 f"{path}: images have no time stamps; give the frames per second at which they were"
-                " taken with --rate"
+                " taken with --rate",
+                code="frame-rate-missing",
             )
         if self._files:
             self.expected = len(self._files)
@@ -75,7 +79,8 @@ class Video:
         count = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
         if not self._capture.isOpened() or min(width, height) < 1:
             raise CaptureError(
-                f"{path}: cannot be opened as a video; check that it is one and is not damaged"
+                f"{path}: cannot be opened as a video; check that it is one and is not damaged",
+                code="video-unreadable",
             )
         self.size = width, height
         #: Frames that the file says it has; 0 where it does not say.
@@ -113,7 +118,9 @@ def _image(path: Path) -> Image:
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
         raise CaptureError(
-            f"{path}: cannot be read as an image; check that it is one and is not damaged"
+            f"{path}: cannot be read as an image; check that it is one and is not damaged",
+            code="image-unreadable",
+            file=path.name,
         )
     return np.asarray(image, np.uint8)
 

@@ -61,7 +61,9 @@ class Webcam:
             self._capture.release()
             raise CaptureError(
                 f"camera {self.name}: cannot be opened; is it plugged in, and does no other program"
-                " (a browser, a meeting) use it? defsense doctor tells more"
+                " (a browser, a meeting) use it? defsense doctor tells more",
+                code="camera-unavailable",
+                camera=self.name,
             )
         self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, self.size[0])
         self._capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self.size[1])
@@ -71,7 +73,11 @@ class Webcam:
         there, image = self._capture.read()
         if not there:
             self._capture.release()
-            raise CaptureError(f"camera {self.name}: gives no picture")
+            raise CaptureError(
+                f"camera {self.name}: gives no picture",
+                code="camera-gives-no-image",
+                camera=self.name,
+            )
         self.size = (image.shape[1], image.shape[0])
         self._heard = time.monotonic_ns()
         self._thread.start()
@@ -82,7 +88,11 @@ class Webcam:
             if self._frames:
                 return self._frames.popleft()
         if time.monotonic_ns() - self._heard > _GONE * 1e9:
-            raise CaptureError(f"camera {self.name}: gives no more pictures; was it unplugged?")
+            raise CaptureError(
+                f"camera {self.name}: gives no more pictures; was it unplugged?",
+                code="camera-disconnected",
+                camera=self.name,
+            )
         return None
 
     def close(self) -> None:

@@ -54,7 +54,8 @@ class LedDetector:
         if stay is not None and not stay >= _SHORT:
             raise CaptureError(
                 f"LED: an LED that switches every {stay:.1f} frames cannot be followed; at least"
-                f" {_SHORT}: choose a longer period"
+                f" {_SHORT}: choose a longer period",
+                code="led-too-fast",
             )
         self._stay = stay
         self._recent: deque[_Blocks] = deque(maxlen=_KEPT)
@@ -70,12 +71,18 @@ class LedDetector:
         size = image.shape[1], image.shape[0]
         if self._size is None:
             if min(size) < 4 * _BLOCK:
-                raise CaptureError(f"LED: an image of {size[0]} x {size[1]} px is too small")
+                raise CaptureError(
+                    f"LED: an image of {size[0]} x {size[1]} px is too small",
+                    code="image-too-small",
+                )
             self._size = size
         if size != self._size:
             raise CaptureError(
                 f"LED: frame {self._count} is {size[0]} x {size[1]} px, those before are"
-                f" {self._size[0]} x {self._size[1]} px; give one camera's images of one size"
+                f" {self._size[0]} x {self._size[1]} px; give one camera's images of one size",
+                code="image-size-changed",
+                frame=self._count,
+                size=size,
             )
         blocks = _means(image)
         self._count += 1

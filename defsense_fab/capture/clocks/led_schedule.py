@@ -51,22 +51,37 @@ class LedSchedule:
 def check_clock(name: str, time: Float, gap: float | None = None) -> None:
     """Of stamps (t,) s that must not go back, nor on by more than `gap` s. Raises CaptureError."""
     if time.ndim != 1 or len(time) < 2:
-        raise CaptureError(f"synchronise: the {name}'s clock has {time.size} stamps; record longer")
+        raise CaptureError(
+            f"synchronise: the {name}'s clock has {time.size} stamps; record longer",
+            code="recording-too-short",
+            clock=name,
+        )
     if not np.isfinite(time).all():
         k = int(np.argmin(np.isfinite(time)))
-        raise CaptureError(f"synchronise: stamp {k} of the {name} is no number; leave it out")
+        raise CaptureError(
+            f"synchronise: stamp {k} of the {name} is no number; leave it out",
+            code="not-a-number",
+            clock=name,
+            index=k,
+        )
     step = np.diff(time)
     k = int(step.argmin())
     if step[k] < 0:
         raise CaptureError(
             f"synchronise: the {name}'s clock goes back at {k + 1}, from {time[k]:.3f} s to"
-            f" {time[k + 1]:.3f} s; give the parts before and after it one by one"
+            f" {time[k + 1]:.3f} s; give the parts before and after it one by one",
+            code="clock-goes-back",
+            clock=name,
+            index=k + 1,
         )
     k = int(step.argmax())
     if gap is not None and step[k] > gap:
         raise CaptureError(
             f"synchronise: the {name}'s clock jumps at {k + 1}, from {time[k]:.3f} s to"
-            f" {time[k + 1]:.3f} s; give the parts before and after it one by one"
+            f" {time[k + 1]:.3f} s; give the parts before and after it one by one",
+            code="clock-jumps",
+            clock=name,
+            index=k + 1,
         )
 
 
@@ -82,7 +97,9 @@ def find_schedule(
     if not len(at):
         raise CaptureError(
             f"synchronise: the read-out board's LED was {'on' if led[0] else 'off'} all the time;"
-            f" let it blink: 'led {LED_PERIOD}'"
+            f" let it blink: 'led {LED_PERIOD}'",
+            code="led-never-switches",
+            is_on=bool(led[0]),
         )
     # A toggle while samples lacked is known to their pause only: the grid goes on without it.
     wide = began[at] - began[at - 1]

@@ -97,7 +97,8 @@ def _smooth(time: Float, values: Float, blur: float) -> _Rows:
     if values.shape[1] == 0 or good.sum() < 20:
         raise CaptureError(
             "synchronise: motion or signals are missing for most of the time; record again with"
-            " the markers in view and the cords connected"
+            " the markers in view and the cords connected",
+            code="motion-mostly-missing",
         )
     t, v = time[good], values[good] - values[good].mean(0)
     first, size = int(np.floor(t[0] / _STEP)), int(np.ceil(np.ptp(t) / _STEP)) + 2
@@ -142,7 +143,11 @@ def _main(rows: _Rows, name: str) -> _Rows:
     """Main components, each of variance one."""
     part = rows.values[rows.known]
     if len(part) < 50:
-        raise CaptureError(f"synchronise: {name} is known for too short a time; record longer")
+        raise CaptureError(
+            f"synchronise: {name} is known for too short a time; record longer",
+            code="recording-too-short",
+            input=name,
+        )
     scale = part.std(0)
     if name == "signals":  # channels need not be alike
         part, values = part[:, scale > 0] / scale[scale > 0], rows.values[:, scale > 0]
@@ -151,7 +156,10 @@ def _main(rows: _Rows, name: str) -> _Rows:
         values = rows.values
     if not (scale > 1e-12).any():
         what = "no marker moves" if name == "motion" else "no signal changes"
-        raise CaptureError(f"synchronise: {what}; move the device about while recording")
+        raise CaptureError(
+            f"synchronise: {what}; move the device about while recording",
+            code="motion-constant" if name == "motion" else "signals-constant",
+        )
     center = part.mean(0)
     _, size, axes = np.linalg.svd(part - center, full_matrices=False)
     most = int(np.searchsorted(np.cumsum(size**2) / (size**2).sum(), 0.999)) + 1
@@ -217,11 +225,12 @@ def _search(x: _Rows, y: _Rows, within: float | None) -> int:
     shared = np.where(count > 0.4 * count.max(), _shared(moments, p), 0.0)
     k = int(shared.argmax())
     if shared[k] < _SHARED:
-        raise CaptureError(_NOTHING)
+        raise CaptureError(_NOTHING, code="motion-unrelated")
     if within is not None and k in (0, len(lags) - 1):
         raise CaptureError(
             f"synchronise: motion and signals go together best {within:g} s from the offset that"
-            " was expected, or farther; look for it within more"
+            " was expected, or farther; look for it within more",
+            code="offset-out-of-range",
         )
     peaks = np.flatnonzero((shared[1:-1] >= shared[:-2]) & (shared[1:-1] >= shared[2:])) + 1
     others = peaks[np.abs(peaks - k) > 1]
@@ -230,7 +239,8 @@ def _search(x: _Rows, y: _Rows, within: float | None) -> int:
         raise CaptureError(
             f"synchronise: motion and signals go together as well {abs(other) * _STEP:.2f} s"
             f" {'later' if other > 0 else 'earlier'}; move the device less evenly, or put the LED"
-            " in view"
+            " in view",
+            code="offset-ambiguous",
         )
     return int(lags[k])
 
@@ -308,5 +318,5 @@ def _refine(
     halves = [sums(first[None], every[k::2])[0] for k in (0, 1)]
     tells = (_foretells(halves[0], halves[1], p), _foretells(halves[1], halves[0], p))
     if min(tells) < _FORETOLD and fixed is None:
-        raise CaptureError(_NOTHING)
+        raise CaptureError(_NOTHING, code="motion-unrelated")
     return float(first[0]), float(first[1]), float(sigma[0]), turn, span, middle

@@ -84,20 +84,24 @@ def by_led(
     if lit is None:
         raise CaptureError(
             "synchronise: no LED is seen to switch in the images; turn it to the camera and record"
-            " again, or go without it, by motion"
+            " again, or go without it, by motion",
+            code="led-not-seen",
         )
     start = shift_of(lit, toggles, before, within if rough is not None else None)
     if start is None or start.score < _AGREE:
         raise CaptureError(
             "synchronise: what blinks in the images is not the read-out board's LED"
             + (f" at an offset within {within:g} s of what was expected" if rough else "")
-            + "; check that both are of one recording, or go without it, by motion"
+            + "; check that both are of one recording, or go without it, by motion",
+            code="led-unrelated",
         )
     found = posterior(lit, toggles, start, exposure, before.drift)
     if found.toggles < _FEWEST:
         raise CaptureError(
             f"synchronise: {found.toggles} toggles of the LED were seen, {_FEWEST} are needed;"
-            " record longer"
+            " record longer",
+            code="toggles-too-few",
+            count=found.toggles,
         )
     reach = within if rough is not None else None
     other = shifts_alike(lit, toggles, found, before, reach)
@@ -105,7 +109,8 @@ def by_led(
         raise CaptureError(
             f"synchronise: an offset {abs(other):.2f} s {'later' if other > 0 else 'earlier'}"
             " explains the LED's blinking as well; give the offset more closely, or switch the LED"
-            " off for some seconds while recording"
+            " off for some seconds while recording",
+            code="offset-ambiguous",
         )
     half = found.span / 2
     spread = float(np.hypot(found.shift_sigma, found.drift_sigma * half))
@@ -157,7 +162,9 @@ def by_motion(
     if error > _MOST_ERROR:
         raise CaptureError(
             f"synchronise: motion and signals tell the offset to {1e3 * error:.0f} ms only; move"
-            " the device faster and for longer, or put the LED in view"
+            " the device faster and for longer, or put the LED in view",
+            code="offset-uncertain",
+            error=error,
         )
     offset = found.middle + found.shift - (1 + found.drift) * found.device_middle
     return Sync(
@@ -172,7 +179,11 @@ def _clocks(rough: Clocks | float | None) -> Clocks:
 
 def _check_pair(name: str, time: Float, values: Float | Bool) -> None:
     if values.ndim < 1 or len(values) != len(time):
-        raise CaptureError(f"synchronise: {len(time)} times do not go with {len(values)} {name}")
+        raise CaptureError(
+            f"synchronise: {len(time)} times do not go with {len(values)} {name}",
+            code="length-differs",
+            input=name,
+        )
 
 
 def _check_length(frame_time: Float, device_time: Float) -> None:
@@ -180,5 +191,7 @@ def _check_length(frame_time: Float, device_time: Float) -> None:
         if np.ptp(time) < _SHORTEST:
             raise CaptureError(
                 f"synchronise: {np.ptp(time):.1f} s of the {name}, {_SHORTEST:g} s are needed;"
-                " record longer"
+                " record longer",
+                code="recording-too-short",
+                clock=name,
             )

@@ -34,14 +34,16 @@ def write_c3d(path: Path, tracks: Tracks) -> None:
     markers, of irregular times, or of more frames than C3D counts."""
     ezc3d = _library(path)
     if not len(tracks.ids):
-        raise CaptureError(f"{path}: there are no markers to write")
+        raise CaptureError(f"{path}: there are no markers to write", code="markers-missing")
     grid = _grid(path, tracks.time)
     index, start, period = grid.index, grid.start, grid.period
     n, first = int(index[-1]) + 1, int(tracks.frame[0])
     if n > MOST_FRAMES:
         raise CaptureError(
             f"{path}: {n} frames from the first to the last are more than the {MOST_FRAMES} of C3D;"
-            " write shorter pieces, or .csv, .npz or .parquet"
+            " write shorter pieces, or .csv, .npz or .parquet",
+            code="too-many-frames",
+            count=n,
         )
     if (tracks.frame != first + index).any() or first < 0 or first + n > MOST_FRAMES:
         first = 0
@@ -75,7 +77,9 @@ def read_c3d(path: Path) -> Labelled:
     try:
         file = ezc3d.c3d(str(path))
     except Exception as error:  # whatever the C++ library throws
-        raise CaptureError(f"{path}: cannot be read as C3D: {str(error)[:120]!r}") from None
+        raise CaptureError(
+            f"{path}: cannot be read as C3D: {str(error)[:120]!r}", code="file-damaged"
+        ) from None
     group, own = file["parameters"]["POINT"], file["parameters"].get(_GROUP, {})
     points = file["data"]["points"][:3].transpose(2, 1, 0)
     residual = file["data"]["meta_points"]["residuals"][0].T
@@ -85,17 +89,22 @@ def read_c3d(path: Path) -> Labelled:
     kept = np.array([i for i, label in enumerate(labels) if label not in other], np.int64)
     if not len(kept) or not len(points):
         raise CaptureError(
-            f"{path}: has no markers ({points.shape[1]} points, {len(points)} frames)"
+            f"{path}: has no markers ({points.shape[1]} points, {len(points)} frames)",
+            code="markers-missing",
         )
     unit = (_strings(group, "UNITS") or [""])[0].strip()
     if unit.lower() not in _MM:
         raise CaptureError(
-            f"{path}: the unit of its points (POINT:UNITS) is {unit!r}; it must be mm, cm or m"
+            f"{path}: the unit of its points (POINT:UNITS) is {unit!r}; it must be mm, cm or m",
+            code="unknown-unit",
+            unit=unit,
         )
     rate = float(np.ravel(group["RATE"]["value"])[0]) if len(group["RATE"]["value"]) else 0.0
     if not (np.isfinite(rate) and rate > 0):
         raise CaptureError(
-            f"{path}: the rate of its points (POINT:RATE) is {rate:g}; it must be > 0"
+            f"{path}: the rate of its points (POINT:RATE) is {rate:g}; it must be > 0",
+            code="frame-rate-invalid",
+            rate=rate,
         )
 
     points = points[:, kept] * _MM[unit.lower()]
@@ -115,13 +124,17 @@ def _grid(path: Path, time: Float) -> FrameGrid:
     """Where the frames are. Raises CaptureError for times that have no rate."""
     grid = frame_grid(time)
     if grid is None:
-        raise CaptureError(f"{path}: {len(time)} frames have no rate, which C3D needs; write .csv")
+        raise CaptureError(
+            f"{path}: {len(time)} frames have no rate, which C3D needs; write .csv",
+            code="times-without-rate",
+        )
     if not grid.even:
         worst = int(np.argmax(grid.off))
         raise CaptureError(
             f"{path}: the times are not regular, as C3D needs: at {1 / grid.period:.4g} frames/s,"
             f" that at {time[worst]:.6f} s is {100 * grid.off[worst]:.0f} % of a period off (at"
-            f" most {100 * JITTER:.0f} %); write .csv, .npz, .parquet or .trc"
+            f" most {100 * JITTER:.0f} %); write .csv, .npz, .parquet or .trc",
+            code="times-uneven",
         )
     return grid
 

@@ -28,19 +28,30 @@ def check_whole(path: Path) -> None:
         with path.open("rb") as file:
             head = file.read(_BLOCK)
             if len(head) < _BLOCK or head[1] != _MAGIC or head[0] < 1:
-                raise CaptureError(f"{path}: is no C3D file (it does not begin like one)")
+                raise CaptureError(
+                    f"{path}: is no C3D file (it does not begin like one)", code="not-a-c3d-file"
+                )
             file.seek((head[0] - 1) * _BLOCK)
             parameters = file.read(_BLOCK * _MOST_BLOCKS)
             size = file.seek(0, 2)
     except OSError as error:
-        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+        raise CaptureError(
+            f"{path}: cannot be read: {error.strerror}", code="file-unreadable"
+        ) from None
     if len(parameters) < 4:
-        raise CaptureError(f"{path}: is cut short before its parameters; copy it again")
+        raise CaptureError(
+            f"{path}: is cut short before its parameters; copy it again", code="file-truncated"
+        )
     if parameters[3] not in _PROCESSORS:
-        raise CaptureError(f"{path}: is no C3D file (no processor has the number {parameters[3]})")
+        raise CaptureError(
+            f"{path}: is no C3D file (no processor has the number {parameters[3]})",
+            code="not-a-c3d-file",
+        )
     order, sign = _PROCESSORS[parameters[3]]
     if not _sound(parameters, order):
-        raise CaptureError(f"{path}: its parameters are damaged; copy it again")
+        raise CaptureError(
+            f"{path}: its parameters are damaged; copy it again", code="file-damaged"
+        )
     points, analog, first, last = struct.unpack(f"{order}4H", head[2:10])
     (start,) = struct.unpack(f"{order}H", head[16:18])
     width = 4 if head[12 + sign] & 0x80 else 2  # a negative scale stands for data stored as floats
@@ -49,7 +60,11 @@ def check_whole(path: Path) -> None:
     if there < needed:
         raise CaptureError(
             f"{path}: is cut short: frames {first} to {last} need {needed} bytes, and there are"
-            f" {there}; copy it again"
+            f" {there}; copy it again",
+            code="file-truncated",
+            first=first,
+            last=last,
+            needed=needed,
         )
 
 

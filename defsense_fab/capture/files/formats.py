@@ -63,20 +63,30 @@ def read_npz(path: Path) -> Tracks:
         with path.open("rb") as whole, np.load(whole, allow_pickle=False) as file:
             found = {name: np.asarray(file[name]) for name in _ARRAYS}
     except KeyError as error:
-        raise CaptureError(f"{path}: is no NPZ of tracks: {error.args[0]}") from None
+        raise CaptureError(
+            f"{path}: is no NPZ of tracks: {error.args[0]}",
+            code="array-missing",
+            name=error.args[0],
+        ) from None
     except FileNotFoundError as error:
-        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+        raise CaptureError(
+            f"{path}: cannot be read: {error.strerror}", code="file-unreadable"
+        ) from None
     except (OSError, EOFError, ValueError, TypeError, MemoryError, zipfile.BadZipFile):
-        raise CaptureError(f"{path}: is no whole NPZ file; copy or write it again") from None
+        raise CaptureError(
+            f"{path}: is no whole NPZ file; copy or write it again", code="file-damaged"
+        ) from None
     for name, kind in _ARRAYS.items():
         if not np.can_cast(found[name].dtype, kind, "same_kind"):
-            raise CaptureError(f"{path}: {name} has no numbers of the right kind")
+            raise CaptureError(
+                f"{path}: {name} has no numbers of the right kind", code="not-a-number", name=name
+            )
         if name in ("time", "ids", "frame") and found[name].ndim != 1:
-            raise CaptureError(f"{path}: {name} must be a list")
+            raise CaptureError(f"{path}: {name} must be a list", code="shape-wrong", name=name)
     try:
         return Tracks(**{name: found[name].astype(kind) for name, kind in _ARRAYS.items()})
     except CaptureError as error:
-        raise CaptureError(f"{path}: {error}") from None
+        raise CaptureError(f"{path}: {error}", code=error.code, **error.data) from None
 
 
 def write_parquet(path: Path, tracks: Tracks) -> None:
@@ -101,18 +111,24 @@ def read_parquet(path: Path) -> Tracks:
             missing = [name for name in COLUMNS if name not in names]
             if missing:
                 raise CaptureError(
-                    f"{path}: has no column {missing[0]}; it needs {', '.join(COLUMNS)}"
+                    f"{path}: has no column {missing[0]}; it needs {', '.join(COLUMNS)}",
+                    code="column-missing",
+                    column=missing[0],
                 )
             check_size(path, whole.metadata.num_rows * len(COLUMNS) * 8)
             table = whole.read(columns=list(COLUMNS))
     except (arrow.ArrowException, EOFError):
-        raise CaptureError(f"{path}: is no whole Parquet file; copy or write it again") from None
+        raise CaptureError(
+            f"{path}: is no whole Parquet file; copy or write it again", code="file-damaged"
+        ) from None
     except OSError as error:
-        raise CaptureError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise CaptureError(
+            f"{path}: cannot be read: {error.strerror or error}", code="file-unreadable"
+        ) from None
     try:
         columns = [np.asarray(table[name].to_numpy(), float) for name in COLUMNS]
     except (ValueError, TypeError):
-        raise CaptureError(f"{path}: its columns must be numbers") from None
+        raise CaptureError(f"{path}: its columns must be numbers", code="not-a-number") from None
     return from_rows(path, np.column_stack(columns), lambda row: f"{path}: row {row + 1}")
 
 
@@ -136,6 +152,8 @@ _FORMATS: dict[str, _Format] = {
 def _format(path: Path) -> _Format:
     if path.suffix.lower() not in _FORMATS:
         raise CaptureError(
-            f"{path}: tracks are files named {', '.join(_FORMATS)}; choose one of these suffixes"
+            f"{path}: tracks are files named {', '.join(_FORMATS)}; choose one of these suffixes",
+            code="unknown-file-format",
+            suffixes=tuple(_FORMATS),
         )
     return _FORMATS[path.suffix.lower()]

@@ -23,7 +23,8 @@ class Labelled:
     def __post_init__(self) -> None:
         if len(self.labels) != len(self.tracks.ids):
             raise CaptureError(
-                f"{len(self.tracks.ids)} markers cannot have {len(self.labels)} labels"
+                f"{len(self.tracks.ids)} markers cannot have {len(self.labels)} labels",
+                code="labels-differ",
             )
 
 

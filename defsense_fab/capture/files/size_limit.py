@@ -23,5 +23,6 @@ def check_size(path: Path, needed: int) -> None:
     if needed > _FREE + _TIMES * size:
         raise CaptureError(
             f"{path}: its tracks would take {needed / 1e6:.0f} MB of memory, out of all proportion"
-            f" to a file of {size / 1e6:.3g} MB; check its numbers of frames and markers"
+            f" to a file of {size / 1e6:.3g} MB; check its numbers of frames and markers",
+            code="tracks-too-large",
         )

@@ -46,21 +46,26 @@ def from_rows(path: Path, rows: Float, where: Callable[[int], str]) -> Tracks:
     begins with `where(row)` for what cannot be, and for frames and markers out of all proportion to
     the file."""
 
-    def refuse(wrong: Bool, why: Callable[[int], str]) -> None:
+    def refuse(wrong: Bool, code: str, why: Callable[[int], str]) -> None:
         if wrong.any():
             row = int(np.argmax(wrong))
-            raise CaptureError(f"{where(row)}: {why(row)}")
+            raise CaptureError(f"{where(row)}: {why(row)}", code=code, row=row + 1)
 
     absent = np.isnan(rows[:, 3:]).all(1)
     for i, name in enumerate(COLUMNS[:6]):
         wrong = ~np.isfinite(rows[:, i]) & ~(absent & (i >= 3))
-        refuse(wrong, lambda _, name=name: f"{name} is not a finite number")  # type: ignore[misc]
+        refuse(wrong, "not-a-number", lambda _, name=name: f"{name} is not a finite number")  # type: ignore[misc]
     for i in (0, 2):
         wrong = np.asarray((rows[:, i] != np.rint(rows[:, i])) | (np.abs(rows[:, i]) >= 2.0**53))
-        refuse(wrong, lambda r, i=i: f"{COLUMNS[i]} {rows[r, i]:g} is not a whole number")  # type: ignore[misc]
+        refuse(
+            wrong,
+            "not-a-whole-number",
+            lambda r, i=i: f"{COLUMNS[i]} {rows[r, i]:g} is not a whole number",
+        )  # type: ignore[misc]
     known = np.isfinite(rows[:, 6:]).all(1) & (rows[:, 6:] >= 0).all(1)
     refuse(
         np.asarray(~(known | np.isnan(rows[:, 6:]).all(1))),
+        "sigma-invalid",
         lambda _: "sx, sy, sz are standard deviations: three numbers of at least 0, or three nan",
     )
     order = np.lexsort((rows[:, 2], rows[:, 0]))
@@ -71,13 +76,21 @@ def from_rows(path: Path, rows: Float, where: Callable[[int], str]) -> Tracks:
 
     twice = np.zeros(len(rows), bool)
     twice[order[1:]] = (np.diff(sorted_[:, [0, 2]], axis=0) == 0).all(1)
-    refuse(twice, lambda r: f"frame {rows[r, 0]:.0f} has marker {rows[r, 2]:.0f} twice")
+    refuse(
+        twice,
+        "marker-repeated",
+        lambda r: f"frame {rows[r, 0]:.0f} has marker {rows[r, 2]:.0f} twice",
+    )
     other = np.zeros(len(rows), bool)
     other[order] = sorted_[:, 1] != time[at]
-    refuse(other, lambda r: f"frame {rows[r, 0]:.0f} has two times; it needs one")
+    refuse(other, "times-differ", lambda r: f"frame {rows[r, 0]:.0f} has two times; it needs one")
     back = np.zeros(len(rows), bool)
     back[order[first[1:]]] = np.diff(time) <= 0
-    refuse(back, lambda r: f"the time {rows[r, 1]:g} s is not later than that of the frame before")
+    refuse(
+        back,
+        "times-not-increasing",
+        lambda r: f"the time {rows[r, 1]:g} s is not later than that of the frame before",
+    )
 
     check_size(path, len(frame) * len(ids) * CELL)
     points = np.full((len(frame), len(ids), 3), np.nan)
@@ -106,12 +119,18 @@ def read_tracks(path: Path) -> Tracks:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
-        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+        raise CaptureError(
+            f"{path}: cannot be read: {error.strerror}", code="file-unreadable"
+        ) from None
     except UnicodeDecodeError:
-        raise CaptureError(f"{path}: is no table of tracks (not text)") from None
+        raise CaptureError(
+            f"{path}: is no table of tracks (not text)", code="not-a-tracks-file"
+        ) from None
     if not lines or lines[0].strip() != _HEADER:
         found = repr(lines[0][:60]) if lines else "nothing"
-        raise CaptureError(f"{path}:1: the first line must be {_HEADER}, not {found}")
+        raise CaptureError(
+            f"{path}:1: the first line must be {_HEADER}, not {found}", code="header-wrong", line=1
+        )
     numbers = [i for i, line in enumerate(lines[1:], 2) if line.strip()]
     rows = _table(path, numbers, [lines[i - 1] for i in numbers])
     return from_rows(path, rows, lambda row: f"{path}:{numbers[row]}")
@@ -132,13 +151,20 @@ def _table(path: Path, numbers: list[int], lines: list[str]) -> Float:
         if len(cells) != len(COLUMNS):
             raise CaptureError(
                 f"{path}:{number}: {len(cells)} cells under {len(COLUMNS)} columns; a row is"
-                f" {_HEADER}"
+                f" {_HEADER}",
+                code="cell-count-differs",
+                line=number,
+                count=len(cells),
             )
         for name, cell in zip(COLUMNS, cells, strict=True):
             try:
                 float(cell)
             except ValueError:
                 raise CaptureError(
-                    f"{path}:{number}: {name} is not a number: {cell[:40]!r}"
+                    f"{path}:{number}: {name} is not a number: {cell[:40]!r}",
+                    code="not-a-number",
+                    line=number,
+                    column=name,
+                    value=cell[:40],
                 ) from None
-    raise CaptureError(f"{path}: is no table of numbers")
+    raise CaptureError(f"{path}: is no table of numbers", code="not-a-tracks-file")

@@ -28,7 +28,7 @@ def write_trc(path: Path, tracks: Tracks) -> None:
     without markers or frames."""
     n, m = tracks.points.shape[:2]
     if not (n and m):
-        raise CaptureError(f"{path}: there are no markers to write")
+        raise CaptureError(f"{path}: there are no markers to write", code="markers-missing")
     grid = frame_grid(tracks.time)
     rate = 0.0
     if grid is not None:
@@ -57,59 +57,101 @@ def read_trc(path: Path) -> Labelled:
     try:
         lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except OSError as error:
-        raise CaptureError(f"{path}: cannot be read: {error.strerror}") from None
+        raise CaptureError(
+            f"{path}: cannot be read: {error.strerror}", code="file-unreadable"
+        ) from None
     if len(lines) < _HEAD or not lines[0].startswith("PathFileType"):
-        raise CaptureError(f"{path}:1: is no TRC file (it does not begin with PathFileType)")
+        raise CaptureError(
+            f"{path}:1: is no TRC file (it does not begin with PathFileType)",
+            code="not-a-trc-file",
+            line=1,
+        )
     head = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
     unit = head.get("Units", "").strip()
     if unit.lower() not in _MM:
-        raise CaptureError(f"{path}:3: the unit (Units) is {unit!r}; it must be mm, cm or m")
+        raise CaptureError(
+            f"{path}:3: the unit (Units) is {unit!r}; it must be mm, cm or m",
+            code="unknown-unit",
+            line=3,
+            unit=unit,
+        )
     try:
         frames, markers = int(head["NumFrames"]), int(head["NumMarkers"])
     except (KeyError, ValueError):
-        raise CaptureError(f"{path}:3: NumFrames and NumMarkers must be whole numbers") from None
+        raise CaptureError(
+            f"{path}:3: NumFrames and NumMarkers must be whole numbers", code="not-a-number", line=3
+        ) from None
     names = lines[3].split("\t")
     labels = tuple(label.strip() for label in names[2::3] if label.strip())
     if len(labels) != markers or not markers:
         raise CaptureError(
             f"{path}:4: {len(labels)} labels of markers, each over three columns, and NumMarkers is"
-            f" {markers}"
+            f" {markers}",
+            code="labels-differ",
+            line=4,
+            count=len(labels),
         )
     check_size(path, len(lines) * markers * CELL)
     rows = [
-        _row(f"{path}:{number}", line, markers)
+        _row(path, number, line, markers)
         for number, line in enumerate(lines[_HEAD:], _HEAD + 1)
         if line.strip()
     ]
     if len(rows) < frames or not rows:
-        raise CaptureError(f"{path}: is cut short: {len(rows)} of {frames} frames; copy it again")
+        raise CaptureError(
+            f"{path}: is cut short: {len(rows)} of {frames} frames; copy it again",
+            code="file-truncated",
+            count=len(rows),
+            frames=frames,
+        )
     table = np.array(rows)
     time = table[:, 1]
     if (np.diff(time) <= 0).any():
         at = int(np.argmax(np.diff(time) <= 0)) + 1
-        raise CaptureError(f"{path}: frame {table[at, 0]:.0f}: its time is not later than the last")
+        raise CaptureError(
+            f"{path}: frame {table[at, 0]:.0f}: its time is not later than the last",
+            code="times-not-increasing",
+            frame=int(table[at, 0]),
+        )
     points = table[:, 2:].reshape(len(rows), markers, 3) * _MM[unit.lower()]
     ids, frame = numbers_of(labels), table[:, 0].astype(np.int64)
     return Labelled(Tracks(time, ids, points, np.full_like(points, np.nan), frame), labels)
 
 
-def _row(where: str, line: str, markers: int) -> list[float]:
+def _row(path: Path, line_number: int, line: str, markers: int) -> list[float]:
     """Frame, time and places (2 + 3 m), NaN for what is missing."""
+    where = f"{path}:{line_number}"
     cells = [cell.strip() for cell in line.split("\t")]
     width = 2 + 3 * markers
     if any(cells[width:]):
-        raise CaptureError(f"{where}: {len(cells)} cells for {markers} markers ({width} are due)")
+        raise CaptureError(
+            f"{where}: {len(cells)} cells for {markers} markers ({width} are due)",
+            code="cell-count-differs",
+            line=line_number,
+            count=len(cells),
+        )
     cells = (cells + [""] * width)[:width]
     try:
         values = [float(cell) if cell else math.nan for cell in cells]
     except ValueError as error:
-        raise CaptureError(f"{where}: {error}") from None
+        raise CaptureError(f"{where}: {error}", code="not-a-number", line=line_number) from None
     if not (math.isfinite(values[0]) and math.isfinite(values[1])):
-        raise CaptureError(f"{where}: the frame and its time must be numbers")
+        raise CaptureError(
+            f"{where}: the frame and its time must be numbers",
+            code="not-a-number",
+            line=line_number,
+        )
     for i in range(markers):
         missing = [math.isnan(x) for x in values[2 + 3 * i : 5 + 3 * i]]
         if any(missing) and not all(missing):
-            raise CaptureError(f"{where}: of marker {i + 1} a part of its place is missing")
+            raise CaptureError(
+                f"{where}: of marker {i + 1} a part of its place is missing",
+                code="marker-incomplete",
+                line=line_number,
+                marker=i + 1,
+            )
     if any(map(math.isinf, values)):
-        raise CaptureError(f"{where}: a place must be finite")
+        raise CaptureError(
+            f"{where}: a place must be finite", code="not-a-number", line=line_number
+        )
     return values

@@ -33,9 +33,9 @@ class PacedSamples:
     def drain(self) -> list[StampedSample | Event]:
         """Those that have fallen due since the last call. Raises RecordingEnd after the last."""
         if self._sample is None:
-            raise CaptureError(f"{self.name}: is not being played")
+            raise CaptureError(f"{self.name}: is not being played", code="source-not-started")
         if self._next >= len(self._due):
-            raise RecordingEnd(f"{self.name}: the recording is at its end")
+            raise RecordingEnd(f"{self.name}: the recording is at its end", code="recording-ended")
         last = int(np.searchsorted(self._due, time.monotonic_ns(), side="right"))
         out: list[StampedSample | Event] = []
         for k in range(self._next, last):
@@ -50,7 +50,10 @@ class PacedSamples:
     def read_latest(self, max_age: float) -> StampedSample:
         """The newest; raises StaleError where it is older than `max_age` s."""
         if self._latest is None or time.monotonic_ns() - self._latest.host_ns > max_age * 1e9:
-            raise StaleError(f"{self.name}: no sample of the last {max_age:g} s; drain() plays")
+            raise StaleError(
+                f"{self.name}: no sample of the last {max_age:g} s; drain() plays",
+                code="reading-stale",
+            )
         return self._latest
 
     @property

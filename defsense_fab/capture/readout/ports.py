@@ -46,22 +46,39 @@ def open_port(url: str) -> Transport:
             port.exclusive = True
         port.open()
     except Exception as error:  # SerialException, OSError, ValueError, termios.error
-        raise CaptureError(_why(url, error)) from None
+        raise _port_error(url, error) from None
     return port  # type: ignore[no-any-return]
 
 
-def _why(url: str, error: Exception) -> str:
+def _port_error(url: str, error: Exception) -> CaptureError:
     number = getattr(error, "errno", None)
     text = str(error)
     taken = "exclusively lock" in text or (sys.platform == "win32" and "PermissionError" in text)
     if number in (errno.EAGAIN, errno.EBUSY) or taken:
-        return f"{url}: is in use by another program (the Arduino IDE's monitor?); close that"
-    if number == errno.EACCES:
-        return (
-            f"{url}: you may not open it; on Linux join the group 'dialout' (sudo usermod -aG"
-            " dialout $USER) and log in again"
+        return CaptureError(
+            f"{url}: is in use by another program (the Arduino IDE's monitor?); close that",
+            code="port-busy",
+            port=url,
         )
-    have = ", ".join(p.device for p in ports()) or "none"
+    if number == errno.EACCES:
+        return CaptureError(
+            f"{url}: you may not open it; on Linux join the group 'dialout' (sudo usermod -aG"
+            " dialout $USER) and log in again",
+            code="port-forbidden",
+            port=url,
+        )
+    have = [p.device for p in ports()]
+    names = ", ".join(have) or "none"
     if number in (errno.ENOENT, errno.ENXIO) or "FileNotFoundError" in text:
-        return f"{url}: there is no such port; plugged in: {have}; defsense doctor tells more"
-    return f"{url}: cannot be opened ({text}); plugged in: {have}"
+        return CaptureError(
+            f"{url}: there is no such port; plugged in: {names}; defsense doctor tells more",
+            code="port-not-found",
+            port=url,
+            ports=have,
+        )
+    return CaptureError(
+        f"{url}: cannot be opened ({text}); plugged in: {names}",
+        code="port-unavailable",
+        port=url,
+        ports=have,
+    )

@@ -129,12 +129,13 @@ class Reader:
             raise self._failure
         latest = self._latest
         if latest is None:
-            raise StaleError(f"{self.name}: no sample has arrived yet")
+            raise StaleError(f"{self.name}: no sample has arrived yet", code="no-sample-yet")
         age = (time.monotonic_ns() - latest.host_ns) / 1e9
         if age > max_age:
             raise StaleError(
                 f"{self.name}: the last sample is {age:.2f} s old, more than {max_age:g} s; is the"
-                " read-out board still plugged in?"
+                " read-out board still plugged in?",
+                code="reading-stale",
             )
         return latest
 
@@ -201,11 +202,14 @@ class Reader:
                         raise CaptureError(
                             f"{self.name}: the read-out board's firmware speaks protocol"
                             f" {message.protocol}, this version reads {PROTOCOL}: upload the"
-                            " firmware of this version (firmware/), or update defsense-fab"
+                            " firmware of this version (firmware/), or update defsense-fab",
+                            code="firmware-protocol-differs",
+                            protocol=message.protocol,
                         )
                     if not message.most_channels:
                         raise CaptureError(
-                            f"{self.name}: the read-out board finds no ADS1115; check its wiring"
+                            f"{self.name}: the read-out board finds no ADS1115; check its wiring",
+                            code="converter-not-found",
                         )
                     info, asked = message, 0.0
                     missing = self._settings.missing(info)
@@ -215,21 +219,31 @@ class Reader:
                         early.append((message, now))
                 elif isinstance(message, Text) and info is not None:
                     raise CaptureError(
-                        f"{self.name}: the read-out board does not take {command!r}: {message.text}"
+                        f"{self.name}: the read-out board does not take {command!r}:"
+                        f" {message.text}",
+                        code="board-command-refused",
+                        command=command,
                     )
             if info is not None and done:
                 return info, early
         if info is not None:
-            raise CaptureError(f"{self.name}: the read-out board does not answer {command!r}")
+            raise CaptureError(
+                f"{self.name}: the read-out board does not answer {command!r}",
+                code="board-command-unanswered",
+                command=command,
+            )
         if not heard:
             raise CaptureError(
                 f"{self.name}: nothing answers; is the firmware on the read-out board"
-                " (firmware/), and is this its port?"
+                " (firmware/), and is this its port?",
+                code="board-silent",
             )
         sample = heard[-40:].decode("ascii", "replace")
         raise CaptureError(
             f"{self.name}: what answers is not this firmware (it sends {sample!r}); upload"
-            " firmware/ to the read-out board, or choose another port"
+            " firmware/ to the read-out board, or choose another port",
+            code="board-firmware-unknown",
+            text=sample,
         )
 
     def _read(self, port: Transport) -> bytes:

@@ -48,7 +48,10 @@ class Recorder:
         if len(s.sums) != self._channels:
             raise CaptureError(
                 f"{self._path}: a frame of {len(s.sums)} channels came in a recording of"
-                f" {self._channels}; another program changed the read-out board's settings"
+                f" {self._channels}; another program changed the read-out board's settings",
+                code="channels-differ",
+                channels=self._channels,
+                count=len(s.sums),
             )
         values = (item.host_ns, item.device_us, s.counter, int(s.led), int(s.late), s.averages)
         self._log.line(",".join(map(str, values + s.sums)))
@@ -107,7 +110,9 @@ class Recording:
                 f"{self.path}: no event before frame {first + 1} tells the read-out board's"
                 " full_scale: the line of its 'start' was lost; add it below the columns, with this"
                 " read-out board's number,"
-                """ as '# {"event": "start", "full_scale": 1024}', or record again"""
+                """ as '# {"event": "start", "full_scale": 1024}', or record again""",
+                code="full-scale-unknown",
+                frame=first + 1,
             )
         return Dividers(reference, scale[:, None]).resistance(self._counts(part))
 
@@ -128,7 +133,11 @@ def read_recording(path: Path) -> Recording:
         if not names:
             names = line.split(",")
             if number != 2 or tuple(names[: len(_COLUMNS)]) != _COLUMNS:
-                raise CaptureError(f"{path}:2: the columns must begin with {','.join(_COLUMNS)}")
+                raise CaptureError(
+                    f"{path}:2: the columns must begin with {','.join(_COLUMNS)}",
+                    code="header-wrong",
+                    line=2,
+                )
         elif line.startswith("#"):
             at, event = len(cells) // len(names), _event(path, number, line)
             events.append((at, event))
@@ -137,13 +146,26 @@ def read_recording(path: Path) -> Recording:
         elif line:
             row = line.split(",")
             if len(row) != len(names):
-                raise CaptureError(f"{path}:{number}: {len(row)} cells under {len(names)} columns")
+                raise CaptureError(
+                    f"{path}:{number}: {len(row)} cells under {len(names)} columns",
+                    code="cell-count-differs",
+                    line=number,
+                    count=len(row),
+                )
             try:
                 cells.extend(map(int, row))
             except (ValueError, OverflowError) as error:
-                raise CaptureError(f"{path}:{number}: not a number in a frame: {error}") from None
+                raise CaptureError(
+                    f"{path}:{number}: not a number in a frame: {error}",
+                    code="not-a-number",
+                    line=number,
+                ) from None
             if cells[_AVERAGES - len(names)] < 1:
-                raise CaptureError(f"{path}:{number}: a frame of no conversions (averages)")
+                raise CaptureError(
+                    f"{path}:{number}: a frame of no conversions (averages)",
+                    code="frame-without-conversions",
+                    line=number,
+                )
     names = names or [*_COLUMNS, "s1"]
     table = np.frombuffer(cells, np.int64).reshape(-1, len(names))
     first = len(_COLUMNS)
@@ -170,7 +192,9 @@ def _after_head(path: Path, lines: LogLines) -> Iterator[tuple[int, str]]:
     if begun and _FIRST.encode().startswith(path.read_bytes()):
         return iter(())
     if first != (1, _FIRST):
-        raise CaptureError(f"{path}: is no recording (its first line is not {_FIRST!r})")
+        raise CaptureError(
+            f"{path}: is no recording (its first line is not {_FIRST!r})", code="not-a-recording"
+        )
     return rest
 
 
@@ -180,7 +204,9 @@ def _event(path: Path, number: int, line: str) -> dict[str, Any]:
         if not isinstance(event, dict):
             raise ValueError
     except ValueError:
-        raise CaptureError(f"{path}:{number}: not an event: {line[:60]!r}") from None
+        raise CaptureError(
+            f"{path}:{number}: not an event: {line[:60]!r}", code="event-invalid", line=number
+        ) from None
     return event
 
 
@@ -189,6 +215,8 @@ def _full_scale(event: dict[str, Any], where: str) -> float:
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not 0 < scale < 1e9:
         raise CaptureError(
             f"{where}: full_scale must be a number above zero, not {scale!r}; write this read-out"
-            " board's number there, or record again"
+            " board's number there, or record again",
+            code="full-scale-invalid",
+            value=scale,
         )
     return float(scale)

@@ -41,12 +41,13 @@ class Replay(PacedSamples):
         names = set(Info.__dataclass_fields__)
         about = next((e for _, e in r.events if names <= set(e)), None)
         if not len(r.counter):
-            raise CaptureError(f"{self.name}: has no samples to play")
+            raise CaptureError(f"{self.name}: has no samples to play", code="recording-empty")
         if about is None:
             raise CaptureError(
                 f"{self.name}: no event tells what the read-out board was: the line of its"
                 " 'start' was lost; copy that of another recording of this read-out board below"
-                " the columns, or record again"
+                " the columns, or record again",
+                code="board-unknown",
             )
         host, device_us = _one_run(r)
 

@@ -44,26 +44,34 @@ class CharucoBoard:
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 100:
             raise CaptureError(
-                f"board: {self.columns} x {self.rows} squares; give at least 3 each way"
+                f"board: {self.columns} x {self.rows} squares; give at least 3 each way",
+                code="board-too-small",
             )
         if not 1 <= self.square <= 1000:
-            raise CaptureError(f"board: squares of {self.square:g} mm; give 1 to 1000")
+            raise CaptureError(
+                f"board: squares of {self.square:g} mm; give 1 to 1000",
+                code="square-size-out-of-range",
+            )
         cell = self.marker / (self.family.cells + 2)
         if not 0.3 * self.square <= self.marker <= self.square - 2 * 0.7 * cell:
             raise CaptureError(
                 f"board: tags of {self.marker:g} mm in squares of {self.square:g} mm; white of"
-                f" about one of their cells must be left; {MARKER * self.square:.1f} mm is good"
+                f" about one of their cells must be left; {MARKER * self.square:.1f} mm is good",
+                code="board-tag-size-invalid",
             )
         tags = self.columns * self.rows // 2
         if tags > self.family.count:
             raise CaptureError(
                 f"board: {self.columns} x {self.rows} squares need {tags} tags, {self.family.name}"
-                f" has {self.family.count}; take fewer squares or a larger dictionary"
+                f" has {self.family.count}; take fewer squares or a larger dictionary",
+                code="board-needs-more-tags",
+                count=tags,
             )
         if self.measured is not None and not abs(self.measured / self.square - 1) <= _OFF:
             raise CaptureError(
                 f"board: a square measured as {self.measured:g} mm and drawn as {self.square:g} mm;"
-                " print at 100 %, without fitting to the page, and measure one square (in mm)"
+                " print at 100 %, without fitting to the page, and measure one square (in mm)",
+                code="print-scale-wrong",
             )
 
     @property
@@ -113,12 +121,18 @@ def load_board(path: Path) -> CharucoBoard:
     path = path / FILE if path.is_dir() else path
     data = load_json(path, CaptureError, "'defsense capture board' writes such a file")
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
-        raise CaptureError(f"{path}: not a board of schema {SCHEMA}; write it anew")
+        raise CaptureError(
+            f"{path}: not a board of schema {SCHEMA}; write it anew", code="not-a-board-file"
+        )
     wanted = CharucoBoard.__dataclass_fields__
     data = {"inverted": False, "legacy": False, **data}  # which older files do not have
     for key in {*wanted, "schema"} ^ set(data):
         said = "is missing" if key in wanted else "is not known"
-        raise CaptureError(f"{path}: {key!r} {said}; there are {', '.join(wanted)}")
+        raise CaptureError(
+            f"{path}: {key!r} {said}; there are {', '.join(wanted)}",
+            code="key-missing" if key in wanted else "unknown-key",
+            key=key,
+        )
     for key, value in data.items():
         if key in ("columns", "rows"):
             good = isinstance(value, int) and not isinstance(value, bool)
@@ -130,8 +144,10 @@ def load_board(path: Path) -> CharucoBoard:
             number = isinstance(value, int | float) and not isinstance(value, bool)
             good = number or (key == "measured" and value is None)
         if not good:
-            raise CaptureError(f"{path}: {key} cannot be {value!r}")
+            raise CaptureError(
+                f"{path}: {key} cannot be {value!r}", code="value-invalid", key=key, value=value
+            )
     try:
         return CharucoBoard(**{k: data[k] for k in wanted})
     except CaptureError as error:
-        raise CaptureError(f"{path}: {error}") from None
+        raise CaptureError(f"{path}: {error}", code=error.code, **error.data) from None

@@ -63,7 +63,11 @@ def pdf(path: Path, title: str) -> Iterator[Any]:
 def paper_size(name: str) -> tuple[float, float]:
     """Width and height, mm, upright. Raises CaptureError for a paper that is not known."""
     if name.lower() not in PAPERS:
-        raise CaptureError(f"paper {name}: not known; there are {', '.join(PAPERS)}")
+        raise CaptureError(
+            f"paper {name}: not known; there are {', '.join(PAPERS)}",
+            code="unknown-paper",
+            papers=tuple(PAPERS),
+        )
     return PAPERS[name.lower()]
 
 
@@ -77,7 +81,9 @@ def draw_tags(
     room = np.array([width - _LEFT - _RIGHT, height - _BOTTOM - _TOP - _NUMBER])
     across, down = (int((r + g) // (side + g)) for r, g in zip(room, _GAP, strict=True))
     if across < 1 or down < 1 or size <= 0:
-        raise CaptureError(f"tags of {size:g} mm with their white do not fit on {paper}")
+        raise CaptureError(
+            f"tags of {size:g} mm with their white do not fit on {paper}", code="print-too-large"
+        )
     pages = [numbers[i : i + across * down] for i in range(0, len(numbers), across * down)]
     for n, page in enumerate(pages):
         _start(canvas, width, height)
@@ -133,7 +139,9 @@ def _turned(board: CharucoBoard, paper: str) -> tuple[float, float]:
     raise CaptureError(
         f"board: {board.columns} x {board.rows} squares of {board.square:g} mm do not fit on"
         f" {paper} with its margins and rulers; squares of {np.floor(2 * best) / 2:g} mm would,"
-        " or take larger paper or fewer squares"
+        " or take larger paper or fewer squares",
+        code="print-too-large",
+        square=float(np.floor(2 * best) / 2),
     )
 
 

@@ -57,7 +57,11 @@ class Detector:
         CaptureError for an image of another size."""
         grey = to_grey(image)
         if grey.shape[::-1] != self.camera.size:
-            raise CaptureError(wrong_size(self.camera, grey.shape[1], grey.shape[0]))
+            raise CaptureError(
+                wrong_size(self.camera, grey.shape[1], grey.shape[0]),
+                code="image-size-differs",
+                size=(grey.shape[1], grey.shape[0]),
+            )
         x0, y0, x1, y1 = box or (0, 0, *self.camera.size)
         quads, numbers, _ = self._detector.detectMarkers(np.ascontiguousarray(grey[y0:y1, x0:x1]))
         if numbers is None or not len(numbers):

@@ -42,7 +42,10 @@ class Dictionary:
         if not 0 <= number < self.count:
             raise CaptureError(
                 f"tag {number}: {self.name} has the numbers 0 to {self.count - 1}; choose a larger"
-                " dictionary"
+                " dictionary",
+                code="tag-number-out-of-range",
+                tag=number,
+                count=self.count,
             )
         made = cv2.aruco.generateImageMarker(self.table, number, self.cells + 2, borderBits=1)
         return np.asarray(made, np.uint8)
@@ -56,7 +59,9 @@ def dictionary(name: str) -> Dictionary:
     if key not in FAMILIES:
         raise CaptureError(
             f"dictionary {name}: not known; there are 4X4_50, 4X4_100, ... 7X7_1000,"
-            " ARUCO_ORIGINAL, APRILTAG_16H5, 25H9, 36H10, 36H11"
+            " ARUCO_ORIGINAL, APRILTAG_16H5, 25H9, 36H10, 36H11",
+            code="unknown-tag-dictionary",
+            dictionary=name,
         )
     number = int(getattr(cv2.aruco, FAMILIES[key]))
     table = cv2.aruco.getPredefinedDictionary(number)

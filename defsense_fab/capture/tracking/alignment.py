@@ -166,7 +166,10 @@ def _normalised(used: Bool, weights: Float | None, names: Int) -> tuple[Bool, Fl
         frame, k = (int(i) for i in np.argwhere(wrong)[0])
         raise CaptureError(
             f"alignment: marker {names[k]} has weight {given[frame, k]:g} in frame {frame}; weights"
-            " are 0 or more"
+            " are 0 or more",
+            code="weight-negative",
+            marker=int(names[k]),
+            frame=frame,
         )
     w = np.where(used, given, 0.0)
     total = w.sum(axis=1, keepdims=True)
@@ -279,7 +282,8 @@ def _check_shapes(
         shapes = [None if a is None else a.shape for a in (rest, weights, mask, sigma, names)]
         raise CaptureError(
             "alignment: points {} do not go with rest {}, weights {}, mask {}, sigma {} and"
-            " numbers {}".format(points.shape, *shapes)
+            " numbers {}".format(points.shape, *shapes),
+            code="shape-wrong",
         )
 
 
@@ -289,7 +293,9 @@ def _check_rest(rest: Float, used: Bool, names: Int) -> None:
     if used.sum() < 3:
         raise CaptureError(
             f"alignment: {used.sum()} markers ({said}) have a rest position and may be used; three"
-            " are needed: choose more"
+            " are needed: choose more",
+            code="markers-too-few",
+            markers=names[used].tolist(),
         )
     placed = rest[used] - rest[used].mean(axis=0)
     along, width = (float(v[0]) for v in extents((placed.T @ placed)[None] / used.sum()))
@@ -297,5 +303,7 @@ def _check_rest(rest: Float, used: Bool, names: Int) -> None:
         raise CaptureError(
             f"alignment: markers {said} lie on one line at rest, or nearly"
             f" ({np.sqrt(max(width, 0.0)):.2g} mm off it, {np.sqrt(along):.2g} mm along it, root"
-            " mean squares); add one beside it"
+            " mean squares); add one beside it",
+            code="markers-on-one-line",
+            markers=names[used].tolist(),
         )

@@ -125,7 +125,9 @@ def _first(points: Float, seen: Bool, names: Int) -> int:
         said = ", ".join(str(n) for n in names[seen.any(axis=0)]) or "none"
         raise CaptureError(
             f"rest pose: no frame of {len(points)} shows three markers off one line (seen at all:"
-            f" {said}); show more of them to the cameras"
+            f" {said}); show more of them to the cameras",
+            code="rest-pose-not-visible",
+            frames=len(points),
         )
     return int(fit[np.lexsort((width[fit], count[fit]))[-1]])
 
@@ -139,7 +141,9 @@ def _placed(
     if len(common) < 3:
         raise CaptureError(
             f"rest pose: {len(common)} markers that were seen are in the design; three are needed:"
-            " check that markers.json is that of this device"
+            " check that markers.json is that of this device",
+            code="markers-too-few",
+            count=len(common),
         )
     triples = np.array(list(islice(combinations(common, 3), _ALL + 1)))
     if len(triples) > _ALL:
@@ -165,5 +169,8 @@ def _placed(
     raise CaptureError(
         f"rest pose: only {close.sum()} of {len(common)} markers lie within {far:g} mm of where the"
         " design has them; check the tags' size and numbers, the cameras' calibration, and that"
-        " markers.json is that of this device"
+        " markers.json is that of this device",
+        code="markers-misplaced",
+        count=int(close.sum()),
+        total=len(common),
     )

@@ -29,14 +29,20 @@ def smooth(tracks: Tracks, window: float) -> Tracks:
     result was smoothed. Raises CaptureError for a window that smooths nothing, or sigma that is not
     positive."""
     if not (np.isfinite(window) and window > 0):
-        raise CaptureError(f"smoothing: a window of {window:g} s cannot be; give one above 0")
+        raise CaptureError(
+            f"smoothing: a window of {window:g} s cannot be; give one above 0",
+            code="window-invalid",
+        )
     time, seen = tracks.time, tracks.seen
     if not seen.any():
         return tracks
     where = np.broadcast_to(seen[..., None], tracks.points.shape)
     known = np.isfinite(tracks.sigma)
     if (tracks.sigma[where & known] <= 0).any():
-        raise CaptureError("smoothing: tracks have standard deviations that are not above 0")
+        raise CaptureError(
+            "smoothing: tracks have standard deviations that are not above 0",
+            code="sigma-not-positive",
+        )
     trusted = np.asarray((known | ~where).all(axis=(0, 2)))[:, None]
     variance = np.where(where & trusted, tracks.sigma, 1.0) ** 2
     points, less = tracks.points.copy(), np.ones(where.shape)
@@ -45,7 +51,8 @@ def smooth(tracks: Tracks, window: float) -> Tracks:
         raise CaptureError(
             f"smoothing: no {_LEAST} points of a marker lie within {window:g} s; frames are"
             f" {np.median(np.diff(time)) if len(time) > 1 else np.nan:.3g} s apart: give a longer"
-            " window"
+            " window",
+            code="window-too-short",
         )
     return replace(tracks, points=points, sigma=np.where(trusted, tracks.sigma * less, np.nan))
 

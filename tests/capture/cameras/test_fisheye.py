@@ -73,7 +73,7 @@ def test_pixels_beyond_the_model_are_none():
     assert np.allclose(plane[0], 0)
     assert np.isfinite(plane[1]).all()
     assert np.isnan(plane[2:]).all()
-    with pytest.raises(CaptureError, match="a fisheye has 4"):
+    with pytest.raises(CaptureError):
         replace(wide(), distortions=np.zeros(5))
 
 

@@ -8,6 +8,7 @@ import pytest
 from defsense_fab.capture.cameras import webcam as webcams
 from defsense_fab.capture.cameras.webcam import Webcam
 from defsense_fab.core.errors import CaptureError
+from tests.errors import raises
 
 
 class Capture:
@@ -77,12 +78,12 @@ def test_a_camera_is_not_released_under_its_thread(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("capture", "says"), [(Capture(opened=False), "cannot be opened"),
-                          (Capture(image=False), "gives no picture")],
+    ("capture", "code"), [(Capture(opened=False), "camera-unavailable"),
+                          (Capture(image=False), "camera-gives-no-image")],
 )  # fmt: skip
-def test_a_camera_that_does_not_start_is_let_go(monkeypatch, capture, says):
+def test_a_camera_that_does_not_start_is_let_go(monkeypatch, capture, code):
     source = camera(monkeypatch, capture)
-    with pytest.raises(CaptureError, match=says):
+    with raises(CaptureError, code, camera="0"):
         source.start()
     source.close()
     assert capture.released

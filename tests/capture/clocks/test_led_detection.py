@@ -5,6 +5,7 @@ import pytest
 
 from defsense_fab.capture.clocks.led_detection import LedDetector
 from defsense_fab.core.errors import CaptureError
+from tests.errors import raises
 
 STAY = 11.49
 
@@ -76,9 +77,9 @@ def test_images_that_cannot_be_watched():
     watch = LedDetector()
     assert watch.trace() is None
     watch.add(np.zeros((64, 64), np.uint8))
-    with pytest.raises(CaptureError, match="frame 1 is 64 x 48"):
+    with raises(CaptureError, "image-size-changed", frame=1, size=(64, 48)):
         watch.add(np.zeros((48, 64), np.uint8))
-    with pytest.raises(CaptureError, match="too small"):
+    with raises(CaptureError, "image-too-small"):
         LedDetector().add(np.zeros((8, 8), np.uint8))
-    with pytest.raises(CaptureError, match="cannot be followed"):
+    with raises(CaptureError, "led-too-fast"):
         LedDetector(1.0)

@@ -16,6 +16,7 @@ from defsense_fab.capture.files.marker_labels import numbers_of
 from defsense_fab.capture.files.trc import read_trc
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.tracks import Tracks
+from tests.errors import raises
 from tests.places import VICON
 
 from . import c3d_format
@@ -66,7 +67,8 @@ def test_every_format_has_the_same_frames_and_rate(tmp_path):
     read = {}
     for suffix in SUFFIXES:
         written = write_any(tmp_path / f"a{suffix}", tracks)
-        assert written.told == "413 frames at 15 Hz, 239 of them dropped ones without markers"
+        assert (written.frames, written.gaps) == (413, 239)
+        assert written.rate == pytest.approx(15)
         read[suffix] = read_any(tmp_path / f"a{suffix}")
     for suffix, found in read.items():
         same(read[".npz"], found, places=1e-4 if suffix == ".c3d" else 1e-6)
@@ -103,7 +105,7 @@ def test_c3d_tells_by_how_much_times_were_moved(tmp_path):
     points = np.ones((50, 1, 3))
     tracks = Tracks(time, np.array([1]), points, points, np.arange(50))
     assert write_any(tmp_path / "a.trc", tracks).moved == 0
-    assert "times moved by up to 1" in write_any(tmp_path / "a.c3d", tracks).told
+    assert write_any(tmp_path / "a.c3d", tracks).moved == pytest.approx(1e-3, rel=0.1)
 
 
 def test_npz_keeps_all(tmp_path):
@@ -151,19 +153,19 @@ def test_times_off_the_grid(tmp_path):
     assert found.frame[found.seen[:, 0]].tolist() == frame.tolist()
     assert abs(found.time[frame] - time).max() < 0.1 / 29.97
     time[1500] += 0.01
-    with pytest.raises(CaptureError, match=r"times are not regular.*write \.csv"):
+    with raises(CaptureError, "times-uneven"):
         write_c3d(tmp_path / "b.c3d", Tracks(time, tracks.ids, points, points * np.nan, frame))
     assert not (tmp_path / "b.c3d").exists()
 
 
 @pytest.mark.parametrize(
-    ("time", "message"),
-    [(np.array([1.0]), "1 frames have no rate"), (np.array([0, 0.01, 700]), "more than the 65535")],
+    ("time", "code"),
+    [(np.array([1.0]), "times-without-rate"), (np.array([0, 0.01, 700]), "too-many-frames")],
 )
-def test_what_c3d_cannot_hold(tmp_path, time, message):
+def test_what_c3d_cannot_hold(tmp_path, time, code):
     points = np.ones((len(time), 1, 3))
     frame = np.arange(len(time))
-    with pytest.raises(CaptureError, match=message):
+    with raises(CaptureError, code):
         write_c3d(tmp_path / "a.c3d", Tracks(time, np.array([0]), points, points, frame))
 
 
@@ -250,30 +252,31 @@ def test_trc_of_others(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
+    ("old", "new", "code", "data"),
     [
-        ("PathFileType", "Path", ":1: is no TRC"),
-        ("\tm\t", "\tfurlong\t", ":3: the unit"),
-        ("\t3\t2\tm", "\t3\ttwo\tm", ":3: NumFrames and NumMarkers"),
-        ("\t3\t2\tm", "\t3\t4\tm", ":4: 2 labels"),
-        ("\t3\t2\tm", "\t9\t2\tm", "is cut short: 3 of 9"),
-        ("0.03333", "0.01", "frame 3: its time is not later"),
-        ("0.1\t0.2\t0.3\tnan", "0.1\tx\t0.3\tnan", ":9: could not convert"),
-        ("0.1\t0.2\t0.3\tnan", "0.1\t\t0.3\tnan", ":9: of marker 1 a part"),
-        ("nan\tnan\tnan\n", "nan\tnan\tnan\t4\n", ":9: 9 cells for 2 markers"),
-        ("3\t0.03333", "3\t", ":9: the frame and its time"),
+        ("PathFileType", "Path", "not-a-trc-file", {"line": 1}),
+        ("\tm\t", "\tfurlong\t", "unknown-unit", {"line": 3}),
+        ("\t3\t2\tm", "\t3\ttwo\tm", "not-a-number", {"line": 3}),
+        ("\t3\t2\tm", "\t3\t4\tm", "labels-differ", {"line": 4, "count": 2}),
+        ("\t3\t2\tm", "\t9\t2\tm", "file-truncated", {"count": 3, "frames": 9}),
+        ("0.03333", "0.01", "times-not-increasing", {"frame": 3}),
+        ("0.1\t0.2\t0.3\tnan", "0.1\tx\t0.3\tnan", "not-a-number", {"line": 9}),
+        ("0.1\t0.2\t0.3\tnan", "0.1\t\t0.3\tnan", "marker-incomplete", {"line": 9, "marker": 1}),
+        ("nan\tnan\tnan\n", "nan\tnan\tnan\t4\n", "cell-count-differs", {"line": 9, "count": 9}),
+        ("3\t0.03333", "3\t", "not-a-number", {"line": 9}),
     ],
 )
-def test_bad_trc(tmp_path, old, new, message):
+def test_bad_trc(tmp_path, old, new, code, data):
     path = tmp_path / "bad.trc"
     path.write_text(TRC.replace(old, new))
-    refused(path, message)
+    refused(path, code, **data)
 
 
-def refused(path, message):
+def refused(path, code=None, **data):
     with pytest.raises(CaptureError) as error:
         read_any(path)
-    assert message in str(error.value)
+    assert code in (None, error.value.code)
+    assert data == {name: error.value.data.get(name) for name in data}
     assert str(error.value).startswith(str(path))
     assert "\n" not in str(error.value)
 
@@ -281,21 +284,21 @@ def refused(path, message):
 def test_bad_files(tmp_path):
     for suffix in SUFFIXES:
         path = tmp_path / f"a{suffix}"
-        refused(path, "cannot be read")
+        refused(path, "file-unreadable")
         path.write_bytes(b"")
-        refused(path, str(path))
+        refused(path)
         path.write_text("hello, this is a text\n" * 100)
-        refused(path, str(path))
+        refused(path)
         write_any(path, made(40, 3))
         whole = path.read_bytes()
         for part in (len(whole) // 2, 700, 300):
             if part < len(whole) and suffix != ".csv":
                 path.write_bytes(whole[:part])
-                refused(path, str(path))
-        with pytest.raises(StorageError, match="No such file"):
+                refused(path)
+        with pytest.raises(StorageError):
             write_any(tmp_path / "none" / f"a{suffix}", made(4, 3))
-    refused(tmp_path / "a.xlsx", ".csv, .npz, .parquet, .c3d, .trc")
-    with pytest.raises(CaptureError, match="choose one of these"):
+    refused(tmp_path / "a.xlsx", "unknown-file-format", suffixes=SUFFIXES)
+    with raises(CaptureError, "unknown-file-format"):
         write_any(tmp_path / "a", made(4, 3))
 
 
@@ -303,20 +306,20 @@ def test_bad_c3d(tmp_path):
     path = tmp_path / "a.c3d"
     points = np.ones((30, 2, 3))
     path.write_bytes(c3d_format.build(points, ["a", "b"], 50.0)[:-512])
-    refused(path, "is cut short: frames 1 to 30 need 960 bytes")
+    refused(path, "file-truncated", first=1, last=30, needed=960)
     path.write_bytes(c3d_format.build(points, ["a", "b"], 50.0, units="in"))
-    refused(path, "(POINT:UNITS) is 'in'")
+    refused(path, "unknown-unit", unit="in")
     path.write_bytes(c3d_format.build(points, ["a", "b"], 50.0, processor=c3d_format.MIPS))
-    refused(path, "MIPS")  # which ezc3d does not read
+    refused(path, "file-damaged")  # which ezc3d does not read
     path.write_bytes(c3d_format.build(points, ["a", "b"], 0.0))
-    refused(path, "POINT:RATE")
+    refused(path, "frame-rate-invalid", rate=0)
     path.write_bytes(c3d_format.build(points[:, :0], [], 50.0))
-    refused(path, "has no markers")
+    refused(path, "markers-missing")
     for suffix in (".c3d", ".trc"):
         none = Tracks(
             np.arange(3.0), *(np.empty(s) for s in (0, (3, 0, 3), (3, 0, 3))), np.arange(3)
         )
-        with pytest.raises(CaptureError, match="no markers to write"):
+        with raises(CaptureError, "markers-missing"):
             write_any(tmp_path / f"b{suffix}", none)
 
 
@@ -324,26 +327,26 @@ def test_bad_npz_and_parquet(tmp_path):
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     path = tmp_path / "a.parquet"
     parquet.write_table(arrow.table({"frame": [1]}), path)
-    refused(path, "has no column time")
+    refused(path, "column-missing", column="time")
     names = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
     parquet.write_table(arrow.table({name: ["a"] for name in names}), path)
-    refused(path, "must be numbers")
+    refused(path, "not-a-number")
     parquet.write_table(arrow.table({name: [1.0, 1.0] for name in names}), path)
-    refused(path, "row 2: frame 1 has marker 1 twice")
+    refused(path, "marker-repeated", row=2)
     path = tmp_path / "a.npz"
     good = {"time": np.arange(2.0), "ids": np.array([1]), "frame": np.arange(2)}
     good |= {"points": np.ones((2, 1, 3)), "sigma": np.ones((2, 1, 3))}
-    for name, value, message in (
-        ("time", np.array([1.0, 0.0]), "times must increase"),
-        ("points", np.ones((2, 2, 3)), "cannot have points"),
-        ("time", np.array(["a", "b"]), "time has no numbers"),
-        ("ids", np.array(1), "ids must be a list"),
-        ("frame", np.array([object(), 1]), "no whole NPZ"),
+    for name, value, code in (
+        ("time", np.array([1.0, 0.0]), None),
+        ("points", np.ones((2, 2, 3)), None),
+        ("time", np.array(["a", "b"]), "not-a-number"),
+        ("ids", np.array(1), "shape-wrong"),
+        ("frame", np.array([object(), 1]), "file-damaged"),
     ):
         np.savez(path, **(good | {name: value}))
-        refused(path, message)
+        refused(path, code)
     np.savez(path, time=good["time"])
-    refused(path, "is no NPZ of tracks")
+    refused(path, "array-missing")
 
 
 def test_what_would_fill_the_memory_is_refused(tmp_path):
@@ -354,29 +357,29 @@ def test_what_would_fill_the_memory_is_refused(tmp_path):
     head[2] = head[2].replace("\t3\t2\tm", "\t20000\t3000\tm")
     head[3] = f"Frame#\tTime\t{labels}\t\t"
     path.write_text("\n".join([*head, *(f"{k}\t{k}" for k in range(20_000))]) + "\n")
-    refused(path, "out of all proportion")
+    refused(path, "tracks-too-large")
     path = tmp_path / "a.parquet"
     names = ("frame", "time", "id", "x", "y", "z", "sx", "sy", "sz")
     parquet.write_table(arrow.table({n: np.zeros(2_000_000) for n in names}), path)
-    refused(path, "out of all proportion")
+    refused(path, "tracks-too-large")
     path = tmp_path / "a.npz"
     nothing = np.zeros((40_000, 100, 3))
     arrays = {"time": np.arange(4e4), "ids": np.arange(100), "frame": np.arange(40_000)}
     np.savez_compressed(path, points=nothing, sigma=nothing, **arrays)
-    refused(path, "out of all proportion")
+    refused(path, "tracks-too-large")
     path = tmp_path / "a.c3d"
     data = bytearray(c3d_format.build(np.ones((30, 2, 3)), ["a", "b"], 50.0))
     data[6:10] = struct.pack("<2H", 1, 65535)
     data[16:18] = struct.pack("<H", 1)
     path.write_bytes(data)
-    refused(path, "is cut short: frames 1 to 65535")
+    refused(path, "file-truncated", first=1, last=65535)
 
 
 def test_libraries_that_are_missing(tmp_path, monkeypatch):
     for suffix, name in ((".parquet", "pyarrow"), (".c3d", "ezc3d")):
         monkeypatch.setitem(sys.modules, name, None)
         for call in (read_any, lambda path: write_any(path, made(3, 2))):
-            with pytest.raises(CaptureError, match=r"pip install \"defsense-fab\[exchange\]\""):
+            with pytest.raises(CaptureError):
                 call(tmp_path / f"a{suffix}")
 
 

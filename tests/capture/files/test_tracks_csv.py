@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from defsense_fab.capture.files.tracks_csv import read_tracks, write_tracks
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.tracks import Tracks
+from tests.errors import raises
 
 HEADER = "frame,time,id,x,y,z,sx,sy,sz"
 ROW = "0,0.5,7,1,2,3,0.1,0.1,0.4"
@@ -87,39 +88,46 @@ def test_a_long_one_is_quick(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "code", "data"),
     [
-        ("", ":1: the first line must be"),
-        ("time,id\n1,2\n", ":1: the first line must be"),
-        (f"{HEADER}\n{ROW},5\n", ":2: 10 cells under 9"),
-        (f"{HEADER}\n{ROW}\n1,0.6,7,1\n", ":3: 4 cells under 9"),
-        (f"{HEADER}\n{ROW}\n\n1,0.6,7,1,2,3,a,0.1,0.1\n", ":4: sx is not a number: 'a'"),
-        (f"{HEADER}\n{ROW}\n1,0.6,7,1,2,3,,,\n", ":3: sx is not a number: ''"),
-        (f"{HEADER}\n{ROW}\n1,0.6,7,1,nan,3,1,1,1\n", ":3: y is not a finite number"),
-        (f"{HEADER}\n{ROW}\n1,0.6,7,1,2,3,1,nan,1\n", ":3: sx, sy, sz"),
-        (f"{HEADER}\n{ROW}\n1,0.6,7,1,2,3,1,-1,1\n", ":3: sx, sy, sz"),
-        (f"{HEADER}\n{ROW}\n1.5,0.6,7,1,2,3,1,1,1\n", ":3: frame 1.5 is not a whole number"),
-        (f"{HEADER}\n{ROW}\n1,0.6,7.2,1,2,3,1,1,1\n", ":3: id 7.2 is not a whole number"),
-        (f"{HEADER}\n{ROW}\n{ROW}\n", ":3: frame 0 has marker 7 twice"),
-        (f"{HEADER}\n{ROW}\n0,0.6,8,1,2,3,1,1,1\n", ":3: frame 0 has two times"),
-        (f"{HEADER}\n{ROW}\n1,0.5,7,1,2,3,1,1,1\n", ":3: the time 0.5 s is not later"),
-        (b"\xff\xfe\x00", "not text"),
+        ("", "header-wrong", {"line": 1}),
+        ("time,id\n1,2\n", "header-wrong", {"line": 1}),
+        (f"{HEADER}\n{ROW},5\n", "cell-count-differs", {"line": 2, "count": 10}),
+        (f"{HEADER}\n{ROW}\n1,0.6,7,1\n", "cell-count-differs", {"line": 3, "count": 4}),
+        (
+            f"{HEADER}\n{ROW}\n\n1,0.6,7,1,2,3,a,0.1,0.1\n",
+            "not-a-number",
+            {"line": 4, "column": "sx", "value": "a"},
+        ),
+        (
+            f"{HEADER}\n{ROW}\n1,0.6,7,1,2,3,,,\n",
+            "not-a-number",
+            {"line": 3, "column": "sx", "value": ""},
+        ),
+        (f"{HEADER}\n{ROW}\n1,0.6,7,1,nan,3,1,1,1\n", "not-a-number", {"row": 2}),
+        (f"{HEADER}\n{ROW}\n1,0.6,7,1,2,3,1,nan,1\n", "sigma-invalid", {"row": 2}),
+        (f"{HEADER}\n{ROW}\n1,0.6,7,1,2,3,1,-1,1\n", "sigma-invalid", {"row": 2}),
+        (f"{HEADER}\n{ROW}\n1.5,0.6,7,1,2,3,1,1,1\n", "not-a-whole-number", {"row": 2}),
+        (f"{HEADER}\n{ROW}\n1,0.6,7.2,1,2,3,1,1,1\n", "not-a-whole-number", {"row": 2}),
+        (f"{HEADER}\n{ROW}\n{ROW}\n", "marker-repeated", {"row": 2}),
+        (f"{HEADER}\n{ROW}\n0,0.6,8,1,2,3,1,1,1\n", "times-differ", {"row": 2}),
+        (f"{HEADER}\n{ROW}\n1,0.5,7,1,2,3,1,1,1\n", "times-not-increasing", {"row": 2}),
+        (b"\xff\xfe\x00", "not-a-tracks-file", {}),
     ],
 )
-def test_bad_files(tmp_path, text, message):
+def test_bad_files(tmp_path, text, code, data):
     path = tmp_path / "bad.csv"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(CaptureError) as error:
+    with raises(CaptureError, code, **data) as error:
         read_tracks(path)
-    assert message in str(error.value)
     assert str(error.value).startswith(str(path))
     assert "\n" not in str(error.value)
 
 
 def test_no_file_and_no_folder(tmp_path):
-    with pytest.raises(CaptureError, match="cannot be read"):
+    with raises(CaptureError, "file-unreadable"):
         read_tracks(tmp_path / "none.csv")
-    with pytest.raises(StorageError, match="No such file"):
+    with pytest.raises(StorageError):
         write_tracks(tmp_path / "none" / "a.csv", made(2, 2))
 
 
@@ -129,7 +137,7 @@ def test_more_frames_and_markers_than_the_file_can_mean_are_refused_at_once(tmp_
     rows = (f"{k},{k}.5,{k},1,2,3,nan,nan,nan" for k in range(20_000))
     path.write_text("\n".join([HEADER, *rows]) + "\n")
     tracemalloc.start()
-    with pytest.raises(CaptureError, match="out of all proportion") as error:
+    with raises(CaptureError, "tracks-too-large") as error:
         read_tracks(path)
     assert tracemalloc.get_traced_memory()[1] < 50e6
     tracemalloc.stop()

@@ -13,6 +13,7 @@ from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.filming.renderer import Optics, Renderer
 from defsense_fab.twin.scenes.scene import Backdrop, Ellipse, Patch, Scene
+from tests.errors import raises
 from tests.twin.views import STRONG, turn
 
 FOCAL = 700.0
@@ -133,7 +134,7 @@ def test_at_the_border_of_the_image_a_tag_is_right_or_not_there():
 
 
 def test_images_of_another_size_and_without_tags():
-    with pytest.raises(CaptureError, match="640 x 480"):
+    with raises(CaptureError, "image-size-differs", size=(100, 100)):
         DETECTORS["4X4_50"].find(np.zeros((100, 100), np.uint8))
     empty = DETECTORS["4X4_50"].find(np.zeros((480, 640, 3), np.uint8))
     assert empty.corners.shape == (0, 4, 2)

@@ -16,6 +16,7 @@ from defsense_fab.capture.tags.charuco_board import MARKER, CharucoBoard, load_b
 from defsense_fab.capture.tags.print_sheets import PAPERS, draw_tags, outer, pdf, write_board
 from defsense_fab.capture.tags.tag_dictionary import dictionary
 from defsense_fab.core.errors import CaptureError, StorageError
+from tests.errors import raises
 
 DPI = 600
 PX = DPI / 25.4  # in a mm
@@ -208,56 +209,57 @@ def test_a_board_comes_back(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "code"),
     [
-        ({"rows": 2}, "at least 3"),
-        ({"square": float("nan")}, "squares of nan mm"),
-        ({"marker": 29.0}, "white"),
-        ({"columns": 21, "rows": 11}, "115 tags"),
-        ({"measured": 20.0}, "at 100 %"),
-        ({"dictionary": "9X9_7"}, "not known"),
+        ({"rows": 2}, "board-too-small"),
+        ({"square": float("nan")}, "square-size-out-of-range"),
+        ({"marker": 29.0}, "board-tag-size-invalid"),
+        ({"columns": 21, "rows": 11}, "board-needs-more-tags"),
+        ({"measured": 20.0}, "print-scale-wrong"),
+        ({"dictionary": "9X9_7"}, "unknown-tag-dictionary"),
     ],
 )
-def test_boards_that_cannot_be(changed, said):
-    with pytest.raises(CaptureError, match=said):
+def test_boards_that_cannot_be(changed, code):
+    with raises(CaptureError, code):
         replace(CharucoBoard(), **changed)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "code"),
     [
-        ("{", "not valid JSON"),
-        ("[]", "not a board"),
-        ('{"schema": 2}', "not a board"),
-        ('{"schema": 1}', "is missing"),
-        ({"colour": 1}, "'colour' is not known"),
-        ({"columns": "7"}, "columns cannot be '7'"),
-        ({"measured": "x"}, "measured cannot be"),
+        ("{", None),
+        ("[]", "not-a-board-file"),
+        ('{"schema": 2}', "not-a-board-file"),
+        ('{"schema": 1}', "key-missing"),
+        ({"colour": 1}, "unknown-key"),
+        ({"columns": "7"}, "value-invalid"),
+        ({"measured": "x"}, "value-invalid"),
     ],
 )
-def test_files_that_are_no_boards(tmp_path, text, said):
+def test_files_that_are_no_boards(tmp_path, text, code):
     path = tmp_path / "board.json"
     save_board(CharucoBoard(), path)
     if isinstance(text, dict):
         text = json.dumps({**json.loads(path.read_text("utf-8")), **text})
     path.write_text(text)
-    with pytest.raises(CaptureError, match=said):
+    with pytest.raises(CaptureError) as caught:
         load_board(path)
-    with pytest.raises(CaptureError, match="defsense capture board"):
+    assert code in (None, caught.value.code)
+    with pytest.raises(CaptureError):
         load_board(tmp_path / "other.json")
 
 
 def test_what_does_not_fit_is_said(tmp_path, printed):
-    with pytest.raises(CaptureError, match="squares of 30 mm would"):
+    with raises(CaptureError, "print-too-large", square=30):
         write_board(CharucoBoard(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf")
     write_board(CharucoBoard(square=40, marker=round(40 * MARKER, 1)), tmp_path / "b.pdf", "A3")
-    with pytest.raises(CaptureError, match="there are a4, letter, a3"):
+    with raises(CaptureError, "unknown-paper", papers=("a4", "letter", "a3")):
         write_board(CharucoBoard(), tmp_path / "b.pdf", "legal")
-    with pytest.raises(CaptureError, match="do not fit"):
+    with raises(CaptureError, "print-too-large"):
         printed(dictionary("4X4_50"), [1], 150.0, "a4")
-    with pytest.raises(CaptureError, match="0 to 49"):
+    with raises(CaptureError, "tag-number-out-of-range", tag=50, count=50):
         printed(dictionary("4X4_50"), [50], 10.0, "a4")
-    with pytest.raises(StorageError, match="none"):
+    with pytest.raises(StorageError):
         write_board(CharucoBoard(), tmp_path / "none" / "b.pdf")
     assert [p.name for p in tmp_path.iterdir()] == ["b.pdf"]
     assert outer(dictionary("36h11"), 8.0) == pytest.approx(10.0)
