@@ -43,7 +43,10 @@ class ControlBank:
         self._rest = np.asarray(rest, float)
         if self._rest.shape != basis.values.shape[2:]:
             raise ControlError(
-                f"{self._rest.shape[0]} markers at rest, and poses of {basis.values.shape[2]}"
+                f"{self._rest.shape[0]} markers at rest, and poses of {basis.values.shape[2]}",
+                code="markers-differ",
+                count=self._rest.shape[0],
+                expected=basis.values.shape[2],
             )
         self._poses = PoseAmplitudes(basis, independent)
         self._pose_names = [plain_name(name) for name in basis.names]
@@ -84,11 +87,22 @@ def _compiled(poses: Sequence[str], specs: Sequence[ControlSpec]) -> list[_Entry
     known, entries = list(poses), list[_Entry]()
     for spec in specs:
         if spec.name in [e.spec.name for e in entries]:
-            raise ControlError(f"control {spec.name!r} is there twice; choose another name")
+            raise ControlError(
+                "is defined twice",
+                code="names-not-unique",
+                where=f"control {spec.name!r}",
+                action="Choose another name",
+                name=spec.name,
+            )
         try:
             formula = compile_expression(spec.formula, known)
         except ControlError as error:
-            raise ControlError(f"control {spec.name!r}: {error}") from None
+            raise ControlError(
+                str(error),
+                code=error.code,
+                where=f"control {spec.name!r}",
+                **error.data | {"control": spec.name},
+            ) from None
         shaping = spec.shaping
         entries.append(_Entry(spec, formula, OneEuro(shaping.smoothing, shaping.quickness)))
         known.append(spec.name)

@@ -26,7 +26,9 @@ class ControlSpec:
         if not _NAME.fullmatch(self.name) or iskeyword(self.name):
             raise ControlError(
                 f"{self.name!r} cannot name a control; use letters, digits and _, a letter first"
-                " (and no word of Python)"
+                " (and no word of Python)",
+                code="name-invalid",
+                name=self.name,
             )
 
 

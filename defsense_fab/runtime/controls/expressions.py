@@ -73,7 +73,11 @@ class Expression:
 def compile_expression(text: str, known: Collection[str]) -> Expression:
     """The formula `text` of `known` names. Raises ControlError with the column of what is wrong."""
     if len(text) > _LONGEST:
-        raise ControlError(f"a formula has {len(text)} characters; {_LONGEST} is the limit")
+        raise ControlError(
+            f"the formula has {len(text)} characters; the limit is {_LONGEST}",
+            code="formula-too-long",
+            limit=_LONGEST,
+        )
     line = " ".join(text.splitlines())  # a formula may go over several lines, as it may in a file
     indent = len(line) - len(line.lstrip())
     try:
@@ -83,7 +87,12 @@ def compile_expression(text: str, known: Collection[str]) -> Expression:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         column = max(getattr(error, "offset", None) or 1, 1) + indent
         why = getattr(error, "msg", None) or str(error)
-        raise ControlError(f"{text!r}, column {column}: is no formula ({why})") from None
+        raise ControlError(
+            f"is not a valid formula ({why})",
+            code="formula-invalid",
+            where=f"{text!r}, column {column}",
+            column=column,
+        ) from None
     builder = _Builder(text, indent, known)
     evaluate = builder.build(tree, 0)
     return Expression(text, frozenset(builder.used), evaluate)
@@ -98,7 +107,12 @@ class _Builder:
 
     def build(self, node: ast.AST, depth: int) -> Evaluate:
         if depth > _DEEPEST:
-            self._fail(node, f"more than {_DEEPEST} operations inside each other; use two controls")
+            self._fail(
+                node,
+                f"more than {_DEEPEST} operations are nested",
+                "formula-too-deep",
+                "Split the formula into two controls",
+            )
         if isinstance(node, ast.Constant):
             return self._number(node)
         if isinstance(node, ast.Name):
@@ -116,20 +130,22 @@ class _Builder:
             return self._call(node, node.func.id, depth)
         return self._fail(
             node,
-            "cannot be used here; there are numbers, names, + - * / **, < <= > >= == !=, and"
+            "this operation is not supported",
+            "formula-unsupported",
+            "Use numbers, names, + - * / **, < <= > >= == != and the functions"
             f" {', '.join(_FUNCTIONS)}",
         )
 
     def _number(self, node: ast.Constant) -> Evaluate:
         # A bool is an int, too; integers beyond a float would overflow.
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            self._fail(node, f"{node.value!r} is no number")
+            self._fail(node, f"{node.value!r} is not a number", "not-a-number")
         try:
             number = float(node.value)
         except OverflowError:
             number = math.inf
         if not math.isfinite(number):
-            self._fail(node, "the number is too large")
+            self._fail(node, "the number is too large", "number-too-large")
         return lambda _values: number
 
     def _name(self, node: ast.Name) -> Evaluate:
@@ -138,7 +154,13 @@ class _Builder:
             near = difflib.get_close_matches(name, sorted(self._known), n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""
             there = ", ".join(sorted(self._known)) or "none"
-            self._fail(node, f"there is no {name!r}; {hint}names are: {there}")
+            self._fail(
+                node,
+                f"unknown name {name!r}; {hint}known names: {there}",
+                "unknown-name",
+                name=name,
+                suggestion=near[0] if near else None,
+            )
         self.used.add(name)
         return lambda values: values[name]
 
@@ -155,14 +177,32 @@ class _Builder:
 
     def _call(self, node: ast.Call, name: str, depth: int) -> Evaluate:
         if name not in _FUNCTIONS:
-            self._fail(node, f"there is no function {name!r}; there is: {', '.join(_FUNCTIONS)}")
+            self._fail(
+                node,
+                f"unknown function {name!r}; known functions: {', '.join(_FUNCTIONS)}",
+                "unknown-function",
+                name=name,
+            )
         function, least, most = _FUNCTIONS[name]
         if node.keywords or not least <= len(node.args) <= most:
             count = f"{least}" if least == most else f"{least} or more"
-            self._fail(node, f"{name} takes {count} values, in their order")
+            self._fail(
+                node,
+                f"{name} takes {count} positional values",
+                "wrong-argument-count",
+                function=name,
+            )
         arguments = [self.build(n, depth + 1) for n in node.args]
         return lambda values: function(*(argument(values) for argument in arguments))
 
-    def _fail(self, node: ast.AST, problem: str) -> NoReturn:
+    def _fail(
+        self, node: ast.AST, problem: str, code: str, action: str = "", **data: object
+    ) -> NoReturn:
         column = getattr(node, "col_offset", 0) + self._indent + 1
-        raise ControlError(f"{self._text!r}, column {column}: {problem}")
+        raise ControlError(
+            problem,
+            code=code,
+            where=f"{self._text!r}, column {column}",
+            action=action,
+            **data | {"column": column},
+        )

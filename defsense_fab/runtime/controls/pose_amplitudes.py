@@ -57,8 +57,10 @@ class PoseAmplitudes:
         u = np.ascontiguousarray(displacement, float)
         if u.shape != self.basis.values.shape[2:] or sd.shape != u.shape[:1]:
             raise ControlError(
-                f"the poses have {self.basis.values.shape[2]} markers, and"
-                f" {' x '.join(map(str, u.shape))} displacements came with {sd.shape} deviations"
+                f"displacements have shape {u.shape} and sd {sd.shape}; the poses have"
+                f" {self.basis.values.shape[2]} markers",
+                code="shape-mismatch",
+                markers=self.basis.values.shape[2],
             )
         seen = np.isfinite(u).all(axis=1) & np.isfinite(sd)
         count = 3 * int(seen.sum())

@@ -26,14 +26,22 @@ class PoseRamp:
         if a.ndim != 1 or u.ndim != 3 or u.shape[::2] != (len(a), 3) or not len(a):
             raise ControlError(
                 "a pose needs displacements (k, m, 3) at k amplitudes, not of shapes"
-                f" {a.shape} and {u.shape}"
+                f" {a.shape} and {u.shape}",
+                code="shape-mismatch",
             )
         if not (np.isfinite(a).all() and np.isfinite(u).all()):
-            raise ControlError("a pose's amplitudes and displacements must be finite")
+            raise ControlError(
+                "a pose's amplitudes and displacements must be finite", code="not-finite"
+            )
         if a[0] < 0 or (np.diff(a) <= 0).any() or a[-1] <= 0:
-            raise ControlError("a pose's amplitudes must rise from rest, 0, without repetition")
+            raise ControlError(
+                "a pose's amplitudes must be positive and strictly increasing",
+                code="not-increasing",
+            )
         if a[0] == 0 and u[0].any():
-            raise ControlError("at amplitude 0 a pose must not move its markers")
+            raise ControlError(
+                "at amplitude 0 a pose must not move its markers", code="rest-displaced"
+            )
 
 
 @dataclass(frozen=True)
@@ -56,12 +64,16 @@ class PoseBasis:
 
     def __post_init__(self) -> None:
         if not self.names or len(set(self.names)) != len(self.names):
-            raise ControlError("poses need different names, at least one")
+            raise ControlError("poses need different names, at least one", code="names-not-unique")
         if len(self.names) != len(self.ramps):
-            raise ControlError(f"{len(self.names)} names for {len(self.ramps)} poses")
+            raise ControlError(
+                f"{len(self.names)} names for {len(self.ramps)} poses", code="counts-differ"
+            )
         markers = {ramp.displacements.shape[1] for ramp in self.ramps}
         if len(markers) != 1 or not max(markers):
-            raise ControlError("all poses must move the same markers, at least one")
+            raise ControlError(
+                "all poses must move the same markers, at least one", code="markers-differ"
+            )
         begun = [_from_rest(ramp) for ramp in self.ramps]
         counts = np.array([len(a) for a, _ in begun])
         shape = (len(begun), int(counts.max()))

@@ -28,21 +28,33 @@ class Shaping:
     def __post_init__(self) -> None:
         numbers = (self.dead_zone, self.full, self.curve, self.minimum, self.maximum)
         if not all(map(math.isfinite, (*numbers, self.smoothing, self.quickness))):
-            raise ControlError("a control's settings must be finite numbers")
+            raise ControlError("a control's settings must be finite numbers", code="not-finite")
         if not 0 <= self.dead_zone < self.full:
             raise ControlError(
                 f"dead_zone must be at least 0 and below full, not {self.dead_zone:g} and"
-                f" {self.full:g}"
+                f" {self.full:g}",
+                code="out-of-range",
+                field="dead_zone",
             )
         if not 0.1 <= self.curve <= 10:
-            raise ControlError(f"curve must lie between 0.1 and 10, not {self.curve:g}")
+            raise ControlError(
+                f"curve must lie between 0.1 and 10, not {self.curve:g}",
+                code="out-of-range",
+                field="curve",
+            )
         if not -1 <= self.minimum < self.maximum <= 1:
             raise ControlError(
                 "minimum must be below maximum, both between -1 and 1, not"
-                f" {self.minimum:g} and {self.maximum:g}"
+                f" {self.minimum:g} and {self.maximum:g}",
+                code="out-of-range",
+                field="minimum",
             )
         if self.smoothing < 0 or self.quickness < 0:
-            raise ControlError("smoothing and quickness must not be negative")
+            raise ControlError(
+                "smoothing and quickness must not be negative",
+                code="out-of-range",
+                field="smoothing",
+            )
 
     def __call__(self, x: float) -> float:
         """The control's value of an input that is a finite number."""

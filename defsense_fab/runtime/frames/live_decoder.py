@@ -62,7 +62,13 @@ class LiveDecoder:
         c = len(model.channels)
         for name, values in (("rest", rest), ("trained_rest", trained_rest), ("lying", lying)):
             if values is not None and np.shape(values) != (c,):
-                raise LiveError(f"{name}: {np.size(values)} resistances for {c} channels")
+                raise LiveError(
+                    f"has {np.size(values)} values, expected one for each of {c} channels",
+                    code="channels-differ",
+                    where=name,
+                    count=np.size(values),
+                    expected=c,
+                )
         span = np.maximum(model.main.range.high - model.main.range.low, 1e-6)
         self.model = model
         self._rest, self._fixed = RestTracker(span, rest, lying, trained_rest), not track
@@ -93,8 +99,13 @@ class LiveDecoder:
         model, c = self.model, len(self.model.channels)
         if sample.ohms.shape != (c,):
             raise LiveError(
-                f"{sample.ohms.size} channels arrive, and {model.device}'s model was trained on"
-                f" {c} ({', '.join(model.channels)}): connect its cords, and no others"
+                f"the sample has {sample.ohms.size} channels, the model was trained on {c}"
+                f" ({', '.join(model.channels)})",
+                code="channels-differ",
+                where=model.device,
+                action="Connect the cords that the model was trained on, and no others",
+                count=sample.ohms.size,
+                expected=c,
             )
         if not sample.time > self._last_time:
             return None

@@ -41,8 +41,10 @@ class GamepadOutput:
         """Raises OutputError where the machine has no uinput, or it is not ours to open."""
         if not device.exists():
             raise OutputError(
-                f"gamepad: there is no {device}; on Linux load it (sudo modprobe uinput), elsewhere"
-                " there is no virtual gamepad: use osc or midi"
+                f"{device} does not exist",
+                code="uinput-missing",
+                where="gamepad",
+                action="Load it on Linux (sudo modprobe uinput); elsewhere use osc or midi",
             )
         with optional(OutputError, "gamepad", package="evdev", otherwise=_COMPILED):
             import evdev
@@ -53,8 +55,10 @@ class GamepadOutput:
             )
         except (OSError, evdev.UInputError) as error:
             raise OutputError(
-                f"gamepad: {device} cannot be opened ({error}); on Linux give your user the right:"
-                " sudo setfacl -m u:$USER:rw /dev/uinput"
+                f"{device} cannot be opened ({error})",
+                code="uinput-not-writable",
+                where="gamepad",
+                action="Give your user access: sudo setfacl -m u:$USER:rw /dev/uinput",
             ) from None
         self._name = settings.name
         self._mapping: Sequence[GamepadMapping] = settings.mapping

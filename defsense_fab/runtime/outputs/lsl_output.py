@@ -18,8 +18,11 @@ try:
     import pylsl
 except RuntimeError as problem:  # the package is there, the library that it calls is not
     raise OutputError(
-        "lsl: the library liblsl is not here; install it (conda install -c conda-forge liblsl, or"
-        " https://github.com/sccn/liblsl/releases) and let PYLSL_LIB name it"
+        "the library liblsl is not installed",
+        code="library-missing",
+        where="lsl",
+        action="Install it (conda install -c conda-forge liblsl, or"
+        " https://github.com/sccn/liblsl/releases) and set PYLSL_LIB to its path",
     ) from problem
 
 _CONFIG = "lsl_api.cfg"
@@ -88,8 +91,11 @@ class LslOutput:
         channels, values = sample(frame, self._settings.send)
         if not channels:
             raise OutputError(
-                f"lsl: {frame.device} has no {' and no '.join(self._settings.send)}; give the"
-                ' folder of the built device (--device), or another send: ["markers", "quality"]'
+                f"{frame.device} has no {' and no '.join(self._settings.send)}",
+                code="nothing-to-send",
+                where="lsl",
+                action='Give the folder of the built device, or set send = ["markers", "quality"]',
+                send=self._settings.send,
             )
         if self._outlet is None or channels != self._channels:
             self._open(frame, channels)

@@ -41,7 +41,13 @@ class OscOutput:
                 settings.host, settings.port, type=socket.SOCK_DGRAM
             )[0]
         except (OSError, UnicodeError) as error:
-            raise OutputError(f"osc: host {settings.host!r} is not known ({error})") from None
+            raise OutputError(
+                f"host {settings.host!r} is unknown ({error})",
+                code="unknown-host",
+                where="osc",
+                action="Check host",
+                host=settings.host,
+            ) from None
         self._to = (address[0], settings.port)
         self._wekinator = (address[0], settings.wekinator_port)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
@@ -77,7 +83,9 @@ class OscOutput:
             self._full = True  # this frame is lost, as any of UDP may be
         except OSError as error:
             where = f"{self._settings.host}:{self._settings.port}"
-            raise OutputError(f"osc: cannot send to {where}: {error.strerror}") from None
+            raise OutputError(
+                f"cannot send to {where}: {error.strerror}", code="send-failed", where="osc"
+            ) from None
 
     def close(self) -> None:
         self._socket.close()

@@ -54,15 +54,18 @@ class SeveralDevices:
 
     def _apart(self, settings: Settings) -> Settings:
         kind = next(name for name, of in KINDS.items() if of is type(settings))
-        where = f"{kind}: nothing is left for another device beside those before it"
+        problem = "no free port, channel or name is left for another device"
+        action = "Give the device a live.toml of its own"
         for steps in range(_MOST):
             try:
                 further = _further(settings, steps)
             except OutputError as error:
-                raise OutputError(f"{where} ({error}); give it a live.toml of its own") from None
+                raise OutputError(
+                    f"{problem} ({error})", code="outputs-exhausted", where=kind, action=action
+                ) from None
             if self._taken.isdisjoint(_places(further)):
                 return further
-        raise OutputError(f"{where}; give it a live.toml of its own")
+        raise OutputError(problem, code="outputs-exhausted", where=kind, action=action)
 
 
 def _further(settings: Settings, steps: int) -> Settings:

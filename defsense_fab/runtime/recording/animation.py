@@ -31,14 +31,22 @@ class Animation:
 
     def __post_init__(self) -> None:
         if not len(self.steps):
-            raise LiveError(f"{self.name}: no frame with a surface was recorded")
+            raise LiveError(
+                "no frame with a surface was recorded", code="no-frames", where=self.name
+            )
         if self.positions.shape != (len(self.steps), *self.rest.shape):
             raise LiveError(
-                f"{self.name}: positions {self.positions.shape} are not those of"
-                f" {len(self.steps)} frames of {len(self.rest)} vertices"
+                f"positions have shape {self.positions.shape}, expected {len(self.steps)} frames of"
+                f" {len(self.rest)} vertices",
+                code="shape-mismatch",
+                where=self.name,
             )
         if self.steps[0] < 0 or (np.diff(self.steps) <= 0).any():
-            raise LiveError(f"{self.name}: the numbers of the frames do not rise")
+            raise LiveError(
+                "frame numbers must be non-negative and strictly increasing",
+                code="not-increasing",
+                where=self.name,
+            )
 
     @property
     def times(self) -> Float:
@@ -54,7 +62,12 @@ class Animation:
             part = slice(start, min(start + count, len(self.steps)))
             moved = self.positions[part].reshape(-1, len(rest)) - rest
             if not np.isfinite(moved).all():
-                raise LiveError(f"{self.name}: a vertex has no position in frames from {start} on")
+                raise LiveError(
+                    f"a vertex has no finite position in the frames from {start}",
+                    code="not-finite",
+                    where=self.name,
+                    start=start,
+                )
             yield part, moved
 
 

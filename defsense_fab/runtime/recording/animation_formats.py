@@ -21,7 +21,13 @@ def check_suffix(path: Path) -> None:
     one whose package is missing."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise LiveError(f"{path}: no animation format {suffix!r}; there is {', '.join(SUFFIXES)}")
+        raise LiveError(
+            f"unknown animation format {suffix!r}",
+            code="unknown-format",
+            where=path,
+            action=f"Use one of {', '.join(SUFFIXES)}",
+            suffix=suffix,
+        )
     if suffix in _USD:
         require_usd(path)
 

@@ -43,12 +43,27 @@ class AnimationRecorder:
         numbers are none that can be, StorageError where nothing can be written beside `path`."""
         check_suffix(path)
         if rest.ndim != 2 or rest.shape[1] != 3 or not np.isfinite(rest).all():
-            raise LiveError(f"{path}: the surface at rest must be (v, 3) numbers")
+            raise LiveError(
+                "rest must be a finite array of shape (v, 3)",
+                code="surface-invalid",
+                where=path,
+                field="rest",
+            )
         known = faces.ndim == 2 and faces.shape[1] == 3 and faces.size
         if not known or not 0 <= faces.min() <= faces.max() < len(rest):
-            raise LiveError(f"{path}: the faces must be (f, 3) numbers of its {len(rest)} vertices")
+            raise LiveError(
+                f"faces must be an array (f, 3) of indices into the {len(rest)} vertices",
+                code="surface-invalid",
+                where=path,
+                field="faces",
+            )
         if not 1 <= fps <= 1000:
-            raise LiveError(f"{path}: fps must be 1 to 1000, not {fps:g}")
+            raise LiveError(
+                f"fps must be between 1 and 1000, got {fps:g}",
+                code="out-of-range",
+                where=path,
+                field="fps",
+            )
         self.trouble: str | None = None
         self.left_out = 0  # frames without a surface, or of other vertices
         self._path, self._rest, self._faces, self._fps = path, rest, faces, fps
@@ -100,7 +115,7 @@ class AnimationRecorder:
             self._ended = True
         with self._finishing:  # not the lock of `add`: the loop does not wait for this
             if self._closed:
-                raise LiveError(f"{path}: the recording is closed")
+                raise LiveError("the recording is closed", code="recording-closed", where=path)
             positions = self._rows.rows().reshape(-1, *self._rest.shape)
             steps = np.array(self._steps, np.int64)
             written = write_animation(

@@ -20,7 +20,12 @@ class RowFile:
         """Raises StorageError where there can be no such file."""
         self.width, self.count = width, 0
         if not folder.is_dir():
-            raise StorageError(f"{folder}: no such folder; make it, or choose another")
+            raise StorageError(
+                "the folder does not exist",
+                code="folder-not-found",
+                where=folder,
+                action="Create it or choose another folder",
+            )
         with storage_errors(folder):
             # Without a buffer: what does not fit on the disk is told with the row that does not.
             self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115

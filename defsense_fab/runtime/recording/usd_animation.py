@@ -34,7 +34,11 @@ def write_usd(path: Path, animation: Animation) -> AnimationFile:
         except Tf.ErrorException as error:
             full = shutil.disk_usage(temporary.parent).free < _FULL
             why = "the disk is full; free some space" if full else _words(error)
-            raise StorageError(f"{path}: USD could not write it: {why}") from None
+            raise StorageError(
+                f"USD could not write it: {why}",
+                code="disk-full" if full else "usd-write-failed",
+                where=path,
+            ) from None
         size = temporary.stat().st_size
     frames, seconds = len(animation.steps), float(np.ptp(animation.times))
     return AnimationFile(path, size, frames, seconds, 0.0)

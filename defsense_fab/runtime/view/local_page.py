@@ -107,9 +107,7 @@ def _need_free(host: str, port: int) -> None:
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
     except OSError:
-        raise OutputError(
-            f"--host {host}: this machine has no such address; give one of its own, or 0.0.0.0"
-        ) from None
+        raise _no_address(host) from None
     with contextlib.closing(socket.socket(family, socket.SOCK_STREAM)) as probe:
         # On Windows SO_REUSEADDR would share the port of another program.
         option = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
@@ -118,10 +116,21 @@ def _need_free(host: str, port: int) -> None:
             probe.bind((host, port))
         except OSError as error:
             if host not in LOCAL and error.errno == errno.EADDRNOTAVAIL:
-                raise OutputError(
-                    f"--host {host}: this machine has no such address; give one of its own, or"
-                    " 0.0.0.0"
-                ) from None
+                raise _no_address(host) from None
             raise OutputError(
-                f"port {port} is taken by another program; give another, as in {port + 10}"
+                "is in use by another program",
+                code="port-busy",
+                where=f"port {port}",
+                action=f"Choose another port, such as {port + 10}",
+                port=port,
             ) from None
+
+
+def _no_address(host: str) -> OutputError:
+    return OutputError(
+        "this machine has no such address",
+        code="address-unavailable",
+        where=f"host {host}",
+        action="Use an address of this machine, or 0.0.0.0",
+        host=host,
+    )

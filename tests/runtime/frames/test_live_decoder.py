@@ -12,6 +12,7 @@ from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.frames.swap_watch import SwapWatch
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
 from defsense_fab.training.ridge.trained_range import trained_range
+from tests.errors import raises
 from tests.training.conftest import recorded as recorded_fixture
 
 recorded = recorded_fixture
@@ -119,11 +120,11 @@ def test_another_rest_than_in_training_is_told(model, run):
 
 def test_other_channels_are_refused_and_old_samples_left_out(model, run):
     decoder = LiveDecoder(model, run.rest)
-    with pytest.raises(LiveError, match="2 channels arrive, and toy's model was trained on 3"):
+    with raises(LiveError, "channels-differ", count=2, expected=3):
         decoder(Sample(0.0, np.ones(2), 0.0))
     assert decoder(Sample(1.0, run.rest, 0.0)) is not None
     assert decoder(Sample(1.0, run.rest, 0.0)) is None
-    with pytest.raises(LiveError, match="rest: 2 resistances for 3 channels"):
+    with raises(LiveError, "channels-differ", count=2, expected=3):
         LiveDecoder(model, np.ones(2))
 
 

@@ -11,6 +11,7 @@ from defsense_fab.runtime.frames.live_frame import Quality
 from defsense_fab.runtime.outputs import lsl_output
 from defsense_fab.runtime.outputs.lsl_output import LslOutput, SampleClock, sample
 from defsense_fab.runtime.outputs.settings import LslSettings
+from tests.errors import raises
 from tests.runtime.live_frames import frame, unrested
 
 
@@ -135,5 +136,5 @@ def test_a_stream_without_controls_waits_for_nothing():
 
 def test_a_stream_of_nothing():
     output = LslOutput(LslSettings(send=("controls", "confidence")))
-    with pytest.raises(OutputError, match="lsl: bar has no controls and no confidence; give the"):
+    with raises(OutputError, "nothing-to-send", send=("controls", "confidence")):
         output.send(unrested(1, quality=Quality.TRUSTED))

@@ -18,6 +18,7 @@ from defsense_fab.runtime.outputs.settings import (
     WebSocketSettings,
 )
 from defsense_fab.runtime.outputs.several_devices import SeveralDevices
+from tests.errors import raises
 from tests.runtime.live_frames import frame, wait_for
 from tests.runtime.outputs.midi.cable import Cable
 
@@ -132,9 +133,7 @@ def test_one_device_may_send_to_a_port_twice():
 def test_no_place_is_left():
     several = SeveralDevices()
     several.outputs([WebSocketSettings(port=65535)])
-    with pytest.raises(
-        OutputError, match=r"websocket: nothing is left for another device .* 65536"
-    ):
+    with raises(OutputError, "outputs-exhausted"):
         several.outputs([WebSocketSettings(port=65535)])
-    with pytest.raises(OutputError, match=r"midi: nothing is left .*; give it a live\.toml of its"):
+    with raises(OutputError, "outputs-exhausted"):
         shared(MidiSettings(), 17)

@@ -6,6 +6,7 @@ import pytest
 from defsense_fab.core.errors import LiveError
 from defsense_fab.runtime.recording.animation import Animation
 from defsense_fab.runtime.recording.animation_formats import SUFFIXES, write_animation
+from tests.errors import raises
 from tests.runtime.recording_bars import animation
 
 BEGINS = {".glb": b"glTF", ".usda": b"#usda", ".npz": b"PK"}
@@ -21,21 +22,21 @@ def test_by_suffix(tmp_path, suffix):
 
 
 def test_an_unknown_one(tmp_path):
-    with pytest.raises(LiveError, match=r"bar.abc: no animation format '.abc'; there is .glb,"):
+    with raises(LiveError, "unknown-format", suffix=".abc"):
         write_animation(tmp_path / "bar.abc", animation(3))
 
 
 @pytest.mark.parametrize(
-    ("count", "steps", "message"),
+    ("count", "steps", "code"),
     [
-        (0, [], "no frame"),
-        (2, [0], "are not those of 1 frames of 3 vertices"),
-        (2, [1, 1], "do not rise"),
-        (2, [-1, 1], "do not rise"),
+        (0, [], "no-frames"),
+        (2, [0], "shape-mismatch"),
+        (2, [1, 1], "not-increasing"),
+        (2, [-1, 1], "not-increasing"),
     ],
 )
-def test_no_animation(count, steps, message):
-    with pytest.raises(LiveError, match=message):
+def test_invalid_animations_are_refused(count, steps, code):
+    with raises(LiveError, code):
         Animation(
             "x",
             np.eye(3),

@@ -116,6 +116,6 @@ def test_the_size_grows_with_vertices_plus_frames(tmp_path):
 
 
 def test_no_half_file(tmp_path):
-    with pytest.raises(StorageError, match=r"bar.*\.glb: No such file"):
+    with pytest.raises(StorageError):
         write_gltf(tmp_path / "none" / "bar.glb", animation(3))
     assert list(tmp_path.iterdir()) == []

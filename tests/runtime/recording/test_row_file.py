@@ -5,6 +5,7 @@ import pytest
 
 from defsense_fab.core.errors import StorageError
 from defsense_fab.runtime.recording.row_file import RowFile
+from tests.errors import raises
 from tests.runtime.full_disk import fill
 
 
@@ -34,5 +35,5 @@ def test_half_a_row_is_taken_back(tmp_path):
 
 
 def test_no_folder(tmp_path):
-    with pytest.raises(StorageError, match=r"none: no such folder; make it"):
+    with raises(StorageError, "folder-not-found"):
         RowFile(tmp_path / "none", 3)

@@ -11,6 +11,7 @@ from pxr import Tf, Usd, UsdGeom
 from defsense_fab.core.errors import LiveError, StorageError
 from defsense_fab.runtime.recording import usd_animation
 from defsense_fab.runtime.recording.usd_animation import write_usd
+from tests.errors import raises
 from tests.runtime.recording_bars import animation
 
 
@@ -64,31 +65,27 @@ def test_gaps_and_names_that_usd_has_not(tmp_path):
 def test_no_half_file(tmp_path):
     of = animation(3)
     of.positions[2, 0, 0] = np.inf
-    with pytest.raises(LiveError, match="no position"):
+    with raises(LiveError, "not-finite"):
         write_usd(tmp_path / "bar.usdc", of)
-    with pytest.raises(StorageError, match="No such file"):
+    with pytest.raises(StorageError):
         write_usd(tmp_path / "file" / "bar.usdc", animation(3))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_without_the_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pxr", None)
-    with pytest.raises(
-        LiveError, match=r"needs the package usd-core, .*pip install .*\[animation\]"
-    ):
+    with pytest.raises(LiveError):
         write_usd(tmp_path / "bar.usdc", animation(3))
 
 
-@pytest.mark.parametrize(
-    ("free", "why"), [(0, "the disk is full; free some space$"), (1e9, "no such luck")]
-)
-def test_what_usd_cannot_write(tmp_path, monkeypatch, free, why):
+@pytest.mark.parametrize(("free", "code"), [(0, "disk-full"), (1e9, "usd-write-failed")])
+def test_what_usd_cannot_write(tmp_path, monkeypatch, free, code):
     def refuse(*_):
         Tf.RaiseRuntimeError("no such luck")
 
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(usd_animation, "_write", refuse)
     monkeypatch.setattr(usd_animation.shutil, "disk_usage", lambda _: usage(1e9, 0, free))
-    with pytest.raises(StorageError, match=f"bar.usdc: USD could not write it: .*{why}"):
+    with raises(StorageError, code):
         write_usd(tmp_path / "bar.usdc", animation(3))
     assert list(tmp_path.iterdir()) == []

@@ -141,11 +141,23 @@ class MidiOutput:
         if port is not None and not s.virtual and not self._there(self._port_name, inputs=False):
             self._port = None
             port.close()
-            raise OutputError(f"midi: {self._port_name!r} was pulled out; plug it in again")
+            raise OutputError(
+                f"port {self._port_name!r} was disconnected",
+                code="port-disconnected",
+                where="midi",
+                action="Plug the device in again",
+                port=self._port_name,
+            )
         if learn is not None and not self._there(learn.port_name, inputs=True):
             self._learn = None
             learn.close()
-            raise OutputError(f"midi: {learn.port_name!r} was pulled out; plug it in again")
+            raise OutputError(
+                f"port {learn.port_name!r} was disconnected",
+                code="port-disconnected",
+                where="midi",
+                action="Plug the device in again",
+                port=learn.port_name,
+            )
 
     def _there(self, name: str, inputs: bool) -> bool:
         return name in self._ports.names(inputs)

@@ -40,7 +40,7 @@ class SystemPorts:
         try:
             return list(mido.get_input_names() if inputs else mido.get_output_names())
         except Exception as error:  # RtMidi's own, which are no OSErrors
-            raise OutputError(_no_midi(str(error))) from None
+            raise _no_midi(str(error)) from None
 
     def open(self, name: str, inputs: bool, virtual: bool = False) -> MidiPort:
         mido = _mido()
@@ -49,7 +49,11 @@ class SystemPorts:
             return _Port(opener(name, virtual=virtual), mido)
         except Exception as error:
             raise OutputError(
-                f"midi: port {name!r} cannot be opened ({error}); is another program using it?"
+                f"port {name!r} cannot be opened ({error})",
+                code="port-unavailable",
+                where="midi",
+                action="Close other programs that use it",
+                port=name,
             ) from None
 
 
@@ -76,19 +80,27 @@ def find_port(ports: MidiPorts, device: str, inputs: bool) -> str:
         way = "in" if inputs else "out"
         have = ", ".join(map(repr, names)) or "none"
         asked = f" with {device!r} in its name" if device else ""
-        raise OutputError(f"midi: no port {way}{asked}; plug it in. There is: {have}")
+        raise OutputError(
+            f"no {way}put port{asked}; available ports: {have}",
+            code="port-not-found",
+            where="midi",
+            action="Plug the device in",
+            device=device,
+            inputs=inputs,
+            ports=names,
+        )
     return found
 
 
 def _mido() -> Any:
     # RtMidi would write its own complaint to the terminal.
     if sys.platform.startswith("linux") and not _ALSA.exists():
-        raise OutputError(_no_midi(f"no {_ALSA}"))
+        raise _no_midi(f"no {_ALSA}")
     try:
         import mido
         import rtmidi  # noqa: F401  # what mido opens ports with
     except ImportError as error:
-        raise OutputError(_brought_by(error)) from None
+        raise OutputError(_brought_by(error), code="package-missing") from None
     return mido
 
 
@@ -99,8 +111,11 @@ def _brought_by(error: ImportError) -> str:
     return missing("midi", error, "midi")
 
 
-def _no_midi(why: str) -> str:
-    return (
-        f"midi: this machine has no MIDI ({why}); on Linux load ALSA's sequencer (sudo modprobe"
-        ' snd-seq), or write to a file (file = "x.mid")'
+def _no_midi(why: str) -> OutputError:
+    return OutputError(
+        f"this machine has no MIDI ({why})",
+        code="midi-unavailable",
+        where="midi",
+        action="On Linux load ALSA's sequencer (sudo modprobe snd-seq), or write to a file"
+        ' (file = "x.mid")',
     )

@@ -93,10 +93,15 @@ class WebSocketServer:
         self._thread = threading.Thread(target=self._run, name="websocket", daemon=True)
         self._thread.start()
         if not self._started.wait(_START):
-            raise OutputError(f"websocket: does not start within {_START:g} s; try again")
+            raise OutputError(
+                f"the server did not start within {_START:g} s",
+                code="server-not-started",
+                where="websocket",
+                action="Try again",
+            )
         if self._failure is not None:
             self._thread.join(_START)
-            raise OutputError(_why(settings, self._failure))
+            raise _listen_error(settings, self._failure)
 
     @property
     def clients(self) -> int:
@@ -261,13 +266,28 @@ def _port_of(server: Server) -> int:
     return int(next(iter(server.sockets)).getsockname()[1])
 
 
-def _why(settings: WebSocketSettings, error: OSError) -> str:
+def _listen_error(settings: WebSocketSettings, error: OSError) -> OutputError:
     where = f"port {settings.port} on {settings.host}"
     if error.errno == errno.EADDRINUSE:
-        return (
-            f"websocket: {where} is in use by another program; close that, or choose another port"
-            " (port = ...)"
+        return OutputError(
+            f"{where} is in use by another program",
+            code="port-busy",
+            where="websocket",
+            action="Close that program or set another port",
+            port=settings.port,
         )
     if error.errno == errno.EACCES:
-        return f"websocket: you may not listen on {where}; choose a port above 1023 (port = ...)"
-    return f"websocket: cannot listen on {where} ({error.strerror or error}); is host right?"
+        return OutputError(
+            f"{where} may only be used by an administrator",
+            code="port-forbidden",
+            where="websocket",
+            action="Set a port above 1023",
+            port=settings.port,
+        )
+    return OutputError(
+        f"cannot listen on {where} ({error.strerror or error})",
+        code="address-unavailable",
+        where="websocket",
+        action="Check host",
+        host=settings.host,
+    )

@@ -1,6 +1,5 @@
 """MIDI: files read by mido, a device that is pulled out, learning, garbage."""
 
-import re
 import sys
 
 import mido
@@ -17,6 +16,7 @@ from defsense_fab.runtime.outputs.midi.midi_learn import MidiLearn, as_toml, lea
 from defsense_fab.runtime.outputs.midi.midi_output import MidiOutput
 from defsense_fab.runtime.outputs.midi.ports import SystemPorts, find_port
 from defsense_fab.runtime.outputs.settings import MidiMapping, MidiSettings
+from tests.errors import raises
 from tests.runtime.live_frames import frame
 from tests.runtime.outputs.midi.cable import Cable
 
@@ -65,7 +65,7 @@ def test_the_board_is_reset():
     ("last", "told"),
     [
         ((3, 99), 'pip install "defsense-fab[midi]"'),
-        ((3, 0), "pip install python-rtmidi; it has no wheel for this Python and is compiled"),
+        ((3, 0), "pip install python-rtmidi"),
     ],
 )
 def test_a_package_that_is_not_installed(monkeypatch, tmp_path, last, told):
@@ -73,8 +73,9 @@ def test_a_package_that_is_not_installed(monkeypatch, tmp_path, last, told):
     monkeypatch.setattr(ports, "_ALSA", tmp_path)
     monkeypatch.setattr(ports, "_LAST_WITH_WHEEL", last)
     monkeypatch.setitem(sys.modules, "rtmidi", None)
-    with pytest.raises(OutputError, match="needs the package .*" + re.escape(told)):
+    with raises(OutputError, "package-missing") as caught:
         SystemPorts().names(inputs=False)
+    assert told in str(caught.value)
 
 
 def test_a_file_is_read_by_others(tmp_path):
@@ -151,9 +152,9 @@ def test_a_device_is_pulled_out_and_comes_back(monkeypatch):
     output.send(frame(1))
     assert cable.sent == [(0x90, 60, 64)]
     cable.there.remove("USB Synth 1")
-    with pytest.raises(OutputError, match="'USB Synth 1' was pulled out; plug it in again"):
+    with raises(OutputError, "port-disconnected", port="USB Synth 1"):
         output.send(frame(2))
-    with pytest.raises(OutputError, match="no port out with 'synth' in its name; plug it in"):
+    with raises(OutputError, "port-not-found", device="synth", inputs=False):
         output.send(frame(3))
     cable.there.append("USB Synth 1")
     output.send(frame(4))
@@ -174,7 +175,7 @@ def test_the_instrument_is_told_once_for_each_channel():
     output.send(frame(2))
     assert cable.sent[:2] == [(0xC0, 19), (0xC2, 19)]
     assert sum(message[0] >> 4 == 0xC for message in cable.sent) == 2
-    with pytest.raises(OutputError, match="program must lie between 0 and 127"):
+    with pytest.raises(OutputError):
         MidiSettings(program=128)
 
 
@@ -187,16 +188,16 @@ def test_a_virtual_port():
 
 
 def test_no_port_at_all():
-    with pytest.raises(OutputError, match=r"midi: no port in; plug it in\. There is: none"):
+    with raises(OutputError, "port-not-found", inputs=True, ports=[]):
         find_port(Cable(), "", inputs=True)
 
 
 def test_a_machine_without_midi(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(ports, "_ALSA", tmp_path / "seq")
-    with pytest.raises(OutputError, match=r"this machine has no MIDI .*modprobe snd-seq"):
+    with raises(OutputError, "midi-unavailable"):
         SystemPorts().names(inputs=False)
-    with pytest.raises(OutputError, match=r'write to a file \(file = "x\.mid"\)'):
+    with raises(OutputError, "midi-unavailable"):
         MidiOutput(MidiSettings())
 
 
@@ -264,9 +265,9 @@ def test_learning_while_it_plays(tmp_path, monkeypatch):
     assert cable.sent[-1] == (0xB0, 7, 127)
     assert read_live_file(path).outputs[0].mapping == (MidiMapping("twist", cc=7),)
     cable.there.remove("Knobs")
-    with pytest.raises(OutputError, match="'Knobs' was pulled out"):
+    with raises(OutputError, "port-disconnected", port="Knobs"):
         output.send(frame(1041))
-    with pytest.raises(OutputError, match="no port in with 'Knobs' in its name"):
+    with raises(OutputError, "port-not-found", device="Knobs"):
         output.send(frame(1042))
     output.close()
 
@@ -305,7 +306,7 @@ def test_looking_for_a_port_leaves_nothing_behind(tmp_path):
     """An input that is not plugged in is looked for again and again."""
     cable = Cable("Synth")
     for where in ({"file": str(tmp_path / "x.mid")}, {"virtual": "DefSense"}):
-        with pytest.raises(OutputError, match="no port in with 'Knobs'"):
+        with raises(OutputError, "port-not-found", device="Knobs", inputs=True):
             MidiOutput(MidiSettings(learn="Knobs", **where), cable)
     assert list(tmp_path.iterdir()) == []
     assert cable.opened == [("DefSense", False, True), "closed"]
