@@ -45,8 +45,9 @@ def channel_problems(
     if constant:
         out.append(
             Problem(
-                "constant channel", True, f"{', '.join(constant)} does not change in any recording",
+                "constant-channel", True, f"{', '.join(constant)} does not change in any recording",
                 "see whether its cord is connected, and record again",
+                data={"channels": tuple(constant)},
             )
         )  # fmt: skip
     out += [p for r in dataset.recordings for p in _still(dataset, r, constant)]
@@ -63,15 +64,17 @@ def _open(dataset: Dataset, r: Recording) -> list[Problem]:
         if bad.all() or not np.isfinite(R0):
             out.append(
                 Problem(
-                    "missing channel", True, f"{r.name}: {name} has no resistance",
+                    "missing-channel", True, f"{r.name}: {name} has no resistance",
                     "leave the recording out, or record it again", of=(r.name,),
+                    data={"channels": (name,)},
                 )
             )  # fmt: skip
             continue
         kind = "shorted" if 2 * (R <= 0).sum() > bad.sum() else "open, or out of range,"
+        state = "shorted" if kind == "shorted" else "open"
         longest, share = step * _longest(bad), float(bad.mean())
         if not (longest > _LONG or share > _MUCH):
-            bad, kind = _at_an_end(R), "at the end of its range"
+            bad, kind, state = _at_an_end(R), "at the end of its range", "clipped"
             longest, share = step * _longest(bad), float(bad.mean())
             # What never changes is at both ends of its range, and told as such.
             changes = _range(r.signals[:, k]) >= _NOTHING
@@ -80,11 +83,11 @@ def _open(dataset: Dataset, r: Recording) -> list[Problem]:
                 continue
         out.append(
             Problem(
-                "saturated channel", share > _MUCH,
+                "saturated-channel", share > _MUCH,
                 f"{r.name}: {name} is {kind} for {share:.0%} of the samples, {longest:.1f} s at"
                 " once",
                 "check its wires and reference resistor; frames at these times tell nothing of it",
-                share, (r.name,),
+                share, (r.name,), {"channel": name, "state": state, "longest_s": longest},
             )
         )  # fmt: skip
     return out
@@ -120,12 +123,13 @@ def _still(dataset: Dataset, r: Recording, constant: Sequence[str]) -> list[Prob
             share = (end - begin) / len(R)
             out.append(
                 Problem(
-                    "stuck channel", share > _MUCH,
+                    "stuck-channel", share > _MUCH,
                     f"{r.name}: {name} stays the same for {step * (end - begin):.1f} s, from"
                     f" {r.sample_time[begin]:.1f} s on, while others move",
                     "check its wires; leave the recording out if it is for long"
                     if share <= _MUCH else "check its wires, and leave the recording out",
                     step * (end - begin), (r.name,),
+                    {"channel": name, "start_s": float(r.sample_time[begin])},
                 )
             )  # fmt: skip
     return out
@@ -153,12 +157,13 @@ def _other_cords(dataset: Dataset) -> list[Problem]:
                 if abs(off) > max(np.log1p(_DRIFT), _UNLIKE * spread):
                     out.append(
                         Problem(
-                            "replaced cord", False,
+                            "replaced-cord", False,
                             f"{name}: R0 of {channel} is {np.exp(off):.2f} times that of the other"
                             f" sessions of {unit}: was the cord replaced, or its wires?",
                             "train on the sessions since then, or record with another --unit since"
                             " then",
                             float(np.exp(off)), tuple(r.name for r in sessions[name]),
+                            {"session": name, "channel": channel},
                         )
                     )  # fmt: skip
     return out
@@ -208,9 +213,13 @@ def _compare(
         told = ", ".join(f"{channels[k]} looks like {channels[order[k]]}" for k in wrong.tolist())
         return [
             Problem(
-                "permuted channels", True, f"{name}: by {by}, {told}: are its channels in another"
+                "permuted-channels", True, f"{name}: by {by}, {told}: are its channels in another"
                 " order?",
                 "see how the cords are plugged in, or name the columns anew", best - now, of,
+                {
+                    "session": name, "source": by,
+                    "order": {channels[k]: channels[order[k]] for k in wrong.tolist()},
+                },
             )
         ]  # fmt: skip
     gain = np.array([np.polyfit(e[:, k], m[:, k], 1)[0] for k in range(c)])
@@ -219,11 +228,11 @@ def _compare(
     ratio = gain / (float(np.median(gain)) if by == _PREDICTION else 1.0)
     return [
         Problem(
-            "changed gain", False,
+            "changed-gain", False,
             f"{name}: {channels[k]} changes {ratio[k]:.2f} times as much as {by} let expect:"
             " was its cord replaced?",
             "train on the sessions since then, or record with another --unit since then",
-            float(ratio[k]), of,
+            float(ratio[k]), of, {"session": name, "channel": channels[k]},
         )
         for k in range(c)
         if sure[k] and ratio[k] > 0 and abs(np.log(ratio[k])) > np.log(_GAIN)

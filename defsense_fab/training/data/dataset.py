@@ -50,13 +50,17 @@ class Recording:
         if shapes != ((n,), (c,), (t,), (t, m, 3)) or self.sigma.shape != (t, m, 3):
             raise TrainingError(
                 f"{self.name}: samples {self.ohm.shape}, R0 {self.rest.shape}, pictures"
-                f" {self.time.shape} and markers {self.points.shape} do not go together"
+                f" {self.time.shape} and markers {self.points.shape} do not go together",
+                code="shapes-differ",
             )
         for what, when in (("samples", self.sample_time), ("pictures", self.time)):
             if not np.isfinite(when).all() or (np.diff(when) <= 0).any():
                 k = int(np.argmax(~np.isfinite(when[1:]) | ~(np.diff(when) > 0))) + 1
                 raise TrainingError(
-                    f"{self.name}: the times of the {what} must increase; the one at {k} does not"
+                    f"{self.name}: the times of the {what} must increase; the one at {k} does not",
+                    code="times-not-increasing",
+                    series=what,
+                    index=k,
                 )
 
     @cached_property
@@ -96,17 +100,24 @@ class Dataset:
     def __post_init__(self) -> None:
         c, m = len(self.channels), len(self.ids)
         if not self.recordings:
-            raise TrainingError(f"{self.device}: there is no recording to train on")
-        if len(set(self.channels)) < c or self.rest_points.shape != (m, 3):
             raise TrainingError(
-                f"{self.device}: channels must have different names, and {m} markers have places"
-                f" {self.rest_points.shape}"
+                f"{self.device}: there is no recording to train on", code="no-recordings"
+            )
+        if len(set(self.channels)) < c:
+            raise TrainingError(
+                f"{self.device}: channels must have different names", code="duplicate-names"
+            )
+        if self.rest_points.shape != (m, 3):
+            raise TrainingError(
+                f"{self.device}: {m} markers have places {self.rest_points.shape}",
+                code="shapes-differ",
             )
         for r in self.recordings:
             if r.ohm.shape[1] != c or r.points.shape[1] != m:
                 raise TrainingError(
                     f"{r.name}: {r.ohm.shape[1]} channels and {r.points.shape[1]} markers, where"
-                    f" the device has {c} and {m}"
+                    f" the device has {c} and {m}",
+                    code="shapes-differ",
                 )
 
     @property

@@ -23,7 +23,7 @@ _STILL = 3.0  # mm, root mean square, by which markers at rest are off their pla
 _BARE = 0.05  # of the frames
 _HIDDEN = 0.5  # of the frames
 _NOTHING = 0.05  # of the movements' variance: what tells less forbids training
-_STEPS = _TELL_NOTHING, _OUT_OF_STEP = "signals tell nothing", "out of step"
+_STEPS = _TELL_NOTHING, _OUT_OF_STEP = "signals-tell-nothing", "out-of-step"
 _ALIKE = 0.4  # correlation of a channel's signal with what was predicted of it
 _WRONG = 0.2  # s, by which signals out of step forbid training
 
@@ -55,7 +55,7 @@ def checked(
     signals are known to be `in_step` with the markers, as a twin's are, neither that they tell
     nothing nor that they seem to tell more at another time forbids it."""
     problems = check_dataset(dataset, channels=channels, predicted=predicted)
-    refuse(p for p in problems if not (in_step and p.kind in _STEPS))
+    refuse(p for p in problems if not (in_step and p.code in _STEPS))
     return problems
 
 
@@ -67,7 +67,10 @@ def usable(r: Recording) -> Bool:
 
 def _together(dataset: Dataset) -> list[Problem]:
     out = []
-    for key, what in (("device", "devices"), ("layout", "layouts of cords")):
+    for key, what, code in (
+        ("device", "devices", "different-devices"),
+        ("layout", "layouts of cords", "different-layouts-of-cords"),
+    ):
         known = {
             str(s[key]): str(s.get("folder", "?"))
             for s in dataset.provenance.get("sessions", ())
@@ -77,8 +80,8 @@ def _together(dataset: Dataset) -> list[Problem]:
             told = ", ".join(f"{value} ({folder})" for value, folder in known.items())
             out.append(
                 Problem(
-                    f"different {what}", True, f"sessions are of different {what}: {told}",
-                    "train a model for each",
+                    code, True, f"sessions are of different {what}: {told}",
+                    "train a model for each", data={"found": known},
                 )
             )  # fmt: skip
     return out
@@ -88,7 +91,7 @@ def _twice(dataset: Dataset) -> list[Problem]:
     """Copies of a recording: what is trained on would be tested on."""
     return [
         Problem(
-            "same recording", True, f"{r.name} is a copy of {other.name}",
+            "same-recording", True, f"{r.name} is a copy of {other.name}",
             "give each recording once", of=(r.name, other.name),
         )
         for k, r in enumerate(dataset.recordings)
@@ -109,7 +112,11 @@ def _named(dataset: Dataset, channels: Sequence[str] | None) -> list[Problem]:
     have = ", ".join(dataset.channels)
     return [
         Problem(
-            "missing channel", True, f"{what} {have}", "name the columns as the cords are named"
+            "missing-channel",
+            True,
+            f"{what} {have}",
+            "name the columns as the cords are named",
+            data={"channels": tuple(missing)},
         )
     ]
 
@@ -122,8 +129,9 @@ def _numbers(dataset: Dataset) -> list[Problem]:
         told = ", ".join(map(str, nowhere.tolist()))
         out.append(
             Problem(
-                "no number", True, f"markers {told} have no place at rest",
+                "no-number", True, f"markers {told} have no place at rest",
                 "give their markers.json, or leave them out",
+                data={"markers": tuple(nowhere.tolist())},
             )
         )  # fmt: skip
     for r in dataset.recordings:
@@ -133,10 +141,11 @@ def _numbers(dataset: Dataset) -> list[Problem]:
             frame, k = (int(i) for i in np.argwhere(wrong)[0])
             out.append(
                 Problem(
-                    "no number", True,
+                    "no-number", True,
                     f"{r.name}: marker {dataset.ids[k]} has a place at {r.time[frame]:.2f} s of"
                     " which a part is no number",
                     "write three numbers, or none", of=(r.name,),
+                    data={"markers": (int(dataset.ids[k]),), "time_s": float(r.time[frame])},
                 )
             )  # fmt: skip
     return out
@@ -152,7 +161,7 @@ def _times(dataset: Dataset) -> list[Problem]:
         if b < c or a > d:
             out.append(
                 Problem(
-                    "out of step", True,
+                    "out-of-step", True,
                     f"{r.name}: samples ({a:.1f} to {b:.1f} s) and frames ({c:.1f} to {d:.1f} s)"
                     " have no time in common",
                     "process the session again, or tell how far their clocks are apart (--shift)",
@@ -175,16 +184,16 @@ def _frames(dataset: Dataset) -> list[Problem]:
     if total < needed:
         out.append(
             Problem(
-                "too few frames", True,
+                "too-few-frames", True,
                 f"{total} of {dataset.frames} frames have markers and all signals, and {c} channels"
                 f" need {needed}",
-                "record for longer", total,
+                "record for longer", total, data={"needed": needed},
             )
         )  # fmt: skip
     elif lasts < _SHORT:
         out.append(
             Problem(
-                "few frames", False,
+                "few-frames", False,
                 f"frames with markers and all signals last {lasts:.0f} s in all",
                 f"record {_SHORT:.0f} s or more, with all ways in which the device moves", lasts,
             )
@@ -200,7 +209,7 @@ def _hidden(dataset: Dataset) -> list[Problem]:
         if bare.mean() > _BARE:
             out.append(
                 Problem(
-                    "frames without samples", False,
+                    "frames-without-samples", False,
                     f"{r.name}: {bare.mean():.0%} of the frames are before or after all samples"
                     f" (samples {r.sample_time[0]:.1f} to {r.sample_time[-1]:.1f} s, frames"
                     f" {r.time[0]:.1f} to {r.time[-1]:.1f} s)",
@@ -211,7 +220,7 @@ def _hidden(dataset: Dataset) -> list[Problem]:
         if hidden > _HIDDEN:
             out.append(
                 Problem(
-                    "frames without markers", hidden == 1,
+                    "frames-without-markers", hidden == 1,
                     f"{r.name}: {hidden:.0%} of the frames show no marker",
                     "move the cameras or the hands that cover the markers, and record again"
                     if hidden < 1 else "leave the recording out",
@@ -223,8 +232,9 @@ def _hidden(dataset: Dataset) -> list[Problem]:
         told = ", ".join(map(str, never.tolist()))
         out.append(
             Problem(
-                "markers never seen", False, f"markers {told} were never seen",
+                "markers-never-seen", False, f"markers {told} were never seen",
                 "they are not decoded; turn the device so that cameras see them", len(never),
+                data={"markers": tuple(never.tolist())},
             )
         )  # fmt: skip
     return out
@@ -237,7 +247,7 @@ def _rest(dataset: Dataset) -> list[Problem]:
     every = len(lacking) == len(dataset.recordings)
     return [
         Problem(
-            "no rest pose", every,
+            "no-rest-pose", every,
             f"{', '.join(lacking)}: the markers are never at rest for {_REST} s, within"
             f" {_STILL:.0f} mm of where they are designed",
             "begin with some seconds in which nothing touches the device; check that the tracks are"
@@ -297,7 +307,7 @@ def _steps(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
             if _as_predicted(r, predicted.get(r.name)):
                 remedy = "cords that lie elsewhere would ('defsense build' shows the error)"
                 told += ", as the simulation says of this layout"
-                out.append(Problem("cords tell little", False, told, remedy, found.best, (r.name,)))
+                out.append(Problem("cords-tell-little", False, told, remedy, found.best, (r.name,)))
                 continue
             out.append(
                 Problem(

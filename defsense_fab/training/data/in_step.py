@@ -88,7 +88,9 @@ def shifted(dataset: Dataset, seconds: float | Mapping[str, float] | Literal["au
         assert isinstance(seconds, Mapping)
         each = dict(seconds)
     if not all(np.isfinite(s) for s in each.values()):
-        raise TrainingError(f"a shift of {seconds} s cannot be; give a number, or auto")
+        raise TrainingError(
+            f"a shift of {seconds} s cannot be; give a number, or auto", code="not-a-number"
+        )
     recordings = tuple(
         replace(r, sample_time=r.sample_time + each.get(r.name, 0.0)) for r in dataset.recordings
     )
@@ -107,7 +109,9 @@ def put_in_step(dataset: Dataset, shift: float | Literal["auto"]) -> tuple[Datas
     if far:
         raise TrainingError(
             f"{far[0]}: signals and markers are out of step by {WITHIN:.0f} s or more; give"
-            " --offset, or --shift with a number"
+            " --offset, or --shift with a number",
+            code="out-of-step",
+            recording=far[0],
         )
     return dataset, [f"{name}: signals are shifted by {s:+.2f} s" for name, s in by.items()]
 

@@ -19,8 +19,14 @@ def without_markers(dataset: Dataset, ids: Sequence[int]) -> Dataset:
     """Raises TrainingError for numbers that no marker has, and where none is left."""
     unknown = [i for i in ids if i not in dataset.ids]
     if unknown or len(set(ids)) == len(dataset.ids):
-        what = f"no marker has the number {unknown[0]}" if unknown else "no marker would be left"
-        raise TrainingError(f"{what}; there are {', '.join(map(str, dataset.ids.tolist()))}")
+        known = ", ".join(map(str, dataset.ids.tolist()))
+        if unknown:
+            raise TrainingError(
+                f"no marker has the number {unknown[0]}; there are {known}",
+                code="unknown-marker",
+                marker=int(unknown[0]),
+            )
+        raise TrainingError(f"no marker would be left; there are {known}", code="no-markers-left")
     keep = ~np.isin(dataset.ids, ids)
     recordings = tuple(
         replace(r, points=r.points[:, keep], sigma=r.sigma[:, keep]) for r in dataset.recordings
@@ -36,20 +42,26 @@ def join(parts: Sequence[Dataset]) -> Dataset:
     markers of all. Raises TrainingError for parts of different devices, layouts, channels, or
     places of markers."""
     if not parts:
-        raise TrainingError("there is nothing to train on: give a session, a dataset or two files")
+        raise TrainingError(
+            "there is nothing to train on: give a session, a dataset or two files", code="no-data"
+        )
     first = parts[0]
     layouts = dict.fromkeys(p.layout for p in parts if p.layout)
     for part in parts[1:]:
         if part.device != first.device:
             raise TrainingError(
                 f"{_name(part)} is of the device {part.device!r}, and {_name(first)} of"
-                f" {first.device!r}; train a model for each"
+                f" {first.device!r}; train a model for each",
+                code="devices-differ",
+                devices=(first.device, part.device),
             )
     if len(layouts) > 1:
         a, b = (next(p for p in parts if p.layout == hash_) for hash_ in list(layouts)[:2])
         raise TrainingError(
             f"{_name(a)} and {_name(b)} were recorded with cords laid differently (layouts"
-            f" {a.layout} and {b.layout}); train a model for each"
+            f" {a.layout} and {b.layout}); train a model for each",
+            code="layouts-differ",
+            layouts=(a.layout, b.layout),
         )
     ids = np.unique(np.concatenate([p.ids for p in parts]))
     if np.array_equal(ids, np.sort(first.ids)):
@@ -63,7 +75,10 @@ def join(parts: Sequence[Dataset]) -> Dataset:
             k = int(np.argmax(np.where(known, off, 0.0)))
             raise TrainingError(
                 f"{_name(part)}: marker {part.ids[k]} is {off[k]:.1f} mm from where {_name(first)}"
-                " has it at rest; train on sessions with the same markers.json"
+                " has it at rest; train on sessions with the same markers.json",
+                code="markers-moved",
+                marker=int(part.ids[k]),
+                distance_mm=float(off[k]),
             )
         rest[at] = np.where(known[:, None], rest[at], part.rest_points)
     recordings = [r for part in parts for r in _matched(part, first.channels, ids)]
@@ -89,15 +104,26 @@ def without(
 ) -> Dataset:
     """All but some channels and recordings. Raises TrainingError for names that there are not, and
     where nothing is left."""
-    for what, names, known in (
-        ("channel", channels, dataset.channels),
-        ("recording", recordings, tuple(r.name for r in dataset.recordings)),
+    for what, names, known, unknown, empty in (
+        ("channel", channels, dataset.channels, "unknown-channel", "no-channels-left"),
+        (
+            "recording",
+            recordings,
+            tuple(r.name for r in dataset.recordings),
+            "unknown-recording",
+            "no-recordings-left",
+        ),
     ):
         others = [name for name in names if name not in known]
         if others:
-            raise TrainingError(f"there is no {what} {others[0]}; there are {', '.join(known)}")
+            raise TrainingError(
+                f"there is no {what} {others[0]}; there are {', '.join(known)}",
+                code=unknown,
+                name=others[0],
+                known=known,
+            )
         if len(set(names)) == len(known):
-            raise TrainingError(f"no {what} is left; leave fewer out")
+            raise TrainingError(f"no {what} is left; leave fewer out", code=empty)
     kept = [k for k, name in enumerate(dataset.channels) if name not in channels]
     return replace(
         dataset,
@@ -117,7 +143,10 @@ def _matched(part: Dataset, channels: tuple[str, ...], ids: Int) -> list[Recordi
         wrong = f"has no channel {missing[0]}" if missing else f"has a channel {others[0]} more"
         raise TrainingError(
             f"{_name(part)}: {wrong}: its channels are {', '.join(part.channels)}, wanted are"
-            f" {', '.join(channels)}; name them alike, or leave it out"
+            f" {', '.join(channels)}; name them alike, or leave it out",
+            code="channels-differ",
+            missing=tuple(missing),
+            extra=tuple(others),
         )
     order = [part.channels.index(c) for c in channels]
     at = _places(ids, part.ids)

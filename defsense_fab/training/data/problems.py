@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 from ...core.errors import TrainingError
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Of a `kind` (one word or two), at the recordings or channels named in `what`; `fatal` where
+    """Of a kind with a stable `code`, at the recordings or channels named in `what`; `fatal` where
     it forbids training; what to do as `remedy`; the `value` that was found, if it is a number, in
-    the unit that `what` says; the recordings `of` which it is."""
+    the unit that `what` says; the recordings `of` which it is; more facts as `data`."""
 
-    kind: str
+    code: str
     fatal: bool
     what: str
     remedy: str
     value: float | None = None
     of: tuple[str, ...] = ()
+    data: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """The code in words, as `defsense dataset --json` writes it."""
+        return self.code.replace("-", " ")
 
     def __str__(self) -> str:
         if self.what.endswith("?"):
@@ -32,4 +38,12 @@ def refuse(problems: Iterable[Problem]) -> None:
     fatal = [p for p in problems if p.fatal]
     if fatal:
         more = f" (and {len(fatal) - 1} more)" if len(fatal) > 1 else ""
-        raise TrainingError(f"{fatal[0]}{more}")
+        first = fatal[0]
+        raise TrainingError(
+            f"{first}{more}",
+            code=first.code,
+            count=len(fatal),
+            recordings=first.of,
+            value=first.value,
+            **first.data,
+        )

@@ -18,6 +18,7 @@ _FEW_OHMS = 20.0  # what no rubber cord of a usable length has
 _PART = 0.05  # of its shortest cord's resistance, which no device's is below
 _TIMES = 20.0  # by which no cord's resistance is larger or smaller than at rest
 _KILO = "are resistances in kiloohm?"
+_KILO_DATA = {"quantity": "resistances", "unit": "kohm"}
 _GIVE_OHM = "give ohm, as the device's board does when it runs live"
 
 
@@ -33,11 +34,14 @@ def _places(dataset: Dataset) -> list[Problem]:
     everywhere = np.concatenate([rest, *(r.points.reshape(-1, 3) for r in dataset.recordings)])
     if (spread := _spread(everywhere)) < _NARROW:
         what = f"all markers, wherever they move, lie within {spread:.3g} mm: are they in metres?"
+        unit = "m"
     elif (spread := _spread(rest)) > _WIDE:
         what = f"markers at rest lie {spread:,.0f} mm apart: are they in micrometres?"
+        unit = "um"
     else:
         return []
-    return [Problem("wrong unit", True, what, "give places in mm", spread)]
+    data = {"quantity": "places", "unit": unit}
+    return [Problem("wrong-unit", True, what, "give places in mm", spread, data=data)]
 
 
 def _times(dataset: Dataset) -> list[Problem]:
@@ -48,13 +52,16 @@ def _times(dataset: Dataset) -> list[Problem]:
         step, lasts = float(np.median(np.diff(r.time))), float(r.time[-1] - r.time[0])
         if step < _FAST:
             what = f"there are {1 / step:,.0f} pictures a second: are the times in s?"
+            unit = "h"
         elif step >= _SLOW:
             what = f"pictures are {step:.3g} s apart: are the times in ms?"
+            unit = "ms"
         else:
             continue
         fatal = step < _FAST or lasts > _LONG
         what, remedy = f"{r.name}: {what}", "give times in s"
-        out.append(Problem("wrong unit", fatal, what, remedy, step, (r.name,)))
+        data = {"quantity": "times", "unit": unit}
+        out.append(Problem("wrong-unit", fatal, what, remedy, step, (r.name,), data))
     return out
 
 
@@ -67,7 +74,9 @@ def _resistances(dataset: Dataset) -> list[Problem]:
     largest = _largest_rest(dataset)
     if 0 < largest < _FEW_OHMS:
         what = f"R0 of at most {largest:.3g} ohm is little for rubber cord"
-        out.append(Problem("wrong unit", False, f"{what}: {_KILO}", _GIVE_OHM, largest))
+        out.append(
+            Problem("wrong-unit", False, f"{what}: {_KILO}", _GIVE_OHM, largest, data=_KILO_DATA)
+        )
     return out
 
 
@@ -87,7 +96,16 @@ def unlike_rest(ohm: Float, rest: Float) -> list[Problem]:
     else:
         return []
     what = f"resistances are {how} than R0: is one of them in kiloohm?"
-    return [Problem("wrong unit", True, what, "give both in ohm", float(np.median(times)))]
+    return [
+        Problem(
+            "wrong-unit",
+            True,
+            what,
+            "give both in ohm",
+            float(np.median(times)),
+            data=_KILO_DATA,
+        )
+    ]
 
 
 def unlike_cords(dataset: Dataset, shortest: float) -> list[Problem]:
@@ -99,7 +117,8 @@ def unlike_cords(dataset: Dataset, shortest: float) -> list[Problem]:
         f"R0 of at most {largest:.3g} ohm is not that of this device's cords, of which the shortest"
         f" has {shortest:.3g} ohm"
     )
-    return [Problem("wrong unit", True, f"{what}: {_KILO}", _GIVE_OHM, largest)]
+    data = {**_KILO_DATA, "shortest_ohm": shortest}
+    return [Problem("wrong-unit", True, f"{what}: {_KILO}", _GIVE_OHM, largest, data=data)]
 
 
 def _largest_rest(dataset: Dataset) -> float:

@@ -78,7 +78,11 @@ def decode_frames(model: TrainedModel, dataset: Dataset, last_share: float) -> D
     as they are divided for training (`splits.py`). Raises TrainingError where the model is not of
     this device's layout, or nothing can be tested."""
     if not 0 < last_share <= 1:
-        raise TrainingError(f"the last {last_share:g} of the frames: give a share above 0, up to 1")
+        raise TrainingError(
+            f"the last {last_share:g} of the frames: give a share above 0, up to 1",
+            code="share-out-of-range",
+            share=last_share,
+        )
     data = matched(model, dataset)
     runs = data.recordings
     told = [decode_signals(model, r.sample_time, r.signals, r.time) for r in runs]
@@ -94,7 +98,9 @@ def decode_frames(model: TrainedModel, dataset: Dataset, last_share: float) -> D
     if not len(own):
         raise TrainingError(
             f"{data.device}: none of {len(time)} pictures has both markers and samples of all"
-            " channels; record the session again, or test on another"
+            " channels; record the session again, or test on another",
+            code="no-frames",
+            count=len(time),
         )
     names = [_pose(runs[k], t) for k, t in zip(run[own], time[own], strict=True)]
     poses = tuple(dict.fromkeys(names))
@@ -122,19 +128,25 @@ def matched(model: TrainedModel, dataset: Dataset) -> Dataset:
     if model.layout and dataset.layout and model.layout != dataset.layout:
         raise TrainingError(
             f"{dataset.device}: recorded with the layout {dataset.layout}, and the model was"
-            f" trained on {model.layout}; test it on a device with its own cords"
+            f" trained on {model.layout}; test it on a device with its own cords",
+            code="layouts-differ",
+            layouts=(model.layout, dataset.layout),
         )
     if model.device != dataset.device:
         raise TrainingError(
             f"the recordings are of {dataset.device}, and the model is of {model.device}; test it"
-            " on its own device"
+            " on its own device",
+            code="devices-differ",
+            devices=(model.device, dataset.device),
         )
     lacking = [c for c in model.channels if c not in dataset.channels]
     lacking += [f"marker {i}" for i in model.ids if i not in dataset.ids]
     if lacking:
         raise TrainingError(
             f"{dataset.device}: the recordings have no {', '.join(lacking)}, which the model was"
-            " trained on; record them, or train on what there is"
+            " trained on; record them, or train on what there is",
+            code="channels-or-markers-missing",
+            missing=tuple(lacking),
         )
     c = [dataset.channels.index(name) for name in model.channels]
     m = np.array([int(np.flatnonzero(dataset.ids == i)[0]) for i in model.ids], int)
@@ -143,7 +155,10 @@ def matched(model: TrainedModel, dataset: Dataset) -> Dataset:
         k = int(off.argmax())
         raise TrainingError(
             f"{dataset.device}: marker {model.ids[k]} is {off[k]:.1f} mm from where the model has"
-            " it at rest; the tracks are in another frame, or the markers are glued elsewhere"
+            " it at rest; the tracks are in another frame, or the markers are glued elsewhere",
+            code="markers-moved",
+            marker=int(model.ids[k]),
+            distance_mm=float(off[k]),
         )
     recordings = tuple(
         replace(r, ohm=r.ohm[:, c], rest=r.rest[c], points=r.points[:, m], sigma=r.sigma[:, m])

@@ -107,13 +107,19 @@ def by_substitution(
     noise, without drift, ...). Its share is what the error loses by that, and can be less than 0.
     What is left at the end is the decoder's, unseen poses', and unexplained."""
     if len(stages) < 2:
-        raise TrainingError("give the recorded data, and at least one cause taken out of them")
+        raise TrainingError(
+            "give the recorded data, and at least one cause taken out of them",
+            code="too-few-stages",
+        )
     data = [matched(model, d) for _, d in stages]
     frames = [decode_frames(model, d, last_share) for d in data]
     keys = [list(zip(f.run.tolist(), f.time.tolist(), strict=True)) for f in frames]
     common = set(keys[0]).intersection(*keys[1:])
     if not common:
-        raise TrainingError(f"{stages[0][1].device}: the datasets have no pictures in common")
+        raise TrainingError(
+            f"{stages[0][1].device}: the datasets have no pictures in common",
+            code="no-common-frames",
+        )
     frames = [
         only(f, np.array([key in common for key in own]))
         for f, own in zip(frames, keys, strict=True)

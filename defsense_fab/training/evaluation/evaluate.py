@@ -130,7 +130,7 @@ def measures(frames: DecodedFrames, which: Bool | None = None) -> Measures:
     """Of all frames, or of those of a mask (t,). Raises TrainingError where there are none."""
     own = np.ones(len(frames.time), bool) if which is None else which
     if not own.any():
-        raise TrainingError("there are no frames to measure errors of")
+        raise TrainingError("there are no frames to measure errors of", code="no-frames")
     errors = frames.per_frame[own]
     largest = np.nanmax(frames.miss[own], axis=1)
     return Measures(

@@ -35,9 +35,13 @@ class FrameErrors:
 
     def __post_init__(self) -> None:
         if self.errors.shape != self.run.shape or not len(self.errors):
-            raise TrainingError(f"{self.name}: there are no errors of frames to compare")
+            raise TrainingError(
+                f"{self.name}: there are no errors of frames to compare", code="no-frames"
+            )
         if not np.isfinite(self.errors).all():
-            raise TrainingError(f"{self.name}: errors of frames must be numbers")
+            raise TrainingError(
+                f"{self.name}: errors of frames must be numbers", code="not-a-number"
+            )
 
 
 @dataclass(frozen=True)
@@ -125,10 +129,15 @@ class Comparison:
 def compare(models: Sequence[FrameErrors]) -> Comparison:
     """Two models or more. Raises TrainingError for fewer, or for names that repeat."""
     names = tuple(m.name for m in models)
-    if len(models) < 2 or len(set(names)) < len(names):
+    if len(models) < 2:
         raise TrainingError(
-            f"comparing {', '.join(names) or 'nothing'}: give two models or more, of different"
-            " names"
+            f"comparing {', '.join(names) or 'nothing'}: give two models or more",
+            code="too-few-models",
+        )
+    if len(set(names)) < len(names):
+        raise TrainingError(
+            f"comparing {', '.join(names)}: give models of different names",
+            code="duplicate-names",
         )
     times = np.array([autocorrelation_time(m.errors, m.run) for m in models])
     length = block_length(float(times.max()))
@@ -162,7 +171,8 @@ def analyse(names: Sequence[str], samples: Sequence[Float]) -> Analysis:
     if within <= 1e-24 * (between + total * grand**2):
         raise TrainingError(
             f"comparing {', '.join(names)}: the errors of each do not vary at all, which leaves"
-            " nothing to test; were they measured?"
+            " nothing to test; were they measured?",
+            code="errors-constant",
         )
     anova = stats.f_oneway(*samples)
     levene = stats.levene(*samples)  # about medians (Brown and Forsythe)

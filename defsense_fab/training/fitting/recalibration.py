@@ -80,7 +80,10 @@ def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalib
             f"re-calibration needs two poses or more of {', '.join(model.poses) or 'none'}, and"
             f" the recording shows {', '.join([*shown, *less]) or 'none'}; record rest and three"
             " poses, as far as in the training; if they were, cords are swapped or lie otherwise:"
-            " train again"
+            " train again",
+            code="too-few-poses",
+            shown=tuple(shown),
+            incomplete={n: p.reach for n, p in now.items() if n not in shown},
         )
     x = (np.array([p.signals for p in shown.values()]) - at_rest) / (1 + at_rest)
     y = np.array([trained[name] for name in shown])

@@ -48,12 +48,19 @@ class TrainingOptions:
     def __post_init__(self) -> None:
         if self.decoder != AUTO and self.decoder not in FORMS:
             raise TrainingError(
-                f"no decoder is called {self.decoder}; there are {AUTO}, {', '.join(FORMS)}"
+                f"no decoder is called {self.decoder}; there are {AUTO}, {', '.join(FORMS)}",
+                code="unknown-decoder",
+                decoder=self.decoder,
             )
         if self.folds < 2:
-            raise TrainingError(f"{self.folds} folds: cross-validation needs 2 or more")
+            raise TrainingError(
+                f"{self.folds} folds: cross-validation needs 2 or more", code="too-few-folds"
+            )
         if not 0 < self.level < 1:
-            raise TrainingError(f"a level of {self.level:g} cannot be; give one between 0 and 1")
+            raise TrainingError(
+                f"a level of {self.level:g} cannot be; give one between 0 and 1",
+                code="level-out-of-range",
+            )
 
 
 @dataclass(frozen=True)
@@ -163,13 +170,19 @@ def _need_long_folds(frames: Frames, folds: int) -> None:
     if len(frames) < FEWEST:
         raise TrainingError(
             f"{len(frames)} pictures are left to train on, and training needs {FEWEST}; test on a"
-            " smaller share (--test-share), or record for longer"
+            " smaller share (--test-share), or record for longer",
+            code="too-few-frames",
+            count=len(frames),
+            needed=FEWEST,
         )
     lasts = frames.lasts
     if folds > FOLDS and lasts / folds < _LEAST_FOLD:
         raise TrainingError(
             f"{folds} folds of {lasts / folds:.1f} s each are told by their neighbours; take"
-            f" {max(int(lasts / _LEAST_FOLD), FOLDS)} or fewer (--folds)"
+            f" {max(int(lasts / _LEAST_FOLD), FOLDS)} or fewer (--folds)",
+            code="folds-too-short",
+            fold_s=lasts / folds,
+            largest=max(int(lasts / _LEAST_FOLD), FOLDS),
         )
 
 
@@ -181,7 +194,9 @@ def _need_every_marker(frames: Frames, weights: Float) -> None:
         raise TrainingError(
             f"{frames.dataset.device}: marker {ids} was seen in fewer than 20 of the"
             f" {len(frames)} pictures to train on; record with a camera that sees it, or leave it"
-            f" out (--without-markers {ids.replace(' ', '')})"
+            f" out (--without-markers {ids.replace(' ', '')})",
+            code="marker-rarely-seen",
+            markers=tuple(frames.dataset.ids[few].tolist()),
         )
 
 

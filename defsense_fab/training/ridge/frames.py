@@ -49,7 +49,10 @@ class Frames:
             raise TrainingError(
                 f"{names}: {int((known & seen).sum())} of {known.size} pictures have both signals"
                 f" of all channels ({int(known.sum())}) and markers ({int(seen.sum())}); training"
-                f" needs {FEWEST} or more: record for longer, or see what is missing in report.html"
+                f" needs {FEWEST} or more: record for longer, and see the report for what is missing",
+                code="too-few-frames",
+                count=int((known & seen).sum()),
+                needed=FEWEST,
             )
         return whole.part(np.asarray(known & seen))
 

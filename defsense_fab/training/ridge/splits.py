@@ -22,7 +22,9 @@ def first_and_last(frames: Frames, share: float = TEST_SHARE) -> tuple[Frames, F
     """The first pictures, and the last `share` of them. Raises TrainingError for no share."""
     if not 0 <= share < 1:
         raise TrainingError(
-            f"the share of pictures to test on must be from 0 to below 1, not {share:g}"
+            f"the share of pictures to test on must be from 0 to below 1, not {share:g}",
+            code="share-out-of-range",
+            share=share,
         )
     cut = len(frames) - round(share * len(frames))
     return frames.part(slice(0, cut)), frames.part(slice(cut, len(frames)))

@@ -27,7 +27,8 @@ def expected_signals(prior: Prior, r: Recording, rest_points: Float) -> Float:
     if k == 0:
         raise TrainingError(
             "no marker moves in any of the simulated states; put markers where the poses move the"
-            " device"
+            " device",
+            code="markers-do-not-move",
         )
     V = across[:k]
     states = flat @ V.T

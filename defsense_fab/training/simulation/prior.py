@@ -22,10 +22,15 @@ class Prior:
 
     def __post_init__(self) -> None:
         s = len(self.names)
-        if len(self.signals) != s or len(self.displacements) != s or s < 2:
+        if s < 2:
+            raise TrainingError(
+                f"the simulation has {s} states; build the device again", code="too-few-states"
+            )
+        if len(self.signals) != s or len(self.displacements) != s:
             raise TrainingError(
                 f"the simulation has {s} states, signals {self.signals.shape} and displacements"
-                f" {self.displacements.shape}; build the device again"
+                f" {self.displacements.shape}; build the device again",
+                code="shapes-differ",
             )
 
     def sums(self, phi: Float, whitened: Whitened) -> Sums:

@@ -12,6 +12,7 @@ from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import velocities
 from defsense_fab.training.ridge.frames import Frames
 from defsense_fab.training.ridge.splits import first_and_last
+from tests.errors import raises
 from tests.training import soft_bar as bar
 
 
@@ -200,17 +201,18 @@ def test_other_orders_of_channels_and_markers(model):
 
 def test_refusals(model):
     data = bar.dataset(bar.recording(5))
-    with pytest.raises(TrainingError, match="trained on abc; test it on a device"):
+    with raises(TrainingError, "layouts-differ", layouts=("abc", "other")):
         evaluate(model, replace(data, layout="other"))
-    with pytest.raises(TrainingError, match="have no upper, marker 3, which the model"):
+    missing = ("upper", "marker 3")
+    with raises(TrainingError, "channels-or-markers-missing", missing=missing):
         evaluate(
             model,
             replace(data, channels=("x", "lower", "side"), ids=bar.IDS + 100 * (bar.IDS == 3)),
         )
-    with pytest.raises(TrainingError, match="a share above 0"):
+    with raises(TrainingError, "share-out-of-range", share=0.0):
         evaluate(model, data, 0.0)
     run = data.recordings[0]
-    with pytest.raises(TrainingError, match=f"none of {len(run.time)} pictures has both"):
+    with raises(TrainingError, "no-frames", count=len(run.time)):
         evaluate(model, edited(run, ohm=run.ohm * np.nan))
 
 

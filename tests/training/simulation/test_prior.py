@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset import Dataset
@@ -16,6 +15,7 @@ from defsense_fab.training.simulation.coverage import coverage
 from defsense_fab.training.simulation.expected_signals import expected_signals
 from defsense_fab.training.simulation.prior import Prior
 from defsense_fab.training.simulation.simulated_model import simulated_model
+from tests.errors import raises
 
 from ..conftest import Maker
 
@@ -81,7 +81,7 @@ def test_the_simulation_alone_is_a_model_without_intervals(recorded: Maker) -> N
 
 
 def test_a_prior_without_states_is_refused() -> None:
-    with pytest.raises(TrainingError, match="build the device again"):
+    with raises(TrainingError, "too-few-states"):
         Prior(("rest",), np.zeros((1, 3)), np.zeros((1, 4, 3)))
 
 
@@ -126,6 +126,6 @@ def test_channels_that_are_exchanged_are_noticed_in_one_session(recorded: Maker)
     run = dataset.recordings[0]
     predicted = {run.name: expected_signals(prior, run, dataset.rest_points)}
     swapped = replace(dataset, recordings=(replace(run, ohm=run.ohm[:, [1, 0, 2]]),))
-    kinds = {p.kind for p in check_dataset(swapped, predicted=predicted)}
-    assert "permuted channels" in kinds
-    assert "permuted channels" not in {p.kind for p in check_dataset(dataset, predicted=predicted)}
+    kinds = {p.code for p in check_dataset(swapped, predicted=predicted)}
+    assert "permuted-channels" in kinds
+    assert "permuted-channels" not in {p.code for p in check_dataset(dataset, predicted=predicted)}

@@ -32,7 +32,7 @@ from .twin_truth import budget_of_truth
 
 _FEW = 200  # frames
 #: Problems of data that is to be trained on, which say nothing of a test.
-_TRAINING = ("too few frames", "few frames", "markers never seen")
+_TRAINING = ("too-few-frames", "few-frames", "markers-never-seen")
 _TOLD = 0.01  # of the frames, that are worth a word
 _ROUNDING = 1e-3  # s, by which times differ in other files
 
@@ -81,7 +81,7 @@ def evaluate_files(
     progress("evaluate", 0.1, "checking")
     prior, why = found_prior(dataset, device, AUTO)
     problems = check_dataset(dataset, predicted=foretold(prior, dataset))
-    doubts = [str(p) for p in problems if p.kind not in _TRAINING]
+    doubts = [str(p) for p in problems if p.code not in _TRAINING]
     for name, model in loaded:
         doubts += other_cords(name, model, dataset)
     found = evaluate_models(loaded, dataset, last_share, progress, device_layout(device))
