@@ -17,11 +17,12 @@ from .interval import Doubt, doubt
 from .model_selection import Tried, alike, choose, compare
 from .neutral import Drift, Policy
 from .plausibility import check
-from .readings import Piece, Readings
+from .readings import Notice, Piece, Readings
 
 #: Standard deviation between specimens that is taken for granted until there are many; between
 #: pieces of one cord likewise.
 SPREAD = 0.03
+_DRIFT_CODES = {"correct": "drift-corrected", "ignore": "drift-ignored"}
 _MINUTE = 0.05  # k_res: below, nothing answers
 _WIDE = 0.25
 _OTHER = 1.1  # R0 of one piece at two times: more is another piece
@@ -49,7 +50,7 @@ class Calibration:
     neutral_changes: Float
     neutral_radius: Float
     noise: float
-    warnings: tuple[str, ...]
+    warnings: tuple[Notice, ...]
 
 
 def calibrate(
@@ -74,9 +75,8 @@ def calibrate(
         neutral.refuse(drifting)
     elif drifting.bad and drifting.largest is not None:
         done = "taken from the other cords" if policy == "correct" else "ignored, as you asked"
-        warnings.append(
-            f"the neutral cord changes by {drifting.largest:+.2%} ({drifting.at}): {done}"
-        )
+        text = f"the neutral cord changes by {drifting.largest:+.2%} ({drifting.at}): {done}"
+        warnings.append(Notice(_DRIFT_CODES[policy], text))
     used = neutral.POLICIES[policy](readings)
     outer = used.only(~used.neutral)
     data, radius = _outer(used, used.changes())
@@ -89,7 +89,10 @@ def calibrate(
     if model is not None and model not in tried:
         raise CalibrationError(
             f"--model {model}: needs more radii than the {len(outer.radii)} that were measured;"
-            f" there is: {', '.join(tried)}"
+            f" there is: {', '.join(tried)}",
+            code="too-few-radii",
+            model=model,
+            count=len(outer.radii),
         )
     if model is not None:
         chosen, reason = model, f"{model}: as you asked; by itself {reason}"
@@ -143,49 +146,62 @@ def _first_fit(data: Data, radius: Float, spread: float) -> Fitted:
 
 def _warnings(
     k_res: float, doubted: Doubt, outer: Readings, gains: Float, data: Data, fitted: Fitted
-) -> list[str]:
-    out = []
+) -> list[Notice]:
+    out: list[Notice] = []
+
+    def add(code: str, text: str) -> None:
+        out.append(Notice(code, text))
+
     low, high = doubted.interval
     if k_res < 0:
-        out.append(
+        add(
+            "resistance-falls",
             f"resistances fall where the cord is stretched (k_res {k_res:.2f}): were top and bottom"
-            " exchanged? The bottom cord lies on the jig"
+            " exchanged? The bottom cord lies on the jig",
         )
     elif low < _MINUTE:
-        out.append(f"k_res {k_res:.2f} is hardly told from nothing: does the cord answer at all?")
+        add(
+            "response-insignificant",
+            f"k_res {k_res:.2f} is hardly told from nothing: does the cord answer at all?",
+        )
     strain = np.linspace(data.strain.min(), data.strain.max(), 200)
     falls = np.diff(fitted.model.predict(fitted.theta, strain)) * np.sign(k_res) < 0
     if falls.any():
         turn = float(np.abs(strain[:-1][falls]).min())
-        out.append(
+        add(
+            "response-not-monotone",
             f"the response turns round (near a strain of {turn:.1%}): one resistance then stands"
-            " for two strains; --model line or piecewise keep it monotone"
+            " for two strains; --model line or piecewise keep it monotone",
         )
     if high - low > 2 * _WIDE * abs(k_res):
-        out.append(
+        add(
+            "interval-wide",
             f"k_res is only known within {low:.2f} to {high:.2f}; more rounds, or more specimens,"
-            " narrow that"
+            " narrow that",
         )
     for p, gain in enumerate(gains):
         if np.isfinite(gain) and abs(gain - 1) > 0.2:
-            out.append(
+            add(
+                "gain-unusual",
                 f"the cord {outer.pieces[p].name} answers {gain:.2f} times as much as the mean of"
-                " all: look at its joints, and whether it lies where it should"
+                " all: look at its joints, and whether it lies where it should",
             )
     rest = outer.resistance / (1 + outer.changes())
     for one in {(p.specimen, p.place) for p in outer.pieces}:
         own = [k for k, p in enumerate(outer.pieces) if (p.specimen, p.place) == one]
         found = rest[np.isin(outer.piece, own)]
         if len(found) and found.max() > _OTHER * found.min():
-            out.append(
+            add(
+                "rest-differs",
                 f"the {one[1]} cord of specimen {one[0]!r} has {found.min():.0f} ohm at rest in one"
                 f" source and {found.max():.0f} in another: if these are two specimens, give them"
-                " two names (record --name), for they then count as two"
+                " two names (record --name), for they then count as two",
             )
     if not _both_faces(data):
-        out.append(
+        add(
+            "one-face-only",
             "every piece was only stretched or only pressed: a difference between the two cannot be"
-            " told from one between pieces; turn the specimen over for some rounds (column face)"
+            " told from one between pieces; turn the specimen over for some rounds (column face)",
         )
     return out
 

@@ -62,7 +62,9 @@ def doubt(
     if abs(slope) < _DEAD:
         raise CalibrationError(
             f"the cords do not answer to strain (k_res {slope:.4f}): are they the piezoresistive"
-            " ones, and are the channels in order?"
+            " ones, and are the channels in order?",
+            code="no-strain-response",
+            k_res=slope,
         )
     labels = [one for one, _ in names]
     specimen = np.array([labels.index(one) for one in labels], int)[data.piece]

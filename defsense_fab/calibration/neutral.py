@@ -104,7 +104,10 @@ def refuse(found: Drift) -> None:
         f" {found.limit:.2%} that noise and a cord a little off its place could do: something else"
         " than strain is at work (temperature, a loose joint, a cord that creeps or lies off the"
         " neutral plane). Measure again, or choose --neutral correct (takes the neutral cord's"
-        " change from the others: right for a common drift) or --neutral ignore"
+        " change from the others: right for a common drift) or --neutral ignore",
+        code="neutral-cord-drifts",
+        change=found.largest,
+        limit=found.limit,
     )
 
 
@@ -131,7 +134,9 @@ def corrected(readings: Readings) -> Readings:
         if not found.any():
             raise CalibrationError(
                 f"{readings.where[i]}: no reading of a neutral cord of specimen {specimen!r} on the"
-                " same jig to correct it by"
+                " same jig to correct it by",
+                code="no-neutral-reading",
+                specimen=specimen,
             )
         resistance[i] /= 1 + float(changes[found].mean())
     return replace(readings, resistance=resistance)

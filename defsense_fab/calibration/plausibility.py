@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..core.errors import CalibrationError
-from .readings import LEAST_RADII, Readings
+from .readings import LEAST_RADII, Notice, Readings
 
 #: A cord on a jig changes by a tenth or two; by more than this it is broken or shorted.
 _MOST_CHANGE = 0.8
@@ -15,7 +15,7 @@ _THOUSAND = 1000.0
 _FEW_OHMS = 20.0
 
 
-def check(readings: Readings) -> list[str]:
+def check(readings: Readings) -> list[Notice]:
     """Raises CalibrationError with the place of the first reading that cannot be; returns
     warnings."""
     outer = readings.only(~readings.neutral)
@@ -23,7 +23,9 @@ def check(readings: Readings) -> list[str]:
         have = ", ".join(f"{r:g}" for r in outer.radii) or "none"
         raise CalibrationError(
             f"{len(outer.radii)} different jig radii ({have}): a response needs at least"
-            f" {LEAST_RADII}; measure on more jigs"
+            f" {LEAST_RADII}; measure on more jigs",
+            code="too-few-radii",
+            count=len(outer.radii),
         )
     for i, where in enumerate(readings.where):
         ohm = readings.resistance[i]
@@ -31,7 +33,10 @@ def check(readings: Readings) -> list[str]:
             raise CalibrationError(
                 f"{where}: a resistance of {ohm:g} ohm: the cord or its joints are"
                 f" {'shorted' if ohm == 0 else 'open'}; mend it and measure again, or leave the row"
-                " out"
+                " out",
+                code="impossible-resistance",
+                place=where,
+                state="shorted" if ohm == 0 else "open",
             )
     _check_units(readings)
     changes = readings.changes()
@@ -42,17 +47,23 @@ def check(readings: Readings) -> list[str]:
             raise CalibrationError(
                 f"{where}: {readings.resistance[i]:g} ohm against {rest:g} at rest cannot be"
                 f" strain: the cord or its joints are {state}; mend it and measure again, or leave"
-                " the row out"
+                " the row out",
+                code="impossible-change",
+                place=where,
+                state=state,
             )
     warnings = []
     if readings.resistance.max() < _FEW_OHMS:
-        warnings.append(
+        text = (
             f"resistances of at most {readings.resistance.max():g} ohm are little for rubber cord:"
             " were they kohm? The response is the same, for it is relative"
         )
+        warnings.append(Notice("resistance-low", text))
     if not readings.neutral.any():
-        warnings.append("there is no neutral cord: whether something else than strain is at work"
-                        " is not known")  # fmt: skip
+        text = (
+            "there is no neutral cord: whether something else than strain is at work is not known"
+        )
+        warnings.append(Notice("no-neutral-cord", text))
     return warnings
 
 
@@ -68,7 +79,9 @@ def _check_units(readings: Readings) -> None:
                 if 0.6 < ratio * factor < 1.7:
                     raise CalibrationError(
                         f"{readings.where[i]}: {readings.resistance[i]:g} among readings of about"
-                        f" {middle[p]:g} of the same cord: ohm and kohm are mixed; give ohm"
+                        f" {middle[p]:g} of the same cord: ohm and kohm are mixed; give ohm",
+                        code="units-mixed",
+                        place=readings.where[i],
                     )
     for p, one in enumerate(readings.pieces):
         for q, other in enumerate(readings.pieces[:p]):
@@ -76,5 +89,7 @@ def _check_units(readings: Readings) -> None:
             if ratio > 0.2 * _THOUSAND or ratio < 5 / _THOUSAND:
                 raise CalibrationError(
                     f"about {middle[q]:g} ohm in the cord {other.name} and {middle[p]:g} in"
-                    f" {one.name}: ohm and kohm are mixed; give ohm"
+                    f" {one.name}: ohm and kohm are mixed; give ohm",
+                    code="units-mixed",
+                    cords=(other.name, one.name),
                 )

@@ -18,6 +18,17 @@ _ARRAYS = ("strain", "memory", "radius", "turn", "resistance")
 
 
 @dataclass(frozen=True)
+class Notice:
+    """A doubt about readings or their fit: its stable `code`, and a sentence for people."""
+
+    code: str
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
 class Geometry:
     """Of a specimen: its thickness, and how far below its faces the outer cords lie, mm."""
 
@@ -27,11 +38,16 @@ class Geometry:
     def __post_init__(self) -> None:
         for name, value in (("thickness", self.thickness), ("offset", self.offset)):
             if not (np.isfinite(value) and 0 < value < 200):
-                raise CalibrationError(f"specimen: a {name} of {value:g} mm cannot be; give mm")
+                raise CalibrationError(
+                    f"specimen: a {name} of {value:g} mm cannot be; give mm",
+                    code="out-of-range",
+                    field=name,
+                )
         if not self.offset < self.thickness / 2:
             raise CalibrationError(
                 f"specimen: an offset of {self.offset:g} mm lies beyond the neutral plane of a"
-                f" thickness of {self.thickness:g} mm; give both in mm"
+                f" thickness of {self.thickness:g} mm; give both in mm",
+                code="offset-too-large",
             )
 
     def strain(self, radius: float, side: int) -> float:
@@ -113,7 +129,10 @@ class Readings:
             if not len(own) and (self.piece == i).any():
                 raise CalibrationError(
                     f"specimen {piece.specimen!r}, {piece.place}: there is no reading on the flat"
-                    " jig, so its resistance at rest is unknown; add one (an empty jig_radius)"
+                    " jig, so its resistance at rest is unknown; add one (an empty jig_radius)",
+                    code="no-flat-reading",
+                    specimen=piece.specimen,
+                    cord=piece.place,
                 )
             rest[i] = own.mean() if len(own) else np.nan
         return relative_change(self.resistance, rest[self.piece])

@@ -20,8 +20,9 @@ import numpy as np
 
 from ..core.curves.bending import RADII
 from ..core.errors import CalibrationError
+from ..core.storage.files import unreadable_code
 from .memory import TERMS
-from .readings import Geometry, Piece, Readings
+from .readings import Geometry, Notice, Piece, Readings
 
 _NEEDED = ("specimen", "jig_radius", "channel", "resistance")
 _SIDES = {"top": 1, "neutral": 0, "bottom": -1}
@@ -32,7 +33,7 @@ _NEAR = 0.01  # mm
 
 def read_table(
     path: Path, geometry: Geometry, radii: Sequence[float] | None = None
-) -> tuple[Readings, list[str]]:
+) -> tuple[Readings, list[Notice]]:
     """Readings and warnings; `radii` mm are those of the jigs there are (the paper's nine).
 
     Raises CalibrationError with file, line and column for what cannot be read.
@@ -42,7 +43,8 @@ def read_table(
     warnings = []
     ignored = [n for n in names if n not in (*_NEEDED, "round", "face")]
     if ignored:
-        warnings.append(f"{path.name}: not used: the columns {', '.join(ignored)}")
+        text = f"{path.name}: not used: the columns {', '.join(ignored)}"
+        warnings.append(Notice("columns-unused", text))
     pieces: list[Piece] = []
     seen: Counter[tuple[object, ...]] = Counter()
     out: list[tuple[int, float, float, int, float, str]] = []
@@ -50,28 +52,35 @@ def read_table(
         where = f"{path.name}:{line}"
         place = row["channel"].lower()
         if place not in _SIDES:
-            _fail(where, "channel", f"{row['channel']!r} is none of top, neutral, bottom")
+            _fail(
+                where,
+                "channel",
+                f"{row['channel']!r} is none of top, neutral, bottom",
+                "unknown-cord",
+            )
         if not row["specimen"]:
-            _fail(where, "specimen", "is empty; give the specimen a name")
+            _fail(where, "specimen", "is empty; give the specimen a name", "empty-cell")
         piece = Piece(row["specimen"], place, place == "neutral")
         if piece not in pieces:
             pieces.append(piece)
         radius = _radius(where, row["jig_radius"], jigs, geometry)
         face = (row.get("face") or "a").lower()
         if face not in ("a", "b"):
-            _fail(where, "face", f"{row['face']!r} is neither a nor b")
+            _fail(where, "face", f"{row['face']!r} is neither a nor b", "unknown-face")
         side = _SIDES[place] * (1 if face == "a" else -1)
         key = (piece, radius if radius == radius else "flat", face)
         turn = seen[key]
         if row.get("round"):
             if not row["round"].isdigit():
-                _fail(where, "round", f"{row['round']!r} is no whole number from 0 on")
+                _fail(
+                    where, "round", f"{row['round']!r} is no whole number from 0 on", "not-a-count"
+                )
             turn = int(row["round"])
         seen[key] += 1
         ohm = _resistance(where, row["resistance"])
         out.append((pieces.index(piece), geometry.strain(radius, side), radius, turn, ohm, where))
     if not out:
-        raise CalibrationError(f"{path}: the table has no rows under its header")
+        raise CalibrationError(f"{path}: the table has no rows under its header", code="no-rows")
     piece_of, strain, radius_of, turns, ohms, places = zip(*out, strict=True)
     readings = Readings(
         tuple(pieces),
@@ -92,9 +101,13 @@ def _rows(path: Path) -> tuple[list[tuple[int, dict[str, str]]], list[str]]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from None
+        raise CalibrationError(
+            f"{path}: cannot be read: {error.strerror}", code=unreadable_code(error), path=path
+        ) from None
     except UnicodeDecodeError:
-        raise CalibrationError(f"{path}: is not a text in UTF-8; save the table as CSV") from None
+        raise CalibrationError(
+            f"{path}: is not a text in UTF-8; save the table as CSV", code="not-utf8", path=path
+        ) from None
     first = next((t for t in text.splitlines() if t.strip() and t.lstrip()[0] != "#"), "")
     mark = max(",;\t", key=first.count)
     reader = csv.reader(io.StringIO(text), delimiter=mark, skipinitialspace=True)
@@ -111,12 +124,16 @@ def _rows(path: Path) -> tuple[list[tuple[int, dict[str, str]]], list[str]]:
                 raise CalibrationError(
                     f"{path.name}:{reader.line_num}: the columns {', '.join(missing)} are missing;"
                     f" there are {', '.join(filter(None, names)) or 'none'}; the header must name"
-                    f" {', '.join(_NEEDED)}"
+                    f" {', '.join(_NEEDED)}",
+                    code="missing-column",
+                    columns=missing,
                 )
             twice = [n for n, count in Counter(names).items() if n and count > 1]
             if twice:
                 raise CalibrationError(
-                    f"{path.name}:{reader.line_num}: the column {twice[0]} stands there twice"
+                    f"{path.name}:{reader.line_num}: the column {twice[0]} stands there twice",
+                    code="duplicate-column",
+                    column=twice[0],
                 )
             continue
         if len(cells) < len(names):
@@ -124,7 +141,9 @@ def _rows(path: Path) -> tuple[list[tuple[int, dict[str, str]]], list[str]]:
         if any(cells[len(names) :]):
             raise CalibrationError(
                 f"{path.name}:{reader.line_num}: {len(cells)} cells under {len(names)} columns;"
-                " decimal commas need columns parted by semicolons"
+                " decimal commas need columns parted by semicolons",
+                code="too-many-cells",
+                line=reader.line_num,
             )
         if mark != ",":
             cells = [
@@ -133,19 +152,25 @@ def _rows(path: Path) -> tuple[list[tuple[int, dict[str, str]]], list[str]]:
             ]
         out.append((reader.line_num, dict(zip(names, cells, strict=False))))
     if not names:
-        raise CalibrationError(f"{path}: is empty; its first line must be {','.join(_NEEDED)}")
+        raise CalibrationError(
+            f"{path}: is empty; its first line must be {','.join(_NEEDED)}", code="empty-file"
+        )
     return out, names
 
 
-def _fail(where: str, column: str, problem: str) -> NoReturn:
-    raise CalibrationError(f"{where}: {column}: {problem}")
+def _fail(where: str, column: str, problem: str, code: str, **data: object) -> NoReturn:
+    raise CalibrationError(
+        f"{where}: {column}: {problem}", code=code, place=where, column=column, **data
+    )
 
 
 def _number(where: str, column: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        _fail(where, column, f"{text!r} is no number (no units, a point for decimals)")
+        _fail(
+            where, column, f"{text!r} is no number (no units, a point for decimals)", "not-a-number"
+        )
 
 
 def _resistance(where: str, text: str) -> float:
@@ -155,9 +180,10 @@ def _resistance(where: str, text: str) -> float:
             "resistance",
             f"{text!r} stands for an open circuit: the cord or its joints are broken; mend it and"
             " measure again, or leave the row out",
+            "open-circuit",
         )
     if not text:
-        _fail(where, "resistance", "is empty; give ohm, or leave the row out")
+        _fail(where, "resistance", "is empty; give ohm, or leave the row out", "empty-cell")
     ohm = _number(where, "resistance", text)
     if not np.isfinite(ohm) or ohm <= 0:
         state = "shorted" if ohm == 0 else "open" if ohm > 0 else "not measured"
@@ -166,6 +192,8 @@ def _resistance(where: str, text: str) -> float:
             "resistance",
             f"{text} ohm cannot be: the cord or its joints are {state}; mend it and measure again,"
             " or leave the row out",
+            "impossible-resistance",
+            state=state,
         )
     return ohm
 
@@ -178,9 +206,10 @@ def _radius(where: str, text: str, jigs: Sequence[float], geometry: Geometry) ->
     near = min(jigs, key=lambda r: abs(r - radius))
     if abs(near - radius) <= _NEAR:
         return float(near)
-    guess = ""
+    guess, unit_guess = "", None
     for factor, unit in ((10, "cm"), (1000, "m"), (25.4, "inches"), (0.5, "its diameter")):
         if any(abs(radius * factor - r) <= max(_NEAR, 2e-3 * r) for r in jigs):
+            unit_guess = unit
             guess = f" Is that {unit}? Give mm of the radius."
             break
     middle = geometry.thickness / 2
@@ -188,9 +217,12 @@ def _radius(where: str, text: str, jigs: Sequence[float], geometry: Geometry) ->
         guess = (
             f" Is that the radius of the neutral plane? Give the jig's surface, {middle:g} mm less."
         )
+        unit_guess = "neutral plane"
     _fail(
         where,
         "jig_radius",
         f"{text} mm is none of the jigs {', '.join(f'{r:g}' for r in jigs)}.{guess} Jigs of your"
         " own are named with --radii",
+        "unknown-jig",
+        guess=unit_guess,
     )

@@ -53,35 +53,62 @@ class Camera:
         if shapes != ((3, 3), (3, 3), (3,)):
             raise CaptureError(
                 f"camera {self.name}: the matrix and the rotation must be 3 x 3,"
-                " the translation must have 3 numbers"
+                " the translation must have 3 numbers",
+                code="wrong-shape",
+                camera=self.name,
             )
         if self.fisheye and self.distortions.shape != (4,):
             raise CaptureError(
                 f"camera {self.name}: it has {self.distortions.size} distortion coefficients; a"
-                " fisheye has 4"
+                " fisheye has 4",
+                code="wrong-coefficient-count",
+                camera=self.name,
+                count=self.distortions.size,
             )
         if self.distortions.shape not in ((4,), (5,), (8,)):
             raise CaptureError(
                 f"camera {self.name}: it has {self.distortions.size} distortion coefficients;"
-                " there must be 4, 5 or 8 (thin prism and tilted lenses are not supported)"
+                " there must be 4, 5 or 8 (thin prism and tilted lenses are not supported)",
+                code="wrong-coefficient-count",
+                camera=self.name,
+                count=self.distortions.size,
             )
         arrays = (self.matrix, self.distortions, self.rotation, self.translation)
-        if not all(np.isfinite(a).all() for a in arrays) or min(self.size) < 1:
+        if not all(np.isfinite(a).all() for a in arrays):
             raise CaptureError(
-                f"camera {self.name}: its size, matrix, distortion and pose must be finite"
-                " numbers, the size at least 1 pixel"
+                f"camera {self.name}: its matrix, distortion and pose must be finite numbers",
+                code="not-finite",
+                camera=self.name,
             )
-        if min(self.matrix[0, 0], self.matrix[1, 1]) <= 0 or self.matrix[0, 1] != 0:
+        if min(self.size) < 1:
             raise CaptureError(
-                f"camera {self.name}: its focal lengths must be positive and its skew 0"
+                f"camera {self.name}: its size must be at least 1 pixel",
+                code="image-too-small",
+                camera=self.name,
+            )
+        if min(self.matrix[0, 0], self.matrix[1, 1]) <= 0:
+            raise CaptureError(
+                f"camera {self.name}: its focal lengths must be positive",
+                code="not-positive",
+                camera=self.name,
+            )
+        if self.matrix[0, 1] != 0:
+            raise CaptureError(
+                f"camera {self.name}: its skew must be 0", code="skew-not-zero", camera=self.name
             )
         if self.matrix[1, 0] != 0 or (self.matrix[2] != [0, 0, 1]).any():
             raise CaptureError(
-                f"camera {self.name}: its matrix must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+                f"camera {self.name}: its matrix must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]",
+                code="not-a-camera-matrix",
+                camera=self.name,
             )
         off = np.abs(self.rotation @ self.rotation.T - np.eye(3)).max()
         if off > 1e-6 or np.linalg.det(self.rotation) < 0:
-            raise CaptureError(f"camera {self.name}: its rotation is not a rotation matrix")
+            raise CaptureError(
+                f"camera {self.name}: its rotation is not a rotation matrix",
+                code="not-a-rotation",
+                camera=self.name,
+            )
 
     @property
     def center(self) -> Float:
@@ -120,11 +147,13 @@ def check_name(name: str) -> None:
     on no system they could be written, or would be a capture session's own."""
     odd = any(unicodedata.category(c).startswith("C") or c in _FORBIDDEN for c in name)
     if odd or not 1 <= len(name) <= _LONGEST or name != name.strip().strip("."):
-        raise CaptureError(f"camera {name!r}: {_NAMING}")
+        raise CaptureError(f"camera {name!r}: {_NAMING}", code="bad-camera-name", camera=name)
     if folded(name) in _TAKEN or is_reserved(name):
         raise CaptureError(
             f"camera {name!r}: this name belongs to a file of a capture session"
-            f" ({', '.join(_TAKEN)}) or to a device of the operating system; choose another name"
+            f" ({', '.join(_TAKEN)}) or to a device of the operating system; choose another name",
+            code="reserved-camera-name",
+            camera=name,
         )
 
 
@@ -136,16 +165,22 @@ def check_names(names: Sequence[str]) -> None:
         check_name(name)
         for file in (folded(name), folded(name) + "-frames"):
             if file in files:
-                raise CaptureError(_clash(files[file], name))
+                raise _clash(files[file], name)
             files[file] = name
 
 
-def _clash(one: str, other: str) -> str:
+def _clash(one: str, other: str) -> CaptureError:
     if one == other:
-        return f"two cameras are called {one!r}; give each a --name of its own"
-    return (
+        return CaptureError(
+            f"two cameras are called {one!r}; give each a --name of its own",
+            code="camera-names-clash",
+            cameras=(one, other),
+        )
+    return CaptureError(
         f"cameras {one!r} and {other!r} would write the same files; give them names that differ by"
-        " more than capital letters or an ending -frames"
+        " more than capital letters or an ending -frames",
+        code="camera-names-clash",
+        cameras=(one, other),
     )
 
 

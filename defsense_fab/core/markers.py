@@ -38,19 +38,26 @@ class Markers:
         if m == 0 or shapes != ((m,), (m, 3), (m, 3, 3), (m,)):
             raise CaptureError(
                 f"markers: {m} numbers do not go with centers {self.centers.shape}, axes"
-                f" {self.axes.shape} and anchor {self.anchor.shape}"
+                f" {self.axes.shape} and anchor {self.anchor.shape}",
+                code="wrong-shape",
             )
         if not (np.isfinite(self.centers).all() and np.isfinite(self.axes).all()):
-            raise CaptureError("markers: a center or an axis is no number")
+            raise CaptureError("markers: a center or an axis is no number", code="not-finite")
         if not 0 < self.size < 1000:
-            raise CaptureError(f"markers: size {self.size:g} mm cannot be")
-        if len(np.unique(self.ids)) < m or self.ids.min() < 0:
-            raise CaptureError("markers: numbers must be different, and 0 or more")
+            raise CaptureError(
+                f"markers: size {self.size:g} mm cannot be", code="bad-marker-size", size=self.size
+            )
+        if len(np.unique(self.ids)) < m:
+            raise CaptureError("markers: numbers must be different", code="duplicate-marker")
+        if self.ids.min() < 0:
+            raise CaptureError("markers: numbers must be 0 or more", code="bad-marker-id")
         for number, a in zip(self.ids, self.axes, strict=True):
             if np.abs(a.T @ a - np.eye(3)).max() > 1e-6 or np.linalg.det(a) < 0:
                 raise CaptureError(
                     f"markers: tag {number}: axes must be at right angles, of length 1 and"
-                    " right-handed"
+                    " right-handed",
+                    code="bad-marker-axes",
+                    marker=int(number),
                 )
 
     @property
@@ -87,7 +94,9 @@ def read_markers(path: Path) -> Markers:
     data = load_json(path, CaptureError, "'defsense capture markers DEVICE' writes such a file")
     try:
         if data["schema"] != SCHEMA:
-            raise CaptureError(f"this version reads schema {SCHEMA}, not {data['schema']!r}")
+            raise CaptureError(
+                f"this version reads schema {SCHEMA}, not {data['schema']!r}", code="wrong-schema"
+            )
         tags = list(data["tags"])
         for tag in tags:
             _check(tag)
@@ -101,21 +110,33 @@ def read_markers(path: Path) -> Markers:
             np.array([t["anchor"] for t in tags], bool),
         )
     except CaptureError as error:
-        raise CaptureError(f"{path}: {error}") from None
+        raise CaptureError(f"{path}: {error}", code=error.code, **error.data) from None
     except KeyError as error:
-        raise CaptureError(f"{path}: {error.args[0]!r} is missing; write it anew") from None
+        raise CaptureError(
+            f"{path}: {error.args[0]!r} is missing; write it anew",
+            code="missing-key",
+            key=error.args[0],
+        ) from None
     except (TypeError, ValueError, OverflowError) as error:
         raise CaptureError(
-            f"{path}: not as 'defsense capture markers' writes it: {error}"
+            f"{path}: not as 'defsense capture markers' writes it: {error}",
+            code="bad-marker-file",
         ) from None
 
 
 def _check(tag: dict[str, object]) -> None:
     number = tag["id"]
     if not isinstance(number, int) or isinstance(number, bool):
-        raise CaptureError(f"tag {number!r}: its id must be a whole number")
+        raise CaptureError(f"tag {number!r}: its id must be a whole number", code="bad-marker-id")
     for key, shape in (("center", (3,)), ("axes", (3, 3))):
         if np.shape(np.asarray(tag[key], float)) != shape:
-            raise CaptureError(f"tag {number}: {key} must be {' x '.join(map(str, shape))} numbers")
+            raise CaptureError(
+                f"tag {number}: {key} must be {' x '.join(map(str, shape))} numbers",
+                code="wrong-shape",
+                marker=number,
+                key=key,
+            )
     if not isinstance(tag["anchor"], bool):
-        raise CaptureError(f"tag {number}: anchor must be true or false")
+        raise CaptureError(
+            f"tag {number}: anchor must be true or false", code="not-a-boolean", marker=number
+        )

@@ -44,42 +44,57 @@ class ResponseSpec:
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
-            self._fail(f"unknown model {self.model!r}; there is: {', '.join(MODELS)}")
+            self._fail(
+                f"unknown model {self.model!r}; there is: {', '.join(MODELS)}", "unknown-model"
+            )
         names = MODELS[self.model]
         if set(self.coefficients) != set(names):
             self._fail(
                 f"the model {self.model!r} has the coefficients {', '.join(names)}, not"
-                f" {', '.join(map(str, self.coefficients)) or 'none'}"
+                f" {', '.join(map(str, self.coefficients)) or 'none'}",
+                "wrong-coefficients",
             )
         for name in names:
             try:
                 value = np.asarray(self.coefficients[name], float)
             except (TypeError, ValueError):
-                self._fail(f"{name} must be numbers, not {self.coefficients[name]!r}")
+                self._fail(
+                    f"{name} must be numbers, not {self.coefficients[name]!r}", "not-a-number"
+                )
             if value.ndim != int(self.model == "piecewise") or not np.isfinite(value).all():
-                self._fail(f"{name} must be finite numbers, not {self.coefficients[name]!r}")
+                self._fail(
+                    f"{name} must be finite numbers, not {self.coefficients[name]!r}", "not-finite"
+                )
         low, high = self.strain_range
         if not low < high:
-            self._fail(f"the strain range {low:g} to {high:g} is empty")
+            self._fail(f"the strain range {low:g} to {high:g} is empty", "empty-range")
         if self.model in ("quadratic", "cubic") and not low <= 0 <= high:
-            self._fail(f"the strain range {low:g} to {high:g} must have rest (0) in it")
+            self._fail(
+                f"the strain range {low:g} to {high:g} must have rest (0) in it",
+                "rest-outside-range",
+            )
         if self.model == "piecewise":
             strains, changes = (np.asarray(self.coefficients[n], float) for n in names)
             if len(strains) != len(changes) or len(strains) < _LEAST_KNOTS:
-                self._fail("strains and changes must be lists of one length, two points or more")
+                self._fail(
+                    "strains and changes must be lists of one length, two points or more",
+                    "lists-differ",
+                )
             if not (np.diff(strains) > 0).all() or not (np.diff(changes) >= 0).all():
-                self._fail("strains must rise, and changes must not fall")
+                self._fail("strains must rise, and changes must not fall", "not-monotone")
             rest = np.flatnonzero(strains == 0)
             if len(rest) != 1 or changes[rest[0]] != 0:
-                self._fail("at rest (strain 0) the change must be 0; add that point")
+                self._fail(
+                    "at rest (strain 0) the change must be 0; add that point", "rest-not-zero"
+                )
 
     @classmethod
     def line(cls, k: float) -> ResponseSpec:
         """w = k eps, from a data sheet: measured nowhere, taken to hold everywhere."""
         return cls("line", {"k": k})
 
-    def _fail(self, problem: str) -> NoReturn:
-        raise CalibrationError(f"response: {problem}")
+    def _fail(self, problem: str, code: str) -> NoReturn:
+        raise CalibrationError(f"response: {problem}", code=code)
 
     def to_json(self) -> dict[str, Any]:
         """The part of `response.json` that `read_response` reads."""
@@ -117,7 +132,8 @@ def read_measured(path: Path) -> MeasuredResponse | None:
         assumed, k_res = float(data["doubt"]["spread_assumed"]), float(data["k_res"])
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(
-            f"{path}: not a response as 'defsense calibrate fit' writes it: {error!r}"
+            f"{path}: not a response as 'defsense calibrate fit' writes it: {error!r}",
+            code="bad-response-file",
         ) from None
     own = float(((gains - gains.mean()) ** 2).sum()) if len(gains) else 0.0
     free = _PRIOR + max(len(gains) - 1, 0)
@@ -130,12 +146,15 @@ def read_response(path: Path) -> ResponseSpec:
     data = load_json(path, CalibrationError, "'defsense calibrate fit' writes such a file")
     try:
         if data["schema"] != SCHEMA:
-            raise CalibrationError(f"this version reads schema {SCHEMA}, not {data['schema']!r}")
+            raise CalibrationError(
+                f"this version reads schema {SCHEMA}, not {data['schema']!r}", code="wrong-schema"
+            )
         low, high = (float(n) for n in data["strain_range"])
         return ResponseSpec(data["model"], dict(data["coefficients"]), (low, high))
     except CalibrationError as error:
-        raise CalibrationError(f"{path}: {error}") from None
+        raise CalibrationError(f"{path}: {error}", code=error.code, **error.data) from None
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(
-            f"{path}: not a response as 'defsense calibrate fit' writes it: {error!r}"
+            f"{path}: not a response as 'defsense calibrate fit' writes it: {error!r}",
+            code="bad-response-file",
         ) from None

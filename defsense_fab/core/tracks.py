@@ -29,15 +29,19 @@ class Tracks:
         if shapes != ((t,), (t,), (t, m, 3), (t, m, 3)):
             raise CaptureError(
                 f"tracks of {t} frames and {m} markers cannot have points {self.points.shape},"
-                f" sigma {self.sigma.shape} and frames {self.frame.shape}"
+                f" sigma {self.sigma.shape} and frames {self.frame.shape}",
+                code="wrong-shape",
             )
         if (np.diff(self.time) <= 0).any() or not np.isfinite(self.time).all():
-            raise CaptureError("tracks: times must increase from frame to frame")
+            raise CaptureError(
+                "tracks: times must increase from frame to frame", code="times-not-increasing"
+            )
         if len(np.unique(self.ids)) < m:
-            raise CaptureError("tracks: two markers of one number")
+            raise CaptureError("tracks: two markers of one number", code="duplicate-marker")
         if (np.isnan(self.points).any(-1) != np.isnan(self.points).all(-1)).any():
             raise CaptureError(
-                "tracks: of a marker a part of its place is NaN; write three numbers or three NaN"
+                "tracks: of a marker a part of its place is NaN; write three numbers or three NaN",
+                code="point-partly-nan",
             )
 
     def part(self, frames: slice | Bool) -> Tracks:

@@ -141,7 +141,9 @@ class TrainedModel:
         if lost not in self.without:
             raise TrainingError(
                 f"the model has no decoder without {lost}; it has those without"
-                f" {', '.join(self.without) or 'none'}"
+                f" {', '.join(self.without) or 'none'}",
+                code="no-decoder-without",
+                channel=lost,
             )
         return self.without[lost]
 

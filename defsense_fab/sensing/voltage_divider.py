@@ -37,7 +37,11 @@ class Dividers:
         for name in ("reference", "full_scale"):
             values = np.asarray(getattr(self, name), float)
             if not (np.isfinite(values) & (values > 0)).all():
-                raise CaptureError(f"dividers: {name} must be above zero, not {values.tolist()}")
+                raise CaptureError(
+                    f"dividers: {name} must be above zero, not {values.tolist()}",
+                    code="not-positive",
+                    field=name,
+                )
 
     def resistance(self, counts: Float) -> Float:
         """Ohm (..., c) for mean counts (..., c): 0 for a short circuit, inf for an open one, NaN
@@ -83,7 +87,9 @@ def measured_reference(counts: Float, known: float, full_scale: Float | float) -
         bad = np.flatnonzero(saturated(counts, full_scale) | ~np.isfinite(counts))
         raise CaptureError(
             f"channels {', '.join(str(i + 1) for i in bad)} are open or shorted; put the known"
-            " resistor in the place of every cord"
+            " resistor in the place of every cord",
+            code="channels-unreadable",
+            channels=[int(i) + 1 for i in bad],
         )
     return np.asarray(known * (full_scale / counts - 1))
 

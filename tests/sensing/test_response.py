@@ -9,6 +9,7 @@ from defsense_fab.core.errors import CalibrationError
 from defsense_fab.core.response import ResponseSpec, read_response
 from defsense_fab.sensing.response import Response, respond, response_of
 from defsense_fab.sensing.signal import signals
+from tests.errors import raises
 
 RANGE = (-0.067, 0.067)
 SPECS = {
@@ -76,21 +77,21 @@ def test_signal_is_the_mean_response():
 
 
 @pytest.mark.parametrize(
-    ("model", "coefficients", "says"),
+    ("model", "coefficients", "code"),
     [
-        ("quartic", {"k": 1}, "unknown model"),
-        ("line", {}, "coefficients k"),
-        ("line", {"k": "two"}, "k must be numbers"),
-        ("line", {"k": float("nan")}, "finite"),
-        ("quadratic", {"k": 1.0, "q": [1.0]}, "q must be finite"),
-        ("piecewise", {"strains": [0, 0], "changes": [0, 1]}, "rise"),
-        ("piecewise", {"strains": [0, 1], "changes": [0, -1]}, "not fall"),
-        ("piecewise", {"strains": [0.1, 1], "changes": [0, 1]}, "at rest"),
-        ("piecewise", {"strains": [0, 1], "changes": [0, 1, 2]}, "one length"),
+        ("quartic", {"k": 1}, "unknown-model"),
+        ("line", {}, "wrong-coefficients"),
+        ("line", {"k": "two"}, "not-a-number"),
+        ("line", {"k": float("nan")}, "not-finite"),
+        ("quadratic", {"k": 1.0, "q": [1.0]}, "not-finite"),
+        ("piecewise", {"strains": [0, 0], "changes": [0, 1]}, "not-monotone"),
+        ("piecewise", {"strains": [0, 1], "changes": [0, -1]}, "not-monotone"),
+        ("piecewise", {"strains": [0.1, 1], "changes": [0, 1]}, "rest-not-zero"),
+        ("piecewise", {"strains": [0, 1], "changes": [0, 1, 2]}, "lists-differ"),
     ],
 )
-def test_bad_responses(model, coefficients, says):
-    with pytest.raises(CalibrationError, match=says):
+def test_bad_responses(model, coefficients, code):
+    with raises(CalibrationError, code):
         ResponseSpec(model, coefficients)
 
 
@@ -98,7 +99,7 @@ def test_bad_responses(model, coefficients, says):
 def test_a_curve_has_rest_in_its_range(coefficients):
     """It goes on straight from the range's ends, and would not be 0 at rest."""
     model = "cubic" if "c" in coefficients else "quadratic"
-    with pytest.raises(CalibrationError, match=r"0.021 to 0.067 must have rest"):
+    with raises(CalibrationError, "rest-outside-range"):
         ResponseSpec(model, coefficients, (0.021, 0.067))
     assert response_of(ResponseSpec(model, coefficients, (0.0, 0.067)))(np.zeros(1)) == 0
 
@@ -108,17 +109,18 @@ def test_files(tmp_path):
     for spec in SPECS.values():
         path.write_text(json.dumps({"schema": 1, **spec.to_json()}))
         assert read_response(path) == spec
-    for text, says in (
-        ("{", "not valid JSON"),
-        ("[]", "as 'defsense calibrate fit' writes"),
-        ('{"schema": 2}', "schema"),
-        ('{"schema": 1, "model": "line"}', "strain_range"),
-        ('{"schema": 1, "model": "x", "coefficients": {}, "strain_range": [0, 1]}', "unknown"),
+    unknown = '{"schema": 1, "model": "x", "coefficients": {}, "strain_range": [0, 1]}'
+    for text, code in (
+        ("{", "not-json"),
+        ("[]", "bad-response-file"),
+        ('{"schema": 2}', "wrong-schema"),
+        ('{"schema": 1, "model": "line"}', "bad-response-file"),
+        (unknown, "unknown-model"),
     ):
         path.write_text(text)
-        with pytest.raises(CalibrationError, match=says):
+        with raises(CalibrationError, code):
             read_response(path)
-    with pytest.raises(CalibrationError, match="cannot be read"):
+    with raises(CalibrationError, "file-not-found", path=tmp_path / "none.json"):
         read_response(tmp_path / "none.json")
 
 

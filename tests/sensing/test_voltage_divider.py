@@ -7,6 +7,7 @@ import pytest
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.sensing.voltage_divider import Dividers, measured_reference, reference
+from tests.errors import raises
 from tests.places import FIRMWARE
 
 PAGE = FIRMWARE / "README.md"
@@ -63,7 +64,7 @@ def test_references_are_measured_with_a_known_resistor():
     counts = Dividers(true, 1024).counts(np.full(3, 2000.0))
     assert measured_reference(counts, 2000, 1024) == pytest.approx(true)
     counts[1] = 1023.9
-    with pytest.raises(CaptureError, match="channels 2 are open or shorted"):
+    with raises(CaptureError, "channels-unreadable", channels=[2]):
         measured_reference(counts, 2000, 1024)
-    with pytest.raises(CaptureError, match="reference must be above zero"):
+    with raises(CaptureError, "not-positive", field="reference"):
         Dividers(np.array([0.0]), 1024)

@@ -25,15 +25,29 @@ def missing(
     """One line for an import that failed: `about` is what needs it. The `package` (that of the
     module where it is not named) is brought by an `extra` of this project, by the project itself
     (`CORE`), or alone; `otherwise` is another way out."""
-    package = package or (error.name or "").partition(".")[0] or "a library"
+    package = package or _package_of(error)
     more = f"; {otherwise}" if otherwise else ""
     more += "; defsense doctor tells more"
     if not isinstance(error, ModuleNotFoundError):  # it is there, and cannot be loaded
         why = " ".join(str(error).split())
         return f"{about}: needs the package {package}, whose import fails ({why}){more}"
-    brings = {CORE: PROJECT, "": package}.get(extra, f"{PROJECT}[{extra}]")
-    command = pip_install(brings)
+    command = pip_install(_requirement(extra, package))
     return f"{about}: needs the package {package}, which is not installed; type: {command}{more}"
+
+
+def _package_of(error: ImportError) -> str:
+    return (error.name or "").partition(".")[0] or "a library"
+
+
+def _requirement(extra: str, package: str) -> str:
+    return {CORE: PROJECT, "": package}.get(extra, f"{PROJECT}[{extra}]")
+
+
+def missing_code(error: ImportError) -> str:
+    """Return the error code of an import that failed."""
+    if isinstance(error, ModuleNotFoundError):
+        return "library-missing"
+    return "library-broken"
 
 
 @contextmanager
@@ -49,4 +63,10 @@ def optional(
     try:
         yield
     except ImportError as error:
-        raise kind(missing(about, error, extra, package, otherwise)) from None
+        package = package or _package_of(error)
+        raise kind(
+            missing(about, error, extra, package, otherwise),
+            code=missing_code(error),
+            package=package,
+            requirement=_requirement(extra, package),
+        ) from None

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import CaptureError, StorageError
-from .files import storage_errors
+from .files import storage_errors, unreadable_code
 from .lock import claim
 
 _CUT = b"~"
@@ -45,7 +45,11 @@ class AppendLog:
         StorageError, as when the disk is full; what came of the line then is marked as cut."""
         with self._lock:
             if self._file < 0:
-                raise StorageError(f"{self._path}: is closed; nothing more can be written to it")
+                raise StorageError(
+                    f"{self._path}: is closed; nothing more can be written to it",
+                    code="log-closed",
+                    path=self._path,
+                )
             with storage_errors(self._path):
                 self._write((b"" if self._whole else _CUT + b"\n") + f"{text}\n".encode())
 
@@ -72,7 +76,9 @@ class AppendLog:
         with storage_errors(self._path):
             if not claim(self._file):
                 raise CaptureError(
-                    f"{self._path}: another program is recording to it; stop that first"
+                    f"{self._path}: another program is recording to it; stop that first",
+                    code="file-in-use",
+                    path=self._path,
                 )
 
     def _begin(self, head: bytes, kind: str) -> None:
@@ -80,7 +86,12 @@ class AppendLog:
             size = os.fstat(self._file).st_size
             begins = os.read(self._file, len(head)) if size else b""
             if not (head.startswith(begins) if size < len(head) else begins == head):
-                raise CaptureError(f"{self._path}: is no {kind}; choose another file")
+                raise CaptureError(
+                    f"{self._path}: is no {kind}; choose another file",
+                    code="wrong-file-kind",
+                    path=self._path,
+                    file_kind=kind,
+                )
             if size < len(head):  # new, or cut off while it was begun
                 self._write(head[size:])
             elif size:
@@ -127,7 +138,11 @@ class LogLines:
                         continue
                     yield number, text
         except OSError as error:
-            raise CaptureError(f"{self._path}: cannot be read: {error.strerror}") from None
+            raise CaptureError(
+                f"{self._path}: cannot be read: {error.strerror}",
+                code=unreadable_code(error),
+                path=self._path,
+            ) from None
 
     @property
     def left_out(self) -> int:

@@ -51,7 +51,7 @@ def check_folder_name(folder: Path) -> None:
     for one in (path, *(p for p in path.parents if not p.exists())):
         why = refusal(one.name)
         if why:
-            raise StorageError(f"{folder}: {why}")
+            raise StorageError(f"{folder}: {why}", code="bad-file-name", name=one.name)
 
 
 def safe_name(name: str) -> str:

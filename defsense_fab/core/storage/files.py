@@ -16,6 +16,14 @@ from typing import Any
 
 from ..errors import DefsenseError, StorageError
 
+#: Error codes of the operating system's refusals.
+_CODES: dict[type[OSError], str] = {
+    FileNotFoundError: "file-not-found",
+    NotADirectoryError: "not-a-folder",
+    IsADirectoryError: "not-a-file",
+    FileExistsError: "path-exists",
+    PermissionError: "permission-denied",
+}
 _LETS_GO = 2.0  # s within which a virus scanner is done with a new file
 
 
@@ -26,9 +34,15 @@ def storage_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise StorageError(f"{path}: the disk is full; free some space and run again") from None
+            raise StorageError(
+                f"{path}: the disk is full; free some space and run again",
+                code="disk-full",
+                path=path,
+            ) from None
         raise StorageError(
-            f"{error.filename or path}: {error.strerror or error}; check the path and permissions"
+            f"{error.filename or path}: {error.strerror or error}; check the path and permissions",
+            code=_CODES.get(type(error), "file-unusable"),
+            path=Path(error.filename or path),
         ) from None
 
 
@@ -67,7 +81,11 @@ def replacing_folder(path: Path, *, over: bool = False) -> Iterator[Path]:
             yield new
             if path.exists():
                 if path.is_file() or (not over and any(path.iterdir())):
-                    raise StorageError(f"{path}: is there already; choose another folder")
+                    raise StorageError(
+                        f"{path}: is there already; choose another folder",
+                        code="path-exists",
+                        path=path,
+                    )
                 _move(path, old)
             _move(new, path)
     finally:
@@ -130,9 +148,22 @@ def load_json(path: Path, error: type[DefsenseError], hint: str) -> Any:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror}; {hint}") from None
+        raise error(
+            f"{path}: cannot be read: {problem.strerror}; {hint}",
+            code=unreadable_code(problem),
+            path=path,
+        ) from None
     except ValueError as problem:
-        raise error(f"{path}: not valid JSON ({problem}), cut off or edited; {hint}") from None
+        raise error(
+            f"{path}: not valid JSON ({problem}), cut off or edited; {hint}",
+            code="not-json",
+            path=path,
+        ) from None
+
+
+def unreadable_code(error: OSError) -> str:
+    """Return the error code of a file that cannot be read."""
+    return "file-not-found" if isinstance(error, FileNotFoundError) else "file-unreadable"
 
 
 def digest(*parts: Any) -> str:

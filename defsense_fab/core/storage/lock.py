@@ -48,19 +48,19 @@ def claim(file: int) -> bool:
 
 
 @contextmanager
-def locked(path: Path, message: str) -> Iterator[None]:
+def locked(path: Path, message: str, code: str = "file-in-use") -> Iterator[None]:
     """Hold the lock of the file `path`, which is made where there is none and keeps its content.
 
     The file stays: were it removed, a second holder could lock the removed one, and a third a new
-    one. The system ends the lock with the process. Raises StorageError, with `message` where
-    another holds it.
+    one. The system ends the lock with the process. Raises StorageError, with `message` and `code`
+    where another holds it.
     """
     with storage_errors(path):
         file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         with storage_errors(path):
             if not claim(file):
-                raise StorageError(message)
+                raise StorageError(message, code=code, path=path)
         yield
     finally:
         os.close(file)

@@ -76,13 +76,15 @@ def fit_response(
         else:
             readings, notes = read_table(source, geometry or Geometry(), radii)
             parts.append(readings)
-            warnings += notes
+            warnings += map(str, notes)
             hashed.append(source)
     progress("fit", 0.0, "models")
     rng = np.random.default_rng(seed)
     found = calibrate(joined(parts), policy=policy, model=model, spread=spread, rng=rng)
     progress("fit", 1.0, "done")
-    data = describe(found, sources, creeps, digest(*hashed), (*warnings, *found.warnings), spread)
+    data = describe(
+        found, sources, creeps, digest(*hashed), (*warnings, *map(str, found.warnings)), spread
+    )
     data["seed"] = seed
     fitted = FittedResponse(found, tuple(sources), tuple(creeps), data)
     if out is not None:

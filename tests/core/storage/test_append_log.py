@@ -2,10 +2,9 @@
 
 import threading
 
-import pytest
-
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.core.storage.append_log import AppendLog, LogLines
+from tests.errors import raises
 
 
 def test_lines_of_several_threads_stay_whole(tmp_path):
@@ -35,7 +34,7 @@ def test_what_was_cut_or_damaged_is_left_out_and_counted(tmp_path):
     for _ in range(2):  # counted anew each time
         assert list(lines) == [(1, "one"), (2, ""), (6, "five")]
         assert (lines.cut, lines.damaged, lines.left_out) == (2, 2, 4)
-    with pytest.raises(CaptureError, match="cannot be read"):
+    with raises(CaptureError, "file-not-found", path=tmp_path / "none"):
         list(LogLines(tmp_path / "none"))
 
 
@@ -51,10 +50,10 @@ def test_what_is_another_file_is_left_as_it_is(tmp_path):
     path = tmp_path / "log"
     for text in ("mine\n", "headlong\n", "he\n"):
         path.write_text(text)
-        with pytest.raises(CaptureError, match="is no diary"):
+        with raises(CaptureError, "wrong-file-kind", file_kind="diary"):
             AppendLog(path, "head", "diary")
         assert path.read_text("utf-8") == text
-    with pytest.raises(StorageError, match="none"):
+    with raises(StorageError, "file-not-found", path=tmp_path / "none" / "log"):
         AppendLog(tmp_path / "none" / "log")
 
 
@@ -62,6 +61,6 @@ def test_a_closed_log_refuses(tmp_path):
     log = AppendLog(tmp_path / "log")
     log.close()
     log.close()
-    with pytest.raises(StorageError, match="is closed"):
+    with raises(StorageError, "log-closed"):
         log.line("late")
     assert (tmp_path / "log").read_bytes() == b""

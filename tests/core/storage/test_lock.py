@@ -5,16 +5,15 @@ import fcntl
 import subprocess
 import sys
 
-import pytest
-
 from defsense_fab.core.errors import StorageError
 from defsense_fab.core.storage.lock import locked
+from tests.errors import raises
 
 
 def test_a_second_holder_is_refused_until_the_first_leaves(tmp_path):
     path = tmp_path / "lock"
     path.write_text("kept")
-    with locked(path, "busy here"), pytest.raises(StorageError, match=r"^busy here$"):
+    with locked(path, "busy here"), raises(StorageError, "file-in-use", path=path):
         locked(path, "busy here").__enter__()
     with locked(path, "busy"):
         assert path.read_text("utf-8") == "kept"
@@ -35,7 +34,7 @@ def test_a_lock_that_is_left_between_opening_and_locking_has_one_holder(tmp_path
         patch.setattr(fcntl, "flock", leave_then_lock)
         second = locked(path, "busy")
         second.__enter__()
-    with pytest.raises(StorageError, match="busy"):
+    with raises(StorageError, "file-in-use", path=path):
         locked(path, "busy").__enter__()
     second.__exit__(None, None, None)
 
@@ -54,5 +53,5 @@ def test_a_process_that_dies_leaves_no_lock(tmp_path):
 
 def test_a_place_where_no_file_can_be_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(StorageError, match=r"file/lock: Not a directory; check"):
+    with raises(StorageError, "not-a-folder", path=tmp_path / "file" / "lock"):
         locked(tmp_path / "file" / "lock", "busy").__enter__()
