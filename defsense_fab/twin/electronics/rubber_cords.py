@@ -25,7 +25,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.machine.compiled import compiled
-from ..scenes.assumption import assumed
+from ..scenes.assumptions import assume
 
 _SHEET = (
     "chosen to agree with a supplier's data sheet (Images Scientific, stretch sensor, also the"
@@ -43,70 +43,70 @@ _TCR = (
 class RubberTraits:
     """What pieces of one cord have in common. Signals are those of (R - R0)/R0, times s."""
 
-    tear: tuple[float, ...] = assumed(
+    tear: tuple[float, ...] = assume(
         (0.06, 0.05, 0.05), "relaxation", "of the change",
         "added by stretching in each element, that heals", _SHEET, off=(0.0, 0.0, 0.0),
     )  # fmt: skip
-    times: tuple[float, ...] = assumed(
+    times: tuple[float, ...] = assume(
         (0.4, 5.0, 50.0), "relaxation", "s", "healing of each element, held still", _MINUTES,
         off=(1.0, 1.0, 1.0),
     )  # fmt: skip
-    steeper: float = assumed(
+    steeper: float = assume(
         1.0, "relaxation", "1", "how much more is torn at s = 1 than near rest", off=0.0
     )
-    released: float = assumed(
+    released: float = assume(
         0.6, "relaxation", "1", "torn by letting go, relative to stretching", _SHEET
     )
-    heal_stretched: float = assumed(
+    heal_stretched: float = assume(
         0.5, "relaxation", "1", "healing while it is stretched, relative to held still", off=1.0
     )
-    heal_released: float = assumed(
+    heal_released: float = assume(
         1.8, "relaxation", "1", "healing while it is let go, relative to held still", off=1.0
     )
-    turn: float = assumed(
+    turn: float = assume(
         0.02,
         "relaxation",
         "1/s",
         "rate of s at which that has come about by three quarters",
         off=1.0,
     )
-    flow: float = assumed(
+    flow: float = assume(
         0.03, "relaxation", "1", "y at which the dashpots flow twice as fast", off=1e9
     )
-    friction: float = assumed(0.12, "hysteresis", "1", "share c of the friction elements")
-    width_stretched: float = assumed(
+    friction: float = assume(0.12, "hysteresis", "1", "share c of the friction elements")
+    width_stretched: float = assume(
         0.05, "hysteresis", "1", "change of s that friction needs to build up, stretching", off=1.0
     )
-    width_released: float = assumed(0.03, "hysteresis", "1", "the same, letting go", off=1.0)
-    mullins: float = assumed(
+    width_released: float = assume(0.03, "hysteresis", "1", "the same, letting go", off=1.0)
+    mullins: float = assume(
         0.12, "mullins", "1", "mu, gain of the first stretch over later ones; that it is there:"
         " Mullins 1948 for stress; its size in resistance"
     )  # fmt: skip
-    fresh: float = assumed(0.01, "mullins", "1", "largest s of a cord as it is laid", off=0.01)
-    recovery: float = assumed(6.0, "mullins", "h", "by which softening is forgotten", off=6.0)
-    drift_walk: float = assumed(
+    fresh: float = assume(0.01, "mullins", "1", "largest s of a cord as it is laid", off=0.01)
+    recovery: float = assume(6.0, "mullins", "h", "by which softening is forgotten", off=6.0)
+    drift_walk: float = assume(
         0.004, "drift", "1/sqrt(h)", "random walk of R0, standard deviation", _DRIFTS
     )
-    drift_trend: float = assumed(
+    drift_trend: float = assume(
         0.006, "drift", "1/h", "steady drift of R0, standard deviation over pieces", _DRIFTS
     )
-    per_kelvin: float = assumed(0.003, "temperature", "1/K", "alpha, the same of all pieces", _TCR)
-    warming: float = assumed(2.0, "temperature", "K", "warms up in a session, by half in 20 min")
-    breeze: float = assumed(0.3, "temperature", "K", "slow ups and downs, standard deviation")
-    ageing: float = assumed(
+    per_kelvin: float = assume(0.003, "temperature", "1/K", "alpha, the same of all pieces", _TCR)
+    warming: float = assume(2.0, "temperature", "K", "warms up in a session, by half in 20 min")
+    breeze: float = assume(0.3, "temperature", "K", "slow ups and downs, standard deviation")
+    ageing: float = assume(
         0.004, "ageing", "1/day", "rise of R0 since the device was made", _DRIFTS
     )
-    stiffening: float = assumed(0.002, "ageing", "1/day", "loss of gain since then")
-    ohm_spread: float = assumed(
+    stiffening: float = assume(0.002, "ageing", "1/day", "loss of gain since then")
+    ohm_spread: float = assume(
         0.06, "spread", "1", "R0 of pieces of one length, standard deviation",
         "sellers: 130-160 ohm/cm, batches differ",
     )  # fmt: skip
-    jitter_time: float = assumed(0.3, "contact", "s", "by which the joints' resistances change",
+    jitter_time: float = assume(0.3, "contact", "s", "by which the joints' resistances change",
                                  off=1.0)  # fmt: skip
-    contact: float = assumed(
+    contact: float = assume(
         1.0, "contact", "ohm", "standard deviation of each of two joints", "data/cords.csv"
     )
-    noise: float = assumed(
+    noise: float = assume(
         0.002, "noise", "1", "of one reading of (R - R0)/R0, white", "data/cords.csv"
     )
 
@@ -236,3 +236,32 @@ def _jitter(step, within, normal):  # type: ignore[no-untyped-def]
         keep = np.exp(-step[i] / within)
         out[i] = keep * out[i - 1] + np.sqrt(1 - keep * keep) * normal[i]
     return out
+
+
+# Kinds of cords that the paper compares, as the twin has them: what is assumed of each.
+
+
+@dataclass(frozen=True)
+class CordKind:
+    """By a `title`, what is `assumed` of it in words, and the `traits` of its rubber."""
+
+    title: str
+    assumed: str
+    traits: RubberTraits
+
+
+CORD_KINDS = {
+    "ecord": CordKind(
+        "ready-made conductive rubber cord",
+        "the cord of defsense twin: a stretch adds resistance that heals within a minute, friction"
+        " takes 12 % of a change, and the first stretch answers by 12 % more (docs/twin.md)",
+        RubberTraits(),
+    ),
+    "etpu": CordKind(
+        "printed conductive TPU filament",
+        "the same model, with ten times the resistance that a stretch adds and that heals, four"
+        " times the friction and five times the softening: chosen to look in kind as the paper's"
+        " Fig. 10 does, which gives no numbers",
+        RubberTraits(tear=(0.6, 0.5, 0.5), flow=0.3, friction=0.48, mullins=0.6),
+    ),
+}

@@ -10,13 +10,13 @@ from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.mesh import Surface
 from ..scenes.scene import Scene
-from .renderer import Optics
+from .camera_optics import Optics
 
 _ROUNDS = 3
 _STILL, _STEP, _MOST = 0.05, 0.5, 13  # px: not worth a smear; between instants; instants
 
 
-def exposed(
+def expose(
     scene_at: Callable[[float], Scene], camera: Camera, time: float, optics: Optics
 ) -> tuple[Scene, list[Scene]]:
     """The scene at a time, s, and its instants while the shutter is open around it; none where no

@@ -19,8 +19,9 @@ from ...core.camera import Camera
 from ...core.errors import CaptureError, StorageError
 from ...core.storage.files import replacing, write_text
 from ..scenes.scene import Scene
-from .exposure import exposed
-from .renderer import Optics, Renderer
+from .camera_optics import Optics
+from .exposure import expose
+from .renderer import Renderer
 
 CODECS = ("FFV1", "MJPG")  # the first keeps every grey level
 
@@ -66,8 +67,8 @@ class Shutter:
 
 
 @dataclass(frozen=True)
-class Truth:
-    """What f frames of a film show: their `number` (f,) at the camera, the true `time` (f,) s, the
+class FilmTruth:
+    """What f frames of a record_film show: their `number` (f,) at the camera, the true `time` (f,) s, the
     camera's `stamp` (f,) s, whether it `repeats` (f,) the one before, and the `led` (f,); of the m
     patches their `ids` (m,), `centers` (f, m, 3) and `corners` (f, m, 4, 3) mm, `pixels`
     (f, m, 4, 2) and the `visible` part (f, m)."""
@@ -84,7 +85,7 @@ class Truth:
     visible: Float
 
 
-def film(
+def record_film(
     path: Path,
     camera: Camera,
     scene_at: Callable[[float], Scene],
@@ -93,8 +94,8 @@ def film(
     optics: Optics,
     rng: np.random.Generator,
     codec: str = "FFV1",
-) -> Truth:
-    """Take a film of `scene_at`(s), s; writes `path`, its table of stamps and its truth beside it.
+) -> FilmTruth:
+    """Take a record_film of `scene_at`(s), s; writes `path`, its table of stamps and its truth beside it.
     Raises CaptureError for a codec that is not known, StorageError where nothing can be written."""
     if codec not in CODECS:
         raise CaptureError(
@@ -107,7 +108,7 @@ def film(
     number, times, stamp, repeats = shutter.schedule(duration, rng)
     if not len(number):
         raise CaptureError(
-            f"a film of {duration} s at {shutter.rate} frames/s has no frames",
+            f"a record_film of {duration} s at {shutter.rate} frames/s has no frames",
             code="no-frames",
             where=path.name,
             action="Choose a longer duration or a higher rate",
@@ -121,7 +122,7 @@ def film(
     with replacing(path) as part, _writer(path, part, fourcc, shutter.rate, camera.size) as writer:
         for time, again in zip(times, repeats, strict=True):
             if not again:
-                scene, instants = exposed(scene_at, camera, float(time), optics)
+                scene, instants = expose(scene_at, camera, float(time), optics)
                 picture = renderer.shoot(scene, instants, float(time))
             writer.write(picture.image)
             scenes.append(scene.moved(body=None))  # which would fill the memory
@@ -129,7 +130,7 @@ def film(
             if len(scene.patches) != len(scenes[0].patches) or not scene.patches:
                 raise CaptureError(
                     f"the scene has {len(scene.patches)} patches at {time:g} s, and"
-                    f" {len(scenes[0].patches)} in the first frame; a film needs the same patches"
+                    f" {len(scenes[0].patches)} in the first frame; a record_film needs the same patches"
                     " in all frames, at least one",
                     code="patches-differ",
                     where=path.name,
@@ -164,9 +165,9 @@ def _truth(
     scenes: list[Scene],
     seen: list[tuple[Float, Float]],
     schedule: tuple[Int, Float, Float, Bool],
-) -> Truth:
+) -> FilmTruth:
     m = len(scenes[0].patches)
-    return Truth(
+    return FilmTruth(
         *schedule,
         np.array([s.led is not None and s.led.on for s in scenes]),
         np.array([p.number for p in scenes[0].patches], int),
@@ -177,20 +178,20 @@ def _truth(
     )
 
 
-def save_truth(path: Path, truth: Truth) -> None:
+def save_truth(path: Path, truth: FilmTruth) -> None:
     """As NPZ, whole or not at all. Raises StorageError."""
     with replacing(path) as part:
-        np.savez_compressed(part, **{f.name: getattr(truth, f.name) for f in fields(Truth)})
+        np.savez_compressed(part, **{f.name: getattr(truth, f.name) for f in fields(FilmTruth)})
 
 
-def load_truth(path: Path) -> Truth:
+def load_truth(path: Path) -> FilmTruth:
     """What `save_truth` wrote. Raises StorageError for other files."""
     try:
         with np.load(path, allow_pickle=False) as data:
-            return Truth(**{f.name: data[f.name] for f in fields(Truth)})
+            return FilmTruth(**{f.name: data[f.name] for f in fields(FilmTruth)})
     except (OSError, KeyError, ValueError) as problem:
         raise StorageError(
-            f"is not a table of the truth about a film ({problem})",
+            f"is not a table of the truth about a record_film ({problem})",
             code="file-unreadable",
             where=path,
         ) from None

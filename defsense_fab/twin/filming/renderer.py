@@ -8,6 +8,7 @@ body goes by pixel centres.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,53 +20,32 @@ from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ..scenes.scene import Backdrop, Scene
-from .backdrop import wall
-from .image_processing import ImageProcessing
-from .lens import plane_of_pixels, project, reach_of_lens
+from .camera_optics import Optics, plane_of_pixels, project, reach_of_lens
 from .raster import develop, fill_depth, paint
 from .render_primitives import Box, RenderPrimitive, box_of, grown, render_primitives, union
+
+# What is behind everything: a wall with a gradient and blotches, out of focus, at rest.
+
+
+def wall(backdrop: Backdrop, camera: Camera, pad: int) -> NDArray[np.float32]:
+    """Grey levels (h + 2 pad, w + 2 pad) of the image and `pad` px around it."""
+    width, height = camera.size
+    x, y = ((np.arange(-pad, n + pad) / n - 0.5).astype(np.float32) for n in camera.size)
+    out = backdrop.level + backdrop.slope[0] * x + backdrop.slope[1] * y[:, None]
+    if backdrop.texture:
+        rng = np.random.default_rng([backdrop.seed, zlib.crc32(camera.name.encode())])
+        shape = [2 + n // backdrop.grain for n in (height, width)]
+        coarse = rng.normal(0, backdrop.texture, shape).astype(np.float32)
+        out += cv2.resize(coarse, (len(x), len(y)), interpolation=cv2.INTER_CUBIC)
+    return np.ascontiguousarray(np.clip(out, 0, 255), np.float32)
+
 
 _FLICKER, _WANDERS = 100.0, 7.0  # Hz of lamps at 50 Hz; s, period of the automatic exposure
 _SPARE = 1 << 18  # values in the bank of noise beyond those of a picture
 
 
 @dataclass(frozen=True)
-class Optics:
-    """What makes a picture of what is seen: `blur`, standard deviation of the point spread, px, of
-    a lens out of focus by discs of radius `focus` px; `exposure` s; noise of variance
-    `read`^2 + `shot` * level, grey levels; `gain`, grey levels per level of the scene;
-    `vignetting`, the part of the light that is lost in the image's corners, `slant` that on its
-    right; `rolling` s from the first row to the last; `flicker`, the part by which lamps at 50 Hz
-    change, `wander` that by which the automatic exposure does; `processing` of the values."""
-
-    blur: float = 0.6
-    exposure: float = 0.004
-    read: float = 1.5
-    shot: float = 0.03
-    gain: float = 1.0
-    vignetting: float = 0.15
-    focus: float = 0.0
-    slant: float = 0.0
-    rolling: float = 0.0
-    flicker: float = 0.0
-    wander: float = 0.0
-    processing: ImageProcessing | None = None
-
-    def __post_init__(self) -> None:
-        rest = (self.blur, self.focus, self.exposure, self.read, self.shot, self.rolling)
-        parts = (self.vignetting, self.slant, self.flicker, self.wander)
-        if not (all(x >= 0 for x in rest) and self.gain > 0 and all(0 <= x <= 1 for x in parts)):
-            raise CaptureError(
-                "blur, times and noise must be at least 0, the gain positive, and shares of the"
-                " light from 0 to 1",
-                code="setting-out-of-range",
-                where="optics",
-                record="optics",
-            )
-
-
-@dataclass(frozen=True)
-class Picture:
+class RenderedImage:
     """`image` (h, w) uint8 and the truth about the scene's m patches: the part (m,) of each,
     without its margin, that is in the picture, and its `corners` (m, 4, 2) px, NaN behind the
     camera and where the model of the lens has ended."""
@@ -108,7 +88,9 @@ class Renderer:
         self._wall = self._sharp = self._soft = self._ground
         self._last: Box = (0, 0, 0, 0)
 
-    def shoot(self, middle: Scene, instants: Sequence[Scene] = (), time: float = 0.0) -> Picture:
+    def shoot(
+        self, middle: Scene, instants: Sequence[Scene] = (), time: float = 0.0
+    ) -> RenderedImage:
         """A picture of a scene at a `time`, s; of what moves in it, as it is at `instants` of the
         exposure (see `exposure.py`): body and corners are those in the middle."""
         instants = instants or [middle]
@@ -143,7 +125,7 @@ class Renderer:
         self._blur(light / np.float32(len(drawn)), box)
         corners = np.array([p.corners for p in middle.patches]).reshape(-1, 4, 3)
         shown = project(self.camera, self.camera.to_camera(corners), self._limit)
-        return Picture(self._develop(time), np.clip(visible, 0, 1), shown)
+        return RenderedImage(self._develop(time), np.clip(visible, 0, 1), shown)
 
     def _hang(self, backdrop: Backdrop) -> None:
         if backdrop != self._backdrop:

@@ -1,7 +1,8 @@
-"""How a device is moved: smoothly through its poses and mixtures of them, held by a hand."""
+"""How a device is moved: smoothly interpolate_keys its poses and mixtures of them, held by a hand."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +13,72 @@ from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
-from .device_twin import Rigid
+from .device_twin import RigidMotion
+
+# The hands that move a device's twin: told which pose to show, they show it.
+
+REST, FREE = "rest", "free"
+_CYCLE = 4.0  # s, for a pose from rest to full and back
+_REACT = 0.4  # s, until hands move, and by which they are back before the time is over
+
+
+@dataclass(frozen=True)
+class _Show:
+    start: float
+    end: float
+    name: str
+    reach: float
+    motion: Motion | None
+
+
+class PosePlayer:
+    """Levels of poses by time, s; each show begins and ends at rest."""
+
+    def __init__(self, ramps: Sequence[Ramp], seed: int = 0) -> None:
+        self._ramps, self._rng = tuple(ramps), np.random.default_rng(seed)
+        self._names = [r.name for r in ramps]
+        self._shows: list[_Show] = []
+        self._lock = threading.Lock()
+
+    def perform(self, name: str, start: float, seconds: float) -> None:
+        """Show a pose, `rest`, or a `free` mixture of them, for so long from `start`, s."""
+        first, last = start + _REACT, start + max(seconds - _REACT, 2 * _REACT)
+        motion = None
+        if name == FREE:
+            motion = draw_motion(self._ramps, last - first, self._rng, pace=0.9, pause=0.2)
+        with self._lock:
+            self._shows.append(_Show(first, last, name, self._rng.uniform(0.9, 1.0), motion))
+
+    def levels(self, time: float) -> Mapping[str, float]:
+        """Of each pose, 0 to 1."""
+        with self._lock:
+            show = next((s for s in reversed(self._shows) if s.start <= time < s.end), None)
+        out = dict.fromkeys(self._names, 0.0)
+        if show is None or show.name == REST:
+            return out
+        into, left = time - show.start, show.end - time
+        if show.motion is not None:
+            found = show.motion.levels(into)
+            near = min(1.0, left / 0.8)  # back to rest at the end
+            calm = near * near * (3 - 2 * near)
+            return {n: float(v) * calm for n, v in zip(self._names, found, strict=True)}
+        if show.name in out:
+            cycles = max(1, round((show.end - show.start) / _CYCLE))
+            phase = np.pi * cycles * into / (show.end - show.start)
+            out[show.name] = show.reach * float(np.sin(phase)) ** 2
+        return out
+
+    def weights(self, time: float) -> Float:
+        """Of the simulated states (s,)."""
+        size = 1 + max((int(r.states.max()) for r in self._ramps), default=-1)
+        out = np.zeros(size)
+        levels = self.levels(time)
+        for ramp in self._ramps:
+            level = levels[ramp.name]
+            if level:
+                out[ramp.states] += ramp.weights(np.array(level))
+        return out
+
 
 _WAVES = 3
 
@@ -42,7 +108,7 @@ class Ramp:
             )
 
     def weights(self, level: Float) -> Float:
-        """Those (..., k) of its states at levels (...): a smooth path through all of them."""
+        """Those (..., k) of its states at levels (...): a smooth path interpolate_keys all of them."""
         return np.asarray(self._path(np.clip(level, 0, self.levels[-1]))[..., 1:])
 
     @cached_property
@@ -51,8 +117,8 @@ class Ramp:
         return CubicSpline(knots, np.eye(len(knots)), bc_type="natural")
 
 
-def through(times: Float, keys: Float, time: float | Float) -> Float:
-    """Values (..., r) at times (...) s of a path through `keys` (q, r) at `times` (q,) s, smooth
+def interpolate_keys(times: Float, keys: Float, time: float | Float) -> Float:
+    """Values (..., r) at times (...) s of a path interpolate_keys `keys` (q, r) at `times` (q,) s, smooth
     (the fifth degree, with neither speed nor acceleration at the keys); still before and after."""
     t = np.clip(time, times[0], times[-1])
     i = np.clip(np.searchsorted(times, t, "right") - 1, 0, max(len(times) - 2, 0))
@@ -65,7 +131,7 @@ def through(times: Float, keys: Float, time: float | Float) -> Float:
 
 @dataclass(frozen=True)
 class Motion:
-    """Goes through the levels `keys` (q, r) of the ramps at `times` (q,) s, as `through` does."""
+    """Goes interpolate_keys the levels `keys` (q, r) of the ramps at `times` (q,) s, as `interpolate_keys` does."""
 
     ramps: tuple[Ramp, ...]
     times: Float
@@ -93,7 +159,7 @@ class Motion:
 
     def levels(self, time: float | Float) -> Float:
         """Of the ramps (..., r) at times (...) s."""
-        return through(self.times, self.keys, time)
+        return interpolate_keys(self.times, self.keys, time)
 
     def weights(self, time: float | Float) -> Float:
         """Of the states (..., s) at times (...) s: of a mixture of poses, the sum of theirs."""
@@ -104,7 +170,9 @@ class Motion:
         return out
 
 
-def scripted(ramps: Sequence[Ramp], script: Sequence[tuple[float, Mapping[str, float]]]) -> Motion:
+def script_motion(
+    ramps: Sequence[Ramp], script: Sequence[tuple[float, Mapping[str, float]]]
+) -> Motion:
     """Through levels of poses by name at times, s: [(1.0, {"bend": 0.5}), (2.0, {}), ...]. Raises
     CaptureError for a pose without a ramp."""
     names = [r.name for r in ramps]
@@ -123,7 +191,7 @@ def scripted(ramps: Sequence[Ramp], script: Sequence[tuple[float, Mapping[str, f
     return Motion(tuple(ramps), np.array([t for t, _ in script], float), keys)
 
 
-def wander(
+def draw_motion(
     ramps: Sequence[Ramp],
     duration: float,
     rng: np.random.Generator,
@@ -131,7 +199,7 @@ def wander(
     pause: float = 0.4,
     mixed: float = 0.3,
 ) -> Motion:
-    """A motion of at least so many s: through all poses in turns, each to a random level, a part
+    """A motion of at least so many s: interpolate_keys all poses in turns, each to a random level, a part
     `mixed` of them with another pose, or back to rest; `pace` s on the way, `pause` s there."""
     count, time = len(ramps), pause
     times, keys = [0.0, pause], [np.zeros(count), np.zeros(count)]
@@ -164,15 +232,15 @@ class Sway:
     frequencies: Float
     phases: Float
 
-    def at(self, time: float) -> Rigid:
+    def at(self, time: float) -> RigidMotion:
         """How it holds the device at a time, s."""
         waves = self.amplitudes * np.sin(2 * np.pi * self.frequencies * time + self.phases)
         move = waves.sum(0)
         turn = Rotation.from_rotvec(move[3:]).as_matrix()
-        return Rigid(turn, self.about - turn @ self.about + move[:3])
+        return RigidMotion(turn, self.about - turn @ self.about + move[:3])
 
 
-def sway(
+def draw_sway(
     rng: np.random.Generator, about: Float, shift: float = 5.0, degrees: float = 5.0,
     frequency: float = 0.3,
 ) -> Sway:  # fmt: skip

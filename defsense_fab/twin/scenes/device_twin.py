@@ -21,7 +21,7 @@ _ALIKE = 0.5  # least cosine between a patch's normal and that of skin under it
 
 
 @dataclass(frozen=True)
-class Rigid:
+class RigidMotion:
     """x -> `turn` (3, 3) x + `shift` (3,) mm: how the whole device is held."""
 
     turn: Float
@@ -52,7 +52,9 @@ class DeviceTwin:
         if seats:
             self._glue()
 
-    def at(self, weights: Float, held: Rigid | None = None) -> tuple[Surface, tuple[Patch, ...]]:
+    def at(
+        self, weights: Float, held: RigidMotion | None = None
+    ) -> tuple[Surface, tuple[Patch, ...]]:
         """Skin and patches in a mixture (s,) of states, and as the whole is held."""
         vertices = self.rest.vertices + blend(self.fields, weights)
         if held is not None:
@@ -67,7 +69,7 @@ class DeviceTwin:
         return body, tuple(patch.moved(center, axes) for patch, center, axes in moved)
 
     def scene(
-        self, weights: Float, held: Rigid | None = None, around: Scene | None = None
+        self, weights: Float, held: RigidMotion | None = None, around: Scene | None = None
     ) -> Scene:
         """The same with LED, occluders and light of the scene `around`."""
         body, patches = self.at(weights, held)

@@ -1,4 +1,4 @@
-"""A hand's walk through a device's poses, as a guided recording asks for it: rest, the poses in
+"""A hand's plan_walk interpolate_keys a device's poses, as a guided recording asks for it: rest, the poses in
 turns, and free mixtures of them, quickly and slowly, with pauses and a tremor."""
 
 from __future__ import annotations
@@ -10,28 +10,28 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
-from .assumption import assumed
-from .device_motion import through
+from .assumptions import assume
+from .device_motion import interpolate_keys
 
 REST, FREE = "rest", "free"
 #: How far two, and three poses are taken at once.
-TOGETHER = (1.05, 0.75)
-_LEAST = 12.0  # s of a walk
+MIXTURE_LIMITS = (1.05, 0.75)
+_LEAST = 12.0  # s of a plan_walk
 
 
 @dataclass(frozen=True)
 class WalkTraits:
     """How the hand goes."""
 
-    quick: float = assumed(0.25, "hand", "s", "shortest way between two shapes", off=0.25)
-    slow: float = assumed(4.0, "hand", "s", "longest, log-uniform between the two", off=4.0)
-    pause: float = assumed(0.5, "hand", "s", "mean of the pauses, exponential, and half of the"
+    quick: float = assume(0.25, "hand", "s", "shortest way between two shapes", off=0.25)
+    slow: float = assume(4.0, "hand", "s", "longest, log-uniform between the two", off=4.0)
+    pause: float = assume(0.5, "hand", "s", "mean of the pauses, exponential, and half of the"
                            " shapes have none", off=0.5)  # fmt: skip
-    pose: float = assumed(8.0, "hand", "s", "that each pose is shown in a round", off=8.0)
-    rest: float = assumed(5.0, "hand", "s", "of rest at both ends and between rounds", off=5.0)
-    back: float = assumed(0.2, "hand", "1", "share of shapes that go back to rest", off=0.2)
-    furthest: float = assumed(1.05, "hand", "1", "of its amplitude that a pose is taken", off=1.05)
-    tremor: float = assumed(0.01, "tremor", "1", "of the weights, 1 to 9 Hz")
+    pose: float = assume(8.0, "hand", "s", "that each pose is shown in a round", off=8.0)
+    rest: float = assume(5.0, "hand", "s", "of rest at both ends and between rounds", off=5.0)
+    back: float = assume(0.2, "hand", "1", "share of shapes that go back to rest", off=0.2)
+    furthest: float = assume(1.05, "hand", "1", "of its amplitude that a pose is taken", off=1.05)
+    tremor: float = assume(0.01, "tremor", "1", "of the weights, 1 to 9 Hz")
 
 
 @dataclass(frozen=True)
@@ -46,17 +46,17 @@ class Walk:
 
     def __call__(self, time: Float) -> Float:
         """Weights (t, d) at times (t,) s."""
-        levels = through(self.times, self.keys, time)
+        levels = interpolate_keys(self.times, self.keys, time)
         size, frequency, phase = self.waves
         shakes = size * np.sin(2 * np.pi * frequency * time[:, None, None] + phase)
         return np.asarray(levels * (1 + shakes.sum(1)))
 
 
-def walk(
+def plan_walk(
     names: Sequence[str], together: Bool, duration: float, rng: np.random.Generator,
     traits: WalkTraits | None = None, shown: int | None = None,
 ) -> Walk:  # fmt: skip
-    """Of `duration` s through d poses, of which those of `together` (d, d) are mixed; the first
+    """Of `duration` s interpolate_keys d poses, of which those of `together` (d, d) are mixed; the first
     `shown` of them are shown by themselves, too (None: all). Raises CaptureError where it is too
     short."""
     own = traits or WalkTraits()
@@ -147,13 +147,13 @@ class _Hand:
         for k in self._rng.permutation(len(self.at)):
             if len(chosen) < wanted and all(self._together[k, i] for i in chosen):
                 chosen.append(int(k))
-        most = self._traits.furthest if len(chosen) < 2 else TOGETHER[len(chosen) - 2]
+        most = self._traits.furthest if len(chosen) < 2 else MIXTURE_LIMITS[len(chosen) - 2]
         out = np.zeros(len(self.at))
         out[chosen] = self._rng.uniform(0.1, min(most, self._traits.furthest), len(chosen))
         return out
 
     def _between(self, target: Float) -> Float | None:
-        """What to go through where the way there would mix poses that do not go together, or more
+        """What to go interpolate_keys where the way there would mix poses that do not go together, or more
         of them than are solved: what both have of each pose."""
         used = np.flatnonzero((self.at > 0) | (target > 0))
         apart = any(not self._together[i, j] for i in used for j in used if i < j)

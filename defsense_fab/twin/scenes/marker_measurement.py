@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Bool, Float
-from .assumption import assumed
+from .assumptions import assume
 
 _CERTAIN = 1e-3  # mm, stated where there is no noise
 
@@ -16,16 +16,16 @@ _CERTAIN = 1e-3  # mm, stated where there is no noise
 class MarkerTraits:
     """Two cameras that look along the body's shortest side."""
 
-    rate: float = assumed(30.0, "cameras", "Hz", "pictures", off=30.0)
-    in_plane: float = assumed(0.08, "marker-noise", "mm", "standard deviation across the view")
-    depth: float = assumed(0.2, "marker-noise", "mm", "along the view; both are stated")
-    hidden: float = assumed(0.05, "gaps", "1", "share of the time that a marker is not seen")
-    gap: float = assumed(0.7, "gaps", "s", "mean length of a gap, exponential", off=0.7)
-    wrong: float = assumed(0.0, "wrong-markers", "1", "share of places that are wrong, unstated")
-    wrong_by: float = assumed(5.0, "wrong-markers", "mm", "by so much, along each axis", off=5.0)
+    rate: float = assume(30.0, "cameras", "Hz", "pictures", off=30.0)
+    in_plane: float = assume(0.08, "marker-noise", "mm", "standard deviation across the view")
+    depth: float = assume(0.2, "marker-noise", "mm", "along the view; both are stated")
+    hidden: float = assume(0.05, "gaps", "1", "share of the time that a marker is not seen")
+    gap: float = assume(0.7, "gaps", "s", "mean length of a gap, exponential", off=0.7)
+    wrong: float = assume(0.0, "wrong-markers", "1", "share of places that are wrong, unstated")
+    wrong_by: float = assume(5.0, "wrong-markers", "mm", "by so much, along each axis", off=5.0)
 
 
-def measured(
+def measure_markers(
     time: Float, points: Float, depth_axis: int, traits: MarkerTraits, rng: np.random.Generator
 ) -> tuple[Float, Float]:
     """Places and standard deviations (t, m, 3) mm, NaN where a marker is not seen, of `points`

@@ -77,7 +77,7 @@ class Patch:
         corner, in the world (..., 3) mm."""
         rows, columns = self.pattern.shape
         flat = (cells - np.array([columns / 2, rows / 2])) * [self.cell, -self.cell]
-        flat = np.concatenate([flat, lift(flat, self.curl, self.size)], axis=-1)
+        flat = np.concatenate([flat, curl_height(flat, self.curl, self.size)], axis=-1)
         return np.asarray(self.center + flat @ self.axes.T)
 
     def moved(self, center: Float, axes: Float) -> Patch:
@@ -85,7 +85,7 @@ class Patch:
         return Patch(self.number, self.pattern, center, axes, self.size, self.margin, self.curl)
 
 
-def lift(flat: Float, curl: Float | float, size: Float | float) -> Float:
+def curl_height(flat: Float, curl: Float | float, size: Float | float) -> Float:
     """How far points (..., 2) mm from the middle of a patch of this `size`, mm, with this `curl`,
     1/mm, are above the plane of its corners (..., 1), mm."""
     return np.asarray(curl * (flat[..., :1] ** 2 - np.square(size) / 4) / 2)

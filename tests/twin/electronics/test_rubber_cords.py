@@ -8,15 +8,15 @@ import pytest
 
 from defsense_fab.decoding.past import Past
 from defsense_fab.twin.electronics.rubber_cords import RubberPieces, RubberState, RubberTraits
-from defsense_fab.twin.scenes.assumption import assumptions, without
+from defsense_fab.twin.scenes.assumptions import list_assumptions, disable_traits
 
 RATE = 60.0
-EVERYTHING = {a.trait for a in assumptions(RubberTraits())}
+EVERYTHING = {a.trait for a in list_assumptions(RubberTraits())}
 MEMORY = {"relaxation", "hysteresis", "mullins"}
 
 
 def only(*traits):
-    return without(RubberTraits(), EVERYTHING - set(traits))
+    return disable_traits(RubberTraits(), EVERYTHING - set(traits))
 
 
 def answer(traits, signal, state=None, seed=0):
@@ -133,7 +133,7 @@ def test_drift_temperature_and_ageing_change_the_rest():
 @pytest.mark.parametrize("trait", sorted(EVERYTHING))
 def test_each_trait_does_something_and_can_be_switched_off(trait):
     signal = cycles(0.2, 4.0, 3)
-    whole, without_it = RubberTraits(), without(RubberTraits(), {trait})
+    whole, without_it = RubberTraits(), disable_traits(RubberTraits(), {trait})
 
     def ohm(traits):
         rng = np.random.default_rng(3)
@@ -147,7 +147,7 @@ def test_each_trait_does_something_and_can_be_switched_off(trait):
 
 
 def test_every_number_has_a_source():
-    told = assumptions(RubberTraits())
+    told = list_assumptions(RubberTraits())
     assert len(told) == len(fields(RubberTraits))
     assert all(a.source and a.meaning for a in told)
 

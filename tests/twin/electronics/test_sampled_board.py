@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.sensing.voltage_divider import Dividers
-from defsense_fab.twin.electronics.sampled_board import BoardTraits, Converter
-from defsense_fab.twin.scenes.assumption import without
+from defsense_fab.twin.electronics.readout_board import BoardTraits, Converter
+from defsense_fab.twin.scenes.assumptions import disable_traits
 
 OHM = np.linspace(1000.0, 1400.0, 4000)[:, None]
 
@@ -32,6 +32,6 @@ def test_steps_are_those_of_the_divider():
 
 
 def test_without_steps():
-    fine = without(BoardTraits(), {"quantisation"})
+    fine = disable_traits(BoardTraits(), {"quantisation"})
     assert read(fine) == pytest.approx(OHM, rel=1e-6)
     assert converter(fine).averages == 1

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tags.tag_detection import Detector
-from defsense_fab.capture.tags.tag_dictionary import dictionary
+from defsense_fab.capture.tags.detection import Detector
+from defsense_fab.capture.tags.tag_patterns import dictionary
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.twin.filming.camera_kinds import KINDS
-from defsense_fab.twin.filming.exposure import exposed
-from defsense_fab.twin.filming.image_processing import ImageProcessing
-from defsense_fab.twin.filming.renderer import Optics, Renderer
-from defsense_fab.twin.scenes.printed import printed
+from defsense_fab.twin.filming.camera_kinds import CAMERA_KINDS, print_patch
+from defsense_fab.twin.filming.camera_optics import ImageProcessing, Optics
+from defsense_fab.twin.filming.exposure import expose
+from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Backdrop, Patch, Scene
 from tests.conftest import box_surface
 from tests.errors import raises
@@ -89,7 +88,7 @@ def test_a_rolling_shutter_sees_what_moves_where_its_row_was_read():
         return Scene((seat(speed * t, high), seat(speed * t, low)), body=body)
 
     optics = Optics(exposure=0.0, rolling=0.02)
-    middle, instants = exposed(scene_at, VIEW, 0.0, optics)
+    middle, instants = expose(scene_at, VIEW, 0.0, optics)
     assert not instants
     for patch, z in zip(middle.patches, (high, low), strict=True):
         row = VIEW.project(np.array([[0.0, 0, z]]))[0, 1]
@@ -102,12 +101,12 @@ def test_a_rolling_shutter_sees_what_moves_where_its_row_was_read():
     assert shift[top].max() < 0 < shift[~top].min()
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", CAMERA_KINDS)
 def test_tags_are_found_before_each_kind_of_camera(name):
-    kind = KINDS[name]
+    kind = CAMERA_KINDS[name]
     places = [(x, z) for x in (-45.0, 0.0, 45.0) for z in (-25.0, 25.0)]
     patches = tuple(
-        printed(
+        print_patch(
             Patch(k, FAMILY.pattern(k), np.array([x, 0.0, z]), UPRIGHT, 20.0), kind.ink, kind.curl
         )
         for k, (x, z) in enumerate(places)

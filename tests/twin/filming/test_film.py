@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import CaptureError, StorageError
-from defsense_fab.twin.filming.exposure import exposed
-from defsense_fab.twin.filming.film import Shutter, film, load_truth
-from defsense_fab.twin.filming.live_camera import LiveCamera
-from defsense_fab.twin.filming.renderer import Optics, Renderer
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.cameras import LiveCamera
+from defsense_fab.twin.filming.exposure import expose
+from defsense_fab.twin.filming.film import Shutter, record_film, load_truth
+from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Led, Patch, Scene
 from tests.errors import raises
 from tests.twin.views import camera, tag, turn
@@ -35,14 +36,16 @@ def frames(path):
 
 def test_a_film_keeps_every_grey_level_and_tells_the_truth(tmp_path):
     path = tmp_path / "left.mkv"
-    truth = film(path, VIEW, scene_at, 1.0, Shutter(20.0), Optics(), np.random.default_rng(3))
+    truth = record_film(
+        path, VIEW, scene_at, 1.0, Shutter(20.0), Optics(), np.random.default_rng(3)
+    )
     rng = np.random.default_rng(3)
     Shutter(20.0).schedule(1.0, rng)
     renderer = Renderer(VIEW, Optics(), rng)
     shown = frames(path)
     assert len(shown) == 20 == len(truth.time)
     for k, image in enumerate(shown):
-        exact = renderer.shoot(*exposed(scene_at, VIEW, k / 20, Optics())).image
+        exact = renderer.shoot(*expose(scene_at, VIEW, k / 20, Optics())).image
         assert (image == exact[:, :, None]).all()
     patch = scene_at(0.35).patches[0]
     assert truth.centers[7, 0] == pytest.approx(patch.center)
@@ -75,7 +78,7 @@ def test_frames_are_dropped_repeated_and_late():
 def test_repeated_frames_are_the_same(tmp_path):
     shutter = Shutter(20.0, repeated=0.5)
     rng = np.random.default_rng(1)
-    truth = film(tmp_path / "a.mkv", VIEW, scene_at, 0.5, shutter, Optics(), rng)
+    truth = record_film(tmp_path / "a.mkv", VIEW, scene_at, 0.5, shutter, Optics(), rng)
     shown = frames(tmp_path / "a.mkv")
     same = (shown[1:] == shown[:-1]).all((1, 2, 3))
     assert (same == truth.repeats[1:]).all()
@@ -83,9 +86,9 @@ def test_repeated_frames_are_the_same(tmp_path):
 
 
 def test_only_what_moves_is_smeared():
-    assert exposed(scene_at, VIEW, 0.2, Optics(exposure=0.01))[1]
-    assert not exposed(lambda t: scene_at(t, speed=0.0), VIEW, 0.2, Optics(exposure=0.01))[1]
-    assert not exposed(scene_at, VIEW, 0.2, Optics(exposure=0.0))[1]
+    assert expose(scene_at, VIEW, 0.2, Optics(exposure=0.01))[1]
+    assert not expose(lambda t: scene_at(t, speed=0.0), VIEW, 0.2, Optics(exposure=0.01))[1]
+    assert not expose(scene_at, VIEW, 0.2, Optics(exposure=0.0))[1]
 
 
 def test_instants_follow_the_motion():
@@ -93,7 +96,7 @@ def test_instants_follow_the_motion():
         axes = UPRIGHT @ turn(z=9.0 * t)
         return Scene((Patch(4, tag(), np.array([900 * t * t, 0, 5 * t]), axes, 30.0),))
 
-    middle, instants = exposed(spinning, VIEW, 0.2, Optics(exposure=0.02))
+    middle, instants = expose(spinning, VIEW, 0.2, Optics(exposure=0.02))
     assert (middle.patches[0].center == spinning(0.2).patches[0].center).all()
     places = np.array([s.patches[0].center for s in instants])
     assert 3 <= len(instants) <= 13
@@ -110,11 +113,11 @@ def test_instants_follow_the_motion():
 def test_films_that_cannot_be(tmp_path):
     rng = np.random.default_rng(0)
     with raises(CaptureError, "unknown-codec", codec="H264"):
-        film(tmp_path / "a.mkv", VIEW, scene_at, 0.1, Shutter(), Optics(), rng, codec="H264")
+        record_film(tmp_path / "a.mkv", VIEW, scene_at, 0.1, Shutter(), Optics(), rng, codec="H264")
     with raises(CaptureError, "no-frames"):
-        film(tmp_path / "a.mkv", VIEW, scene_at, 0.0, Shutter(), Optics(), rng)
+        record_film(tmp_path / "a.mkv", VIEW, scene_at, 0.0, Shutter(), Optics(), rng)
     with raises(StorageError, "file-not-writable"):
-        film(tmp_path / "none" / "a.mkv", VIEW, scene_at, 0.1, Shutter(), Optics(), rng)
+        record_film(tmp_path / "none" / "a.mkv", VIEW, scene_at, 0.1, Shutter(), Optics(), rng)
     (tmp_path / "b.npz").write_text("nothing")
     with raises(StorageError, "file-unreadable"):
         load_truth(tmp_path / "b.npz")

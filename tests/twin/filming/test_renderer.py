@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.twin.filming.renderer import Optics, Renderer, render
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.renderer import Renderer, render
 from defsense_fab.twin.scenes.scene import Backdrop, Patch, Scene
 from tests.errors import raises
 from tests.twin.views import camera, tag, turn

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.twin.filming.renderer import Optics, Renderer
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Ball, Ellipse, Led, Patch, Scene
 from tests.conftest import box_surface
 from tests.errors import raises

@@ -7,8 +7,14 @@ from hypothesis import strategies as st
 
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.core.mesh import Surface
-from defsense_fab.twin.scenes.device_motion import Motion, Ramp, scripted, sway, wander
-from defsense_fab.twin.scenes.device_twin import DeviceTwin, Rigid, blend
+from defsense_fab.twin.scenes.device_motion import (
+    Motion,
+    Ramp,
+    script_motion,
+    draw_sway,
+    draw_motion,
+)
+from defsense_fab.twin.scenes.device_twin import DeviceTwin, RigidMotion, blend
 from defsense_fab.twin.scenes.scene import Ball, Patch, Scene
 from tests.errors import raises
 from tests.twin.views import tag, turn
@@ -76,7 +82,7 @@ def test_patches_bend_with_the_bar():
 @settings(max_examples=10, deadline=None)
 @given(*[st.floats(-3, 3)] * 3, *[st.floats(-200, 200)] * 3)
 def test_a_rigid_motion_moves_patches_rigidly(a, b, c, x, y, z):
-    held = Rigid(turn(a, b, c), np.array([x, y, z]))
+    held = RigidMotion(turn(a, b, c), np.array([x, y, z]))
     field = BAR.vertices @ held.turn.T + held.shift - BAR.vertices
     as_state = DeviceTwin(BAR, field[None], SEATS).at(np.ones(1))
     as_held = TWIN.at(np.zeros(6), held)
@@ -114,7 +120,7 @@ def test_a_ramp_goes_through_its_states():
 
 
 def test_a_motion_is_smooth_and_comes_past_every_pose():
-    motion = wander(RAMPS, 20.0, np.random.default_rng(2))
+    motion = draw_motion(RAMPS, 20.0, np.random.default_rng(2))
     t = np.arange(0, motion.times[-1], 1e-3)
     weights, levels = motion.weights(t), motion.levels(t)
     assert motion.times[-1] >= 20
@@ -125,21 +131,21 @@ def test_a_motion_is_smooth_and_comes_past_every_pose():
     assert (levels.max(0) > 0.5).all()
     assert np.abs(np.diff(weights, n=2, axis=0)).max() < 4e-4  # a kink would be 3e-3
     assert weights[1234] == pytest.approx(motion.weights(float(t[1234])))
-    again = wander(RAMPS, 20.0, np.random.default_rng(2))
+    again = draw_motion(RAMPS, 20.0, np.random.default_rng(2))
     assert (again.keys == motion.keys).all()
 
 
 def test_a_script():
-    motion = scripted(RAMPS, [(0.0, {}), (1.0, {"bend": 1.0}), (2.0, {"twist": 0.5})])
+    motion = script_motion(RAMPS, [(0.0, {}), (1.0, {"bend": 1.0}), (2.0, {"twist": 0.5})])
     assert motion.weights(1.0) == pytest.approx(UNIT[3])
     assert motion.weights(5.0) == pytest.approx(UNIT[4])
     assert motion.weights(-1.0) == pytest.approx(np.zeros(6))
     with raises(CaptureError, "unknown-pose", pose="squeeze"):
-        scripted(RAMPS, [(0.0, {"squeeze": 1.0})])
+        script_motion(RAMPS, [(0.0, {"squeeze": 1.0})])
 
 
 def test_a_hand_is_never_quite_still():
-    hand = sway(np.random.default_rng(0), np.array([50, 0, 0.0]), shift=4.0, degrees=6.0)
+    hand = draw_sway(np.random.default_rng(0), np.array([50, 0, 0.0]), shift=4.0, degrees=6.0)
     at = [hand.at(t) for t in np.arange(0, 20, 0.1)]
     moved = np.array([h.turn @ [50, 0, 0] + h.shift - [50, 0, 0] for h in at])
     assert 1 < np.linalg.norm(moved, axis=1).max() < 4 * 3

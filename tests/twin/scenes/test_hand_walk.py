@@ -1,4 +1,4 @@
-"""The hand's walk through poses: what it shows, how fast, and never what does not go together."""
+"""The hand's plan_walk through poses: what it shows, how fast, and never what does not go together."""
 
 from dataclasses import replace
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.twin.scenes.assumption import without
-from defsense_fab.twin.scenes.hand_walk import FREE, REST, WalkTraits, walk
+from defsense_fab.twin.scenes.assumptions import disable_traits
+from defsense_fab.twin.scenes.hand_walk import FREE, REST, WalkTraits, plan_walk
 from tests.errors import raises
 
 NAMES = ("up", "down", "twist")
@@ -16,7 +16,7 @@ TOGETHER = np.array([[0, 0, 1], [0, 0, 1], [1, 1, 0]], bool)
 
 def made(seed=0, seconds=120.0, traits=None, **options):
     rng = np.random.default_rng(seed)
-    return walk(NAMES, TOGETHER, seconds, rng, traits, **options)
+    return plan_walk(NAMES, TOGETHER, seconds, rng, traits, **options)
 
 
 def test_rests_poses_and_mixtures_by_turns():
@@ -45,7 +45,7 @@ def test_what_does_not_go_together_is_never_mixed():
 
 
 def test_quick_and_slow():
-    path = made(seconds=600.0, traits=without(WalkTraits(), {"tremor"}))
+    path = made(seconds=600.0, traits=disable_traits(WalkTraits(), {"tremor"}))
     t = np.arange(0, 600, 0.01)
     speed = np.abs(np.diff(path(t), axis=0)).max(axis=1) / 0.01
     assert 0.2 < (speed == 0).mean() < 0.7
@@ -54,7 +54,7 @@ def test_quick_and_slow():
 
 
 def test_a_hand_trembles_but_not_at_rest():
-    shaking, still = made(), made(traits=without(WalkTraits(), {"tremor"}))
+    shaking, still = made(), made(traits=disable_traits(WalkTraits(), {"tremor"}))
     t = np.arange(0, 120, 0.01)
     assert shaking.keys == pytest.approx(still.keys)
     off = shaking(t) - still(t)

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.twin.scenes.assumption import without
-from defsense_fab.twin.scenes.marker_measurement import MarkerTraits, measured
+from defsense_fab.twin.scenes.assumptions import disable_traits
+from defsense_fab.twin.scenes.marker_measurement import MarkerTraits, measure_markers
 
 TIME = np.arange(0, 200, 1 / 30)
 POINTS = np.broadcast_to(np.arange(24.0).reshape(8, 3), (len(TIME), 8, 3))
 
 
 def seen(traits, seed=0):
-    return measured(TIME, POINTS, 2, traits, np.random.default_rng(seed))
+    return measure_markers(TIME, POINTS, 2, traits, np.random.default_rng(seed))
 
 
 def test_noise_is_as_it_is_stated():
@@ -32,10 +32,10 @@ def test_gaps_are_blocks_of_the_share():
 
 
 def test_what_is_switched_off_is_off():
-    exact, sigma = seen(without(MarkerTraits(), {"marker-noise", "gaps"}))
+    exact, sigma = seen(disable_traits(MarkerTraits(), {"marker-noise", "gaps"}))
     assert exact == pytest.approx(POINTS, abs=0)
     assert (sigma > 0).all()
-    noisy = seen(without(MarkerTraits(), {"gaps"}))[0]
+    noisy = seen(disable_traits(MarkerTraits(), {"gaps"}))[0]
     with_gaps = seen(MarkerTraits())[0]
     known = np.isfinite(with_gaps)
     assert np.array_equal(noisy[known], with_gaps[known])  # what one draws leaves the other as is

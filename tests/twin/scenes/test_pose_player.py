@@ -8,13 +8,10 @@ import pytest
 from defsense_fab.capture.readout.ports import open_port
 from defsense_fab.capture.readout.reader import Reader, Settings
 from defsense_fab.sensing.response import Response
-from defsense_fab.twin.electronics.cord_twin import CordTraits
-from defsense_fab.twin.electronics.device_cords import DeviceCords
-from defsense_fab.twin.electronics.pseudo_terminal import PseudoTerminal
-from defsense_fab.twin.electronics.readout_twin import ReadoutTwin
-from defsense_fab.twin.electronics.socket_line import SocketLine
-from defsense_fab.twin.scenes.device_motion import Ramp
-from defsense_fab.twin.scenes.pose_player import PosePlayer
+from defsense_fab.twin.electronics.cords import CordTraits, DeviceCords
+from defsense_fab.twin.electronics.readout_board import ReadoutTwin
+from defsense_fab.twin.electronics.virtual_port import PseudoTerminal, SocketPort
+from defsense_fab.twin.scenes.device_motion import PosePlayer, Ramp
 
 RAMPS = [
     Ramp("bend", np.array([0.5, 1.0]), np.array([0, 1])),
@@ -50,7 +47,7 @@ def test_cords_follow_the_device_in_time():
     assert cords.now == pytest.approx(3)
 
 
-@pytest.mark.parametrize("kind", [PseudoTerminal, SocketLine])
+@pytest.mark.parametrize("kind", [PseudoTerminal, SocketPort])
 def test_a_board_on_a_line_is_read_as_on_a_port(kind):
     cords = DeviceCords(
         ("a", "b"), np.array([100.0, 80.0]), lambda s: np.zeros(2), QUIET, np.random.default_rng(0)

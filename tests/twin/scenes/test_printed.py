@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.twin.filming.renderer import Optics, Renderer
-from defsense_fab.twin.scenes.passing_hand import passing_hand
-from defsense_fab.twin.scenes.printed import printed
+from defsense_fab.twin.filming.camera_kinds import simulate_passing_finger, print_patch
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Patch, Scene
 from tests.errors import raises
 from tests.twin.views import camera, tag
@@ -16,7 +16,7 @@ FLAT = Patch(7, tag(), np.zeros(3), UPRIGHT, 30.0)
 
 
 def test_spread_ink_is_wider_by_what_was_told():
-    inked = printed(FLAT, 0.2, 0.0)
+    inked = print_patch(FLAT, 0.2, 0.0)
     assert inked.size == pytest.approx(30.4)
     widened = inked.corners - FLAT.corners
     assert np.abs(widened @ UPRIGHT[:, :2]) == pytest.approx(np.full((4, 2), 0.2))
@@ -32,11 +32,11 @@ def test_spread_ink_is_wider_by_what_was_told():
     scale = np.linalg.norm(pictures[0].corners[0, 1] - pictures[0].corners[0, 0]) / 30
     assert lost == pytest.approx(edges * FLAT.cell * 0.2 * scale**2, rel=0.1)
     with raises(CaptureError, "ink-too-wide"):
-        printed(FLAT, 6.0, 0.0)
+        print_patch(FLAT, 6.0, 0.0)
 
 
 def test_curled_paper_keeps_its_corners_and_bows_between_them():
-    curled = printed(FLAT, 0.0, 0.004)
+    curled = print_patch(FLAT, 0.0, 0.004)
     assert curled.corners == pytest.approx(FLAT.corners)
     n = FLAT.pattern.shape[0]
     top = np.array([[n / 2, 0.0]])
@@ -52,7 +52,7 @@ def test_curled_paper_keeps_its_corners_and_bows_between_them():
 def test_a_hand_passes_before_the_body_now_and_then():
     bounds = np.array([[0.0, -15, -15], [150, 15, 15]])
     towards = np.array([0.6, 0.0, 0.8])
-    passing = passing_hand(np.random.default_rng(1), bounds, towards)
+    passing = simulate_passing_finger(np.random.default_rng(1), bounds, towards)
     times = np.arange(0, 60, 0.05)
     there = np.array([bool(passing(t)) for t in times])
     assert 0.1 < there.mean() < 0.3
@@ -66,5 +66,5 @@ def test_a_hand_passes_before_the_body_now_and_then():
 
 def test_before_the_beginning_no_hand_is_there():
     bounds = np.array([[-10.0, -10, -10], [10, 10, 10]])
-    passing = passing_hand(np.random.default_rng(1), bounds, np.array([0.0, 0, 1]))
+    passing = simulate_passing_finger(np.random.default_rng(1), bounds, np.array([0.0, 0, 1]))
     assert passing(-0.01) == passing(0.0) == ()

@@ -1,7 +1,7 @@
 """What a twin takes for granted: each number beside its unit, its meaning and where it is from.
 
-A record's fields are made by `assumed`. Each belongs to a *trait*, by whose name all its numbers
-are set to what they are without it (`without`).
+A record's fields are made by `assume`. Each belongs to a *trait*, by whose name all its numbers
+are set to what they are disable_traits it (`disable_traits`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Assumption:
     source: str
 
 
-def assumed(
+def assume(
     default: Any, trait: str, unit: str, meaning: str, source: str = ASSUMED, *, off: Any = 0.0
 ) -> Any:
     """A dataclass's field; `off` is its value where the trait is switched off."""
@@ -35,7 +35,7 @@ def assumed(
     return field(default=default, metadata=told)
 
 
-def assumptions(record: Any) -> list[Assumption]:
+def list_assumptions(record: Any) -> list[Assumption]:
     """Those of a record, in the order of its fields."""
     return [
         Assumption(
@@ -47,7 +47,7 @@ def assumptions(record: Any) -> list[Assumption]:
     ]  # fmt: skip
 
 
-def without(record: T, traits: Collection[str]) -> T:
+def disable_traits(record: T, traits: Collection[str]) -> T:
     """The record with these traits switched off; names of none of its own are left aside."""
     off = {
         f.name: f.metadata["off"]

@@ -11,12 +11,12 @@ import numpy as np
 from ...core.arrays import Float
 
 CUT, SHORT, STUCK, SWAP = "cut", "short", "stuck", "swap"
-KINDS = (CUT, SHORT, STUCK, SWAP)
+FAULT_KINDS = (CUT, SHORT, STUCK, SWAP)
 _OPEN, _CLOSED = 1e9, 1e-3  # ohm
 
 
 @dataclass(frozen=True)
-class PlayedFault:
+class CordFault:
     """What happens to `channels` (by index: two that are swapped, else one) from `begin` to `end`,
     s. What is stuck stays at what it was."""
 
@@ -26,12 +26,12 @@ class PlayedFault:
     end: float = np.inf
 
 
-class PlayedCords:
+class ReplayedCords:
     """Resistances `ohm` (n, c) at times (n,) s from 0 on, linear between."""
 
     def __init__(
         self, channels: tuple[str, ...], time: Float, ohm: Float,
-        faults: tuple[PlayedFault, ...] = (),
+        faults: tuple[CordFault, ...] = (),
     ) -> None:  # fmt: skip
         self.channels = channels
         self.rest = ohm[: max(len(ohm) // 200, 1)].mean(axis=0)
@@ -41,14 +41,14 @@ class PlayedCords:
         self._faults = list(faults)
 
     @property
-    def cords(self) -> PlayedCords:
+    def cords(self) -> ReplayedCords:
         """As a specimen has them."""
         return self
 
     def fail(self, kind: str, channels: tuple[int, ...], seconds: float = np.inf) -> None:
         """From now on, for so many s."""
         with self._lock:
-            self._faults.append(PlayedFault(kind, channels, self.now, self.now + seconds))
+            self._faults.append(CordFault(kind, channels, self.now, self.now + seconds))
 
     def mend(self) -> None:
         """Everything, now."""

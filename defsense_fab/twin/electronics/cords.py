@@ -8,12 +8,83 @@ release a cord reads too high, too. g is the piece's own gain.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.curves.bending import bent_strain
 from ...sensing.response import Response
+
+# The cords of a device that moves, as the read-out board's twin reads them.
+
+_READ = 1e-3  # of a step: the reading itself
+
+
+class DeviceCords:
+    """c cords whose signals, (R - R0)/R0 of an ideal cord, are `signals_at` (c,) a time, s: they
+    answer late, and with noise, as the `traits` say."""
+
+    def __init__(
+        self, channels: tuple[str, ...], lengths: Float, signals_at: Callable[[float], Float],
+        traits: CordTraits, rng: np.random.Generator,
+    ) -> None:  # fmt: skip
+        self.channels = channels
+        self._signals_at = signals_at
+        # What bends them is the ideal signal itself: the response is in it already.
+        self._cords = CordTwins(replace(traits, response=Response.line(1.0)), lengths, rng)
+        self.rest = self._cords.rest
+        self.now = 0.0
+
+    @property
+    def cords(self) -> DeviceCords:
+        """As a specimen has them."""
+        return self
+
+    def hold(self, duration: float, rate: float) -> tuple[Float, Float]:
+        """Go on for `duration` s and read at `rate` Hz: times (t,) s, resistances (t, c) ohm."""
+        count = max(round(duration * rate), 1)
+        step = duration / count
+        rows = []
+        for _ in range(count):
+            self.now += step
+            self._cords.bend(self._signals_at(self.now), step * (1 - _READ))
+            rows.append(self._cords.hold(step * _READ, 1 / (step * _READ))[1][0])
+        return np.asarray(step * np.arange(1, count + 1), float), np.array(rows)
+
+
+# A bending specimen with three cords, and whole calibration sessions on it.
+
+
+class SpecimenTwin:
+    """A specimen of the cords bottom, neutral and top (in this order), `offset` mm from the faces
+    of a bar of this `length` and `thickness`, mm, that can be laid on jigs."""
+
+    channels = ("bottom", "neutral", "top")
+
+    def __init__(
+        self,
+        traits: CordTraits,
+        rng: np.random.Generator,
+        length: float = 150.0,
+        thickness: float = 15.0,
+        offset: float = 2.0,
+        misplaced: float = 0.0,
+    ) -> None:
+        """`misplaced` mm is the standard deviation of the cords' heights."""
+        self._thickness = thickness
+        self._heights = np.array([offset, thickness / 2, thickness - offset])
+        self._heights += misplaced * rng.normal(size=3)
+        self.cords = CordTwins(traits, np.full(3, length + 20.0), rng)
+
+    def lay(self, radius: float | None, face: str = "a") -> None:
+        """On the jig of this surface radius, mm, or the flat one (None), with the bottom down
+        (face a) or the top (face b)."""
+        heights = self._heights if face == "a" else self._thickness - self._heights
+        strain = [0.0 if radius is None else bent_strain(radius, z, self._thickness)
+                  for z in heights]  # fmt: skip
+        self.cords.bend(np.array(strain))
 
 
 @dataclass(frozen=True)
