@@ -15,12 +15,11 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
-from ...core.camera import Camera, distort
-from ...core.curves.rotation_vectors import cross_matrices
+from ...core.camera import Camera, cross_matrices, distort
 from ...core.errors import CaptureError
-from ..tags.board_detection import BoardView
-from ..tags.charuco_board import CharucoBoard
-from .board_pose import board_pose
+from ..tags.detection import BoardView
+from ..tags.tag_patterns import CharucoBoard
+from .intrinsics import board_pose
 
 LEAST_VIEWS = 4
 _NOISE = 0.1  # px: what corners are worth against the intrinsics' own uncertainty

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ..tags.board_detection import BoardView
-from ..tags.charuco_board import CharucoBoard
+from ..tags.detection import BoardView
+from ..tags.tag_patterns import CharucoBoard
 
 #: px that corners may move from frame to frame, for a view that counts as still.
 STILL = 0.6

@@ -12,12 +12,11 @@ import numpy as np
 
 from ...core.errors import CaptureError
 from ...core.machine.optional_libraries import optional
+from ...core.markers import Tracks
 from ...core.storage.files import replacing
-from ...core.tracks import Tracks
 from .c3d import read_c3d, write_c3d
-from .even_frames import WrittenFrames, frame_grid, on_even_frames
-from .size_limit import check_size
-from .tracks_csv import COLUMNS, from_rows, read_tracks, to_rows, write_tracks
+from .track_conversion import WrittenFrames, frame_grid, on_even_frames
+from .tracks_csv import COLUMNS, check_size, from_rows, read_tracks, to_rows, write_tracks
 from .trc import read_trc, write_trc
 
 _ARRAYS = {"time": float, "ids": np.int64, "points": float, "sigma": float, "frame": np.int64}

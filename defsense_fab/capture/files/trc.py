@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import CaptureError
+from ...core.markers import Tracks
 from ...core.storage.files import replacing
-from ...core.tracks import Tracks
-from .even_frames import frame_grid
-from .marker_labels import Labelled, labels_of, numbers_of
-from .size_limit import CELL, check_size
+from .track_conversion import Labelled, frame_grid, labels_of, numbers_of
+from .tracks_csv import CELL, check_size
 
 _MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 _NAMES = (

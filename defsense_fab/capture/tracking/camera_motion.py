@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.camera import Camera
-from ...core.curves.rotation_vectors import rotations
+from ...core.camera import Camera, rotations
 from .pose_equations import PRIOR, PoseEquations, SharedViews, pose_equations
 
 _MOVES = 6  # that are looked for, at most

@@ -13,9 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ...core.camera import Camera
-from ...core.curves.rotation_vectors import cross_matrices, rotations
-from .single_camera import square
+from ...core.camera import Camera, cross_matrices, rotations
+from .reconstruction import square
 
 _STEPS = 6  # of Gauss and Newton for the tags' poses
 _FLOOR = 0.05  # px, standard deviation of a corner at least

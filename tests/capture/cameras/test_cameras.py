@@ -10,13 +10,14 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.capture.cameras.extrinsics import _Problem, estimate_extrinsics
 from defsense_fab.capture.cameras.intrinsics import calibrate
 from defsense_fab.capture.cameras.rig_check import check_rig
-from defsense_fab.capture.cameras.rig_diagnosis import Cause, diagnose
+from defsense_fab.capture.cameras.rig_check import Cause, diagnose
 from defsense_fab.capture.cameras.view_selection import choose, coverage, descriptor, motion
-from defsense_fab.capture.tags.board_detection import BoardFinder, BoardView
-from defsense_fab.capture.tags.charuco_board import CharucoBoard, load_board, save_board
+from defsense_fab.capture.tags.detection import BoardFinder, BoardView
+from defsense_fab.capture.tags.tag_patterns import CharucoBoard, load_board, save_board
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.twin.filming.renderer import Optics, render
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.renderer import render
 from defsense_fab.twin.scenes.scene import Patch, Scene
 from tests.capture.rigs import rig
 from tests.errors import raises

@@ -11,13 +11,14 @@ from defsense_fab.capture.cameras.extrinsics import estimate_extrinsics
 from defsense_fab.capture.cameras.intrinsics import calibrate
 from defsense_fab.capture.cameras.rig_check import check_rig
 from defsense_fab.capture.cameras.rig_file import read_rig, write_rig
-from defsense_fab.capture.tags.board_detection import BoardView
-from defsense_fab.capture.tags.charuco_board import CharucoBoard
-from defsense_fab.capture.tags.tag_detection import Detector
-from defsense_fab.capture.tags.tag_dictionary import dictionary
+from defsense_fab.capture.tags.detection import BoardView
+from defsense_fab.capture.tags.tag_patterns import CharucoBoard
+from defsense_fab.capture.tags.detection import Detector
+from defsense_fab.capture.tags.tag_patterns import dictionary
 from defsense_fab.core.camera import Camera, distort
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.twin.filming.renderer import Optics, Renderer
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Patch, Scene
 from tests.twin.views import turn
 

@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from defsense_fab.capture.cameras import webcam as webcams
-from defsense_fab.capture.cameras.webcam import Webcam
+from defsense_fab.capture.cameras import image_sources as webcams
+from defsense_fab.capture.cameras.image_sources import Webcam
 from defsense_fab.core.errors import CaptureError
 from tests.errors import raises
 

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from defsense_fab.capture.files.c3d import read_c3d, write_c3d
 from defsense_fab.capture.files.formats import read_any, write_any
-from defsense_fab.capture.files.marker_labels import numbers_of
+from defsense_fab.capture.files.track_conversion import numbers_of
 from defsense_fab.capture.files.trc import read_trc
 from defsense_fab.core.errors import CaptureError, StorageError
-from defsense_fab.core.tracks import Tracks
+from defsense_fab.core.markers import Tracks
 from tests.errors import raises
 from tests.places import VICON
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from defsense_fab.capture.files.tracks_csv import read_tracks, write_tracks
 from defsense_fab.core.errors import CaptureError, StorageError
-from defsense_fab.core.tracks import Tracks
+from defsense_fab.core.markers import Tracks
 from tests.errors import raises
 
 HEADER = "frame,time,id,x,y,z,sx,sy,sz"

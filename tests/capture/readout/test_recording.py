@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.readout.recording import Recorder, has_frames, read_recording
-from defsense_fab.capture.readout.replay import Replay
+from defsense_fab.capture.readout.recording import Replay
 from defsense_fab.capture.readout.source import Event, RecordingEnd, StampedSample
 from defsense_fab.core.errors import CaptureError, StorageError
 from defsense_fab.sensing.serial_frames import NOT_READ, Sample

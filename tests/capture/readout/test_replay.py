@@ -6,7 +6,7 @@ import time
 from itertools import pairwise
 
 from defsense_fab.capture.readout.recording import Recorder
-from defsense_fab.capture.readout.replay import Replay
+from defsense_fab.capture.readout.recording import Replay
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.sensing.serial_frames import Sample
 

@@ -7,11 +7,12 @@ from scipy.special import ndtr
 from benchmarks.pictures import CONDITIONS, measure
 from defsense_fab.capture.tags.edge_fit import refine
 from defsense_fab.capture.tags.edge_line import FREE, _converge
-from defsense_fab.capture.tags.tag_detection import Detector
-from defsense_fab.capture.tags.tag_dictionary import dictionary
+from defsense_fab.capture.tags.detection import Detector
+from defsense_fab.capture.tags.tag_patterns import dictionary
 from defsense_fab.core.camera import Camera
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.twin.filming.renderer import Optics, Renderer
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Backdrop, Ellipse, Patch, Scene
 from tests.errors import raises
 from tests.twin.views import STRONG, turn

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from defsense_fab.capture.tags.tag_detection import Detector
-from defsense_fab.capture.tags.tag_dictionary import dictionary
-from defsense_fab.capture.tags.tag_follower import TagFollower
-from defsense_fab.twin.filming.renderer import Optics, Renderer
+from defsense_fab.capture.tags.detection import Detector
+from defsense_fab.capture.tags.tag_patterns import dictionary
+from defsense_fab.capture.tags.detection import TagFollower
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.renderer import Renderer
 from defsense_fab.twin.scenes.scene import Patch, Scene
 from tests.twin.views import camera
 

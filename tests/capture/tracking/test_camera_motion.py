@@ -11,7 +11,7 @@ from defsense_fab.capture.tracking.camera_motion import (
     which_moved,
 )
 from defsense_fab.capture.tracking.pose_equations import shared_views
-from defsense_fab.core.curves.rotation_vectors import rotations
+from defsense_fab.core.camera import rotations
 from tests.capture.rigs import flat, rig, spread, tags
 
 SIDE, TAGS, FRAMES, NOISE = 15.0, 6, 150, 0.03

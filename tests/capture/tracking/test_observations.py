@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tags.tag_detection import TagView
-from defsense_fab.capture.tracking.camera_offset import find_offset
+from defsense_fab.capture.tags.detection import TagView
+from defsense_fab.capture.tracking.camera_clocks import find_offset
 from defsense_fab.capture.tracking.observations import Observations, at
 from tests.capture.rigs import collect, flat, rig, spread, tags
 

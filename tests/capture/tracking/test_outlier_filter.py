@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tracking.outlier_filter import possible
+from defsense_fab.capture.tracking.track_filters import possible
 
 RATE, T = 30.0, 90
 TIME = np.arange(T) / RATE

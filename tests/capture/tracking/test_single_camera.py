@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tracking.single_camera import locate_single, square
+from defsense_fab.capture.tracking.reconstruction import locate_single, square
 from tests.capture.rigs import flat, rig, spread, tags
 from tests.twin.views import turn
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from defsense_fab.capture.tracking.smoothing import smooth
+from defsense_fab.capture.tracking.track_filters import smooth
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.core.tracks import Tracks
+from defsense_fab.core.markers import Tracks
 from tests.errors import raises
 
 

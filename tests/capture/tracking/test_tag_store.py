@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from defsense_fab.capture.tags.tag_detection import TagView
-from defsense_fab.capture.tracking import tag_store
+from defsense_fab.capture.tags.detection import TagView
+from defsense_fab.capture.tracking import observations
 from defsense_fab.capture.tracking.observations import Observations, at, observe
-from defsense_fab.capture.tracking.tag_store import blocks, stored
+from defsense_fab.capture.tracking.observations import blocks, stored
 from tests.capture.rigs import collect
 
 
@@ -23,7 +23,7 @@ def views(frames, rng):
 
 @pytest.mark.parametrize("in_memory", [0, 10**9])
 def test_what_was_added_is_read_in_any_order(tmp_path, monkeypatch, in_memory):
-    monkeypatch.setattr(tag_store, "_IN_MEMORY", in_memory)
+    monkeypatch.setattr(observations, "_IN_MEMORY", in_memory)
     rng = np.random.default_rng(0)
     shown = views(200, rng)
     tags = stored(shown, tmp_path)
@@ -52,7 +52,7 @@ def test_parts_are_what_the_whole_is(monkeypatch):
     shown, time, ids = views(300, rng), np.arange(300) / 30, np.array([5, 0, 3])
     whole = collect(time, shown, ids)
     assert 0.2 < np.isfinite(whole.corners[..., 0, 0]).mean() < 0.6
-    monkeypatch.setattr(tag_store, "_TAGS", 40)
+    monkeypatch.setattr(observations, "_TAGS", 40)
     seen = observe(time, stored(shown), ids)
     frames = np.arange(300)
     for part in (frames, frames[::-7], np.array([4, 4, 80]), frames[:0]):

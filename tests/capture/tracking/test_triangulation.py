@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.tracking.reconstruction import reconstruct
-from defsense_fab.capture.tracking.triangulation import triangulate
+from defsense_fab.capture.tracking.reconstruction import triangulate
 from tests.capture.rigs import flat, rig, spread, tags
 
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
-from .clock_fit import Clocks
-from .frame_times import even_frame_times
+from .clock_fit import Clocks, even_frame_times
 from .led_likelihood import normalise, posterior, shift_of, shifts_alike
 from .led_schedule import PAUSE, check_clock, find_schedule
 from .motion_sync import find_lag

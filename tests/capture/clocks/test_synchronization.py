@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.clocks.clock_fit import Clocks
-from defsense_fab.capture.clocks.frame_times import even_frame_times
+from defsense_fab.capture.clocks.clock_fit import even_frame_times
 from defsense_fab.capture.clocks.led_schedule import LED_PERIOD, find_schedule
-from defsense_fab.capture.clocks.synchronisation import by_led, by_motion
+from defsense_fab.capture.clocks.synchronization import by_led, by_motion
 from defsense_fab.core.errors import CaptureError
 from defsense_fab.sensing.voltage_divider import conversion_time
-from defsense_fab.twin.filming.film import Shutter
+from tests.twin.film import Shutter
 from tests.errors import raises
 
 START, OFFSET, DRIFT = 100.0, 0.05, 1e-4

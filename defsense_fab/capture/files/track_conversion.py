@@ -6,12 +6,71 @@ format they are, all of them get these frames, numbers and rate. Places are neve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.tracks import Tracks
+from ...core.errors import CaptureError
+from ...core.markers import Tracks
+
+# Names of markers in the files of motion-capture systems.
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """Tracks of m markers, and the `labels` (m) that the file has for them."""
+
+    tracks: Tracks
+    labels: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.labels) != len(self.tracks.ids):
+            raise CaptureError(
+                f"{len(self.tracks.ids)} markers cannot have {len(self.labels)} labels",
+                code="labels-differ",
+            )
+
+
+def labels_of(ids: Int) -> list[str]:
+    """The labels that tags (m,) get: `tag_7`."""
+    return [f"tag_{number}" for number in ids.tolist()]
+
+
+def numbers_of(labels: Sequence[str]) -> Int:
+    """Numbers (m,) for labels: the digits at their ends where all have some and no two the same,
+    else 0 to m - 1."""
+    ends = [re.search(r"[0-9]{1,15}$", label) for label in labels]
+    found = [int(end.group()) for end in ends if end]
+    if len(set(found)) < len(labels):
+        found = list(range(len(labels)))
+    return np.array(found, np.int64)
+
+
+# Tracks turned so that another of their axes points upwards, by quarter turns alone.
+
+#: To axes with y upwards, from: a camera's (x right, y down, z ahead), y upwards, z upwards.
+_TO_Y = {
+    "camera": np.diag([1.0, -1.0, -1.0]),
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+}
+#: In words.
+AXES = {
+    "camera": "x right, y down, z ahead",
+    "y": "x right, y up, z back",
+    "z": "x right, y ahead, z up",
+}
+
+
+def turned(tracks: Tracks, source: str, up: str) -> Tracks:
+    """From the axes `source` ("camera", "y", or "z" upwards) to those with `up`, y or z."""
+    # No zero is negative, which would be written as -0.
+    R = _TO_Y[up].T @ _TO_Y[source]
+    return replace(tracks, points=tracks.points @ R.T + 0.0, sigma=tracks.sigma @ np.abs(R).T)
+
 
 #: Most that a frame may be off the grid, in periods.
 JITTER = 0.1
