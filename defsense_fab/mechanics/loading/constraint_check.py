@@ -26,16 +26,27 @@ def check_constraints(mesh: QuadraticMesh, conditions: BoundaryConditions, label
     if pieces.max() > 0:
         smallest = np.argmin(np.bincount(pieces))
         where = ", ".join(f"{v:.4g}" for v in mesh.nodes[pieces == smallest].mean(0))
+        count = int(pieces.max()) + 1
         raise DeviceError(
-            f"device.toml: body: it is made of {pieces.max() + 1} pieces that do not touch, one"
-            f" about ({where}) mm; join them or remove all but one"
+            f"it is made of {count} pieces that do not touch, one about ({where}) mm",
+            code="body-in-pieces",
+            where="device.toml: body",
+            action="Join them or remove all but one",
+            count=count,
         )
     _check_drags(mesh, conditions, label)
     loose = _loose_motion(mesh, conditions)
-    if loose:
+    if loose is not None:
+        motion, axis = loose
+        direction = f"({axis[0]:g}, {axis[1]:g}, {axis[2]:g})"
         raise DeviceError(
-            f"device.toml: poses: in {label!r} the body can still {loose} as a whole; fix a region"
-            " or prescribe more of a handle's motion"
+            f"in {label!r} the body can still {motion} {direction} as a whole",
+            code="body-not-held",
+            where="device.toml: poses",
+            action="Fix a region or prescribe more of a handle's motion",
+            pose=label,
+            motion=motion.split()[0],
+            axis=axis,
         )
     return [w for h in conditions.handles for w in narrow(mesh, h.nodes, h.name)]
 
@@ -67,13 +78,19 @@ def _check_drags(mesh: QuadraticMesh, conditions: BoundaryConditions, label: str
         if inside < -0.05:
             where = ", ".join(f"{v:g}" for v in point)
             raise DeviceError(
-                f"device.toml: poses: {label!r}: drags: ({where}) lies outside the body;"
-                " choose a point inside"
+                f"({where}) lies outside the body",
+                code="drag-outside-body",
+                where=f"device.toml: poses: {label!r}: drags",
+                action="Choose a point inside the body",
+                pose=label,
+                point=tuple(point.tolist()),
             )
 
 
-def _loose_motion(mesh: QuadraticMesh, conditions: BoundaryConditions) -> str | None:
-    """What the body can do as a whole: the null space of the constraints on rigid motions."""
+def _loose_motion(
+    mesh: QuadraticMesh, conditions: BoundaryConditions
+) -> tuple[str, tuple[float, ...]] | None:
+    """Return a rigid motion that the constraints leave free, in words and as its axis."""
     center = mesh.nodes.mean(0)
     size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
     rows: list[Float] = []  # on (v, size * omega): the velocity at X is v + omega x (X - center)
@@ -104,9 +121,9 @@ def _loose_motion(mesh: QuadraticMesh, conditions: BoundaryConditions) -> str | 
     turn = np.linalg.svd(loose[:, 3:])
     if turn[1].max(initial=0.0) > 1e-3:
         axis = np.round(turn[2][0], 2) + 0.0
-        return f"turn about the direction ({axis[0]:g}, {axis[1]:g}, {axis[2]:g})"
+        return "turn about the direction", tuple(axis.tolist())
     axis = np.round(loose[0, :3], 2) + 0.0
-    return f"move along the direction ({axis[0]:g}, {axis[1]:g}, {axis[2]:g})"
+    return "move along the direction", tuple(axis.tolist())
 
 
 def _few(chosen: Int, nodes: Float) -> Int:

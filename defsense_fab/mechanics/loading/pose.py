@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.device.default_states import shared_point
+from ...core.device.states import shared_point
 from ...core.device.device import Handle, PointDrag, Pose
 from ...core.device.regions import Shape
 from ...core.errors import DeviceError
@@ -61,8 +61,12 @@ def mix(
         gravity += weight * pose.gravity
     for name in sorted(fixed & set(handles)):
         raise DeviceError(
-            f"device.toml: states: the mixture {label!r} both fixes and moves region {name!r}; mix"
-            " poses that agree"
+            f"the mixture {label!r} both fixes and moves region {name!r}",
+            code="region-fixed-and-moved",
+            where="device.toml: states",
+            action="Mix poses that agree",
+            mixture=label,
+            region=name,
         )
     owner = _owners(fixed, handles, regions, nodes, label)
     held = np.flatnonzero(np.isin(owner.astype(str), sorted(fixed)))
@@ -74,7 +78,7 @@ def mix(
     for name, normals in sorted(slides.items()):
         own = np.flatnonzero(regions[name].contains(nodes))
         if len(own) < 3:
-            raise DeviceError(_too_few(name, len(own)))
+            raise _too_few(name, len(own))
         distinct = {n.tobytes(): n for n in normals}.values()
         planes.extend(_slide(name, own, normal, nodes) for normal in distinct)
     conditions = BoundaryConditions(
@@ -93,16 +97,24 @@ def _add(a: Handle, b: Handle, label: str) -> Handle:
     about = shared_point(a, b)
     if about is False:
         raise DeviceError(
-            f"device.toml: states: the mixture {label!r} turns region {a.region!r} about different"
-            " points; mix poses that agree, or let 'about' be the same"
+            f"the mixture {label!r} turns region {a.region!r} about different points",
+            code="rotation-centers-differ",
+            where="device.toml: states",
+            action="Mix poses that agree, or give the same 'about' in both",
+            mixture=label,
+            region=a.region,
         )
     # An axis and its opposite are one hinge.
     if a.free_axes.shape != b.free_axes.shape or not np.allclose(
         np.abs(np.einsum("fa,fa->f", a.free_axes, b.free_axes)), 1.0
     ):
         raise DeviceError(
-            f"device.toml: states: the mixture {label!r} turns region {a.region!r} both"
-            " freely and by a rotation; mix poses that agree"
+            f"the mixture {label!r} turns region {a.region!r} both freely and by a rotation",
+            code="region-free-and-rotated",
+            where="device.toml: states",
+            action="Mix poses that agree",
+            mixture=label,
+            region=a.region,
         )
     return replace(
         a,
@@ -112,10 +124,14 @@ def _add(a: Handle, b: Handle, label: str) -> Handle:
     )
 
 
-def _too_few(name: str, count: int) -> str:
-    return (
-        f"device.toml: regions.{name}: contains {count} nodes of the mesh; move or"
-        " enlarge it, or use a smaller [mesh] edge_length"
+def _too_few(name: str, count: int) -> DeviceError:
+    return DeviceError(
+        f"contains {count} nodes of the mesh",
+        code="region-too-few-nodes",
+        where=f"device.toml: regions.{name}",
+        action="Move or enlarge it, or use a smaller [mesh] edge_length",
+        region=name,
+        count=count,
     )
 
 
@@ -131,18 +147,25 @@ def _owners(
     for name in sorted(fixed | set(handles)):
         inside = regions[name].contains(nodes)
         if inside.sum() < 3:
-            raise DeviceError(_too_few(name, int(inside.sum())))
+            raise _too_few(name, int(inside.sum()))
         if np.linalg.matrix_rank(nodes[inside] - nodes[inside].mean(0), 1e-6) < 2:
             raise DeviceError(
-                f"device.toml: regions.{name}: its nodes lie on a line, about which the body can"
-                " turn; enlarge it"
+                "its nodes lie on a line, about which the body can turn",
+                code="region-on-a-line",
+                where=f"device.toml: regions.{name}",
+                action="Enlarge it",
+                region=name,
             )
         clash = sorted(set(owner[inside]) - {""})
         for other in clash:
             if not (name in fixed and other in fixed):
                 raise DeviceError(
-                    f"device.toml: poses: in {label!r} the regions {other!r} and {name!r} overlap"
-                    " but move differently; make them disjoint"
+                    f"in {label!r} the regions {other!r} and {name!r} overlap but move differently",
+                    code="regions-overlap",
+                    where="device.toml: poses",
+                    action="Make the regions disjoint",
+                    mixture=label,
+                    regions=(other, name),
                 )
         owner[inside] = name
     return owner
@@ -164,8 +187,12 @@ def _slide(name: str, own: Int, normal: Float, nodes: Float) -> Slide:
     height = nodes[own] @ normal
     if np.ptp(height) > 1e-3 * float(np.linalg.norm(np.ptp(nodes, axis=0))):
         raise DeviceError(
-            f"device.toml: regions.{name}: its nodes do not lie in one plane across the symmetry's"
-            f" normal (they span {np.ptp(height):.3g} mm); use a thin box about the plane"
+            "its nodes do not lie in one plane across the symmetry's normal (they span"
+            f" {np.ptp(height):.3g} mm)",
+            code="region-not-planar",
+            where=f"device.toml: regions.{name}",
+            action="Use a thin box about the plane",
+            region=name,
         )
     return Slide(own, normal)
 
@@ -175,8 +202,11 @@ def _pressure(name: str, value: float, shape: Shape, mesh: QuadraticMesh) -> Pre
     faces = faces[shape.contains(mesh.nodes[faces[:, :3]]).all(axis=1)]
     if len(faces) == 0:
         raise DeviceError(
-            f"device.toml: regions.{name}: contains no face of the body's surface to press on; move"
-            " or enlarge it, or use a smaller [mesh] edge_length"
+            "contains no face of the body's surface to press on",
+            code="region-without-faces",
+            where=f"device.toml: regions.{name}",
+            action="Move or enlarge it, or use a smaller [mesh] edge_length",
+            region=name,
         )
     return Pressure(faces, value)
 
@@ -198,7 +228,12 @@ def _agree_with_symmetry(conditions: BoundaryConditions, label: str) -> None:
                 or abs(n @ np.nan_to_num(h.further)) > 1e-9
             ):
                 raise DeviceError(
-                    f"device.toml: poses: in {label!r} the region {h.name!r} touches a plane of"
-                    " symmetry but may leave it; turn it about the plane's normal only and"
-                    " prescribe 0 for its translation along the normal"
+                    f"in {label!r} the region {h.name!r} touches a plane of symmetry but may leave"
+                    " it",
+                    code="region-leaves-symmetry",
+                    where="device.toml: poses",
+                    action="Turn it about the plane's normal only and prescribe 0 for its"
+                    " translation along the normal",
+                    mixture=label,
+                    region=h.name,
                 )

@@ -73,6 +73,11 @@ class Interactive:
             self._states, self._near = kept
         return found
 
+    @property
+    def displacements(self) -> tuple[Float, ...]:
+        """Displacements (n, 3) mm of the last equilibrium on each mesh, the fine mesh last."""
+        return tuple(state.u for state in self._states)
+
     def close(self) -> None:
         """Release the factorisations."""
         for system in self._systems:

@@ -48,7 +48,11 @@ def make_solver(threads: int = 1) -> SymmetricSolver:
     asked = os.environ.get("DEFSENSE_SOLVER")
     if asked and asked not in _KINDS:
         raise SolveError(
-            f"DEFSENSE_SOLVER: {asked!r} is none of {', '.join(_KINDS)}; set one, or none"
+            f"{asked!r} is not one of {', '.join(_KINDS)}",
+            code="unknown-solver",
+            where="DEFSENSE_SOLVER",
+            action="Set one of these, or unset the variable",
+            solver=asked,
         )
     for name in [asked] if asked else _KINDS:
         try:
@@ -56,7 +60,11 @@ def make_solver(threads: int = 1) -> SymmetricSolver:
         except ImportError as error:
             if asked:
                 raise SolveError(
-                    f"DEFSENSE_SOLVER: {name} cannot be used ({error}); install it, or set none"
+                    f"{name} cannot be used ({error})",
+                    code="solver-not-installed",
+                    where="DEFSENSE_SOLVER",
+                    action="Install it, or unset the variable",
+                    solver=name,
                 ) from None
     raise AssertionError("SciPy is there")
 

@@ -274,6 +274,11 @@ class System:
             return False
         return True
 
+    @property
+    def has_modified_tangent(self) -> bool:
+        """Whether the last tangent was made positive definite by removing a negative part."""
+        return self._share > 0
+
     def _factor(self, now: _Iterate) -> tuple[int, bool]:
         """Factor the tangent with the least share removed that makes it positive definite; returns
         how many were tried, and whether one was."""

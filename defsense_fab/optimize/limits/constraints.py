@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curves.path_sampling import arc_lengths
+from ...core.curve import arc_lengths
 from ...core.device.device import Sensor
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import INLET_SLOPE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curves.path_sampling import arc_lengths
+from ...core.curve import arc_lengths
 from ...core.machine.compiled import compiled
 
 

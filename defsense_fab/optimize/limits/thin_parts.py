@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curves.curve import coincident
-from ...core.curves.path_sampling import sample_path
+from ...core.curve import coincident
+from ...core.curve import sample_path
 from ...core.device.device import Sensor
 from ...geometry.parts.cut_orders import cut_orders
 from ..problem.cord_kinematics import cord_at

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float, xyz
-from ...core.curves.curve import bend_radius
-from ...core.curves.path_sampling import arc_lengths, per_span_for_spacing, sample_path
+from ...core.curve import bend_radius
+from ...core.curve import arc_lengths, per_span_for_spacing, sample_path
 from ...core.device.device import Sensor
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import INLET_SLOPE
@@ -29,15 +29,35 @@ _SPACING = 0.25  # mm, between samples
 
 
 @dataclass(frozen=True)
+class LimitViolation:
+    """A limit that a layout breaks.
+
+    Attributes:
+        code: Stable identifier of the kind of violation, such as `"wall-too-thin"`.
+        message: One sentence for people.
+        cords: Names of the cords that break the limit: one, or two that are too close.
+        value: The measured quantity, mm.
+
+    """
+
+    code: str
+    message: str
+    cords: tuple[str, ...]
+    value: float
+
+    def __str__(self) -> str:
+        return self.message
+
+
+@dataclass(frozen=True)
 class CordCheck:
-    """Measured numbers of one cord and, in words, what it breaks; the samples (b, 3) mm where it
-    does."""
+    """Measured numbers of one cord and what it breaks; the samples (b, 3) mm where it does."""
 
     length: float
     min_radius: float
     min_wall: float
     inlets: tuple[float, float]
-    problems: tuple[str, ...]
+    problems: tuple[LimitViolation, ...]
     broken: Float
 
 
@@ -48,7 +68,7 @@ class LayoutCheck:
 
     cords: tuple[CordCheck, ...]
     min_clearance: float | None
-    problems: tuple[str, ...]
+    problems: tuple[LimitViolation, ...]
     broken: Float
 
 
@@ -74,9 +94,14 @@ def verify(
             closest = float(gap[k]) if closest is None else min(closest, float(gap[k]))
             if gap[k] < limits.clearance - _TOLERANCE:
                 problems.append(
-                    f"cords {sensors[i].name!r} and {sensors[j].name!r} come within"
-                    f" {gap[k]:.2f} mm near {xyz(dense[i][k])}; {limits.clearance:.2f} mm is"
-                    " needed"
+                    LimitViolation(
+                        "cords-too-close",
+                        f"cords {sensors[i].name!r} and {sensors[j].name!r} come within"
+                        f" {gap[k]:.2f} mm near {xyz(dense[i][k])}; {limits.clearance:.2f} mm is"
+                        " needed",
+                        (sensors[i].name, sensors[j].name),
+                        float(gap[k]),
+                    )
                 )
                 broken.append(dense[i][gap < limits.clearance - _TOLERANCE])
     every = np.concatenate(broken) if broken else np.zeros((0, 3))
@@ -86,8 +111,12 @@ def verify(
 def _cord(
     sensor: Sensor, points: Float, surface: Surface, limits: Limits, depth_of: SignedDistance
 ) -> CordCheck:
-    problems: list[str] = []
+    problems: list[LimitViolation] = []
     broken = [points[:0]]
+
+    def add(code: str, value: float, message: str) -> None:
+        problems.append(LimitViolation(code, message, (sensor.name,), float(value)))
+
     name = f"cord {sensor.name!r}"
     start, end = _inlet(points[0], points[1], surface), _inlet(points[-1], points[-2], surface)
     inlets = (start, end)
@@ -96,15 +125,19 @@ def _cord(
     length = float(step.sum())
     if path_depth.min() < -_TOLERANCE:
         k = int(path_depth.argmin())
-        problems.append(
-            f"{name} leaves the body near {xyz(points[k])}, {-path_depth[k]:.2f} mm outside"
+        add(
+            "path-leaves-body",
+            -path_depth[k],
+            f"{name} leaves the body near {xyz(points[k])}, {-path_depth[k]:.2f} mm outside",
         )
         broken.append(points[path_depth < -_TOLERANCE])
     for inlet, which in zip(inlets, ("start", "end"), strict=True):
         if inlet > LONGEST_INLET and not problems:
-            problems.append(
+            add(
+                "end-far-from-surface",
+                inlet,
                 f"{name}: its {which} lies {inlet:.1f} mm from where it leaves the body; move the"
-                f" end within {LONGEST_INLET:g} mm of the surface"
+                f" end within {LONGEST_INLET:g} mm of the surface",
             )
     whole = points if problems else _with_runs(points, inlets)
     depth = depth_of(whole)
@@ -115,9 +148,11 @@ def _cord(
         k = int(slack.argmin())
         if slack[k] < -_TOLERANCE:
             wall = depth[k] - limits.channel_diameter / 2
-            problems.append(
+            add(
+                "wall-too-thin",
+                wall,
                 f"{name} leaves a wall of {wall:.2f} mm near {xyz(whole[k])};"
-                f" {limits.wall:.2f} mm is needed"
+                f" {limits.wall:.2f} mm is needed",
             )
             broken.append(whole[slack < -_TOLERANCE])
     inside = np.minimum(along, along[-1] - along) >= limits.depth / INLET_SLOPE
@@ -126,16 +161,20 @@ def _cord(
     if not problems and not (
         limits.shortest - _TOLERANCE <= whole_length <= limits.longest + _TOLERANCE
     ):
-        problems.append(
+        add(
+            "channel-length-not-allowed",
+            whole_length,
             f"{name} takes a channel of {whole_length:.1f} mm, and {limits.lengths} by [cord]"
-            " length and min_stretch, with its pockets or free ends"
+            " length and min_stretch, with its pockets or free ends",
         )
     radius = bend_radius(points)
     if radius.min() < limits.min_radius - _TOLERANCE:
         k = int(radius.argmin())
-        problems.append(
+        add(
+            "bend-too-tight",
+            radius[k],
             f"{name} bends to a radius of {radius[k]:.2f} mm near {xyz(points[k + 1])};"
-            f" {limits.min_radius:.2f} mm is needed"
+            f" {limits.min_radius:.2f} mm is needed",
         )
         broken.append(points[1:-1][radius < limits.min_radius - _TOLERANCE])
     far = np.pi * max(limits.min_radius, limits.clearance / 2)
@@ -145,9 +184,11 @@ def _cord(
     gap[np.abs(s[:, None] - s) < far + 1] = np.inf
     if gap.min() < limits.clearance - _TOLERANCE:
         k = int(np.unravel_index(gap.argmin(), gap.shape)[0])
-        problems.append(
+        add(
+            "cord-near-itself",
+            gap.min(),
             f"{name} comes within {gap.min():.2f} mm of itself near {xyz(a[k])};"
-            f" {limits.clearance:.2f} mm is needed"
+            f" {limits.clearance:.2f} mm is needed",
         )
         broken.append(a[(gap < limits.clearance - _TOLERANCE).any(axis=1)])
     return CordCheck(

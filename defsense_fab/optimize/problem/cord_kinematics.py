@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curves.curve import Hermite, Plane
+from ...core.curve import Hermite, Plane
 from ...core.device.device import Sensor
 from ...core.machine.compiled import compiled
 from ...core.machine.copying import copy_rows

@@ -2,7 +2,7 @@
 
 The fused loops behind the objective and the candidates: points are found in their tets and moved by
 every state at once, and the derivatives by their rest positions are gathered without ever forming
-the deformation gradients. `sensing/signal.py` defines the signal.
+the deformation gradients. `sensing/response.py` defines the signal.
 
 How the loops are written makes them several times faster. States lie innermost. A loop over them
 writes to one array only, or it is not vectorised for fear that arrays overlap. Functions take whole

@@ -23,16 +23,16 @@ class DepthGrid:
 
     def __init__(self, surface: Surface) -> None:
         low, high = surface.bounds
-        self._step = max(float(np.cbrt(np.prod(high - low) / _NODES)), _FINEST)
-        count = np.ceil((high - low) / self._step).astype(int) + 3
-        self._low = (low + high) / 2 - self._step * (count - 1) / 2
-        ticks = [a + self._step * np.arange(n) for a, n in zip(self._low, count, strict=True)]
+        self.spacing = max(float(np.cbrt(np.prod(high - low) / _NODES)), _FINEST)
+        count = np.ceil((high - low) / self.spacing).astype(int) + 3
+        self.origin = (low + high) / 2 - self.spacing * (count - 1) / 2
+        ticks = [a + self.spacing * np.arange(n) for a, n in zip(self.origin, count, strict=True)]
         nodes = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1)
         exact = distances_of(surface)
         distance = _in_parts(exact.unsigned, nodes.reshape(-1, 3)).reshape(count)
         # Between neighbours that are both more than half a step away there is no surface: one
         # of all that hang together tells for the others.
-        same, kinds = ndimage.label(distance > 0.51 * self._step)
+        same, kinds = ndimage.label(distance > 0.51 * self.spacing)
         first = np.unique(same, return_index=True)[1] if kinds else np.zeros(0, int)
         asked = np.union1d(np.flatnonzero(same == 0), first)
         inside = np.zeros(same.size, bool)
@@ -40,17 +40,17 @@ class DepthGrid:
         of_kind = np.zeros(kinds + 1, bool)
         of_kind[same.ravel()[first]] = inside[first]
         inside = np.where(same.ravel() > 0, of_kind[same.ravel()], inside).reshape(count)
-        self._depth = np.where(inside, distance, -distance)
+        self.depths = np.where(inside, distance, -distance)
 
     @property
     def error(self) -> float:
         """How wrong it is beside an edge of the body, about, mm."""
-        return self._step / 4
+        return self.spacing / 4
 
     def __call__(self, points: Float) -> Float:
         """Depth (...,) mm at points (..., 3)."""
         flat = np.ascontiguousarray(points.reshape(-1, 3))
-        found = _interpolate(self._depth, self._low, self._step, flat)
+        found = _interpolate(self.depths, self.origin, self.spacing, flat)
         return np.asarray(found.reshape(points.shape[:-1]))
 
     def exits(self, points: Float, directions: Float, longest: float) -> Float:
@@ -58,9 +58,9 @@ class DepthGrid:
         before they leave the body; inf where that is more than `longest` mm."""
         return np.asarray(
             _exits(
-                self._depth,
-                self._low,
-                self._step,
+                self.depths,
+                self.origin,
+                self.spacing,
                 np.ascontiguousarray(points),
                 np.ascontiguousarray(directions),
                 float(longest),

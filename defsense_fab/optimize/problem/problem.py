@@ -11,7 +11,7 @@ from ...core.arrays import Float
 from ...core.errors import LayoutError
 from ...core.mesh import Surface
 from ...decoding.elimination import expected_square
-from ...decoding.features import KINDS, Features
+from ...decoding.ridge import Features, KINDS
 from ...decoding.ridge import floor
 from ...geometry.kernels.signed_distance import SignedDistance, distances_of
 from ...mechanics.elements.point_location import PointLocator
@@ -75,13 +75,17 @@ class Problem:
             if len(broken):
                 state = int(broken[0]) + (what == "field")
                 raise LayoutError(
-                    f"the {what} of state {state} (rest is 0) has values that are not finite;"
-                    " simulate the poses again"
+                    f"the {what} of state {state} (rest is 0) has values that are not finite",
+                    code="not-finite",
+                    action="Simulate the poses again",
+                    quantity=what,
+                    state=state,
                 )
         if np.abs(self.markers - self.markers[:1]).max(initial=0) < _STILL:
             raise LayoutError(
-                "all states leave the markers where they are: there is nothing to sense; give"
-                " [[poses]] that move the body, or other [outputs] markers"
+                "all states leave the markers where they are: there is nothing to sense",
+                code="nothing-to-sense",
+                action="Give [[poses]] that move the body, or other [outputs] markers",
             )
 
     def decoded_by(self, kind: str) -> Problem:

@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import distinct
-from ...core.curves.path_sampling import sample_path
+from ...core.curve import distinct
+from ...core.curve import sample_path
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
 from ..limits.thin_parts import ThinParts
@@ -94,8 +94,14 @@ def optimise(
     drawn = tuple(drawn)
     check = verify(drawn, problem.surface, problem.limits)
     if check.problems:
+        broken = check.problems[0]
         raise LayoutError(
-            f"device.toml: sensors: {check.problems[0]}; move its control_points or plane"
+            broken.message,
+            code=broken.code,
+            where="device.toml: sensors",
+            action="Move its control_points or plane",
+            cords=broken.cords,
+            value=broken.value,
         )
     most = None if planes is None else max(planes, len(distinct([s.plane for s in drawn])))
     best = _Best(problem, watch, most)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import Hermite, Plane
+from ...core.curve import Hermite, Plane
 from ...core.device.device import PLANE_FREEDOMS, Sensor
 from ..problem.cord_parameters import freedom, in_frame
 from ..search.starting_layouts import Layout

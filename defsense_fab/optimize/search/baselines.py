@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.mesh import Surface
 from ..limits.interior_points import evenly, strain
 from ..limits.polyline_distance import gaps

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curves.curve import Hermite, Plane, catmull_rom, hermite_basis
+from ...core.curve import catmull_rom, Hermite, hermite_basis, Plane
 from ...core.device.device import Sensor
 
 COARSE = 40  #: Points of a candidate's path.

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
-from ...core.curves.curve import Hermite, Plane, catmull_rom, curvature
+from ...core.curve import catmull_rom, curvature, Hermite, Plane
 from ...core.device.device import PLANE_FREEDOMS, Sensor
 from ..limits.interior_points import evenly, lively
 from ..problem.cord_parameters import CordParameters

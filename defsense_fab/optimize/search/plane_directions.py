@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.mesh import Surface
 
 #: Faces of one direction count from this share of the surface on.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ...core.curves.curve import curvature
-from ...core.curves.path_sampling import arc_lengths
+from ...core.curve import curvature
+from ...core.curve import arc_lengths
 from ...geometry.kernels.signed_distance import SignedDistance
 from ..limits.constraints import LONGEST_INLET, MARGIN, depth_before_exit, run_lengths, separation
 from ..limits.full_path import RUN

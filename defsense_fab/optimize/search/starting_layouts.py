@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import distinct
+from ...core.curve import distinct
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
 from ..limits.thin_parts import ThinParts
@@ -107,10 +107,16 @@ def no_room(problem: Problem, count: int) -> LayoutError:
             " pockets or free ends"
         )
     most = _most(problem, count)
-    fewer = f"ask for {most}, for which room was found" if 0 < most < count else "ask for fewer"
+    fewer = f"Ask for {most}, for which room was found" if 0 < most < count else "Ask for fewer"
     return LayoutError(
-        f"[design] sensors = {count}: no layout of {count} cords was found that keeps their walls"
-        f" and clearances{lengths}; {fewer}, or draw them as [[sensors]]"
+        f"no layout of {count} cords was found that keeps their walls and clearances{lengths}",
+        code="no-room-for-cords",
+        where=f"[design] sensors = {count}",
+        action=f"{fewer}, or draw them as [[sensors]]",
+        count=count,
+        found=most,
+        shortest=limits.shortest,
+        longest=limits.longest,
     )
 
 

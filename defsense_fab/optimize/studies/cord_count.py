@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import distinct
+from ...core.curve import distinct
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
 from ..limits.thin_parts import ThinParts

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...decoding.decoders import Trained, fit_decoder
-from ...decoding.unseen import UnseenStates
+from ...decoding.expected_errors import UnseenStates
 from ...sensing.built_cord import PRESTRETCH_SPREAD, BuiltCord, CordReading
 from ..problem.problem import Problem, reduce_outputs
 

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.curve import distinct
-from ...core.curves.path_sampling import sample_path
+from ...core.curve import distinct
+from ...core.curve import sample_path
 from ...core.device.device import DECODERS, Device, Sensor
 from ...core.errors import LayoutError
-from ...decoding.features import KINDS
+from ...decoding.ridge import KINDS
 from ...optimize.limits.verification import LayoutCheck, verify
 from ...optimize.refinement.refine import Optimised, optimise, part, unimproved
 from ...optimize.search.plane_directions import face_directions
@@ -23,7 +23,7 @@ from ...optimize.search.starting_layouts import FREE, Layout
 from ...optimize.studies.risks import risks, too_few
 from ...optimize.studies.tolerance_monte_carlo import tolerance_band
 from ...sensing.built_cord import BuiltCord
-from ...sensing.signal import mean_strain, strain_range
+from ...sensing.response import mean_strain, strain_range
 from ..artifacts.body import load_body_record, load_surface
 from ..artifacts.layout import (
     BandRecord,
@@ -75,7 +75,10 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
     initial = scored_by_paths(device, task, surface, found.initial, bay)
     check = verify(found.sensors, surface, problem.limits)
     if check.problems:
-        raise LayoutError(f"the optimised layout fails its check: {check.problems[0]}")
+        raise LayoutError(
+            f"the optimised layout fails its check: {check.problems[0]}",
+            code=check.problems[0].code,
+        )
     sensors = _cords(device, found.sensors, check, task, final)
     layout = LayoutRecord(
         device=device.name,
@@ -87,11 +90,14 @@ def run(device: Device, folder: Path, report: Report, watch: Watch | None = None
         sensors=sensors,
         min_clearance=check.min_clearance,
         warnings=(
-            *risks(problem, found.sensors),
-            *too_few(
-                task.everything,
-                final.prediction,
-                min(p.unseen_noise_free for p in told.values()),
+            *map(str, risks(problem, found.sensors)),
+            *map(
+                str,
+                too_few(
+                    task.everything,
+                    final.prediction,
+                    min(p.unseen_noise_free for p in told.values()),
+                ),
             ),
             *_uncalibrated(device, sensors),
         ),

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curves.path_sampling import arc_lengths, resample, sample_path
+from ...core.curve import arc_lengths, resample, sample_path
 from ...core.device.device import Device, Sensor
-from ...core.device.silicone import silicone
+from ...core.device.materials import silicone
 from ...core.errors import DeviceError, FabricationError
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import Pockets
@@ -22,7 +22,7 @@ from ...geometry.parts.parts import make_parts
 from ...geometry.parts.records import Made, Rules
 from ...optimize.limits.verification import verify
 from ...sensing.built_cord import BuiltCord, needed_prestretch
-from ...sensing.signal import mean_strain
+from ...sensing.response import mean_strain
 from .design_task import DesignTask, beyond_path, limits, pocket_diameter, wires
 from .open_joints import least_across
 from .predict import Scored, predict
@@ -83,7 +83,12 @@ def fabricate(
     """The device's parts. Raises FabricationError where a cord or a part fails a check."""
     problems = verify(sensors, surface, limits(device)).problems
     if problems:
-        raise FabricationError(problems[0])
+        raise FabricationError(
+            problems[0].message,
+            code=problems[0].code,
+            cords=problems[0].cords,
+            value=problems[0].value,
+        )
     made = make_parts(surface, sensors, rules(device, bay), report, solid)
     for channel in made.channels:
         stretched = float(arc_lengths(channel.sensing)[-1])

@@ -52,5 +52,5 @@ def _radius(mm: float) -> str:
 def broken_cords(check: LayoutCheck, names: Sequence[str]) -> frozenset[str]:
     """Names of cords that break a limit, alone or with another."""
     return frozenset(
-        name for name in names if any(f"{name!r}" in problem for problem in check.problems)
+        name for name in names if any(name in problem.cords for problem in check.problems)
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device import MaterialSpec
-from defsense_fab.core.device.shore import from_shore, gent
+from defsense_fab.core.device.materials import from_shore, gent
 from defsense_fab.mechanics.elements.energy_density import energy_density, stress, tangent
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.matrix3 import eigen, signed_svd

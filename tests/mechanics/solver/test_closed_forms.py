@@ -18,7 +18,7 @@ from defsense_fab.mechanics.solver.load_stepping import solve_ramp
 from defsense_fab.mechanics.solver.newton import System
 from defsense_fab.mechanics.solver.small_loads import displaced, line_forces
 from defsense_fab.sensing.response import Response
-from defsense_fab.sensing.signal import signals
+from defsense_fab.sensing.response import signals
 from tests.conftest import structured_bar
 from tests.mechanics.elements.test_material import stress_of
 

@@ -38,6 +38,7 @@ from defsense_fab.mechanics.solver.load_stepping import (
 from defsense_fab.mechanics.solver.newton import Cancelled, System
 from defsense_fab.mechanics.solver.stuck_patch import stuck_patch
 from tests.conftest import structured_bar
+from tests.errors import raises
 from tests.mechanics.conftest import MODELS
 
 MATERIAL = MODELS["neo-hookean"]
@@ -207,7 +208,7 @@ def test_a_neighbouring_pose_is_a_start(mesh, clamp):
     assert there.status == direct.status == Status.OK
     assert np.abs(there.u - direct.u).max() < 1e-4
     other = clamp(mesh, translation=[1.0, 0, 0])
-    with pytest.raises(ValueError, match="structure"):
+    with pytest.raises(ValueError):  # not a user's error: it has no code
         follow(system, near.state, other)
     system.close()
 
@@ -325,7 +326,7 @@ def test_a_pose_is_the_same_after_another_as_alone(clamp):
     hard = clamp(small, [np.deg2rad(170), 0, 0], [-15, 0, 0])
     system = System(small, material, hard)
     follow(system, rest(hard, len(small.nodes)), hard, (0.5, 1.0))
-    assert system._share  # it ends where the tangent is not positive definite
+    assert system.has_modified_tangent  # it ends where the tangent is not positive definite
     system.close()
     goals = [clamp(small, [0, a, 0], [-10, 0, 0]) for a in (0.5, -0.5)]
     jobs = [Job(goal, (0.5, 1.0)) for goal in (hard, *goals)]
@@ -366,7 +367,8 @@ def test_a_body_through_itself_is_reported(mesh, clamp):
     )
     found = inspect(mesh, ring - x)
     assert len(found.inside)
-    assert "passes through itself" in found.problem()
+    assert not len(found.inverted)
+    assert found.problem()
     assert np.linalg.norm(found.inside.mean(0) - [0, 0, 0]) < 25
     straight = inspect(mesh, 0 * x)
     assert straight.sound
@@ -382,7 +384,7 @@ def test_a_folded_tet_is_reported(mesh):
     found = inspect(mesh, u)
     assert len(found.inverted)
     assert found.least_jacobian < 0
-    assert "inverted" in found.problem()
+    assert not found.sound
 
 
 def random_spd(seed):
@@ -422,7 +424,7 @@ def test_without_mkl_the_poses_are_the_same(mesh, clamp, monkeypatch):
         assert other.status == Status.OK
         assert np.abs(by_mkl.u - other.u).max() < 1e-4
     monkeypatch.setenv("DEFSENSE_SOLVER", "mumps")
-    with pytest.raises(SolveError, match="is none of pardiso, rslab, superlu"):
+    with raises(SolveError, "unknown-solver", solver="mumps"):
         make_solver()
 
 

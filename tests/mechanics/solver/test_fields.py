@@ -72,15 +72,15 @@ def test_an_edit_gives_the_coarse_answer_first_then_that_of_rest(clamp):
         direct = solve_ramp(fine, MATERIAL, clamp(fine, goal), [1.0])[-1].u
         assert np.abs(result.u - direct).max() < 1e-4
         assert np.abs(seen[0] - direct).max() < 0.06 * np.abs(direct).max()
-    before = session._states[1].u
+    before = session.displacements[1]
     stopped = session.edit(lambda m: clamp(m, [1.0, 0, 0]), stop=lambda: True)
     assert stopped.status == Status.CANCELLED
-    assert session._states[1].u is before
+    assert session.displacements[1] is before
     seen = []
     newer = session.edit(lambda m: clamp(m, [1.0, 0, 0]), seen.append, newer=lambda: True)
     assert newer.status == Status.CANCELLED
     assert len(seen) == 1  # a hand is followed
-    assert session._states[1].u is before
+    assert session.displacements[1] is before
     session.close()
 
 
@@ -120,7 +120,7 @@ def test_an_edit_that_is_not_reached_says_how_much_of_the_pose_was(clamp):
     assert failed.status == Status.NOT_REACHED
     alone = solve_ramp(fine, MATERIAL, pushed(-400.0)(fine), [1.0])[-1]
     assert failed.amplitude == pytest.approx(alone.amplitude, abs=0.05)
-    assert session._states[1].u is before
+    assert session.displacements[1] is before
     after = session.edit(pushed(-14.0))
     direct = solve_ramp(fine, MATERIAL, pushed(-14.0)(fine), [1.0])[-1].u
     assert np.abs(after.u - direct).max() < 1e-4

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimize.refinement.refine import optimise
 from defsense_fab.optimize.studies.risks import risks
+from tests.errors import raises
 
 
 def quiet(fraction, message):
@@ -15,18 +15,18 @@ def quiet(fraction, message):
 
 
 def test_states_that_are_all_alike_are_refused(problem):
-    with pytest.raises(LayoutError, match="leave the markers where they are"):
+    with raises(LayoutError, "nothing-to-sense"):
         replace(problem, markers=np.zeros_like(problem.markers))
 
 
 def test_a_field_that_is_not_finite_is_named(problem):
     fields = problem.fields.copy()
     fields[1, 5, 0] = np.nan
-    with pytest.raises(LayoutError, match="field of state 2 "):
+    with raises(LayoutError, "not-finite", quantity="field", state=2):
         replace(problem, fields=fields)
     markers = problem.markers.copy()
     markers[3, 0, 0] = np.inf
-    with pytest.raises(LayoutError, match="displacement of state 3 "):
+    with raises(LayoutError, "not-finite", quantity="markers' displacement", state=3):
         replace(problem, markers=markers)
 
 
@@ -35,8 +35,7 @@ def test_cords_that_tell_nothing_are_named(problem, straight):
     drawn = [straight("a", y=6), straight("b", y=-6)]
     found = optimise(still, drawn, np.random.default_rng(0), quiet, starts=1, candidates=200)
     warnings = risks(still, found.sensors)
-    assert [w.split(":")[0] for w in warnings] == ["cord 'a'", "cord 'b'"]
-    assert "changes by 0 over all states" in warnings[0]
+    assert [(w.code, w.cord) for w in warnings] == [("cord-silent", "a"), ("cord-silent", "b")]
     assert risks(problem, [straight("a", y=9, z=9)]) == []
 
 
@@ -46,4 +45,4 @@ def test_more_features_than_states_are_answered_with_a_warning(problem):
     )
     found = optimise(few, [], np.random.default_rng(0), quiet, extra=3, starts=1, candidates=1500)
     assert np.isfinite(found.rmse)
-    assert any("has 9 features for 3 states" in w for w in risks(few, found.sensors))
+    assert ("features-exceed-states", 9) in [(r.code, r.count) for r in risks(few, found.sensors)]

@@ -28,11 +28,13 @@ def two_boxes(gap):
 def test_the_grid_has_the_exact_depth_at_its_nodes(gap):
     surface = two_boxes(gap)
     grid = DepthGrid(surface)
-    shape = grid._depth.shape
-    nodes = grid._low + grid._step * np.stack(np.indices(shape), axis=-1)
+    shape = grid.depths.shape
+    nodes = grid.origin + grid.spacing * np.stack(np.indices(shape), axis=-1)
     told, flat = SignedDistance(surface), nodes.reshape(-1, 3)
     exact = np.where(told.inside(flat), 1, -1) * told.unsigned(flat)
     exact = exact.reshape(shape)
-    np.testing.assert_array_equal(grid._depth, exact)
+    np.testing.assert_array_equal(grid.depths, exact)
     assert (exact > 0).any()
-    assert grid(np.array([[0.0, 0, 0], [15, 0, 0]])) == pytest.approx([-10, 5], abs=grid._step / 2)
+    assert grid(np.array([[0.0, 0, 0], [15, 0, 0]])) == pytest.approx(
+        [-10, 5], abs=grid.spacing / 2
+    )

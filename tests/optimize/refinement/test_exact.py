@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.curves.path_sampling import sample_path
+from defsense_fab.core.curve import sample_path
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.decoding.ridge import fit
 from defsense_fab.optimize.limits.verification import verify

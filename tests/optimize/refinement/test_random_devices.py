@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom, distinct
+from defsense_fab.core.curve import catmull_rom, distinct, Hermite, Plane
 from defsense_fab.core.device.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.mesh import Surface, TetMesh
@@ -114,14 +114,15 @@ def made(seed):
     extra = int(rng.integers(0 if drawn else 1, 3))
     planes = [None, 1][int(rng.integers(2))]
     search = {"extra": extra, "planes": planes, "starts": 2, "finalists": 1, "candidates": 1500}
-    reason = ""
+    reason = None
     try:
         found = optimise(problem, drawn, rng, lambda f, m: None, **search)
     except LayoutError as error:
-        reason = str(error)
+        reason = error
     broken = verify(drawn, problem.surface, problem.limits).problems
     if broken or reason:
-        assert broken[0] in reason if broken else "cords was found that keeps" in reason
+        assert reason.code == (broken[0].code if broken else "no-room-for-cords")
+        assert not broken or reason.data["cords"] == broken[0].cords
         return False
     allowed = max(planes or len(found.sensors), len(distinct([s.plane for s in drawn])))
     assert len(distinct([s.plane for s in found.sensors])) <= allowed

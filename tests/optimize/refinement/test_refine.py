@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
-from defsense_fab.core.curves.path_sampling import sample_path
+from defsense_fab.core.curve import catmull_rom, Hermite, Plane
+from defsense_fab.core.curve import sample_path
 from defsense_fab.core.device.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.response import ResponseSpec
@@ -26,7 +26,8 @@ from defsense_fab.optimize.search.candidates import Pool
 from defsense_fab.optimize.search.selection import select
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading
 from defsense_fab.sensing.response import response_of
-from defsense_fab.sensing.signal import mean_strain, signals
+from defsense_fab.sensing.response import mean_strain, signals
+from tests.errors import raises
 from tests.optimize.conftest import LIMITS
 from tests.sensing.reference import signal_gradient
 
@@ -165,19 +166,19 @@ def test_a_proposal_keeps_the_limits(problem):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "code"),
     [
-        (lambda p: p + np.array([0, 20]), "leaves the body"),
-        (lambda p: p + np.array([0, 13.5]), "leaves a wall of"),
-        (lambda p: [*p[:3].tolist(), [62, 0], [63, 2], [64, 0], *p[4:].tolist()], "radius of"),
+        (lambda p: p + np.array([0, 20]), "path-leaves-body"),
+        (lambda p: p + np.array([0, 13.5]), "wall-too-thin"),
+        (lambda p: [*p[:3].tolist(), [62, 0], [63, 2], [64, 0], *p[4:].tolist()], "bend-too-tight"),
     ],
 )
-def test_broken_limits_are_found(bar, straight, change, message):
+def test_broken_limits_are_found(bar, straight, change, code):
     sensor = straight()
     points = np.array(change(sensor.curve.points))
     sensor = replace(sensor, curve=Hermite(points, catmull_rom(points)))
     problems = verify([sensor], bar, LIMITS).problems
-    assert any(message in p for p in problems), problems
+    assert code in {p.code for p in problems}, problems
 
 
 def _locked(points, tangents=None):
@@ -191,17 +192,17 @@ def test_the_straight_runs_to_the_surface_are_checked_too(bar):
     left = [[10.5, 2.2], [16, 4], [26, 6], [45, 7], [60, 7], [90, 7], [120, 7], [140, 7], [148, 7]]
     right = [[x, -y] for x, y in left]
     problems = verify([_locked(left), _locked(right)], bar, LIMITS).problems
-    assert any("come within 0.0" in p for p in problems), problems
+    assert any(p.code == "cords-too-close" and p.value < 0.1 for p in problems), problems
     skimming = [[11, 12.6], [20, 11], [40, 8], [60, 8], [90, 8], [120, 8], [140, 8], [148, 8]]
     problems = verify([_locked(skimming)], bar, LIMITS).problems
-    assert any("leaves a wall of" in p for p in problems), problems
+    assert "wall-too-thin" in {p.code for p in problems}, problems
 
 
 def test_a_path_that_turns_back_on_itself_is_found(bar, straight):
     points = straight().curve.points
     tangents = [[8, 0], [8, 0], [26, 0], [26, 0], [-26, 0], [26, 0], [8, 0], [8, 0]]
     problems = verify([_locked(points, tangents)], bar, LIMITS).problems
-    assert any("bends to a radius of 0.00 mm" in p for p in problems), problems
+    assert any(p.code == "bend-too-tight" and p.value < 0.005 for p in problems), problems
 
 
 def test_thin_slices_between_planes_are_slivers(problem, straight):
@@ -255,23 +256,24 @@ def test_cords_are_as_long_as_the_pieces_at_hand(problem, straight):
     free, length = best(LIMITS)
     assert not bounds.shortest < length < bounds.longest
     problems = verify(free.sensors, problem.surface, bounds).problems
-    assert any("140.0 to 150.8 mm are allowed by [cord] length and" in p for p in problems)
+    assert "channel-length-not-allowed" in {p.code for p in problems}
     found, length = best(bounds)
     assert bounds.shortest < length < bounds.longest
     assert free.rmse < found.rmse < 0.8 * layout_error(problem, drawn)
-    with pytest.raises(LayoutError, match=r"'a' takes a channel of 150\.0 mm"):
+    with raises(LayoutError, "channel-length-not-allowed", cords=("a",)) as caught:
         best(replace(LIMITS, longest=120.0))
+    assert caught.value.data["value"] == pytest.approx(150.0, abs=0.05)
     drawn = []
     search["extra"] = 1
-    with pytest.raises(
-        LayoutError, match=r"channels of which 500.0 to 600.0 mm are allowed by .cord. length"
-    ):
+    with raises(LayoutError, "no-room-for-cords", shortest=500.0, longest=600.0):
         best(replace(LIMITS, shortest=500.0, longest=600.0))
 
 
 def test_cords_that_cross_are_found(bar, straight):
     problems = verify([straight("a"), straight("b", y=1.0)], bar, LIMITS).problems
-    assert any("'a' and 'b' come within 1.00 mm" in p for p in problems)
+    (close,) = [p for p in problems if p.code == "cords-too-close"]
+    assert close.cords == ("a", "b")
+    assert close.value == pytest.approx(1.0, abs=0.005)
     assert not verify([straight("a"), straight("b", y=4.0)], bar, LIMITS).problems
 
 

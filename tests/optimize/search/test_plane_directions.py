@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.core.curves.curve import Plane
+from defsense_fab.core.curve import Plane
 from defsense_fab.core.mesh import Surface
 from defsense_fab.optimize.refinement.refine import optimise
 from defsense_fab.optimize.search.plane_directions import face_directions, slanted

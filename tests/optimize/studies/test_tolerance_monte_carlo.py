@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from sklearn.linear_model import Ridge
 
-from defsense_fab.core.curves.curve import catmull_rom
-from defsense_fab.core.curves.path_sampling import sample_path
-from defsense_fab.decoding.unseen import HELD_OUT, NONE, UnseenStates
+from defsense_fab.core.curve import catmull_rom
+from defsense_fab.core.curve import sample_path
+from defsense_fab.decoding.expected_errors import HELD_OUT, NONE, UnseenStates
 from defsense_fab.optimize.refinement.refine import layout_error
 from defsense_fab.optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading
-from defsense_fab.sensing.signal import signals
+from defsense_fab.sensing.response import signals
 
 TWISTS = np.array([-1, -0.5, 0.5, 1])  # of the states of `problem`
 EXACT = Tolerances(offset=0, gauge=0, amplitude=0, prestretch=0, compression=0)

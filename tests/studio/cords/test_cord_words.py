@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from defsense_fab.optimize.limits.verification import CordCheck, LayoutCheck
+from defsense_fab.optimize.limits.verification import (
+    CordCheck,
+    LayoutCheck,
+    LimitViolation,
+)
 from defsense_fab.pipeline.design.layout_judge import Judged
 from defsense_fab.studio.cords.cord_words import broken_cords, error_table, limit_words
 from defsense_fab.studio.workbench.pose_errors import extremes
@@ -35,13 +39,12 @@ def test_a_drag_is_told_by_how_much_it_changes():
 
 
 def test_limits_and_what_breaks_them():
+    thin = LimitViolation("wall-too-thin", "cord 'b' leaves a wall of 0.40 mm", ("b",), 0.4)
     cords = (
         CordCheck(140.0, np.inf, 2.8, (1.0, 1.5), (), np.zeros((0, 3))),
-        CordCheck(
-            90.0, 12.0, 0.4, (1.0, np.inf), ("cord 'b' leaves a wall of 0.40 mm",), np.ones((1, 3))
-        ),
+        CordCheck(90.0, 12.0, 0.4, (1.0, np.inf), (thin,), np.ones((1, 3))),
     )
-    check = LayoutCheck(cords, 5.0, ("cord 'b' leaves a wall of 0.40 mm",), np.ones((1, 3)))
+    check = LayoutCheck(cords, 5.0, (thin,), np.ones((1, 3)))
     lines = limit_words(check, ["a", "b"]).splitlines()
     assert lines[2] == "| a | 142 mm | straight | 2.8 mm |"
     assert lines[3] == "| b | 91 mm | 12 mm | 0.4 mm |"
