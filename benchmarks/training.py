@@ -42,7 +42,7 @@ from defsense_fab.training.evaluation.predicted_error import predicted_error
 from defsense_fab.training.fitting.pose_signals import shows
 from defsense_fab.training.fitting.recalibration import recalibrate
 from defsense_fab.training.fitting.train_model import Training, TrainingOptions, train
-from defsense_fab.training.simulation.simulated_model import simulated_model
+from defsense_fab.training.regression.simulated_decoder import simulated_model
 
 _TEST = 0.3
 

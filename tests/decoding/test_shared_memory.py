@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from defsense_fab.decoding.input_features import InputDecoder, InputFeatures, all_products
-from defsense_fab.decoding.past import Past
-from defsense_fab.decoding.shared_memory import SharedMemory
-from defsense_fab.training.simulation.memory_fit import fit_memory
+from defsense_fab.decoding.input_decoder import all_products, InputDecoder, InputFeatures
+from defsense_fab.decoding.signal_history import Past
+from defsense_fab.decoding.input_decoder import SharedMemory
+from defsense_fab.training.regression.simulated_decoder import fit_memory
 
 
 def static(channels: int = 2) -> InputDecoder:

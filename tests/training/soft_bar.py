@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from defsense_fab.decoding.features import affine, quadratic
-from defsense_fab.decoding.past import Past
+from defsense_fab.decoding.ridge import affine, quadratic
 from defsense_fab.decoding.ridge import fit
+from defsense_fab.decoding.signal_history import Past
 from defsense_fab.decoding.trained_model import Branch, Intervals, TrainedModel, TrainedRange
 from defsense_fab.training.data.dataset import Dataset, Recording
 

@@ -11,8 +11,8 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from .channel_checks import channel_problems, longest_at
 from .dataset import Dataset, Recording
-from .in_step import WITHIN, find_shift
 from .problems import Problem, refuse
+from .time_alignment import WITHIN, find_shift
 from .unit_checks import unit_problems
 
 _EACH = 10  # frames for each weight of a decoder

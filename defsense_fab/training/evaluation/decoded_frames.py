@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from ...core.arrays import Bool, Float, Int
-from ...core.curves.sampling import at_times
 from ...core.errors import TrainingError
+from ...decoding.signal_history import at_times
 from ...decoding.trained_model import Decoded, TrainedModel, decoded
 from ..data.dataset import Dataset, Recording
 

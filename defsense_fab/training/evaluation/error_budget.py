@@ -13,7 +13,7 @@ and five are what a correction would gain on frames that it was not fitted to, o
 - drift: with these, an offset for each channel and run that moves in a straight line of time;
 - decoder: products and radial basis functions of what the decoder sees, within the trained range;
   fitted to what the decoder leaves of its own training data where those are given;
-- hysteresis: memories of the signals (`decoding/past.py`), fitted to what is left;
+- hysteresis: memories of the signals (`decoding/signal_history.py`), fitted to what is left;
 
 In what is left then,
 
@@ -32,23 +32,22 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Bool, Float
-from ...core.curves.sampling import at_times
 from ...core.errors import TrainingError
-from ...decoding.input_features import InputFeatures
-from ...decoding.past import Past
+from ...decoding.input_decoder import InputFeatures
+from ...decoding.signal_history import Past, at_times
 from ...decoding.trained_model import TrainedModel
 from ..data.dataset import Dataset
-from .channel_correction import ChannelCorrection, decoded_again
-from .cross_fitting import (
+from .corrections import (
     RIDGES,
+    ChannelCorrection,
     Residual,
     by_features,
+    decoded_again,
     fitted_elsewhere,
     residual_of,
 )
 from .decoded_frames import DecodedFrames, decode_frames, matched
-from .marker_motion import velocities
-from .sample_noise import sample_noise
+from .marker_motion import sample_noise, velocities
 
 READ_OUT, CAMERAS, CLOCKS = "read-out noise", "camera noise", "clocks"
 PLACEMENT, DRIFT, HYSTERESIS = "placement and gain", "drift", "hysteresis"

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float, Int
-from ..ridge.frames import Frames
+from ..regression.frames import Frames
 
 _MOST = 2000  # frames, evenly spread, among which pairs are looked for
 _FEWEST = 100  # pairs

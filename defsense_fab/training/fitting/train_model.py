@@ -10,23 +10,21 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
 from ...core.progress import Progress, silent
-from ...decoding.folds import FOLDS
-from ...decoding.past import Past
+from ...decoding.decoders import FOLDS
 from ...decoding.ridge import ErrorMeasures
+from ...decoding.signal_history import Past
 from ...decoding.trained_model import Branch, TrainedModel
 from ..data.dataset import Dataset
-from ..ridge.candidates import AFFINE, FORMS
-from ..ridge.frames import FEWEST, Frames
-from ..ridge.robust_weights import certainty_weights, wrong_markers
-from ..ridge.splits import TEST_SHARE, first_and_last, fold_of
-from ..ridge.trained_range import trained_range
-from ..simulation.prior import Prior
-from ..simulation.simulated_model import simulated_decoder
-from .conformal import LEVEL, conformal
+from ..regression.candidates import AFFINE, FORMS
+from ..regression.frames import FEWEST, TEST_SHARE, Frames, first_and_last, fold_of
+from ..regression.intervals import LEVEL, conformal, trained_range
+from ..regression.marker_weights import certainty_weights, wrong_markers
+from ..regression.simulated_decoder import simulated_decoder
+from ..regression.simulation_prior import Prior
+from .decoder_selection import Tried, chosen, try_all, try_candidate, try_simulated
 from .fault_limits import fault_limits
 from .pose_signals import pose_signals
 from .repeatability import Repeatability, repeatability
-from .select_decoder import Tried, chosen, try_all, try_candidate, try_simulated
 
 AUTO = "auto"
 _LEAST_FOLD = 2.0  # s

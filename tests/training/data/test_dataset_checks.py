@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
+from defsense_fab.training.data.dataset_assembly import without
 from defsense_fab.training.data.dataset_checks import check_dataset, checked
-from defsense_fab.training.data.in_step import find_shift, shifted
-from defsense_fab.training.data.joining import without
+from defsense_fab.training.data.time_alignment import find_shift, shifted
 from tests.errors import raises
 from tests.training.synthetic import CHANNELS, IDS, QUIET, R0, REST, dataset, recording
 

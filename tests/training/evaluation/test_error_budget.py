@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.decoding.past import Past
+from defsense_fab.decoding.signal_history import Past
 from defsense_fab.training.evaluation import error_budget as budget
-from defsense_fab.training.evaluation.cross_fitting import RIDGES, by_features, residual_of
+from defsense_fab.training.evaluation.corrections import RIDGES, by_features, residual_of
 from defsense_fab.training.evaluation.decoded_frames import decode_frames
 from defsense_fab.training.evaluation.evaluate import evaluate
-from defsense_fab.training.evaluation.sample_noise import sample_noise
+from defsense_fab.training.evaluation.marker_motion import sample_noise
 from tests.errors import raises
 from tests.training import soft_bar as bar
 

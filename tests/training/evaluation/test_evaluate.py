@@ -10,8 +10,7 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.decoding.ridge import measure
 from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import velocities
-from defsense_fab.training.ridge.frames import Frames
-from defsense_fab.training.ridge.splits import first_and_last
+from defsense_fab.training.regression.frames import Frames, first_and_last
 from tests.errors import raises
 from tests.training import soft_bar as bar
 

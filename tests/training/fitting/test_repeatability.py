@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.training.fitting.repeatability import repeatability
-from defsense_fab.training.ridge.frames import Frames
+from defsense_fab.training.regression.frames import Frames
 from tests.training import soft_bar as bar
 
 

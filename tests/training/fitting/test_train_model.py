@@ -11,9 +11,8 @@ from sklearn.linear_model import Ridge
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from defsense_fab.training.ridge.frames import Frames
-from defsense_fab.training.ridge.splits import first_and_last
-from defsense_fab.training.ridge.weighted_ridge import NOISES
+from defsense_fab.training.regression.frames import Frames, first_and_last
+from defsense_fab.training.regression.weighted_ridge import NOISES
 from tests.errors import raises
 
 from ..conftest import Maker

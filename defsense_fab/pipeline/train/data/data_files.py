@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ....core.device.device import Device
 from ....training.data.dataset import Dataset
-from ....training.data.in_step import put_in_step
+from ....training.data.time_alignment import put_in_step
 from .datasets import load_datasets
 from .pair_dataset import Offset
 

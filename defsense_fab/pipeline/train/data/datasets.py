@@ -11,7 +11,7 @@ from ....core.errors import TrainingError
 from ....core.markers import FILE as MARKERS
 from ....core.markers import Markers, read_markers
 from ....training.data.dataset import Dataset
-from ....training.data.joining import in_order, join
+from ....training.data.dataset_assembly import in_order, join
 from ...artifacts.layout import layout_hash
 from ...artifacts.session_manifest import manifest_path
 from .dataset_parquet import is_dataset, read_dataset

@@ -7,8 +7,7 @@ import numpy as np
 from ....capture.tracking.rest_pose import FAR
 from ....core.arrays import Bool, Float
 from ....core.errors import CaptureError, TrainingError
-from ....core.markers import Markers
-from ....core.tracks import Tracks
+from ....core.markers import Markers, Tracks
 from ...sessions.processing.rest_frame import lay_on_rest
 
 _ANCHOR = 3  # markers that do not move with the device, that tell its frame

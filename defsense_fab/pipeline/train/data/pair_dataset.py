@@ -8,12 +8,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ....capture.clocks.synchronisation import by_motion
+from ....capture.clocks.synchronization import by_motion
 from ....capture.files.formats import read_any
 from ....core.arrays import Bool, Float
 from ....core.errors import CaptureError, TrainingError
-from ....core.markers import Markers
-from ....core.tracks import Tracks
+from ....core.markers import Markers, Tracks
 from ....training.data.dataset import Dataset, Recording
 from ...sessions.processing.signals import motion
 from .design_frame import in_design_frame

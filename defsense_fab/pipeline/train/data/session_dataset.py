@@ -13,11 +13,11 @@ from ....capture.files.formats import read_any
 from ....core.arrays import Bool, Float
 from ....core.device.device import Device
 from ....core.errors import TrainingError
+from ....core.markers import Tracks
 from ....core.storage.files import load_json
-from ....core.tracks import Tracks
-from ....sensing.signal import relative_change
+from ....sensing.response import relative_change
 from ....training.data.dataset import Dataset, Recording
-from ....training.data.joining import in_order, join
+from ....training.data.dataset_assembly import in_order, join
 from ...artifacts import typed_json
 from ...artifacts.build_folder import build_folder
 from ...artifacts.layout import LAYOUT, LayoutRecord, layout_hash, load_layout

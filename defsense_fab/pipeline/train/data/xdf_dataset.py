@@ -15,8 +15,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.errors import TrainingError
 from ....core.machine.optional_libraries import optional
-from ....core.markers import Markers
-from ....core.tracks import Tracks
+from ....core.markers import Markers, Tracks
 from ....training.data.dataset import Dataset
 from .pair_dataset import QUIET, Offset, of_series
 from .series import OHM, Series, series_of

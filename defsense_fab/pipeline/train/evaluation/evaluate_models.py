@@ -11,14 +11,13 @@ import numpy as np
 
 from ....core.device.device import Device
 from ....core.errors import TrainingError
-from ....core.machine.blas_threads import one_blas_thread
+from ....core.machine.processes import one_blas_thread
 from ....core.progress import Progress, silent
 from ....core.storage.files import digest
 from ....decoding.trained_model import TrainedModel
-from ....training.data.dataset import Dataset, Recording
+from ....training.data.dataset import Dataset, Recording, fingerprint, same_recording
+from ....training.data.dataset_assembly import without_uncertain
 from ....training.data.dataset_checks import check_dataset
-from ....training.data.fingerprint import fingerprint, same_recording
-from ....training.data.uncertain_places import without_uncertain
 from ....training.evaluation.error_budget import ErrorBudget, error_budget
 from ....training.evaluation.evaluate import Evaluation, evaluate
 from ....training.evaluation.model_comparison import Comparison, FrameErrors, compare

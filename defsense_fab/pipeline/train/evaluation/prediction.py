@@ -8,7 +8,7 @@ from ....decoding.trained_model import TrainedModel
 from ....training.evaluation.decoded_frames import DecodedFrames
 from ....training.evaluation.predicted_error import PredictedError, Promise, predicted_error
 from ....training.fitting.repeatability import Repeatability
-from ....training.ridge.candidates import form_of
+from ....training.regression.candidates import form_of
 from ...artifacts.layout import LayoutRecord, layout_hash
 
 

@@ -11,16 +11,13 @@ from ....core.device.device import Device
 from ....core.errors import DefsenseError, TrainingError
 from ....core.progress import Progress, silent
 from ....training.data.dataset import Dataset
+from ....training.data.dataset_assembly import without_markers, without_uncertain
 from ....training.data.dataset_checks import checked
-from ....training.data.in_step import put_in_step
-from ....training.data.joining import without_markers
 from ....training.data.problems import refuse
-from ....training.data.uncertain_places import without_uncertain
+from ....training.data.time_alignment import put_in_step
 from ....training.data.unit_checks import unit_problems, unlike_cords
-from ....training.ridge.frames import Frames
-from ....training.simulation.coverage import coverage
-from ....training.simulation.expected_signals import expected_signals
-from ....training.simulation.prior import Prior
+from ....training.regression.frames import Frames
+from ....training.regression.simulation_prior import Prior, coverage, expected_signals
 from ..data.data_files import told_files
 from ..data.datasets import of_device
 from ..data.pair_dataset import Offset

@@ -11,7 +11,7 @@ from ....core.errors import TrainingError
 from ....mechanics.elements.point_location import PointLocator
 from ....mechanics.elements.tet10 import QuadraticMesh
 from ....sensing.built_cord import CordReading
-from ....training.simulation.prior import Prior
+from ....training.regression.simulation_prior import Prior
 from ...artifacts.body import load_surface
 from ...artifacts.build_folder import finished_build
 from ...artifacts.fields import INDEX, load_fields

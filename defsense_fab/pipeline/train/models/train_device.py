@@ -17,12 +17,11 @@ from ....core.errors import TrainingError
 from ....core.progress import Progress, silent
 from ....core.version import __version__
 from ....decoding.trained_model import TrainedModel
-from ....training.data.dataset import Dataset, Recording
-from ....training.data.fingerprint import fingerprint
-from ....training.data.first_rest import first_rest
+from ....training.data.dataset import Dataset, Recording, fingerprint
+from ....training.fitting.pose_signals import first_rest
 from ....training.fitting.train_model import Attempt, Training, TrainingOptions, train
-from ....training.simulation.prior import Prior
-from ....training.simulation.simulated_model import simulated_model
+from ....training.regression.simulated_decoder import simulated_model
+from ....training.regression.simulation_prior import Prior
 from ...artifacts.build_folder import build_folder
 from ...artifacts.layout import layout_hash, load_layout, load_prediction
 from .simulated_prior import simulated_prior

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....core.device.device import Device
-from ....core.machine.blas_threads import one_blas_thread
+from ....core.machine.processes import one_blas_thread
 from ....core.progress import Progress, silent
 from ....training.fitting.train_model import Training, TrainingOptions
 from ..data.data_files import DataFiles

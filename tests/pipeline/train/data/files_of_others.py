@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from defsense_fab.core.markers import Markers
-from defsense_fab.core.tracks import Tracks
+from defsense_fab.core.markers import Markers, Tracks
 from defsense_fab.training.data.dataset import Recording
 from tests.training.synthetic import CHANNELS, IDS, REST
 

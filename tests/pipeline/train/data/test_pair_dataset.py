@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from defsense_fab.capture.files.formats import write_any
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.core.tracks import Tracks
+from defsense_fab.core.markers import Tracks
 from defsense_fab.pipeline.train.data.pair_dataset import pair_dataset
 from defsense_fab.training.data.dataset_checks import check_dataset
 from tests.pipeline.train.data.files_of_others import markers, tracks_of, write_csv, write_signals

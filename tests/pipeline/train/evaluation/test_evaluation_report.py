@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import StorageError, TrainingError
-from defsense_fab.decoding.past import Past
+from defsense_fab.decoding.signal_history import Past
 from defsense_fab.pipeline.train.evaluation import evaluation_report
 from defsense_fab.pipeline.train.evaluation.evaluate_models import _names, evaluate_models
 from defsense_fab.pipeline.train.evaluation.evaluation_report import write_evaluation
-from defsense_fab.training.data.fingerprint import fingerprint
+from defsense_fab.training.data.dataset import fingerprint
 from tests.training import soft_bar as bar
 
 CAUSES = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1, "memory": 0.3}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.decoding.past import Past
+from defsense_fab.decoding.signal_history import Past
 from defsense_fab.pipeline.train.evaluation.twin_truth import MEMORY, TRUTH, budget_of_truth
 from defsense_fab.training.evaluation.error_budget import CAMERAS, READ_OUT
 from defsense_fab.training.evaluation.evaluate import evaluate

@@ -9,13 +9,12 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.progress import Progress, silent
-from ...decoding.input_features import InputDecoder, InputFeatures
-from ...decoding.past import Past
-from ..ridge.candidates import AFFINE, FORMS, MEMORY, QUADRATIC, SIMULATED, Candidate
-from ..ridge.frames import Frames
-from ..ridge.weighted_ridge import RidgePath, Sums, Whitened, cross_validate, solve, sums
-from ..simulation.memory_fit import PASTS
-from ..simulation.simulated_map import SimulatedMap
+from ...decoding.input_decoder import InputDecoder, InputFeatures
+from ...decoding.signal_history import Past
+from ..regression.candidates import AFFINE, FORMS, MEMORY, QUADRATIC, SIMULATED, Candidate
+from ..regression.frames import Frames
+from ..regression.simulated_decoder import PASTS, SimulatedMap
+from ..regression.weighted_ridge import RidgePath, Sums, Whitened, cross_validate, solve, sums
 
 #: Time constants, s, among which memories are looked for; the best is refined between these.
 _TIMES = np.logspace(-1, 2, 10)

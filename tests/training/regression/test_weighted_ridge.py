@@ -8,9 +8,9 @@ from scipy.interpolate import CubicSpline
 from sklearn.linear_model import Ridge
 
 from defsense_fab.core.arrays import Float
-from defsense_fab.decoding.input_features import InputFeatures, no_products
-from defsense_fab.training.ridge.splits import fold_of
-from defsense_fab.training.ridge.weighted_ridge import (
+from defsense_fab.decoding.input_decoder import InputFeatures, no_products
+from defsense_fab.training.regression.frames import fold_of
+from defsense_fab.training.regression.weighted_ridge import (
     Whitened,
     cross_validate,
     solve,

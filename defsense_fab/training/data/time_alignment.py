@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.errors import TrainingError
-from ...decoding.folds import contiguous
+from ...decoding.decoders import contiguous
 from .dataset import Dataset, Recording
 
 WITHIN = 1.0  # s, either way

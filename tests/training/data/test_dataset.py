@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from defsense_fab.training.data.fingerprint import fingerprint, same_recording
+from defsense_fab.training.data.dataset import fingerprint, same_recording
 
 from ..conftest import Maker
 

@@ -10,11 +10,9 @@ from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.data.dataset_checks import check_dataset
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from defsense_fab.training.ridge.frames import Frames
-from defsense_fab.training.simulation.coverage import coverage
-from defsense_fab.training.simulation.expected_signals import expected_signals
-from defsense_fab.training.simulation.prior import Prior
-from defsense_fab.training.simulation.simulated_model import simulated_model
+from defsense_fab.training.regression.frames import Frames
+from defsense_fab.training.regression.simulated_decoder import simulated_model
+from defsense_fab.training.regression.simulation_prior import Prior, coverage, expected_signals
 from tests.errors import raises
 
 from ..conftest import Maker

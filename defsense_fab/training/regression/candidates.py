@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...decoding.input_features import InputFeatures, all_products, no_products
-from ...decoding.past import Past
+from ...decoding.input_decoder import all_products, InputFeatures, no_products
+from ...decoding.signal_history import Past
 
 AFFINE, QUADRATIC, KERNEL = "affine", "quadratic", "kernel"
 #: From simple to rich; of those that are as good, the first is taken.

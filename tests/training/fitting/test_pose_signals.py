@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from defsense_fab.training.data.first_rest import first_rest
+from defsense_fab.training.fitting.pose_signals import first_rest
 from tests.training.synthetic import CHANNELS, R0, dataset, recording
 
 ASKED = ((0.0, "rest"), (4.0, "bend"), (9.0, "rest"))

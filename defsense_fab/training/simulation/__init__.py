@@ -1,1 +1,0 @@
-"""What the simulation says of a device, for training and for checking."""
