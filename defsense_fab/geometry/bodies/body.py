@@ -12,7 +12,7 @@ from ...core.errors import BodyError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
-from .child_process import Failure, finished
+from .child_process import Failure, finished, refusal
 from .connector_bay import recess
 from .foreign_body import read_mesh_body, read_step_body
 from .kernel_loading import loaded_meanwhile
@@ -99,7 +99,7 @@ def _run_script(spec: BodySpec) -> tuple[list[Any], tuple[SourceFile, ...]]:
     ):
         made = json.loads((folder / RESULT).read_text(encoding="utf-8"))
         if "refused" in made:
-            raise BodyError(f"{path}: {made['refused']}")
+            raise refusal(made, f"{path}: {made['refused']}")
         if "type" in made:
             raise script_failure(made, spec.parameters)
         solids = brep().read_brep(folder / SOLIDS)
@@ -113,5 +113,6 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return value.tolist()
     raise BodyError(
-        f"device.toml: body.parameters: cannot hold {value!r}; use numbers, texts, lists or tables"
+        f"device.toml: body.parameters: cannot hold {value!r}; use numbers, texts, lists or tables",
+        code="unsupported-parameter",
     )

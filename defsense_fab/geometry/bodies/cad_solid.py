@@ -46,19 +46,26 @@ def cad_solid(
         more = f" and {len(solids) - 5} more" if len(solids) > 5 else ""
         raise BodyError(
             f"{where}: gives {len(solids)} solids, one is needed; fuse them or remove the rest"
-            + (f": {told}{more}" if solids else "")
+            + (f": {told}{more}" if solids else ""),
+            code="not-one-solid",
+            count=len(solids),
         )
     size = occ.size(solids[0])
     if not sizes[0] <= size <= sizes[1]:
         raise BodyError(
-            f"{where}: the body is {size:.3g} mm across; lengths are in mm: check its units"
+            f"{where}: the body is {size:.3g} mm across; lengths are in mm: check its units",
+            code="unlikely-size",
+            size=size,
         )
     solid, repairs = _without_cavities(solids[0], where, fill_cavities)
     surface = _facets(solid, where, tolerance * size if relative else tolerance)
     check_near(where, surface.vertices, sizes[1])
     volume = occ.volume(solid)
     if not volume > 0:
-        raise BodyError(f"{where}: the solid's volume is {volume:.3g} mm^3; turn its faces")
+        raise BodyError(
+            f"{where}: the solid's volume is {volume:.3g} mm^3; turn its faces",
+            code="encloses-no-volume",
+        )
     return CadSolid(solid, surface, volume, repairs)
 
 
@@ -70,7 +77,13 @@ def _without_cavities(solid: Any, where: str, fill: bool) -> tuple[Any, tuple[st
     told = cavity_text(*found[0]) + rest
     whole = inner_shells.filled(solid)
     if found[0][0] >= DEBRIS * occ.volume(whole) and not fill:
-        raise BodyError(refused_cavities(where, told))
+        raise BodyError(
+            refused_cavities(where, told),
+            code="closed-cavity",
+            volume=found[0][0],
+            at=found[0][1].tolist(),
+            count=len(found),
+        )
     return whole, (f"filled {told}",)
 
 
@@ -80,13 +93,17 @@ def _facets(solid: Any, where: str, tolerance: float) -> Surface:
         surface = occ.tessellate(solid, tolerance)
     except Exception as error:  # OpenCascade's carry no common base; of no facets, ValueError
         text = " ".join(str(error).split()) or type(error).__name__
-        raise BodyError(f"{where}: its faces cannot be divided into facets: {text}") from None
+        raise BodyError(
+            f"{where}: its faces cannot be divided into facets: {text}", code="cannot-tessellate"
+        ) from None
     edges = np.sort(surface.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
     if (count % 2).any():
         at = surface.vertices[unique[count % 2 == 1][0]].mean(0)
         raise BodyError(
             f"{where}: the solid is not closed near {place(at)}; heal it in the program that made"
-            " it, or export a mesh (STL) and give that as [body] mesh"
+            " it, or export a mesh (STL) and give that as [body] mesh",
+            code="surface-not-closed",
+            at=at.tolist(),
         )
     return surface

@@ -14,12 +14,12 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
-from ...core.errors import DefsenseError
+from ...core.errors import BodyError, DefsenseError
 from ...core.machine.processes import OWN_GROUP, end_group, end_own_group, was_killed
 
 #: What a child leaves as its error where it has no memory, or not enough.
@@ -64,10 +64,20 @@ def finished(
             if was_killed(code):
                 why += ", perhaps for want of memory"
             why += f": {said}" if said else ""
-            error = failure.error(f"{failure.who} ended early ({why}); {failure.crashed}")
+            error = failure.error(
+                f"{failure.who} ended early ({why}); {failure.crashed}",
+                code="process-ended-early",
+                returncode=code,
+                last_line=said,
+            )
             error.is_machine_limit = was_killed(code)
             raise error
         yield folder
+
+
+def refusal(result: Mapping[str, Any], text: str) -> BodyError:
+    """Return the error that a child left in its `result`: its `code` and `data`, with this text."""
+    return BodyError(text, code=result["code"], **result["data"])
 
 
 def _run(
@@ -100,7 +110,9 @@ def _run(
     except subprocess.TimeoutExpired:
         error = failure.error(
             f"{failure.who} did not end within {round(limit, 2):g} s and was stopped;"
-            f" {failure.slow}"
+            f" {failure.slow}",
+            code="time-limit-exceeded",
+            limit=limit,
         )
         error.is_machine_limit = True
         raise error from None

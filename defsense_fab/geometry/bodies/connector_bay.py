@@ -32,7 +32,8 @@ def recess(spec: BaySpec, body: Surface) -> Prism:
     width, height, depth = spec.size
     if max(spec.size) > np.linalg.norm(np.ptp(body.bounds, axis=0)):
         raise BodyError(
-            f"[body.bay] size: {width:g} x {height:g} x {depth:g} mm is larger than the body"
+            f"[body.bay] size: {width:g} x {height:g} x {depth:g} mm is larger than the body",
+            code="bay-too-large",
         )
     center, normal = _skin_at(spec, body)
     axes = upright(normal)
@@ -75,7 +76,9 @@ def _skin_at(spec: BaySpec, body: Surface) -> tuple[Float, Float]:
     if away > _FAR:
         raise BodyError(
             f"[body.bay] at: {xyz(spec.at)} is {away:.1f} mm from the skin, whose nearest point"
-            f" is {xyz(center)}; give a point on the skin"
+            f" is {xyz(center)}; give a point on the skin",
+            code="bay-off-skin",
+            distance=away,
         )
     a, b, c = body.vertices[body.faces[int(np.ravel(face)[0])]]
     own = np.cross(b - a, c - a)
@@ -102,7 +105,9 @@ def _heights(
         if covered or len(ray_casting.hits(top, normal, body)):
             raise BodyError(
                 f"[body.bay]: the body lies over its opening near {xyz(top)}; choose a place that"
-                " a connector can reach"
+                " a connector can reach",
+                code="bay-opening-covered",
+                at=top.tolist(),
             )
         below = ray_casting.hits(top, -normal, body)
         heights.append(depth - float(below[0]) if len(below) else -np.inf)
@@ -111,7 +116,8 @@ def _heights(
         fall = "ends" if np.isinf(low) else f"falls by {high - low:.1f} mm"
         raise BodyError(
             f"[body.bay]: the skin around {xyz(center)} {fall} under an opening of"
-            f" {2 * half[0]:g} x {2 * half[1]:g} mm; choose a flatter place or a smaller size"
+            f" {2 * half[0]:g} x {2 * half[1]:g} mm; choose a flatter place or a smaller size",
+            code="bay-skin-uneven",
         )
     return low, high
 
@@ -137,5 +143,8 @@ def _check(bay: Prism, body: Surface, depth: float) -> None:
         k = int(spare.argmin())
         raise BodyError(
             f"[body.bay]: it leaves {max(0.0, float(wall[k])):.1f} mm of wall near"
-            f" {xyz(points[k])}; {_WALL:g} mm is needed: choose another place or a smaller size"
+            f" {xyz(points[k])}; {_WALL:g} mm is needed: choose another place or a smaller size",
+            code="bay-wall-thin",
+            wall=float(wall[k]),
+            at=points[k].tolist(),
         )

@@ -18,5 +18,7 @@ def check_near(where: str, vertices: Float, largest: float) -> None:
     if away > _FAR * largest:
         raise BodyError(
             f"{where}: the body reaches {away / 1000:.3g} m away from the origin, where coordinates"
-            " in STL files are rounded too much; move it to the origin"
+            " in STL files are rounded too much; move it to the origin",
+            code="far-from-origin",
+            distance=away,
         )

@@ -20,7 +20,7 @@ from ...core.errors import BodyError
 from ...core.machine.processes import limit_memory
 from ...core.mesh import Surface
 from ...core.storage.files import write_json
-from .child_process import Failure, end_with_parent, finished
+from .child_process import Failure, end_with_parent, finished, refusal
 from .kernel_loading import loaded_meanwhile
 from .meshes.file_kind import kind_of_file
 
@@ -65,7 +65,9 @@ def read_step_body(
     if kind not in (".step", None):
         raise BodyError(
             f'{path}: is no STEP file but {kind[1:].upper()}; write mesh = "{path.name}" under'
-            " [body]"
+            " [body]",
+            code="wrong-file-format",
+            suffix=kind,
         )
     task = {
         "step": True, "sizes": sizes, "tolerance": tolerance, "relative": False,
@@ -89,7 +91,9 @@ def _kind(path: Path) -> str | None:
     try:
         return kind_of_file(path.read_bytes())
     except OSError as error:
-        raise BodyError(f"{path}: cannot be read: {error.strerror}") from None
+        raise BodyError(
+            f"{path}: cannot be read: {error.strerror}", code="file-unreadable"
+        ) from None
 
 
 def _read(
@@ -113,7 +117,7 @@ def _read(
     with finished(__name__, give, _RESULT, limit, failure) as folder:
         made = json.loads((folder / _RESULT).read_text(encoding="utf-8"))
         if "refused" in made:
-            raise BodyError(made["refused"].replace(str(path.absolute()), shown))
+            raise refusal(made, made["refused"].replace(str(path.absolute()), shown))
         with np.load(folder / _SURFACE) as data:
             surface = Surface(data["vertices"], data["faces"])
         body = brep().read_brep(folder / _SOLID)[0] if brep else None
@@ -128,10 +132,14 @@ def _main(folder: Path) -> None:
     try:
         result = _made(path, task, folder)
     except BodyError as error:
-        result = {"refused": str(error)}
+        result = {"refused": str(error), "code": error.code, "data": error.data}
     except MemoryError:
-        result = {"refused": f"{path}: reading it takes more than {MOST_MEMORY / 2**30:.0f} GB of"
-                             " memory; simplify the body"}  # fmt: skip
+        result = {
+            "refused": f"{path}: reading it takes more than {MOST_MEMORY / 2**30:.0f} GB of memory;"
+            " simplify the body",
+            "code": "file-too-large",
+            "data": {},
+        }
     write_json(folder / _RESULT, result)
 
 

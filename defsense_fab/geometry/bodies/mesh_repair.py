@@ -43,7 +43,9 @@ def read_mesh(
     if not _ANY_UNIT[0] <= in_file <= _ANY_UNIT[1]:
         raise BodyError(
             f"{path}: the body is {in_file:.3g} across in the file's lengths, of which no unit"
-            " makes a device; export it again"
+            " makes a device; export it again",
+            code="unlikely-size",
+            size=in_file,
         )
     if not sizes[0] <= size <= sizes[1]:
         unit = (
@@ -52,7 +54,9 @@ def read_mesh(
             else "1000 where the file is in metres, 25.4 for inches"
         )
         raise BodyError(
-            f"{path}: the body is {size:.3g} mm across; set [body] scale in device.toml ({unit})"
+            f"{path}: the body is {size:.3g} mm across; set [body] scale in device.toml ({unit})",
+            code="unlikely-size",
+            size=size,
         )
     check_near(str(path), vertices[read.faces], sizes[1])
     vertices, faces, repairs = repair(vertices, read.faces, str(path), fill_cavities)
@@ -64,9 +68,15 @@ def _suffix(path: Path) -> str:
     try:
         kind = kind_of_file(path.read_bytes())
     except OSError as error:
-        raise BodyError(f"{path}: cannot be read: {error.strerror}") from None
+        raise BodyError(
+            f"{path}: cannot be read: {error.strerror}", code="file-unreadable"
+        ) from None
     if kind == ".step":
-        raise BodyError(f'{path}: is a STEP file; write step = "{path.name}" under [body]')
+        raise BodyError(
+            f'{path}: is a STEP file; write step = "{path.name}" under [body]',
+            code="wrong-file-format",
+            suffix=kind,
+        )
     return kind or path.suffix.lower()
 
 
@@ -87,7 +97,9 @@ def repair(
     size = float(np.linalg.norm(np.ptp(vertices[np.unique(faces)], axis=0)))
     vertices, faces, done = cleaned(vertices, faces, size)
     if len(faces) == 0:
-        raise BodyError(f"{where}: encloses no volume; a closed solid is needed")
+        raise BodyError(
+            f"{where}: encloses no volume; a closed solid is needed", code="encloses-no-volume"
+        )
     turned = oriented(faces)
     if (turned != faces).any():
         done.append("turned inconsistent faces")

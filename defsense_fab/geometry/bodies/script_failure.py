@@ -23,10 +23,17 @@ def script_failure(raised: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
         said = f" ({message})" if message not in ("", "None") else ""
         return BodyError(
             f"{where}: the script ends the program{said} in place of returning a body; remove that"
-            " call, or raise an error that says what is wrong"
+            " call, or raise an error that says what is wrong",
+            code="script-exits",
+            line=raised["line"],
         )
     if raised.get("module"):
-        return BodyError(_missing(where, str(raised["module"]), raised["type"], message))
+        return BodyError(
+            _missing(where, str(raised["module"]), raised["type"], message),
+            code="missing-library",
+            line=raised["line"],
+            module=raised["module"],
+        )
     if not message:
         kernel = raised["type"].startswith(("Standard_", "StdFail_", "gp_"))
         message = "no message"
@@ -35,7 +42,11 @@ def script_failure(raised: Mapping[str, Any], parameters: Mapping[str, Any]) -> 
     given = ", ".join(f"{name} = {value}" for name, value in parameters.items())
     return BodyError(
         f"{where}: the script raised {raised['type']}: {message}; mend the script or its"
-        f" parameters{f' ({given})' if given else ''}"
+        f" parameters{f' ({given})' if given else ''}",
+        code="script-raises",
+        line=raised["line"],
+        exception=raised["type"],
+        message=message,
     )
 
 

@@ -62,15 +62,23 @@ def _call(path: Path, parameters: dict[str, Any]) -> Any:
 def _save(result: Any, target: Path) -> dict[str, Any]:
     """Write the solids, or say why what the script returned has none."""
     if result is _MISSING:
-        return {"refused": "defines no function body(...); add one that returns a solid"}
+        return {
+            "refused": "defines no function body(...); add one that returns a solid",
+            "code": "no-body-function",
+            "data": {},
+        }
     if result is None:
-        return {"refused": "body() returned None; return the solid"}
+        return {
+            "refused": "body() returned None; return the solid",
+            "code": "not-a-solid",
+            "data": {"type": "NoneType"},
+        }
     from ..kernels import brep, occ
 
     try:
         brep.write_brep(occ.solids_of(result), target)
     except BodyError as error:
-        return {"refused": str(error)}
+        return {"refused": str(error), "code": error.code, "data": error.data}
     return {}
 
 

@@ -51,13 +51,18 @@ def read_parameters(path: Path, given: Mapping[str, Any]) -> tuple[Parameter, ..
         tree = ast.parse(path.read_bytes(), str(path))
     except SyntaxError as error:
         raise BodyError(
-            f"{path.name}:{error.lineno}: is no Python ({error.msg}); mend that line"
+            f"{path.name}:{error.lineno}: is no Python ({error.msg}); mend that line",
+            code="script-syntax",
+            line=error.lineno,
         ) from None
     except (OSError, ValueError, RecursionError) as error:
-        raise BodyError(f"{path}: cannot be read: {error}") from None
+        raise BodyError(f"{path}: cannot be read: {error}", code="file-unreadable") from None
     found = [n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == "body"]
     if not found:
-        raise BodyError(f"{path.name}: defines no function body(...); add one that returns a solid")
+        raise BodyError(
+            f"{path.name}: defines no function body(...); add one that returns a solid",
+            code="no-body-function",
+        )
     arguments = found[-1].args
     plain = [*arguments.posonlyargs, *arguments.args]
     defaults: list[ast.expr | None] = [None] * (len(plain) - len(arguments.defaults))

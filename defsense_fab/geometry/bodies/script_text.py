@@ -38,7 +38,9 @@ def read_script(path: Path) -> ScriptText:
         files = {path.name: path.read_bytes()}
         waiting = [path.name, *_importable(path.parent)]
     except OSError as error:
-        raise BodyError(f"{path}: cannot be read: {error.strerror}; give another script") from None
+        raise BodyError(
+            f"{path}: cannot be read: {error.strerror}; give another script", code="file-unreadable"
+        ) from None
     while waiting:
         name = waiting.pop()
         if name not in files:

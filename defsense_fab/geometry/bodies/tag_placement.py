@@ -9,7 +9,7 @@ import igl
 import numpy as np
 
 from ...core.arrays import Bool, Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.mesh import Surface, facet_crosses
 
 _LEAN = np.cos(np.radians(35))

@@ -9,8 +9,7 @@ from functools import partial
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curves.curve import Plane
-from ...core.curves.path_sampling import arc_lengths
+from ...core.curve import Plane, arc_lengths
 from ...core.mesh import Surface
 from ..bodies.connector_bay import inside
 from ..kernels.cutting_tools import Frustum, Tool, cylinder

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curves.curve import bend_radius
-from ...core.curves.path_sampling import arc_lengths, per_span_for_sag, resample, sample_path
+from ...core.curve import arc_lengths, bend_radius, per_span_for_sag, resample, sample_path
 from ...core.device.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
@@ -154,14 +153,21 @@ def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
 
 def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> None:
     if (np.linalg.norm(sensor.curve.tangents[[0, -1]], axis=1) < 1e-9).any():
-        raise FabricationError(f"cord {sensor.name!r}: a tangent at its ends is zero; give it one")
+        raise FabricationError(
+            f"cord {sensor.name!r}: a tangent at its ends is zero; give it one",
+            code="zero-tangent",
+            cord=sensor.name,
+        )
     inside = distances_of(body).inside(path)
     if not inside[1:-1].all():
         outside = path[1:-1][~inside[1:-1]]
         where = "misses the body" if not inside.any() else "leaves the body"
         at = xyz(outside[len(outside) // 2])
         raise FabricationError(
-            f"cord {sensor.name!r} {where} near {at}; move its plane or its path"
+            f"cord {sensor.name!r} {where} near {at}; move its plane or its path",
+            code="path-leaves-body",
+            cord=sensor.name,
+            misses=not inside.any(),
         )
     radius = bend_radius(path)
     k = int(radius.argmin())
@@ -169,5 +175,8 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
         at = xyz(path[k + 1])
         raise FabricationError(
             f"cord {sensor.name!r} bends to a radius of {radius[k]:.2f} mm near {at}, too tight"
-            f" for a channel of {diameter:.2f} mm; smooth the path"
+            f" for a channel of {diameter:.2f} mm; smooth the path",
+            code="bend-too-tight",
+            cord=sensor.name,
+            radius=float(radius[k]),
         )

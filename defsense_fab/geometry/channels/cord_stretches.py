@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curves.path_sampling import arc_lengths
+from ...core.curve import arc_lengths
 from ...core.mesh import Surface
 from ..kernels.signed_distance import distances_of
 

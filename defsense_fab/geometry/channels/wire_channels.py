@@ -16,8 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Bool, Float
-from ...core.curves.curve import Plane
-from ...core.curves.path_sampling import arc_lengths
+from ...core.curve import Plane, arc_lengths
 from ...core.mesh import Surface
 from ..bodies.connector_bay import in_solid, inside, without_bay
 from ..kernels import ray_casting, triangle_kernel

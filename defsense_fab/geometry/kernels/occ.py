@@ -20,7 +20,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.errors import BodyError, FabricationError
 from ...core.mesh import Surface
 from .canonical_facets import canonical
@@ -28,7 +28,7 @@ from .cutting_tools import CRUMB, Frustum, Prism, Tool, frame
 
 #: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
 ANGLE = 0.06
-#: Largest distance of a channel's arcs (`core/curves/biarc.py`) from the path, mm.
+#: Largest distance of a channel's arcs (`core/curve_conversion.py`) from the path, mm.
 PATH_TOLERANCE = 0.01
 _LOST = 2e-3  # of the parts' volume
 _MENDED = 1e-6  # share of the volume that a mended solid may differ by
@@ -41,7 +41,11 @@ _NOT_ASCII = re.compile(rb"[\x80-\xff]+(?:\r?\n[\x80-\xff]+)*")  # lines end wit
 def solids_of(result: Any) -> list[Any]:
     """TopoDS_Solids in what a script returned: a build123d or CadQuery object."""
     if isinstance(result, type):
-        raise BodyError(f"body() returned the class {result.__name__}; call it to make a solid")
+        raise BodyError(
+            f"body() returned the class {result.__name__}; call it to make a solid",
+            code="class-not-called",
+            type=result.__name__,
+        )
     if hasattr(result, "vals") and callable(result.vals):  # a CadQuery Workplane
         shapes = [v.wrapped for v in result.vals() if hasattr(v, "wrapped")]
     elif hasattr(result, "part") and hasattr(result.part, "wrapped"):  # a BuildPart
@@ -50,7 +54,9 @@ def solids_of(result: Any) -> list[Any]:
         shapes = [result.wrapped]
     else:
         raise BodyError(
-            f"body() returned {type(result).__name__}; return a build123d or CadQuery solid"
+            f"body() returned {type(result).__name__}; return a build123d or CadQuery solid",
+            code="not-a-solid",
+            type=type(result).__name__,
         )
     solids: list[Any] = []
     for shape in shapes:
@@ -70,7 +76,9 @@ def read_step(path: Path) -> list[Any]:
         raise
     except Exception as error:  # the reader raises bare exceptions of OCP
         text = " ".join(str(error).split()) or "no valid STEP file"
-        raise BodyError(f"{path}: cannot be read as STEP: {text}") from None
+        raise BodyError(
+            f"{path}: cannot be read as STEP: {text}", code="file-invalid", suffix=".step"
+        ) from None
 
 
 def write_step(solid: Any, path: Path, label: str) -> None:
@@ -162,10 +170,13 @@ def tube(
         good = solid.is_valid and solid.volume > 0
     except Exception as error:  # OCP's own exceptions carry no common base
         text = " ".join(str(error).split()) or type(error).__name__
-        raise FabricationError(f"the channel cannot be swept: {text}; smooth the path") from None
+        raise FabricationError(
+            f"the channel cannot be swept: {text}; smooth the path", code="cannot-sweep-channel"
+        ) from None
     if not good:
         raise FabricationError(
-            "the channel's solid is not valid; the path bends tighter than the channel's radius"
+            "the channel's solid is not valid; the path bends tighter than the channel's radius",
+            code="cannot-sweep-channel",
         )
     return solid.wrapped
 
@@ -233,7 +244,10 @@ def carve_and_split(
         )
         if len(made) == count and abs(sum(p.volume for p in made) / expected - 1) < _LOST:
             return [p.wrapped for p in made]
-    raise FabricationError("OpenCascade could not divide the solid; move a cord plane slightly")
+    raise FabricationError(
+        "OpenCascade could not divide the solid; move a cord plane slightly",
+        code="cannot-divide-solid",
+    )
 
 
 def _divided(parts: list[Any], knives: Sequence[Knife]) -> list[Any]:
@@ -283,11 +297,18 @@ def one_solid(shape: Any) -> Any:
     FabricationError where it is not one valid solid."""
     solids = list(shape.solids())
     if len(solids) != 1 or solids[0].volume <= 0:
-        raise FabricationError(f"the geometry kernel made {len(solids)} solids of one part")
+        raise FabricationError(
+            f"the geometry kernel made {len(solids)} solids of one part",
+            code="not-one-solid",
+            count=len(solids),
+        )
     solid = solids[0]
     if not solid.is_valid:
         mended = solid.fix()
         if not mended.is_valid or abs(mended.volume / solid.volume - 1) > _MENDED:
-            raise FabricationError("the geometry kernel made a solid of one part that is not valid")
+            raise FabricationError(
+                "the geometry kernel made a solid of one part that is not valid",
+                code="solid-invalid",
+            )
         solid = mended
     return solid.wrapped

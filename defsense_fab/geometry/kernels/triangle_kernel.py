@@ -39,9 +39,11 @@ def to_manifold(surface: Surface, what: str) -> Any:
     """A manifold3d solid. Raises FabricationError where the surface is not closed and outward."""
     solid = _manifold_of(surface)
     if solid.status() != m3.Error.NoError:
-        raise FabricationError(f"{what}: not a closed manifold ({solid.status().name})")
+        raise FabricationError(
+            f"{what}: not a closed manifold ({solid.status().name})", code="surface-not-closed"
+        )
     if solid.volume() <= 0:
-        raise FabricationError(f"{what}: encloses no positive volume")
+        raise FabricationError(f"{what}: encloses no positive volume", code="encloses-no-volume")
     return solid
 
 
@@ -77,9 +79,11 @@ def printable(solid: Any, what: str, mating: Sequence[tuple[Float, float]] = ())
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     edges = ends.min(axis=1) * len(vertices) + ends.max(axis=1)
     if (np.unique(edges, return_counts=True)[1] != 2).any():
-        raise FabricationError(f"{what}: an edge of its facets does not have two of them")
+        raise FabricationError(
+            f"{what}: an edge of its facets does not have two of them", code="surface-not-closed"
+        )
     if len(to_manifold(surface, what).decompose()) != 1:
-        raise FabricationError(f"{what}: is not in one piece")
+        raise FabricationError(f"{what}: is not in one piece", code="not-one-piece")
     return surface
 
 

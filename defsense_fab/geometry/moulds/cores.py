@@ -40,7 +40,9 @@ def faces(made: Made, index: int) -> list[Face]:
     if not found:
         raise FabricationError(
             f"{part.name} cannot be cast: it has no face in which it meets another part, for the"
-            " mould to open at; choose a process that prints"
+            " mould to open at; choose a process that prints",
+            code="no-joint-face",
+            part=part.name,
         )
     ordered = sorted(found.values(), key=lambda f: -f[2])
     hollows = hollows_of(made, index)
@@ -55,7 +57,9 @@ def faces(made: Made, index: int) -> list[Face]:
             raise FabricationError(
                 f"{part.name} cannot be cast: a hole near {at} opens into none of its faces, and"
                 " nothing in the mould could leave it; set strain_relief = false or remove"
-                " [body.bay], or choose a process that prints"
+                " [body.bay], or choose a process that prints",
+                code="hollow-not-castable",
+                part=part.name,
             )
     which = sorted(found, key=lambda cut: -found[cut][2])
     return [_face(bare, *ordered[k], cores[k], meeting[cut]) for k, cut in enumerate(which)]

@@ -134,7 +134,9 @@ def fed(name: str, lid: Any, cavity: Any, normal: Float, origin: Float) -> Feed:
     else:
         raise FabricationError(
             f"{name} cannot be cast: its largest face has no room for a hole of"
-            f" {2 * _POURS[-1]:g} mm to pour through; move its cords' planes apart"
+            f" {2 * _POURS[-1]:g} mm to pour through; move its cords' planes apart",
+            code="no-pouring-hole",
+            part=name,
         )
     # At an end: the long way from the middle.
     away = places - places.mean(axis=0)

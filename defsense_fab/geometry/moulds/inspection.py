@@ -29,7 +29,9 @@ def adds_up(name: str, pieces: float, block: float, fed: float) -> Check:
     if not error <= _SUM:
         raise FabricationError(
             f"the mould of {name} and its cavity add up to {pieces + fed:.1f} mm^3, but its block"
-            f" has {block:.1f}; move a cord's plane slightly"
+            f" has {block:.1f}; move a cord's plane slightly",
+            code="volume-not-conserved",
+            part=name,
         )
     return Check(f"mould of {name}: volume lost or gained", error, _SUM, "", "")
 
@@ -40,7 +42,9 @@ def cavity(name: str, volume: float, part: Part) -> Check:
     if not error <= CAVITY:
         raise FabricationError(
             f"the mould of {name} holds {volume:.1f} mm^3 but the part has {part.volume:.1f}; move"
-            " a cord's plane slightly"
+            " a cord's plane slightly",
+            code="cavity-differs-from-part",
+            part=name,
         )
     return Check(f"mould of {name}: cavity against the part", error, CAVITY, "", "")
 
@@ -66,7 +70,9 @@ def opens(
                     at = triangle_kernel.centroid(triangle_kernel.to_surface(common))
                     raise FabricationError(
                         f"the pieces {k + 1} and {j + 1} of the mould of {name} lock near"
-                        f" {xyz(at)}, by {common.volume():.1f} mm^3; move a cord's plane there"
+                        f" {xyz(at)}, by {common.volume():.1f} mm^3; move a cord's plane there",
+                        code="mould-pieces-lock",
+                        part=name,
                     )
             common = moved ^ cast
             volume = float(common.volume())
@@ -77,7 +83,9 @@ def opens(
                 raise FabricationError(
                     f"the mould of {name} does not open: its piece {k + 1} passes through"
                     f" {volume:.1f} mm^3 of the part near {where}; move a cord's plane there, or"
-                    " choose a process that prints"
+                    " choose a process that prints",
+                    code="mould-does-not-open",
+                    part=name,
                 )
     limit = max(_TOUCH, *eased)
     return [

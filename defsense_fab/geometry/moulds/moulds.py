@@ -270,6 +270,8 @@ def whole(solid: Any, name: str) -> Any:
         at = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(found[1])))
         raise FabricationError(
             f"{name} falls apart: {found[1].volume():.1f} mm^3 come off near {at}; move a cord's"
-            " plane there, or choose a process that prints"
+            " plane there, or choose a process that prints",
+            code="not-one-piece",
+            part=name,
         )
     return found[0]

@@ -130,7 +130,11 @@ def shell_opening(name: str, skin: Skin, faces: Sequence[Face], rules: MouldRule
         f"{name} cannot be cast: however its mould is divided, the part would be strained by"
         f" {best.strain:.0%} of its thickness near {where} as it is taken out, and"
         f" {rules.strain:.0%} is taken as safe; let a cord's plane pass through the widest place"
-        " there, add a cord, or choose a process that prints"
+        " there, add a cord, or choose a process that prints",
+        code="undercut-too-deep",
+        part=name,
+        strain=best.strain,
+        at=None if best.at is None else best.at.tolist(),
     )
 
 

@@ -10,7 +10,7 @@ import manifold3d as m3
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curves.curve import Plane, coincident
+from ...core.curve import Plane, coincident
 from ...core.errors import FabricationError
 from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
@@ -191,10 +191,15 @@ def _whole(leaf: Any, channels: Sequence[Channel]) -> Any:
         near = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
         raise FabricationError(
             f"the channel of cord {' and '.join(near)} cuts a piece of {chip.volume():.1f} mm^3 off"
-            f" its part near {at}; move it away from the other cords' planes"
+            f" its part near {at}; move it away from the other cords' planes",
+            code="channel-cuts-part",
+            cords=[c.name for c in channels if repr(c.name) in near],
         )
     if not pieces:
-        raise FabricationError("a channel takes up a whole part; move the cords' planes apart")
+        raise FabricationError(
+            "a channel takes up a whole part; move the cords' planes apart",
+            code="channel-fills-part",
+        )
     return pieces[0]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.curves.biarc import arcs
+from ...core.curve_conversion import arcs
 from ...core.errors import FabricationError
 from ..kernels import occ
 from ..kernels.cutting_tools import Tool
@@ -47,7 +47,7 @@ def _errors() -> Iterator[None]:
         raise
     except Exception as error:  # OCP's own exceptions carry no common base
         text = " ".join(str(error).split()) or type(error).__name__
-        raise FabricationError(f"OpenCascade failed: {text}") from None
+        raise FabricationError(f"OpenCascade failed: {text}", code="kernel-failed") from None
 
 
 def _solid_parts(
@@ -93,5 +93,7 @@ def _agree(name: str, exact: float, faceted: float, body: float) -> None:
     if abs(exact - faceted) > PART * faceted + BODY * body:
         raise FabricationError(
             f"the two geometry kernels disagree on {name} ({exact:.1f} and {faceted:.1f} mm^3);"
-            " move a cord plane slightly"
+            " move a cord plane slightly",
+            code="kernels-disagree",
+            part=name,
         )

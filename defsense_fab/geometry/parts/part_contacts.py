@@ -12,8 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Bool, Float
-from ...core.curves.curve import Plane
-from ...core.curves.path_sampling import arc_lengths, resample
+from ...core.curve import Plane, arc_lengths, resample
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from .division import Division

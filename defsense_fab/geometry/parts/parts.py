@@ -107,11 +107,14 @@ def _bay(rules: Rules) -> Prism | None:
 def _one_solid(body: Any) -> None:
     pieces = body.decompose()
     for piece in sorted(pieces, key=lambda p: float(p.volume()))[:-1]:
-        at = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(piece)))
+        middle = triangle_kernel.centroid(triangle_kernel.to_surface(piece))
+        at = xyz(middle)
         raise FabricationError(
             f"the body has a closed cavity near {at}; open it to the outside or fill it"
             if piece.volume() < 0
-            else f"the body has a separate piece near {at}; unite the pieces or remove it"
+            else f"the body has a separate piece near {at}; unite the pieces or remove it",
+            code="closed-cavity" if piece.volume() < 0 else "separate-pieces",
+            at=middle.tolist(),
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.mesh import Surface
 from ..kernels import surface_samples
 from ..kernels.cutting_tools import Number, Prism, Tool, frame, upright

@@ -191,5 +191,9 @@ def _fitting(name: str, surface: Surface, bed: tuple[float, float, float], print
     raise FabricationError(
         f"{name} measures {x:.0f} x {y:.0f} x {z:.0f} mm as it is printed and does not fit the bed"
         f" of {printer} ({bed[0]:g} x {bed[1]:g} x {bed[2]:g} mm): divide it by one more cord"
-        " plane, make the body smaller, or state another [fabrication] bed or process"
+        " plane, make the body smaller, or state another [fabrication] bed or process",
+        code="part-too-large",
+        part=name,
+        size=(float(x), float(y), float(z)),
+        printer=printer,
     )

@@ -29,7 +29,11 @@ def sizes(cord: float, clearances: Sequence[float]) -> dict[str, tuple[float, fl
     """
     most = 2 * (_PLATE - 2) - max(cord, PEG)
     if not clearances or min(clearances) < 0 or max(clearances) > most:
-        raise FabricationError(f"coupon: clearances from 0 to {max(most, 0):g} mm are possible")
+        raise FabricationError(
+            f"coupon: clearances from 0 to {max(most, 0):g} mm are possible",
+            code="clearance-out-of-range",
+            most=max(most, 0.0),
+        )
     length = 2 * _step(cord, clearances) * len(clearances) + _BESIDE
     return {
         "coupon-plate": (length, _WIDTH, _PLATE),

@@ -18,8 +18,8 @@ from typing import Any
 import build123d as bd
 import numpy as np
 
-from ...core.curves.bending import bent_strain
 from ...core.errors import FabricationError
+from ...core.response import bent_strain
 from ..kernels.occ import one_solid
 from .lettering import lettering
 
@@ -48,24 +48,31 @@ class Specimen:
         """Raises FabricationError for a specimen that cannot be."""
         sizes = (self.length, self.thickness, self.width, self.offset, self.channel_diameter)
         if not all(np.isfinite(n) and 0 < n < 1000 for n in sizes):
-            raise FabricationError("specimen: its sizes must be above zero and below 1000 mm")
+            raise FabricationError(
+                "specimen: its sizes must be above zero and below 1000 mm", code="size-out-of-range"
+            )
         mouth = self.channel_diameter / 2 + _CHAMFER
         if self.offset < mouth:
             raise FabricationError(
                 f"specimen: channels of {self.channel_diameter:g} mm at an offset of"
                 f" {self.offset:g} mm break through the skin; give an offset of {mouth:.1f} mm"
-                " or more"
+                " or more",
+                code="offset-too-small",
+                least=mouth,
             )
         if self.pin < 1.0:
             least = 2 * (self.offset + self.channel_diameter + 2.0)
             raise FabricationError(
                 f"specimen: {self.thickness:g} mm hold no three channels with pins between them;"
-                f" give a thickness of {least:.1f} mm or more, or a smaller offset"
+                f" give a thickness of {least:.1f} mm or more, or a smaller offset",
+                code="thickness-too-small",
+                least=least,
             )
         if self.width < 2 * _PIN_LENGTH + 4 or self.length < 3 * self.thickness:
             raise FabricationError(
                 f"specimen: {self.length:g} x {self.width:g} mm is too short or too narrow; give"
-                f" {3 * self.thickness:g} x {2 * _PIN_LENGTH + 4:g} mm or more"
+                f" {3 * self.thickness:g} x {2 * _PIN_LENGTH + 4:g} mm or more",
+                code="specimen-too-small",
             )
 
     @property
@@ -123,7 +130,9 @@ def jig(s: Specimen, radius: float | None) -> Any:
         least = (s.length / 2 + _STOP + 2 * _PLAY) / _STEEPEST
         raise FabricationError(
             f"jig: a specimen of {s.length:g} mm wraps too far around a radius of {radius:g} mm;"
-            f" give radii of {np.ceil(least):g} mm or more, or a shorter specimen"
+            f" give radii of {np.ceil(least):g} mm or more, or a shorter specimen",
+            code="radius-too-small",
+            least=float(np.ceil(least)),
         )
     inner = s.width + 2 * _PLAY
     outer = inner + 2 * _RAIL

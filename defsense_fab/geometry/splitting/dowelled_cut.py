@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.errors import FabricationError
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, frame

@@ -13,7 +13,7 @@ import igl
 import numpy as np
 
 from ...core.arrays import Float, xyz
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
@@ -40,7 +40,10 @@ def one_solid(part: Part) -> Check:
     count = len(triangle_kernel.to_manifold(part.surface, part.name).decompose())
     if count != 1:
         raise FabricationError(
-            f"{part.name} is in {count} pieces that do not hang together; {_HELP}"
+            f"{part.name} is in {count} pieces that do not hang together; {_HELP}",
+            code="not-one-piece",
+            part=part.name,
+            count=count,
         )
     return Check(f"solids of {part.name}", float(count), 1.0, "", "")
 
@@ -56,7 +59,11 @@ def pieces_add_up(part: Part, pieces: Sequence[Part], dowels: Sequence[Pin]) -> 
     error = abs((sum(p.volume for p in pieces) + removed) / part.volume - 1)
     name = f"volume lost or gained by cutting {whole_name(part)} across, of it"
     if not error <= CONSERVATION:
-        raise FabricationError(f"{name}: {error:.2%}; the cut failed: {_HELP}")
+        raise FabricationError(
+            f"{name}: {error:.2%}; the cut failed: {_HELP}",
+            code="volume-not-conserved",
+            part=whole_name(part),
+        )
     return removed, Check(name, error, CONSERVATION, "", "")
 
 
@@ -72,7 +79,10 @@ def dowel_walls(part: Part, dowels: Sequence[Pin], rules: Rules) -> Check:
     check = Check(name, least, rules.inner_wall - TOLERANCE, "mm", at, at_least=True)
     if not check.holds:
         raise FabricationError(
-            f"{name}: {least:.2f} mm near {at}; {rules.inner_wall:.2f} mm is needed: {_HELP}"
+            f"{name}: {least:.2f} mm near {at}; {rules.inner_wall:.2f} mm is needed: {_HELP}",
+            code="wall-too-thin",
+            part=whole_name(part),
+            wall=least,
         )
     return check
 
@@ -120,7 +130,10 @@ def crossings(
         check = Check(name, float(room[k]), radius - _FACETS, "mm", xyz(line[k]), at_least=True)
         if not check.holds:
             raise FabricationError(
-                f"{name}: {room[k]:.2f} mm near {check.at}, {radius:.2f} mm is needed: {_HELP}"
+                f"{name}: {room[k]:.2f} mm near {check.at}, {radius:.2f} mm is needed: {_HELP}",
+                code="channel-blocked",
+                what=what,
+                room=float(room[k]),
             )
         out.append(check)
     return out

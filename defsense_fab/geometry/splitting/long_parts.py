@@ -99,7 +99,9 @@ def _in_pieces(made: Made, index: int, bed: tuple[float, float, float], rules: R
     notes: list[str] = []
     while not _fits(made.parts[index + count - 1], bed):
         if count == MOST:
-            raise _too_large(made.parts[index], bed, "it would take more than six pieces")
+            raise _too_large(
+                made.parts[index], bed, "it would take more than six pieces", "too-many-pieces"
+            )
         done = _cut(made, index + count - 1, bed, rules)
         made = done.made
         checks += done.checks
@@ -164,13 +166,19 @@ def _fits(part: Part, bed: tuple[float, float, float]) -> bool:
     return fits(laid(part.surface, part.down), bed)
 
 
-def _too_large(part: Part, bed: tuple[float, float, float], why: str) -> FabricationError:
+def _too_large(
+    part: Part, bed: tuple[float, float, float], why: str, reason: str
+) -> FabricationError:
     x, y, z = np.ptp(laid(part.surface, part.down).bounds, axis=0)
     return FabricationError(
         f"{part.name} measures {x:.0f} x {y:.0f} x {z:.0f} mm as it is printed, which the bed"
         f" ({bed[0]:g} x {bed[1]:g} x {bed[2]:g} mm) does not hold, and neither cutting it across"
         f" nor another side of it helps: {why}; divide it by one more cord plane, make the body"
-        " smaller, or state another [fabrication] bed"
+        " smaller, or state another [fabrication] bed",
+        code="part-too-large",
+        part=part.name,
+        size=(float(x), float(y), float(z)),
+        reason=reason,
     )
 
 
@@ -183,9 +191,13 @@ def _cut(made: Made, index: int, bed: tuple[float, float, float], rules: Rules) 
         size = np.ptp(laid(part.surface, part.down).bounds, axis=0)
         a, b = np.delete(size, size.argmax())
         what = "deep" if size.argmax() == 2 else "high"
-        raise _too_large(part, bed, f"it is {a:.0f} mm wide and {b:.0f} mm {what}")
+        raise _too_large(
+            part, bed, f"it is {a:.0f} mm wide and {b:.0f} mm {what}", "cross-section-too-large"
+        )
     for height in cut_heights(made, index, normal, longest):
         done = cut_across(made, index, normal, float(height), rules)
         if done is not None:
             return done
-    raise _too_large(part, bed, "there is no room for two dowels in any of its sections")
+    raise _too_large(
+        part, bed, "there is no room for two dowels in any of its sections", "no-dowel-room"
+    )

@@ -10,6 +10,7 @@ from defsense_fab.geometry.bodies.mesh_repair import read_mesh
 from defsense_fab.geometry.bodies.meshes.file_kind import kind_of_file
 from defsense_fab.geometry.kernels.export import write_stl
 from tests.conftest import box_surface
+from tests.errors import raises
 
 BOX = box_surface([0, 0, 0], [40, 20, 10])
 
@@ -62,17 +63,19 @@ def test_a_foreign_mesh_is_read_in_its_own_unit_and_a_broken_one_refused(tmp_pat
     found = read_foreign(path)
     assert found.surface.volume == pytest.approx(8000)
     path.write_bytes(obj(BOX).replace(b"f 1", b"f 999", 1))
-    with pytest.raises(BodyError, match=r"^box\.obj: "):
+    with pytest.raises(BodyError) as caught:
         read_foreign(path)
+    assert str(caught.value).startswith("box.obj: ")  # without its folder
     step = tmp_path / "box.step"
     step.write_bytes(b"ISO-10303-21;\nHEADER;\nnonsense")
-    with pytest.raises(BodyError, match=r"^box\.step: "):
+    with raises(BodyError, "file-invalid") as caught:
         read_foreign(step)
+    assert str(caught.value).startswith("box.step: ")
 
 
 @pytest.mark.slow
 def test_reading_that_takes_too_long_ends(tmp_path):
     path = tmp_path / "box.obj"
     path.write_bytes(obj(BOX))
-    with pytest.raises(BodyError, match=r"reading it did not end within 0\.01 s"):
+    with raises(BodyError, "time-limit-exceeded", limit=0.01):
         read_foreign(path, limit=0.01)

@@ -6,7 +6,7 @@ import igl
 import numpy as np
 import pytest
 
-from defsense_fab.core.curves.curve import Hermite, Plane, bend_radius, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane, bend_radius, catmull_rom
 from defsense_fab.core.device.device import BaySpec, BodySpec, Sensor
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.body import load_body
@@ -18,6 +18,7 @@ from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.kernels.export import write_stl
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import Rules
+from tests.errors import raises
 
 BAY = BaySpec(np.array([0.0, 0, 0]), (14.0, 7.0, 8.0))
 WIRES = Wires(1.1, 1.3)
@@ -167,9 +168,8 @@ def test_a_wire_that_has_no_way_says_why_and_leaves_by_its_mouth(bar):
     for end, which in zip(made.channels[0].ends, ("start", "end"), strict=True):
         assert end.wire == "mouth"
         assert end.pocket == 7.0
-        assert "too short for two pockets" in end.unled
-        note = f"the wire at the {which} of cord away, near"
-        assert any(note in w and end.unled in w for w in made.warnings)
+        assert end.unled
+        assert any("cord away" in w and which in w and end.unled in w for w in made.warnings)
 
 
 def test_a_cord_that_ends_in_the_bay_needs_no_lead(body):
@@ -239,32 +239,31 @@ def test_what_lies_over_or_behind_a_bay_is_seen():
     block = solid([[-40, -20, -20], [40, 20, 20]])
     at = BaySpec(np.array([0.0, 0, 20]), (14.0, 7.0, 8.0))
     slotted = triangle_kernel.to_surface(block - solid([[-41, -21, 15], [41, 0, 17]]))
-    with pytest.raises(BodyError, match="mm of wall near"):
+    with raises(BodyError, "bay-wall-thin"):
         recess(at, slotted)
     beside = triangle_kernel.to_surface(block - solid([[-20, 3.6, 13], [20, 8, 18]]))
-    with pytest.raises(BodyError, match="mm of wall near"):
+    with raises(BodyError, "bay-wall-thin"):
         recess(at, beside)
     stepped = triangle_kernel.to_surface(block + solid([[5, -20, 20], [40, 20, 40]]))
-    with pytest.raises(BodyError, match="lies over its opening"):
+    with raises(BodyError, "bay-opening-covered"):
         recess(at, stepped)
 
 
 @pytest.mark.parametrize(
-    ("at", "size", "says"),
+    ("at", "size", "code"),
     [
-        ([0, 0, 40], (14, 7, 8), "is 25.0 mm from the skin"),
-        ([0, 11, 0], (14, 7, 8), "ends under an opening"),
-        ([0, 7.5, 0], (14, 7, 8), "mm of wall near"),
-        ([75, 0, 15], (14, 7, 29.5), "mm of wall near"),
-        ([75, 0, 15], (14, 7, 60), "mm of wall near"),
-        ([0, 0, 0], (60, 7, 8), "ends under an opening"),
-        ([0, 0, 0], (400, 7, 8), "larger than the body"),
+        ([0, 0, 40], (14, 7, 8), "bay-off-skin"),
+        ([0, 11, 0], (14, 7, 8), "bay-skin-uneven"),
+        ([0, 7.5, 0], (14, 7, 8), "bay-wall-thin"),
+        ([75, 0, 15], (14, 7, 29.5), "bay-wall-thin"),
+        ([75, 0, 15], (14, 7, 60), "bay-wall-thin"),
+        ([0, 0, 0], (60, 7, 8), "bay-skin-uneven"),
+        ([0, 0, 0], (400, 7, 8), "bay-too-large"),
     ],
 )
-def test_a_bay_without_room_is_refused(bar, at, size, says):
-    with pytest.raises(BodyError, match=r"\[body.bay\]") as caught:
+def test_a_bay_without_room_is_refused(bar, at, size, code):
+    with raises(BodyError, code):
         recess(BaySpec(np.array(at, float), size), bar)
-    assert says in str(caught.value)
 
 
 def test_a_round_skin_is_refused_where_it_falls_away():
@@ -274,7 +273,7 @@ def test_a_round_skin_is_refused_where_it_falls_away():
 
     ball = trimesh.creation.icosphere(subdivisions=4, radius=12.0)
     surface = Surface(np.asarray(ball.vertices, float), np.asarray(ball.faces, np.int64))
-    with pytest.raises(BodyError, match="falls by"):
+    with raises(BodyError, "bay-skin-uneven"):
         recess(BaySpec(np.array([0.0, 0, 12]), (20.0, 10.0, 4.0)), surface)
     good = recess(BaySpec(np.array([0.0, 0, 12]), (6.0, 6.0, 5.0)), surface)
     rest = triangle_kernel.without(triangle_kernel.to_manifold(surface, "ball"), [good])

@@ -28,6 +28,6 @@ SURFACE = Surface(BOX.vertices, BOX.faces)
     ids=["stl", "3mf", "step", "assembly"],
 )
 def test_a_full_disk_is_an_error_of_the_system(write):
-    with pytest.raises(OSError, match="No space left") as caught:
+    with pytest.raises(OSError) as caught:
         write()
     assert caught.value.errno == errno.ENOSPC

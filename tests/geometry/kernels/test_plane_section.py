@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from defsense_fab.core.curves.curve import Plane
+from defsense_fab.core.curve import Plane
 from defsense_fab.geometry.kernels.plane_section import (
     inside_section,
     nearest_on_section,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from defsense_fab.core.curves.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.kernels.cutting_tools import frame

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from defsense_fab.core.curves.curve import Hermite, Plane
+from defsense_fab.core.curve import Hermite, Plane
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
@@ -22,6 +22,7 @@ from defsense_fab.geometry.parts.part_contacts import contacts
 from defsense_fab.geometry.parts.part_names import names
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import Rules
+from tests.errors import raises
 from tests.geometry.parts.cords import cord
 
 RULES = Rules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
@@ -192,7 +193,7 @@ def test_a_short_cord_has_no_pockets_and_says_why(bar):
     long = replace(RULES, pockets=Pockets(2.8, 10.0))
     made = make_parts(bar, [cord("c", [1, 0, 0], [75, 0, 0], [0, 1, 0], points)], long)
     assert [e.pocket for e in made.channels[0].ends] == [0, 0]
-    assert "too short for two pockets" in made.channels[0].ends[0].reason
+    assert made.channels[0].ends[0].reason
 
 
 def test_marker_seats_are_flat_shallow_and_clear_of_cords(made, bar, exported):
@@ -237,7 +238,7 @@ def test_sockets_do_not_step_through_a_thin_gap():
 def test_more_seats_than_there_is_room_for(bar):
     made = make_parts(bar, crossing()[:1], replace(RULES, seats=40, tag=18.0))
     assert 0 < len(made.seats) < 40
-    assert f"{len(made.seats)} of 40 marker seats" in " ".join(made.warnings)
+    assert any(f"{len(made.seats)} of 40" in w for w in made.warnings)
 
 
 def test_a_limited_cut_takes_off_only_a_lid(bar):
@@ -341,9 +342,10 @@ def test_a_hollow_body_and_a_body_in_pieces_are_refused(bar):
     outer = triangle_kernel.to_manifold(bar, "bar")
     hole = triangle_kernel.to_manifold(Surface(*trimesh_box([[60, -5, -12], [90, 5, -8]])), "hole")
     straight = cord("c", [0, 0, 1], [0, 0, 4], [1, 0, 0], STRAIGHT)
-    with pytest.raises(FabricationError, match=r"closed cavity near \(75.0, 0.0, -10.0\)"):
+    with raises(FabricationError, "closed-cavity") as caught:
         make_parts(triangle_kernel.to_surface(outer - hole), [straight], RULES)
-    with pytest.raises(FabricationError, match="a separate piece near"):
+    assert caught.value.data["at"] == pytest.approx([75, 0, -10])
+    with raises(FabricationError, "separate-pieces"):
         make_parts(
             triangle_kernel.to_surface(outer + hole.translate([0, 100, 0])), [straight], RULES
         )
@@ -392,29 +394,32 @@ STRAIGHT = [[2, 0], [10, 0], [50, 0], [100, 0], [140, 0], [148, 0]]
 
 
 @pytest.mark.parametrize(
-    ("sensors", "message"),
+    ("sensors", "code", "data"),
     [
-        ([cord("c", [0, 0, 1], [0, 0, 40], [1, 0, 0], STRAIGHT)], "'c' misses the body near"),
-        ([cord("c", [0, 0, 1], [0, 0, 15], [1, 0, 0], STRAIGHT)], "'c'"),
+        ([cord("c", [0, 0, 1], [0, 0, 40], [1, 0, 0], STRAIGHT)],
+         "path-leaves-body", {"cord": "c", "misses": True}),
+        ([cord("c", [0, 0, 1], [0, 0, 15], [1, 0, 0], STRAIGHT)], None, {"cord": "c"}),
         ([cord("c", [0, 0, 1], [0, 0, 14], [1, 0, 0], STRAIGHT)],
-         r"'c' leaves a wall of -0\.10 mm to the skin near \(.*14\.0\)"),
+         "wall-too-thin", {"cord": "c", "wall": pytest.approx(-0.1, abs=5e-3)}),
         ([cord("c", [0, 0, 1], [0, 0, 0], [1, 0, 0], [[2, 0], [50, 0], [60, 18], [70, 0],
                                                           [148, 0]])],
-         "'c' leaves the body near"),
+         "path-leaves-body", {"cord": "c", "misses": False}),
         ([cord("a", [0, 0, 1], [0, 0, 0], [1, 0, 0], STRAIGHT),
           cord("b", [0, 1, 0], [0, 2, 0], [1, 0, 0], STRAIGHT)],
-         "'a' and 'b' leave a wall of -0.20 mm near"),
+         "wall-too-thin", {"cords": ("a", "b"), "wall": pytest.approx(-0.2, abs=5e-3)}),
         ([cord("c", [0, 0, 1], [0, 0, 0], [1, 0, 0],
                [[2, 0], [40, 0], [41, 1], [42, 0], [100, 0], [148, 0]])],
-         "'c' bends to a radius of"),
+         "bend-too-tight", {"cord": "c"}),
         ([cord("a", [0, 0, 1], [0, 5, 0.0], [1, 0, 0], STRAIGHT),
           cord("b", [0, 0, 1], [0, -5, 0.4], [1, 0, 0], STRAIGHT)],
-         "the channel of cord 'b' cuts a piece of"),
+         "channel-cuts-part", {"cords": ["b"]}),
     ],
 )  # fmt: skip
-def test_what_cannot_be_made_is_refused_with_cord_and_place(bar, sensors, message):
-    with pytest.raises(FabricationError, match=message):
+def test_what_cannot_be_made_is_refused_with_cord_and_place(bar, sensors, code, data):
+    with pytest.raises(FabricationError) as caught:
         make_parts(bar, sensors, RULES)
+    assert code in (None, caught.value.code)
+    assert {name: caught.value.data.get(name) for name in data} == data
 
 
 def test_a_channel_that_opens_into_another_joint_is_told(bar):
@@ -424,6 +429,6 @@ def test_a_channel_that_opens_into_another_joint_is_told(bar):
                  [[-73, 0], [-60, 0], [0, 0], [60, 0], [73, 0]])  # fmt: skip
     flat = cord("a", [0, 0, 1], [0, 3, 0], [1, 0, 0], STRAIGHT)
     made = make_parts(bar, [flat, steep], RULES)
-    told = [w for w in made.warnings if "opens into the joint" in w]
+    told = [w for w in made.warnings if "'a'" in w and "'b'" in w]
     assert told
     assert "mm near (" in told[0]

@@ -16,6 +16,7 @@ from defsense_fab.geometry.printing.print_bed import (
     resting,
 )
 from tests.conftest import box_surface
+from tests.errors import raises
 
 BED = (220.0, 220.0, 250.0)
 
@@ -120,5 +121,6 @@ def test_a_long_part_lies_across_the_corners_and_a_longer_one_is_refused():
     assert (across.bounds[1] <= BED).all()
     assert across.volume == pytest.approx(long.volume)
     longer = laid(box_surface([0, 0, 0], [320, 20, 20]), np.array([0, 0, -1.0]))
-    with pytest.raises(FabricationError, match=r"rod measures 320 x 20 x 20 mm .* bed of fdm-tpu"):
+    with raises(FabricationError, "part-too-large", part="rod", printer="fdm-tpu") as caught:
         arrange({"rod": longer}, BED, "fdm-tpu")
+    assert caught.value.data["size"] == pytest.approx((320, 20, 20))

@@ -8,14 +8,15 @@ import pytest
 import trimesh
 
 from defsense_fab.cli.main import main
-from defsense_fab.core.curves.bending import RADII
-from defsense_fab.core.device.catalogue import read_rows
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
+from defsense_fab.core.response import RADII
+from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.specimen.specimen import Specimen
 from defsense_fab.pipeline.calibrate.print_files import Print
 from defsense_fab.pipeline.calibrate.specimen_files import write_specimen
+from tests.errors import raises
 from tests.geometry import slicer
 
 WITHIN = 0.05  # mm
@@ -164,6 +165,7 @@ def test_what_cannot_be_made_is_refused(tmp_path, capsys, arguments, message):
 
 
 def test_the_smallest_suggestions_work():
-    with pytest.raises(FabricationError, match=r"a thickness of 12\.4 mm or more"):
+    with raises(FabricationError, "thickness-too-small") as caught:
         Specimen(thickness=12.0)
+    assert caught.value.data["least"] == pytest.approx(12.4)
     assert Specimen(thickness=12.4).pin == pytest.approx(1.0)

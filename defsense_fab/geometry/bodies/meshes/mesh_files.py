@@ -44,7 +44,9 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
     """The triangles of a file of the kind that has this suffix. Raises BodyError where it cannot be
     read. Other files that it names are not."""
     if suffix not in SUFFIXES:
-        raise BodyError(f"{path}: unknown kind of mesh; give {KINDS}")
+        raise BodyError(
+            f"{path}: unknown kind of mesh; give {KINDS}", code="unknown-format", suffix=suffix
+        )
     told: tuple[str, ...] = ()
     unit = 1.0
     try:
@@ -61,22 +63,30 @@ def read_triangles(path: Path, suffix: str) -> Triangles:
     except MemoryError:
         raise BodyError(
             f"{path}: is too large to be read, or claims to be; write the file again from the"
-            " program that made it"
+            " program that made it",
+            code="file-too-large",
         ) from None
     except SystemExit:  # meshio's end the program where a file is damaged
         raise BodyError(
             f"{path}: cannot be read as {suffix[1:].upper()}: it is damaged; write the file again"
-            " from the program that made it"
+            " from the program that made it",
+            code="file-invalid",
+            suffix=suffix,
         ) from None
     except Exception as error:  # readers raise whatever their parsers do
         text = " ".join(str(error).split())[:300] or type(error).__name__
-        raise BodyError(f"{path}: cannot be read as {suffix[1:].upper()}: {text}") from None
+        code = error.code if isinstance(error, BodyError) else "file-invalid"
+        raise BodyError(
+            f"{path}: cannot be read as {suffix[1:].upper()}: {text}", code=code, suffix=suffix
+        ) from None
     if len(faces) == 0:
-        raise BodyError(f"{path}: holds no triangles")
+        raise BodyError(f"{path}: holds no triangles", code="no-triangles")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise BodyError(f"{path}: a triangle names a vertex that is not there")
+        raise BodyError(
+            f"{path}: a triangle names a vertex that is not there", code="vertex-missing"
+        )
     if not np.isfinite(vertices).all():
-        raise BodyError(f"{path}: a vertex is not a finite number")
+        raise BodyError(f"{path}: a vertex is not a finite number", code="vertex-not-finite")
     return Triangles(vertices, faces, told, unit)
 
 
@@ -96,7 +106,9 @@ class _NoFiles:
 
     def get(self, name: str) -> bytes:
         raise BodyError(
-            f"it names another file, {name[:80]!r}, which is not read; export GLB, which holds all"
+            f"it names another file, {name[:80]!r}, which is not read; export GLB, which holds all",
+            code="names-another-file",
+            name=name,
         )
 
     __getitem__ = get

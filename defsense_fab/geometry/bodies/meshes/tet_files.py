@@ -25,7 +25,7 @@ def read_tets(path: Path, suffix: str) -> tuple[Float, Int]:
     mesh: Any = meshio.read(path, _FORMATS[suffix])
     points = np.asarray(mesh.points, float)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise BodyError("its points are not in space")
+        raise BodyError("its points are not in space", code="points-not-in-space")
     tets = _cells(mesh, "tetra", 4)
     if len(tets):
         _check(tets, len(points))
@@ -33,7 +33,9 @@ def read_tets(path: Path, suffix: str) -> tuple[Float, Int]:
     triangles = _cells(mesh, "triangle", 3)
     if not len(triangles):
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "none"
-        raise BodyError(f"it has neither tetrahedra nor triangles; its cells: {kinds}")
+        raise BodyError(
+            f"it has neither tetrahedra nor triangles; its cells: {kinds}", code="no-triangles"
+        )
     _check(triangles, len(points))
     return points, triangles
 
@@ -50,7 +52,7 @@ def _cells(mesh: Any, kind: str, corners: int) -> Int:
 
 def _check(cells: Int, count: int) -> None:
     if cells.min() < 0 or cells.max() >= count:
-        raise BodyError("a cell names a point that is not there")
+        raise BodyError("a cell names a point that is not there", code="vertex-missing")
 
 
 def _boundary(points: Float, tets: Int) -> Int:

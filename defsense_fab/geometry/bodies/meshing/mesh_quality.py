@@ -36,10 +36,15 @@ def checked(mesh: TetMesh, surface: Surface, edge_length: float) -> TetMesh:
     if not (sound and found.boundary_deviation <= _AWAY * edge_length):
         raise MeshingError(
             f"the mesh differs from the body by {100 * found.volume_change:.2g} % of its volume and"
-            f" {found.boundary_deviation:.2g} mm"
+            f" {found.boundary_deviation:.2g} mm",
+            code="mesh-differs-from-body",
         )
     if not found.min_dihedral >= _SHARPEST:
-        raise MeshingError(f"a tet has an angle of {found.min_dihedral:.2g} degrees")
+        raise MeshingError(
+            f"a tet has an angle of {found.min_dihedral:.2g} degrees",
+            code="tet-too-flat",
+            angle=found.min_dihedral,
+        )
     return mesh
 
 

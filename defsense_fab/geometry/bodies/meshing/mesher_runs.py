@@ -43,7 +43,9 @@ class Watch:
         left = self.limit - (time.monotonic() - self.begun)
         if left <= 0:
             raise MeshingError(
-                f"the mesher did not end within {round(self.limit, 2):g} s, or did not begin"
+                f"the mesher did not end within {round(self.limit, 2):g} s, or did not begin",
+                code="time-limit-exceeded",
+                limit=self.limit,
             )
         return left
 
@@ -78,7 +80,10 @@ def run(mesher: ModuleType, surface: Surface, task: Mapping[str, Any], watch: Wa
             raise UnusableMesherError(
                 f"{name} cannot be imported ({made['missing']}), so that the mesh would be another"
                 f" one than elsewhere; install {package} and what it needs, or mesh the body on"
-                " another system: docs/platforms.md"
+                " another system: docs/platforms.md",
+                code="mesher-missing",
+                mesher=name,
+                reason=str(made["missing"]),
             )
         raise_told(made, name)
         return tidy(np.asarray(made["nodes"], float), np.asarray(made["tets"], np.int64))
@@ -90,13 +95,15 @@ def raise_told(made: Mapping[str, Any], who: str) -> None:
         told = str(made["error"])
         if told == OUT_OF_MEMORY:
             raise MemoryError
-        raise MeshingError(f"{who} failed: {told}")
+        raise MeshingError(f"{who} failed: {told}", code="mesher-failed")
 
 
 def tidy(nodes: Float, tets: Any) -> TetMesh:
     """Nodes (n, 3) and tets (m, 4), all turned outwards, without those that have no volume."""
     if len(tets) == 0:
-        raise MeshingError("no tets were made, so the triangles cut each other or leave a gap")
+        raise MeshingError(
+            "no tets were made, so the triangles cut each other or leave a gap", code="no-tets"
+        )
     x = nodes[tets]
     volume = np.linalg.det(x[:, 1:] - x[:, :1]) / 6
     tets = np.where((volume < 0)[:, None], tets[:, [0, 2, 1, 3]], tets)

@@ -49,7 +49,7 @@ def remeshed(surface: Surface, edge_length: float) -> Surface:
         vertices = _moved(vertices, faces, surface)
     out = Surface(vertices, faces)
     if not out.volume > 0:
-        raise MeshingError("triangles of that size enclose no volume")
+        raise MeshingError("triangles of that size enclose no volume", code="encloses-no-volume")
     return out
 
 

@@ -84,7 +84,13 @@ def tetrahedralise(
         else:
             told = tuple(tried)
             return Tetrahedra(mesh, way.mesher, way.says, meshed, told, stopped, time_limit)
-    raise MeshingError(_advice(tried, time.monotonic() >= until, edge_length, time_limit))
+    raise MeshingError(
+        _advice(tried, time.monotonic() >= until, edge_length, time_limit),
+        code="no-mesh",
+        tried=tuple(tried),
+        limit=time_limit,
+        out_of_time=time.monotonic() >= until,
+    )
 
 
 def _after(tried: list[str]) -> str:
@@ -109,10 +115,14 @@ def _check_size(surface: Surface, edge_length: float) -> None:
     if edge_length < 1e-4 * size or 8.5 * surface.volume / edge_length**3 > 2e6:
         raise MeshingError(
             f"device.toml: mesh.edge_length: {edge_length:g} mm gives more than 2e6 tets; use"
-            f" {(8.5 * surface.volume / 1e5) ** (1 / 3):.2g} mm or more"
+            f" {(8.5 * surface.volume / 1e5) ** (1 / 3):.2g} mm or more",
+            code="edge-too-short",
+            edge_length=edge_length,
         )
     if edge_length > size:
         raise MeshingError(
             f"device.toml: mesh.edge_length: {edge_length:g} mm is more than the body's size of"
-            f" {size:.3g} mm; use a fifth of the thickness"
+            f" {size:.3g} mm; use a fifth of the thickness",
+            code="edge-too-long",
+            edge_length=edge_length,
         )

@@ -34,7 +34,7 @@ def voxel_surface(surface: Surface, edge_length: float) -> Surface:
     signed = np.where(np.abs(signed) < 0.05 * step, 0.05 * step, signed)  # no slivers
     vertices, faces, _ = igl.marching_cubes(signed, points, *(len(a) for a in axes), 0.0)
     if not len(faces):
-        raise MeshingError(f"a grid of {step:.2g} mm holds nothing of the body")
+        raise MeshingError(f"a grid of {step:.2g} mm holds nothing of the body", code="grid-empty")
     faces = np.asarray(faces, np.int64)
     piece = np.asarray(igl.facet_components(faces)[1])
     faces = faces[piece == np.bincount(piece).argmax()]

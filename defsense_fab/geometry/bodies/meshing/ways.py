@@ -125,7 +125,9 @@ def _filled(
     off, tolerance = deviation(laid, surface), most * edge_length
     if off > tolerance:
         raise MeshingError(
-            f"the triangles are {off:.2g} mm off the surface, of {tolerance:.2g} mm allowed"
+            f"the triangles are {off:.2g} mm off the surface, of {tolerance:.2g} mm allowed",
+            code="surface-too-far",
+            distance=off,
         )
     nothing = {"points": np.zeros((0, 3)), "edges": []}
     task = {"edge_length": edge_length, "fill": True} | nothing

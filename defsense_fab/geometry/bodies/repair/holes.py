@@ -35,7 +35,10 @@ def close_holes(
         if width > LARGEST_HOLE * size and len(loop) > 3:
             raise BodyError(
                 f"{where}: a hole {width:.3g} mm wide with {len(loop)} edges near"
-                f" {place(points.mean(0))} is too wide to close; close it in a mesh editor"
+                f" {place(points.mean(0))} is too wide to close; close it in a mesh editor",
+                code="hole-too-wide",
+                width=width,
+                edges=len(loop),
             )
         if len(loop) <= _MOST_EDGES:
             filled = np.asarray(loop)[_least_area(points)]
@@ -95,7 +98,8 @@ def _loops(borders: Int, where: str, vertices: Float) -> list[list[int]]:
                 if not beside[at]:
                     raise BodyError(
                         f"{where}: an open border at {place(vertices[at])} is no loop; close it in"
-                        " a mesh editor"
+                        " a mesh editor",
+                        code="border-not-a-loop",
                     )
                 following = beside[at].pop()
                 beside[following].remove(at)

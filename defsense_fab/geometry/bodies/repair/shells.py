@@ -103,7 +103,13 @@ def without_cavities(
         told = _list(cavities)
         large = [c for c in cavities if c.volume >= DEBRIS * whole]
         if large and not fill:
-            raise BodyError(refused_cavities(where, told))
+            raise BodyError(
+                refused_cavities(where, told),
+                code="closed-cavity",
+                volume=cavities[0].volume,
+                at=cavities[0].middle.tolist(),
+                count=len(cavities),
+            )
         done.append(f"filled {told}")
     if solid:
         done.append(f"removed {number(solid, 'shell')} inside of the solid")
@@ -139,7 +145,11 @@ def one_piece(pieces: list[Shell], where: str) -> tuple[list[Shell], list[str]]:
         told = "; ".join(f"{p.volume:.3g} mm3 around {place(p.middle)}" for p in big[:5])
         more = f" and {len(big) - 5} more" if len(big) > 5 else ""
         raise BodyError(
-            f"{where}: is made of {len(big)} separate pieces: {told}{more}; unite them or keep one"
+            f"{where}: is made of {len(big)} separate pieces: {told}{more}; unite them or keep one",
+            code="separate-pieces",
+            count=len(big),
+            volumes=[p.volume for p in big],
+            places=[p.middle.tolist() for p in big],
         )
     if not small:
         return big, []

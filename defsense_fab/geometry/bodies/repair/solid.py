@@ -37,7 +37,9 @@ def one_solid(
     done: list[str] = []
     shells = shells_of(vertices, faces, size)
     if sum(s.volume for s in shells) < 1e-9 * size**3:
-        raise BodyError(f"{where}: encloses no volume; a closed solid is needed")
+        raise BodyError(
+            f"{where}: encloses no volume; a closed solid is needed", code="encloses-no-volume"
+        )
     if len(shells) == 1:
         kept, pairs = shells, np.zeros((0, 2), np.int64)
     else:
@@ -102,7 +104,10 @@ def _uncrossed(mesh: _Mesh, size: float, where: str) -> tuple[_Mesh, list[str]]:
     crossed = f"the surface passes through itself, in {bad.sum()} triangles such as at {place(at)}"
     area = np.linalg.norm(facet_crosses(*mesh), axis=1)
     if area[bad].sum() > _MOST_BAD * area.sum():
-        raise BodyError(f"{where}: {crossed}: it bounds no solid; make the mesh anew")
+        raise BodyError(
+            f"{where}: {crossed}: it bounds no solid; make the mesh anew",
+            code="surface-crosses-itself",
+        )
     before = Surface(*mesh).volume
     for wider in (1.0, 2.5):
         boxes = boxes_around(*mesh, bad, size, wider)
@@ -113,7 +118,9 @@ def _uncrossed(mesh: _Mesh, size: float, where: str) -> tuple[_Mesh, list[str]]:
             continue
         far = moved(mesh, made, size)
         if far > _FAR * size:
-            raise BodyError(_too_far(where, crossed, far))
+            raise BodyError(
+                _too_far(where, crossed, far), code="repair-moves-too-far", distance=far
+            )
         places = ", ".join(place(b.mean(0)) for b in boxes[:3])
         more = f" and {len(boxes) - 3} more" if len(boxes) > 3 else ""
         return made, [
@@ -128,10 +135,13 @@ def _as_whole(mesh: _Mesh, size: float, where: str, why: str) -> tuple[_Mesh, li
     """The whole surface made anew. Raises BodyError where that is too far from it."""
     made = remade_whole(*mesh, _CELLS)
     if made is None or _bad(made, size).any():
-        raise BodyError(f"{where}: {why}; unite the overlapping parts in a mesh editor")
+        raise BodyError(
+            f"{where}: {why}; unite the overlapping parts in a mesh editor",
+            code="surface-crosses-itself",
+        )
     far = moved(mesh, made, size)
     if far > _FAR * size:
-        raise BodyError(_too_far(where, why, far))
+        raise BodyError(_too_far(where, why, far), code="repair-moves-too-far", distance=far)
     return made, [
         f"made the whole surface anew, since {why}; moved at most {far:.2g} mm, edges are rounded"
         f" by as much, volume {_change(Surface(*mesh).volume, made)}"
@@ -157,7 +167,10 @@ def _manifold(mesh: _Mesh, where: str) -> Any:
         m3.Mesh64(np.ascontiguousarray(mesh[0]), np.ascontiguousarray(mesh[1], np.uint64))
     )
     if made.status() != m3.Error.NoError:
-        raise BodyError(f"{where}: a shell of it is not closed; close it in a mesh editor")
+        raise BodyError(
+            f"{where}: a shell of it is not closed; close it in a mesh editor",
+            code="surface-not-closed",
+        )
     return made
 
 
@@ -196,7 +209,8 @@ def _check(mesh: _Mesh, size: float, where: str) -> None:
         at = mesh[0][mesh[1][bad]].mean(1)[0]
         raise BodyError(
             f"{where}: united, the surface passes through itself, in {bad.sum()} triangles such as"
-            f" at {place(at)}; unite the overlapping parts in a mesh editor"
+            f" at {place(at)}; unite the overlapping parts in a mesh editor",
+            code="surface-crosses-itself",
         )
 
 

@@ -27,7 +27,8 @@ def volumes(made: Made) -> Check:
     if not error <= CONSERVATION:
         raise FabricationError(
             f"parts and what was cut out add up to {total:.1f} mm^3 but the body has"
-            f" {made.body_volume:.1f}; the cut failed: move a cord plane slightly"
+            f" {made.body_volume:.1f}; the cut failed: move a cord plane slightly",
+            code="volume-not-conserved",
         )
     return Check("volume lost or gained, of the body", error, CONSERVATION, "", "")
 
@@ -50,7 +51,9 @@ def apart(made: Made) -> Check:
             if volume > _OVERLAP * made.body_volume:
                 raise FabricationError(
                     f"{made.parts[j].name} and {made.parts[i].name} overlap by {volume:.1f} mm^3"
-                    f" near {at}; the cut failed: move a cord plane slightly"
+                    f" near {at}; the cut failed: move a cord plane slightly",
+                    code="parts-overlap",
+                    volume=volume,
                 )
     return Check("overlap of two parts", worst, _OVERLAP * made.body_volume, "mm3", at)
 

@@ -43,5 +43,9 @@ def touch(rod: Any, piece: Any, what: str, remedy: str = "move the cord or its p
     volume = float(common.volume())
     if volume > TOUCH:
         at = triangle_kernel.centroid(triangle_kernel.to_surface(common))
-        raise FabricationError(f"{what} meets {volume:.2f} mm^3 of solid near {xyz(at)}; {remedy}")
+        raise FabricationError(
+            f"{what} meets {volume:.2f} mm^3 of solid near {xyz(at)}; {remedy}",
+            code="overlaps-solid",
+            volume=volume,
+        )
     return volume

@@ -55,7 +55,9 @@ def sockets(made: Made, body: Surface, rules: Rules) -> list[Check]:
     for check in out:
         if not check.holds:
             raise FabricationError(
-                f"{check.name}: {check.value:.2f} mm near {check.at}; {least:.2f} mm is needed"
+                f"{check.name}: {check.value:.2f} mm near {check.at}; {least:.2f} mm is needed",
+                code="wall-too-thin",
+                wall=check.value,
             )
     return out
 

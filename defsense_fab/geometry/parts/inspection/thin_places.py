@@ -51,7 +51,9 @@ def thin_places(
             raise FabricationError(
                 f"{part.name} is thinner than {width:.1f} mm in {share:.0%} of it, near"
                 f" {xyz(at)}, between the planes of {cords}"
-                " and the skin: move a plane"
+                " and the skin: move a plane",
+                code="part-too-thin",
+                part=part.name,
             )
         name = f"{part.name}: share thinner than {width:.1f} mm"
         told = f"{name}: {share:.0%}, near {xyz(at)}: it may print with gaps"

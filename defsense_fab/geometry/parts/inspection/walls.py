@@ -35,7 +35,10 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
         if depth[k] < needed[k] - _TOLERANCE:
             raise FabricationError(
                 f"cord {channel.name!r} leaves a wall of {depth[k] - radius:.2f} mm to the skin"
-                f" near {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards"
+                f" near {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move it inwards",
+                code="wall-too-thin",
+                cord=channel.name,
+                wall=float(depth[k]) - radius,
             )
         whole = np.where(needed >= radius + rules.wall - 1e-9, depth, np.inf)
         k = int(whole.argmin())
@@ -59,7 +62,10 @@ def walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list[Chec
             if wall < least:
                 raise FabricationError(
                     f"cords {channel.name!r} and {other.name!r} leave a wall of {wall:.2f} mm near"
-                    f" {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move them apart"
+                    f" {xyz(channel.inside[k])}; {rules.wall:.2f} mm is needed: move them apart",
+                    code="wall-too-thin",
+                    cords=(channel.name, other.name),
+                    wall=wall,
                 )
             at = xyz(channel.inside[k])
             out.append(Check(name, wall, least, "mm", at, at_least=True))
@@ -100,7 +106,10 @@ def wire_walls(channels: Sequence[Channel], body: Surface, rules: Rules) -> list
             name = f"wall from the wire of cord {channel.name} to {what}"
             if wall < least - 2 * _TOLERANCE:
                 raise FabricationError(
-                    f"{name}: {wall:.2f} mm near {at}; {least:.2f} mm is needed: move the cord"
+                    f"{name}: {wall:.2f} mm near {at}; {least:.2f} mm is needed: move the cord",
+                    code="wall-too-thin",
+                    cord=channel.name,
+                    wall=wall,
                 )
             if np.isfinite(wall) and (name not in thinnest or wall < thinnest[name].value):
                 used = least - 2 * _TOLERANCE

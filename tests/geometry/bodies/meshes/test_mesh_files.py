@@ -13,6 +13,7 @@ from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
 from defsense_fab.geometry.bodies.meshes.file_kind import kind_of_file
 from tests.conftest import box_surface
+from tests.errors import raises
 
 BOX = box_surface([0, 0, 0], [40, 20, 10])
 SIZES = (1.0, 1e4)
@@ -61,7 +62,8 @@ def test_off_is_read_whatever_its_name(tmp_path):
     assert kind_of_file(path.read_bytes()) == ".off"
     surface, told, _ = read_mesh(path, 2.0, SIZES)
     assert surface.volume == pytest.approx(8 * 8000)
-    assert told == ("read as OFF, which the file is in spite of its name",)
+    assert len(told) == 1
+    assert "OFF" in told[0]
 
 
 def test_glb_comes_in_mm_with_z_upwards(tmp_path):
@@ -70,14 +72,14 @@ def test_glb_comes_in_mm_with_z_upwards(tmp_path):
     surface, told, _ = read_mesh(path, 1.0, SIZES)
     assert surface.bounds == pytest.approx(BOX.bounds, abs=1e-5)
     assert surface.volume == pytest.approx(8000)
-    assert told[0].startswith("took metres with y upwards")
+    assert len(told) == 1
     assert read_mesh(path, 2.0, SIZES)[0].volume == pytest.approx(8 * 8000)
 
 
 def test_gltf_that_names_other_files_is_told_so(tmp_path):
     path = tmp_path / "box.gltf"
     path.write_bytes(gltf(BOX, "/dev/zero")[0])
-    with pytest.raises(BodyError, match="names another file, '/dev/zero', which is not read"):
+    with raises(BodyError, "names-another-file"):
         read_mesh(path, 1.0, SIZES)
 
 
@@ -99,7 +101,7 @@ def test_a_damaged_vtu_does_not_end_the_program(tmp_path):
     """Its reader calls sys.exit."""
     path = tmp_path / "a.vtu"
     path.write_text('<VTKFile type="UnstructuredGrid"><UnstructuredGrid/></VTKFile>')
-    with pytest.raises(BodyError, match="cannot be read as VTU"):
+    with raises(BodyError, "file-invalid", suffix=".vtu"):
         read_mesh(path, 1.0, SIZES)
 
 
@@ -114,14 +116,15 @@ def test_billions_of_triangles_that_are_not_there_are_refused(what, tmp_path):
         "off": b"OFF\n4000000000 4000000000 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
     }[what]
     path.write_bytes(content)
-    with pytest.raises(BodyError, match=rf"a\.{what}: "):
+    with pytest.raises(BodyError) as caught:
         read_mesh(path, 1.0, SIZES)
+    assert caught.value.code in ("file-invalid", "file-too-large", "no-triangles")
 
 
 def test_step_and_mesh_are_told_apart(tmp_path):
     (tmp_path / "a.stl").write_bytes(b"ISO-10303-21;\nHEADER;\nENDSEC;\n")
-    with pytest.raises(BodyError, match=r'is a STEP file; write step = "a\.stl"'):
+    with raises(BodyError, "wrong-file-format", suffix=".step"):
         read_mesh(tmp_path / "a.stl", 1.0, SIZES)
     (tmp_path / "a.step").write_bytes(off(BOX))
-    with pytest.raises(BodyError, match=r'is no STEP file but OFF; write mesh = "a\.step"'):
+    with raises(BodyError, "wrong-file-format", suffix=".off"):
         load_body(BodySpec("step", tmp_path / "a.step"))
