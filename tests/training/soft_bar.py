@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from defsense_fab.decoding.ridge import affine, quadratic
-from defsense_fab.decoding.ridge import fit
+from defsense_fab.decoding.ridge import affine, fit, quadratic
 from defsense_fab.decoding.signal_history import Past
 from defsense_fab.decoding.trained_model import Branch, Intervals, TrainedModel, TrainedRange
 from defsense_fab.training.data.dataset import Dataset, Recording
@@ -91,7 +90,7 @@ def trained(data, features=affine, past=None, noise=1e-4):
         ],
         axis=1,
     )
-    own = r.seen.all(1)
+    own = r.visible.all(1)
     decoder = fit(features(z.shape[1]), z[own], r.points[own].reshape(own.sum(), -1), noise)
     value, turn = np.linalg.eigh(np.cov(z[own].T) + 1e-9 * np.eye(z.shape[1]))
     within = TrainedRange(z[own].mean(0), turn / np.sqrt(value), 1.0, z.min(0), z.max(0))

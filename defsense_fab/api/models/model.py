@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ...core.arrays import Float
 from ...core.errors import StorageError, TrainingError
-from ...core.machine.blas_threads import one_blas_thread
+from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress, silent
 from ...decoding.trained_model import TrainedModel
 from ...pipeline.train.data.pair_dataset import Offset
@@ -20,10 +20,10 @@ from ...pipeline.train.models.model_file import load_model, write_model
 from ...pipeline.train.models.prepare import NO, YES, prepare
 from ...pipeline.train.models.train_device import train_dataset
 from ...runtime.surface.live_surface import Mode
-from ...sensing.signal import relative_change
+from ...sensing.response import relative_change
 from ...training.data.dataset import Dataset
-from ...training.data.problems import refuse
-from ...training.data.unit_checks import unlike_rest
+from ...training.data.problems import raise_fatal
+from ...training.data.unit_checks import check_resistance_unit
 from ...training.fitting.train_model import TrainingOptions
 from .. import given
 from ..layout import Layout
@@ -84,7 +84,7 @@ class Model:
             raise TrainingError("time: must be finite and increase, in s")
         if not (np.isfinite(rest).all() and (rest > 0).all()):
             raise TrainingError("rest_resistances: must be above 0, in ohm, and none NaN")
-        refuse(unlike_rest(ohm, rest))
+        raise_fatal(check_resistance_unit(ohm, rest))
         known = np.where(ohm > 0, ohm, np.nan)
         return self.record.decode(when, relative_change(known, rest), when).points
 

@@ -85,7 +85,7 @@ def _told(found: Exported, options: argparse.Namespace) -> dict[str, object]:
             for r in d.recordings
         ],
         "problems": [
-            {"kind": p.kind, "fatal": p.fatal, "what": p.what, "remedy": p.remedy}
+            {"kind": p.kind, "fatal": p.is_fatal, "what": p.message, "remedy": p.action}
             for p in found.problems
         ],
         "notes": list(found.notes),
@@ -96,11 +96,11 @@ def _show(found: Exported, options: argparse.Namespace) -> None:
     d = found.dataset
     samples = sum(len(r.sample_time) for r in d.recordings)
     say([
-        f"{d.device}: {d.frames} pictures of {len(d.ids)} markers and {samples} samples of"
+        f"{d.device}: {d.frame_count} pictures of {len(d.ids)} markers and {samples} samples of"
         f" {len(d.channels)} channels, in {len(d.recordings)} recordings",
     ])  # fmt: skip
     say([f"note: {note}" for note in found.notes])
-    say([f"{'training is refused' if p.fatal else 'note'}: {p}" for p in found.problems])
+    say([f"{'training is refused' if p.is_fatal else 'note'}: {p}" for p in found.problems])
     say([f"Wrote:   {folder}" for folder in (options.out, options.lerobot) if folder])
     if options.out is not None:
         device = f" --device {quote(str(options.device))}" if options.device else ""

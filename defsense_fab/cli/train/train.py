@@ -150,10 +150,10 @@ def _show(result: Training, path: Path, options: argparse.Namespace, notes: list
         times = [f"{t:.2g} s" for t in (*chosen.moved, *chosen.worked)]
         about.append(f"memory: {', '.join(times)}")
     if result.wrong.any():
-        share = result.wrong.sum() / max(int(result.trained.seen.sum()), 1)
+        share = result.wrong.sum() / max(int(result.trained.visible.sum()), 1)
         about.append(f"{share:.2%} of the markers were wrong, and left out of the training")
     if result.wrong_tested.any():
-        share = result.wrong_tested.sum() / max(int(result.tested.seen.sum()), 1)
+        share = result.wrong_tested.sum() / max(int(result.tested.visible.sum()), 1)
         about.append(
             f"{share:.2%} of the markers of the test seem wrong; its errors are with them: look at"
             " the tracks"

@@ -1,1 +1,1 @@
-"""Datasets: what recordings hold, and what may be wrong with them."""
+"""Datasets of recordings, and checks that find problems in them."""

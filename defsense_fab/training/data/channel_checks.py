@@ -1,4 +1,4 @@
-"""Channels that tell nothing, or not what they told in other recordings."""
+"""Detect channels without information, and channels that differ from those of other recordings."""
 
 from __future__ import annotations
 
@@ -11,134 +11,166 @@ from ...core.arrays import Bool, Float
 from .dataset import Dataset, Recording
 from .problems import Problem
 
-_LONG = 1.0  # s
-_MUCH = 0.5  # of the samples
-_ENDS = 0.02  # of the samples, at the end of what a converter can tell
-_STUCK = 3.0  # s, in which others move
-_MOVING = 0.3  # of its own range, by which another channel moves meanwhile
-_NOTHING = 1e-5  # (R - R0)/R0, less than which no channel moves by
-_DRIFT = 0.15  # of R0, by which a cord that is the same changes at most
-_UNLIKE = 6.0  # times the others' usual change
-_GAIN = 1.35  # times, by which a cord that is the same is more or less sensitive
-_ALIKE = 0.6  # correlation of a channel with what is expected of it
-_BETTER = 0.15  # by which correlations are higher, in the mean, in another order
+_MAX_INVALID_S = 1.0  # without a valid resistance, at once
+_FATAL_SHARE = 0.5  # of the samples
+_MIN_CLIPPED_SHARE = 0.02  # of the samples, at the end of the converter's range
+_MAX_STUCK_S = 3.0  # without a change, while others move
+_MIN_MOVEMENT = 0.3  # of its own range, by which another channel moves meanwhile
+_MIN_RANGE = 1e-5  # (R - R0)/R0; a channel with a smaller range does not change
+_MAX_REST_CHANGE = 0.15  # of R0, by which the same cord changes at most
+_MAX_REST_DEVIATIONS = 6.0  # times the usual change of R0 between sessions
+_MAX_GAIN_RATIO = 1.35  # by which the same cord is more or less sensitive
+_MIN_CORRELATION = 0.6  # of a channel with its expected signal
+_MIN_CORRELATION_GAIN = 0.15  # by which the mean correlation is higher in another order
 _RIDGE = 1e-3
-_FEWEST = 100  # frames
-_PREDICTION = "the prediction"
-_OFTEN = 0.5
+_MIN_FRAMES = 100
+_MIN_VISIBLE_SHARE = 0.5  # of the frames, for a marker to be used
+_BY_PREDICTION, _BY_SESSIONS = "the prediction", "the other sessions"
 
 
-def channel_problems(
-    dataset: Dataset, predicted: Mapping[str, Float] | None = None
-) -> list[Problem]:
-    """Of each recording, and between them. `predicted`: (R - R0)/R0 (t, c) at the pictures of
-    recordings by name, where they can be foretold."""
-    out = [p for r in dataset.recordings for p in _open(dataset, r)]
+def check_channels(dataset: Dataset, predicted: Mapping[str, Float] | None = None) -> list[Problem]:
+    """Check the channels of each recording, and compare those of different recordings.
+
+    Args:
+        dataset: The dataset.
+        predicted: Predicted signals (R - R0)/R0 at the frames of recordings, shape (t, c), by the
+            recordings' names, where known.
+
+    Returns:
+        The problems found.
+    """
+    problems = [p for r in dataset.recordings for p in _check_range(dataset, r)]
     constant = [
         name
         for k, name in enumerate(dataset.channels)
         if all(
-            np.isfinite(r.signals[:, k]).any() and _range(r.signals[:, k]) < _NOTHING
+            np.isfinite(r.signals[:, k]).any() and _range(r.signals[:, k]) < _MIN_RANGE
             for r in dataset.recordings
         )
     ]
     if constant:
-        out.append(
+        problems.append(
             Problem(
-                "constant-channel", True, f"{', '.join(constant)} does not change in any recording",
-                "see whether its cord is connected, and record again",
+                "constant-channel",
+                True,
+                f"{', '.join(constant)} does not change in any recording",
+                "Check whether its cord is connected, and record again",
                 data={"channels": tuple(constant)},
             )
-        )  # fmt: skip
-    out += [p for r in dataset.recordings for p in _still(dataset, r, constant)]
-    return [*out, *_other_cords(dataset), *_other_signals(dataset, predicted or {})]
+        )
+    problems += [p for r in dataset.recordings for p in _check_stuck(dataset, r, constant)]
+    return [*problems, *_check_rest(dataset), *_check_expected(dataset, predicted or {})]
 
 
-def _open(dataset: Dataset, r: Recording) -> list[Problem]:
-    """Open, shorted, or at an end of the converter's range."""
-    out = []
+def longest_run(flags: Bool) -> tuple[int, int]:
+    """Return the start and end (exclusive) of the longest run of true flags (n,); 0, 0 if none."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
+    if not len(edges):
+        return 0, 0
+    start, end = edges[::2], edges[1::2]
+    k = int(np.argmax(end - start))
+    return int(start[k]), int(end[k])
+
+
+def _check_range(dataset: Dataset, r: Recording) -> list[Problem]:
+    """Find channels that are open, shorted, or at an end of the converter's range."""
+    problems = []
     step = float(np.median(np.diff(r.sample_time))) if len(r.sample_time) > 1 else 0.0
     for k, name in enumerate(dataset.channels):
         R, R0 = r.ohm[:, k], r.rest[k]
-        bad = ~np.isfinite(R) | (R <= 0)
-        if bad.all() or not np.isfinite(R0):
-            out.append(
+        is_bad = ~np.isfinite(R) | (R <= 0)
+        if is_bad.all() or not np.isfinite(R0):
+            problems.append(
                 Problem(
-                    "missing-channel", True, f"{r.name}: {name} has no resistance",
-                    "leave the recording out, or record it again", of=(r.name,),
+                    "missing-channel",
+                    True,
+                    f"{r.name}: {name} has no resistance",
+                    "Leave the recording out, or record it again",
+                    recordings=(r.name,),
                     data={"channels": (name,)},
                 )
-            )  # fmt: skip
-            continue
-        kind = "shorted" if 2 * (R <= 0).sum() > bad.sum() else "open, or out of range,"
-        state = "shorted" if kind == "shorted" else "open"
-        longest, share = step * _longest(bad), float(bad.mean())
-        if not (longest > _LONG or share > _MUCH):
-            bad, kind, state = _at_an_end(R), "at the end of its range", "clipped"
-            longest, share = step * _longest(bad), float(bad.mean())
-            # What never changes is at both ends of its range, and told as such.
-            changes = _range(r.signals[:, k]) >= _NOTHING
-            clipped = changes and share > _ENDS and longest > _LONG / 2
-            if not (clipped and _others_move(r, k, *longest_at(bad))):
-                continue
-        out.append(
-            Problem(
-                "saturated-channel", share > _MUCH,
-                f"{r.name}: {name} is {kind} for {share:.0%} of the samples, {longest:.1f} s at"
-                " once",
-                "check its wires and reference resistor; frames at these times tell nothing of it",
-                share, (r.name,), {"channel": name, "state": state, "longest_s": longest},
             )
-        )  # fmt: skip
-    return out
+            continue
+        is_shorted = 2 * (R <= 0).sum() > is_bad.sum()
+        state = "shorted" if is_shorted else "open"
+        description = "shorted" if is_shorted else "open or out of range"
+        longest, share = step * _run_length(is_bad), float(is_bad.mean())
+        if not (longest > _MAX_INVALID_S or share > _FATAL_SHARE):
+            is_bad, state, description = _is_at_end(R), "clipped", "at the end of its range"
+            longest, share = step * _run_length(is_bad), float(is_bad.mean())
+            # A channel that never changes is at both ends of its range; it is reported as constant.
+            has_changes = _range(r.signals[:, k]) >= _MIN_RANGE
+            is_clipped = has_changes and share > _MIN_CLIPPED_SHARE and longest > _MAX_INVALID_S / 2
+            if not (is_clipped and _do_others_move(r, k, *longest_run(is_bad))):
+                continue
+        problems.append(
+            Problem(
+                "saturated-channel",
+                share > _FATAL_SHARE,
+                f"{r.name}: {name} is {description} for {share:.0%} of the samples,"
+                f" {longest:.1f} s at once",
+                "Check its wires and reference resistor; these samples hold no information",
+                share,
+                (r.name,),
+                {"channel": name, "state": state, "longest_s": longest},
+            )
+        )
+    return problems
 
 
-def _at_an_end(R: Float) -> Bool:
-    """Samples that are all the same, at the largest or smallest there is."""
+def _is_at_end(R: Float) -> Bool:
+    """Return which samples (n,) equal the largest or the smallest value, the more frequent."""
     known = R[np.isfinite(R)]
     ends = [np.asarray(end == R) for end in (known.max(), known.min())]
     return max(ends, key=lambda flags: int(flags.sum()))
 
 
-def _others_move(r: Recording, k: int, begin: int, end: int) -> bool:
-    """Whether another channel than `k` moves between two samples."""
+def _do_others_move(r: Recording, k: int, start: int, end: int) -> bool:
+    """Return whether a channel other than `k` moves between two samples."""
     others = [column for j, column in enumerate(r.signals.T) if j != k]
-    return any(_range(s[begin:end]) > _MOVING * _range(s) > _MOVING * _NOTHING for s in others)
+    return any(
+        _range(s[start:end]) > _MIN_MOVEMENT * _range(s) > _MIN_MOVEMENT * _MIN_RANGE
+        for s in others
+    )
 
 
-def _still(dataset: Dataset, r: Recording, constant: Sequence[str]) -> list[Problem]:
-    """Channels that stay what they are while others move; without those that never change."""
+def _check_stuck(dataset: Dataset, r: Recording, constant: Sequence[str]) -> list[Problem]:
+    """Find channels that do not change while others move, except those that never change."""
     if len(r.sample_time) < 2:
         return []
-    out = []
+    problems = []
     step = float(np.median(np.diff(r.sample_time)))
     for k, name in enumerate(dataset.channels):
         if name in constant:
             continue
         R = r.ohm[:, k]
-        same = np.append(False, (R[1:] == R[:-1]) & np.isfinite(R[1:]))
-        begin, end = longest_at(same)
-        begin = max(begin - 1, 0)
-        if step * (end - begin) > _STUCK and _others_move(r, k, begin, end):
-            share = (end - begin) / len(R)
-            out.append(
+        is_repeated = np.append(False, (R[1:] == R[:-1]) & np.isfinite(R[1:]))
+        start, end = longest_run(is_repeated)
+        start = max(start - 1, 0)
+        duration = step * (end - start)
+        if duration > _MAX_STUCK_S and _do_others_move(r, k, start, end):
+            is_fatal = (end - start) / len(R) > _FATAL_SHARE
+            problems.append(
                 Problem(
-                    "stuck-channel", share > _MUCH,
-                    f"{r.name}: {name} stays the same for {step * (end - begin):.1f} s, from"
-                    f" {r.sample_time[begin]:.1f} s on, while others move",
-                    "check its wires; leave the recording out if it is for long"
-                    if share <= _MUCH else "check its wires, and leave the recording out",
-                    step * (end - begin), (r.name,),
-                    {"channel": name, "start_s": float(r.sample_time[begin])},
+                    "stuck-channel",
+                    is_fatal,
+                    f"{r.name}: {name} stays the same for {duration:.1f} s, from"
+                    f" {r.sample_time[start]:.1f} s on, while others move",
+                    "Check its wires, and leave the recording out"
+                    if is_fatal
+                    else "Check its wires; leave the recording out if this lasts long",
+                    duration,
+                    (r.name,),
+                    {"channel": name, "start_s": float(r.sample_time[start])},
                 )
-            )  # fmt: skip
-    return out
+            )
+    return problems
 
 
-def _other_cords(dataset: Dataset) -> list[Problem]:
-    """Sessions in which one channel's R0 is another than in the others, of the same unit."""
-    out = []
-    for unit, sessions in _units(dataset).items():
+def _check_rest(dataset: Dataset) -> list[Problem]:
+    """Find sessions in which R0 of one channel differs from the unit's other sessions."""
+    problems = []
+    for unit, sessions in _sessions_by_unit(dataset).items():
         names = list(sessions)
         if len(names) < 2:
             continue
@@ -146,150 +178,170 @@ def _other_cords(dataset: Dataset) -> list[Problem]:
         with np.errstate(all="ignore"):
             change = np.log(R0) - np.median(np.log(R0), axis=0)
         for k, name in enumerate(names):
-            # Of two there is no saying which was before: the later one is told.
+            # Of two sessions, either could be the odd one: the later one is reported.
             if len(names) == 2 and k == 0:
                 continue
-            own = change[k] - change[0] if len(names) == 2 else change[k]
-            usual = np.median(own[np.isfinite(own)]) if np.isfinite(own).any() else 0.0
-            spread = 1.48 * float(np.nanmedian(np.abs(own - usual)))
+            relative = change[k] - change[0] if len(names) == 2 else change[k]
+            usual = (
+                np.median(relative[np.isfinite(relative)]) if np.isfinite(relative).any() else 0.0
+            )
+            spread = 1.48 * float(np.nanmedian(np.abs(relative - usual)))
             for c, channel in enumerate(dataset.channels):
-                off = float(own[c] - usual)
-                if abs(off) > max(np.log1p(_DRIFT), _UNLIKE * spread):
-                    out.append(
+                deviation = float(relative[c] - usual)
+                if abs(deviation) > max(np.log1p(_MAX_REST_CHANGE), _MAX_REST_DEVIATIONS * spread):
+                    ratio = float(np.exp(deviation))
+                    problems.append(
                         Problem(
-                            "replaced-cord", False,
-                            f"{name}: R0 of {channel} is {np.exp(off):.2f} times that of the other"
-                            f" sessions of {unit}: was the cord replaced, or its wires?",
-                            "train on the sessions since then, or record with another --unit since"
-                            " then",
-                            float(np.exp(off)), tuple(r.name for r in sessions[name]),
+                            "replaced-cord",
+                            False,
+                            f"{name}: R0 of {channel} is {ratio:.2f} times that of the other"
+                            f" sessions of {unit}; its cord or wires may have been replaced",
+                            "Train on the sessions since then, or give later sessions another unit"
+                            " name",
+                            ratio,
+                            tuple(r.name for r in sessions[name]),
                             {"session": name, "channel": channel},
                         )
-                    )  # fmt: skip
-    return out
+                    )
+    return problems
 
 
-def _other_signals(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
-    """Recordings whose signals are not as their markers let expect, by the other sessions of the
-    unit or by what is predicted: in another order, or larger."""
-    out = []
-    for sessions in _units(dataset).values():
+def _check_expected(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
+    """Find sessions whose channels are permuted or scaled.
+
+    Their signals are compared with predicted ones, or with those that the unit's other sessions
+    have at similar marker positions.
+    """
+    problems = []
+    for sessions in _sessions_by_unit(dataset).values():
         names = list(sessions)
         for k, name in enumerate(names):
             others = [r for n in names if n != name for r in sessions[n]]
-            measured, expected, by = [], [], _PREDICTION
+            measured, expected, source = [], [], _BY_PREDICTION
             for r in sessions[name]:
-                s = r.signals_at(r.time)
+                signals = r.signals_at(r.time)
                 if r.name in predicted:
-                    e: Float | None = predicted[r.name]
+                    reference: Float | None = predicted[r.name]
                 elif others and (k > 0 or len(names) > 2):
-                    e, by = _expected(others, r), "the other sessions"
+                    reference, source = _signals_of_others(others, r), _BY_SESSIONS
                 else:
-                    e = None
-                if e is not None:
-                    measured.append(s)
-                    expected.append(e)
+                    reference = None
+                if reference is not None:
+                    measured.append(signals)
+                    expected.append(reference)
             if measured:
-                told = tuple(r.name for r in sessions[name])
-                m, e = np.concatenate(measured), np.concatenate(expected)
-                out += _compare(dataset.channels, name, told, m, e, by)
-    return out
+                problems += _compare_signals(
+                    dataset.channels,
+                    name,
+                    tuple(r.name for r in sessions[name]),
+                    np.concatenate(measured),
+                    np.concatenate(expected),
+                    source,
+                )
+    return problems
 
 
-def _compare(
-    channels: Sequence[str], name: str, of: tuple[str, ...], measured: Float, expected: Float,
-    by: str,
-) -> list[Problem]:  # fmt: skip
-    good = np.isfinite(measured).all(axis=1) & np.isfinite(expected).all(axis=1)
-    m, e = measured[good], expected[good]
-    if len(m) < _FEWEST or (m.std(axis=0) == 0).any() or (e.std(axis=0) == 0).any():
+def _compare_signals(
+    channels: Sequence[str],
+    session: str,
+    recordings: tuple[str, ...],
+    measured: Float,
+    expected: Float,
+    source: str,
+) -> list[Problem]:
+    """Compare measured and expected signals (t, c) of a session."""
+    is_known = np.isfinite(measured).all(axis=1) & np.isfinite(expected).all(axis=1)
+    m, e = measured[is_known], expected[is_known]
+    if len(m) < _MIN_FRAMES or (m.std(axis=0) == 0).any() or (e.std(axis=0) == 0).any():
         return []
     c = len(channels)
-    alike = np.corrcoef(m.T, e.T)[:c, c:]
-    order = linear_sum_assignment(-alike)[1]
-    now, best = float(np.diag(alike).mean()), float(alike[np.arange(c), order].mean())
+    correlation = np.corrcoef(m.T, e.T)[:c, c:]
+    order = linear_sum_assignment(-correlation)[1]
+    current = float(np.diag(correlation).mean())
+    best = float(correlation[np.arange(c), order].mean())
     wrong = np.flatnonzero(order != np.arange(c))
-    if len(wrong) and best - now > _BETTER and alike[wrong, order[wrong]].min() > _ALIKE:
-        told = ", ".join(f"{channels[k]} looks like {channels[order[k]]}" for k in wrong.tolist())
+    if (
+        len(wrong)
+        and best - current > _MIN_CORRELATION_GAIN
+        and correlation[wrong, order[wrong]].min() > _MIN_CORRELATION
+    ):
+        matches = {channels[k]: channels[order[k]] for k in wrong.tolist()}
+        pairs = ", ".join(f"{a} looks like {b}" for a, b in matches.items())
         return [
             Problem(
-                "permuted-channels", True, f"{name}: by {by}, {told}: are its channels in another"
-                " order?",
-                "see how the cords are plugged in, or name the columns anew", best - now, of,
-                {
-                    "session": name, "source": by,
-                    "order": {channels[k]: channels[order[k]] for k in wrong.tolist()},
-                },
+                "permuted-channels",
+                True,
+                f"{session}: by {source}, {pairs}; its channels may be in another order",
+                "Check how the cords are plugged in, or rename the columns",
+                best - current,
+                recordings,
+                {"session": session, "source": source, "order": matches},
             )
-        ]  # fmt: skip
+        ]
     gain = np.array([np.polyfit(e[:, k], m[:, k], 1)[0] for k in range(c)])
-    sure = np.diag(alike) > _ALIKE
-    # What is predicted has the response of some cord; what was measured, of this device's.
-    ratio = gain / (float(np.median(gain)) if by == _PREDICTION else 1.0)
+    is_certain = np.diag(correlation) > _MIN_CORRELATION
+    # Predictions use the response of some cord, measurements have that of this device's cords.
+    ratio = gain / (float(np.median(gain)) if source == _BY_PREDICTION else 1.0)
     return [
         Problem(
-            "changed-gain", False,
-            f"{name}: {channels[k]} changes {ratio[k]:.2f} times as much as {by} let expect:"
-            " was its cord replaced?",
-            "train on the sessions since then, or record with another --unit since then",
-            float(ratio[k]), of, {"session": name, "channel": channels[k]},
+            "changed-gain",
+            False,
+            f"{session}: {channels[k]} changes {ratio[k]:.2f} times as much as expected by"
+            f" {source}; its cord may have been replaced",
+            "Train on the sessions since then, or give later sessions another unit name",
+            float(ratio[k]),
+            recordings,
+            {"session": session, "channel": channels[k]},
         )
         for k in range(c)
-        if sure[k] and ratio[k] > 0 and abs(np.log(ratio[k])) > np.log(_GAIN)
-    ]  # fmt: skip
+        if is_certain[k] and ratio[k] > 0 and abs(np.log(ratio[k])) > np.log(_MAX_GAIN_RATIO)
+    ]
 
 
-def _expected(others: Sequence[Recording], of: Recording) -> Float | None:
-    """The signals (t, c) at the pictures of a recording, by its markers and what others have
-    signals at such markers; None where too little was seen in both."""
-    often = of.seen.mean(axis=0) > _OFTEN
-    for r in others:
-        often &= r.seen.mean(axis=0) > _OFTEN
-    if not often.any():
+def _signals_of_others(others: Sequence[Recording], r: Recording) -> Float | None:
+    """Predict signals (t, c) at the frames of a recording from its marker positions.
+
+    The prediction is a ridge regression of the other recordings' signals on their markers; None if
+    too few markers are visible in all.
+    """
+    is_used = r.visible.mean(axis=0) > _MIN_VISIBLE_SHARE
+    for other in others:
+        is_used &= other.visible.mean(axis=0) > _MIN_VISIBLE_SHARE
+    if not is_used.any():
         return None
 
-    def inputs(r: Recording) -> Float:
-        return r.points[:, often].reshape(len(r.time), -1)
+    def inputs(of: Recording) -> Float:
+        return of.points[:, is_used].reshape(len(of.time), -1)
 
-    x = np.concatenate([inputs(r) for r in others])
-    y = np.concatenate([r.signals_at(r.time) for r in others])
-    good = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
-    if good.sum() < _FEWEST:
+    x = np.concatenate([inputs(other) for other in others])
+    y = np.concatenate([other.signals_at(other.time) for other in others])
+    is_known = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
+    if is_known.sum() < _MIN_FRAMES:
         return None
-    x, y = x[good], y[good]
-    middle, mean = x.mean(axis=0), y.mean(axis=0)
+    x, y = x[is_known], y[is_known]
+    center, mean = x.mean(axis=0), y.mean(axis=0)
     size = float(x.std()) or 1.0
-    z = (x - middle) / size
+    z = (x - center) / size
     normal = z.T @ z + _RIDGE * len(z) * np.eye(z.shape[1])
     return np.asarray(
-        (inputs(of) - middle) / size @ np.linalg.solve(normal, z.T @ (y - mean)) + mean
+        (inputs(r) - center) / size @ np.linalg.solve(normal, z.T @ (y - mean)) + mean
     )
 
 
-def _units(dataset: Dataset) -> dict[str, dict[str, list[Recording]]]:
-    """Recordings by unit and session."""
-    out: dict[str, dict[str, list[Recording]]] = {}
+def _sessions_by_unit(dataset: Dataset) -> dict[str, dict[str, list[Recording]]]:
+    """Return the recordings by unit and session."""
+    units: dict[str, dict[str, list[Recording]]] = {}
     for r in dataset.recordings:
-        out.setdefault(r.unit, {}).setdefault(r.session, []).append(r)
-    return out
+        units.setdefault(r.unit, {}).setdefault(r.session, []).append(r)
+    return units
 
 
 def _range(values: Float) -> float:
-    """Between the percentiles 1 and 99, of what is known."""
+    """Return the difference of the 99th and first percentile of the known values."""
     known = values[np.isfinite(values)]
     return float(np.subtract(*np.percentile(known, [99, 1]))) if len(known) else 0.0
 
 
-def longest_at(flags: Bool) -> tuple[int, int]:
-    """Where the longest row of true ones begins and ends."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
-    if not len(edges):
-        return 0, 0
-    begin, end = edges[::2], edges[1::2]
-    k = int(np.argmax(end - begin))
-    return int(begin[k]), int(end[k])
-
-
-def _longest(flags: Bool) -> int:
-    begin, end = longest_at(flags)
-    return end - begin
+def _run_length(flags: Bool) -> int:
+    start, end = longest_run(flags)
+    return end - start

@@ -1,7 +1,7 @@
-"""What training eats: what the cords said, and where the markers were, of one or more runs.
+"""Datasets for training: signals of the cords and positions of the markers, in one or more runs.
 
-The resistances stay on the read-out board's own samples, put on the markers' clock: what a model
-knows of the past comes from all of them, not from those beside a picture alone.
+Resistances stay on the samples of the read-out board, with times on the clock of the cameras. A
+model's memory of the past is computed from all samples, not only from those at camera frames.
 """
 
 from __future__ import annotations
@@ -18,44 +18,32 @@ from ...core.errors import TrainingError
 from ...decoding.signal_history import at_times
 from ...sensing.response import relative_change
 
-# A recording is known again by what is in it, whatever file it lies in.
-#
-# Formats round, count their times from elsewhere, and know other resistances at rest. What none of
-# that touches is how the signals go from one moment of the recording to the next.
-
-_MOMENTS = 64
-_GAP = 1.0  # s between samples, at most, that are still told of
-_SAME = 0.998  # correlation, from which on two recordings are one
-
-
-def fingerprint(r: Recording) -> tuple[float, ...]:
-    """The sum of the signals at moments that are evenly spaced from the first picture to the last,
-    from one to the next; zero where it is not known. Whichever order channels are in."""
-    if len(r.time) < 2:
-        return (0.0,) * (_MOMENTS - 1)
-    moments = np.linspace(r.time[0], r.time[-1], _MOMENTS)
-    total = r.signals.sum(axis=1, keepdims=True)
-    steps = np.diff(at_times(moments, r.sample_time, total, _GAP)[:, 0])
-    return tuple(np.round(np.nan_to_num(steps), 6).tolist())
-
-
-def same_recording(one: Sequence[float], other: Sequence[float]) -> bool:
-    """Whether two fingerprints are of one recording."""
-    a, b = np.asarray(one, float), np.asarray(other, float)
-    size = np.linalg.norm(a) * np.linalg.norm(b)
-    return bool(a.shape == b.shape and size > 0 and a @ b > _SAME * size)
+_FINGERPRINT_MOMENTS = 64
+_FINGERPRINT_GAP_S = 1.0  # largest gap between samples across which a value is interpolated
+_SAME_RECORDING_CORRELATION = 0.998  # of the fingerprints, from which two recordings are the same
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One run of a `session` on one built device (`unit`).
+    """One run of a session on one built device: n samples of c cords, t frames of m markers.
 
-    n samples of c cords: `sample_time` (n,) s, increasing, on the clock of the pictures; `ohm`
-    (n, c), NaN where a channel gave none; R0 at `rest` (c,) ohm. t pictures: `time` (t,) s,
-    increasing; `points` (t, m, 3) mm in the device's rest frame, NaN where a marker was not seen;
-    `sigma` (t, m, 3) mm, standard deviations along the axes, NaN where not known. `sync_error` s,
-    the standard error of the clocks' comparison, None where it is not known. `poses`: which pose
-    was asked for from when on, s.
+    Attributes:
+        name: Name of the run, unique in its dataset.
+        session: Name of the session that the run belongs to.
+        unit: Name of the built device.
+        sample_time: Times of the samples, shape (n,), s, increasing, on the clock of the frames.
+        ohm: Resistances, shape (n, c), ohm; NaN where a channel gave none.
+        rest: Resistances at rest R0, shape (c,), ohm.
+        time: Times of the frames, shape (t,), s, increasing.
+        points: Marker positions, shape (t, m, 3), mm, in the device's rest frame; NaN where a
+            marker was not visible.
+        sigma: Standard deviations of the positions along the axes, shape (t, m, 3), mm; NaN where
+            unknown.
+        sync_error: Standard error of the clock synchronization, s; None if unknown.
+        poses: Requested poses as (start time in s, name).
+
+    Raises:
+        TrainingError: If shapes do not match or times do not increase.
     """
 
     name: str
@@ -76,45 +64,62 @@ class Recording:
         shapes = self.sample_time.shape, self.rest.shape, self.time.shape, self.points.shape
         if shapes != ((n,), (c,), (t,), (t, m, 3)) or self.sigma.shape != (t, m, 3):
             raise TrainingError(
-                f"{self.name}: samples {self.ohm.shape}, R0 {self.rest.shape}, pictures"
-                f" {self.time.shape} and markers {self.points.shape} do not go together",
+                f"the shapes of samples {self.ohm.shape}, R0 {self.rest.shape}, frames"
+                f" {self.time.shape} and markers {self.points.shape} do not match",
                 code="shapes-differ",
+                where=self.name,
             )
-        for what, when in (("samples", self.sample_time), ("pictures", self.time)):
-            if not np.isfinite(when).all() or (np.diff(when) <= 0).any():
-                k = int(np.argmax(~np.isfinite(when[1:]) | ~(np.diff(when) > 0))) + 1
+        for series, times in (("samples", self.sample_time), ("frames", self.time)):
+            if not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+                k = int(np.argmax(~np.isfinite(times[1:]) | ~(np.diff(times) > 0))) + 1
                 raise TrainingError(
-                    f"{self.name}: the times of the {what} must increase; the one at {k} does not",
+                    f"the times of the {series} must increase; the time at index {k} does not",
                     code="times-not-increasing",
-                    series=what,
+                    where=self.name,
+                    series=series,
                     index=k,
                 )
 
     @cached_property
     def signals(self) -> Float:
-        """(R - R0)/R0 (n, c) of the samples, NaN where there is no resistance: of an open circuit,
-        or a short one."""
-        known = np.isfinite(self.ohm) & (self.ohm > 0)
+        """Signals (R - R0)/R0 of the samples, shape (n, c); NaN at open and short circuits."""
+        is_valid = np.isfinite(self.ohm) & (self.ohm > 0)
         with np.errstate(all="ignore"):
-            return np.where(known, relative_change(self.ohm, self.rest), np.nan)
+            return np.where(is_valid, relative_change(self.ohm, self.rest), np.nan)
 
-    def signals_at(self, when: Float) -> Float:
-        """(R - R0)/R0 (t, c) at the times (t,) s: linear between samples, NaN where there are none
-        near, or a channel was open."""
-        return at_times(when, self.sample_time, self.signals)
+    def signals_at(self, times: Float) -> Float:
+        """Interpolate the signals linearly between samples.
+
+        Args:
+            times: Times, shape (t,), s.
+
+        Returns:
+            Signals (R - R0)/R0, shape (t, c); NaN where no samples are near or a channel was open.
+        """
+        return at_times(times, self.sample_time, self.signals)
 
     @property
-    def seen(self) -> Bool:
-        """Which markers were seen (t, m)."""
+    def visible(self) -> Bool:
+        """Whether each marker was visible in each frame, shape (t, m)."""
         return np.asarray(np.isfinite(self.points[..., 0]))
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Runs of devices of one layout: names of the c `channels`, numbers of the m markers `ids`
-    (m,) and where they are at rest, `rest_points` (m, 3) mm in the device's frame. `layout` is the
-    hash of the cords' layout, empty where it is not known; `provenance` is what else is known, in
-    plain values."""
+    """Recordings of devices with one layout of cords.
+
+    Attributes:
+        device: Name of the device.
+        layout: Hash of the layout of the cords; empty if unknown.
+        channels: Names of the c channels.
+        ids: Numbers of the m markers, shape (m,).
+        rest_points: Marker positions at rest, shape (m, 3), mm, in the device's rest frame.
+        recordings: The recordings, at least one.
+        provenance: Further facts about the origin, in plain values (JSON).
+
+    Raises:
+        TrainingError: If there is no recording, a channel's name repeats, or shapes do not match.
+    """
 
     device: str
     layout: str
@@ -127,27 +132,57 @@ class Dataset:
     def __post_init__(self) -> None:
         c, m = len(self.channels), len(self.ids)
         if not self.recordings:
-            raise TrainingError(
-                f"{self.device}: there is no recording to train on", code="no-recordings"
-            )
+            raise TrainingError("has no recordings", code="no-recordings", where=self.device)
         if len(set(self.channels)) < c:
             raise TrainingError(
-                f"{self.device}: channels must have different names", code="duplicate-names"
+                f"names of channels repeat in {', '.join(self.channels)}",
+                code="duplicate-names",
+                where=self.device,
             )
         if self.rest_points.shape != (m, 3):
             raise TrainingError(
-                f"{self.device}: {m} markers have places {self.rest_points.shape}",
+                f"{m} markers have rest positions of shape {self.rest_points.shape}",
                 code="shapes-differ",
+                where=self.device,
             )
         for r in self.recordings:
             if r.ohm.shape[1] != c or r.points.shape[1] != m:
                 raise TrainingError(
-                    f"{r.name}: {r.ohm.shape[1]} channels and {r.points.shape[1]} markers, where"
-                    f" the device has {c} and {m}",
+                    f"has {r.ohm.shape[1]} channels and {r.points.shape[1]} markers, but the"
+                    f" dataset has {c} and {m}",
                     code="shapes-differ",
+                    where=r.name,
                 )
 
     @property
-    def frames(self) -> int:
-        """Pictures in all runs."""
+    def frame_count(self) -> int:
+        """Number of frames in all recordings."""
         return sum(len(r.time) for r in self.recordings)
+
+
+def recording_fingerprint(r: Recording) -> tuple[float, ...]:
+    """Compute numbers that identify a recording by its content, in whichever file it is stored.
+
+    File formats round numbers, start times elsewhere and use other resistances at rest. None of
+    these changes how the signals differ from one moment of the recording to the next.
+
+    Args:
+        r: The recording; the order of its channels does not matter.
+
+    Returns:
+        Differences of the sum of the signals between neighboring moments, which are evenly spaced
+        from the first frame to the last; 0 where unknown.
+    """
+    if len(r.time) < 2:
+        return (0.0,) * (_FINGERPRINT_MOMENTS - 1)
+    moments = np.linspace(r.time[0], r.time[-1], _FINGERPRINT_MOMENTS)
+    total = r.signals.sum(axis=1, keepdims=True)
+    steps = np.diff(at_times(moments, r.sample_time, total, _FINGERPRINT_GAP_S)[:, 0])
+    return tuple(np.round(np.nan_to_num(steps), 6).tolist())
+
+
+def is_same_recording(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Return whether two fingerprints belong to the same recording."""
+    a, b = np.asarray(one, float), np.asarray(other, float)
+    size = np.linalg.norm(a) * np.linalg.norm(b)
+    return bool(a.shape == b.shape and size > 0 and a @ b > _SAME_RECORDING_CORRELATION * size)

@@ -1,4 +1,4 @@
-"""Datasets of one layout as one: channels by their names, markers by their numbers."""
+"""Join datasets, and select their channels, markers, recordings and certain positions."""
 
 from __future__ import annotations
 
@@ -11,126 +11,105 @@ from ...core.arrays import Bool, Int
 from ...core.errors import TrainingError
 from .dataset import Dataset, Recording
 
-# Places of markers that cameras hardly know: seen at a slant, or by one of them alone.
+#: Largest distance between the rest positions of one marker in two sessions.
+MAX_REST_DISTANCE_MM = 0.5
 
-_USUAL, _LEAST = 5.0, 1.0  # of the median; mm
-
-
-def without_uncertain(dataset: Dataset) -> tuple[Dataset, float]:
-    """Without places whose stated standard deviation (of the distance) is over 1 mm and over five
-    times the median, and which share of the places those were. By what the tracks say of
-    themselves alone: an error is never the reason. As motion-capture systems leave them out."""
-    stated = [np.sqrt((r.sigma**2).sum(axis=2)) for r in dataset.recordings]
-    every = np.concatenate([s[np.isfinite(s)] for s in stated])
-    if not len(every):
-        return dataset, 0.0
-    limit = max(_USUAL * float(np.median(every)), _LEAST)
-    recordings = []
-    for r, s in zip(dataset.recordings, stated, strict=True):
-        gone: Bool = s > limit
-        points = np.where(gone[..., None], np.nan, r.points)
-        recordings.append(
-            replace(r, points=points, sigma=np.where(gone[..., None], np.nan, r.sigma))
-        )
-    seen = sum(int(r.seen.sum()) for r in dataset.recordings)
-    share = float((every > limit).sum()) / max(seen, 1)
-    return replace(dataset, recordings=tuple(recordings)), share
+_UNCERTAIN_RATIO = 5.0  # times the median standard deviation, beyond which a position is uncertain
+_UNCERTAIN_MM = 1.0  # smaller standard deviations are never uncertain
 
 
-#: mm, by which two sessions may have a marker at other places of the device at rest.
-APART = 0.5
+def join_datasets(parts: Sequence[Dataset]) -> Dataset:
+    """Join the recordings of several datasets of one device and layout.
 
+    Channels are matched by name and have the order of the first dataset; markers are matched by
+    number, and the result has the markers of all parts.
 
-def without_markers(dataset: Dataset, ids: Sequence[int]) -> Dataset:
-    """Raises TrainingError for numbers that no marker has, and where none is left."""
-    unknown = [i for i in ids if i not in dataset.ids]
-    if unknown or len(set(ids)) == len(dataset.ids):
-        known = ", ".join(map(str, dataset.ids.tolist()))
-        if unknown:
-            raise TrainingError(
-                f"no marker has the number {unknown[0]}; there are {known}",
-                code="unknown-marker",
-                marker=int(unknown[0]),
-            )
-        raise TrainingError(f"no marker would be left; there are {known}", code="no-markers-left")
-    keep = ~np.isin(dataset.ids, ids)
-    recordings = tuple(
-        replace(r, points=r.points[:, keep], sigma=r.sigma[:, keep]) for r in dataset.recordings
-    )
-    return replace(
-        dataset, ids=dataset.ids[keep], rest_points=dataset.rest_points[keep],
-        recordings=recordings,
-    )  # fmt: skip
+    Args:
+        parts: The datasets, at least one.
 
+    Returns:
+        The joined dataset. Lists in the provenance are concatenated; of other values, the last
+        part's is kept.
 
-def join(parts: Sequence[Dataset]) -> Dataset:
-    """All recordings of the `parts`, with the channels and the order of the first one's, and the
-    markers of all. Raises TrainingError for parts of different devices, layouts, channels, or
-    places of markers."""
+    Raises:
+        TrainingError: If there are no parts, or if their devices, layouts, channels or marker
+            positions differ.
+    """
     if not parts:
         raise TrainingError(
-            "there is nothing to train on: give a session, a dataset or two files", code="no-data"
+            "no training data given",
+            code="no-data",
+            action="Give a session, a dataset or two files",
         )
     first = parts[0]
-    layouts = dict.fromkeys(p.layout for p in parts if p.layout)
-    for part in parts[1:]:
-        if part.device != first.device:
-            raise TrainingError(
-                f"{_name(part)} is of the device {part.device!r}, and {_name(first)} of"
-                f" {first.device!r}; train a model for each",
-                code="devices-differ",
-                devices=(first.device, part.device),
-            )
-    if len(layouts) > 1:
-        a, b = (next(p for p in parts if p.layout == hash_) for hash_ in list(layouts)[:2])
-        raise TrainingError(
-            f"{_name(a)} and {_name(b)} were recorded with cords laid differently (layouts"
-            f" {a.layout} and {b.layout}); train a model for each",
-            code="layouts-differ",
-            layouts=(a.layout, b.layout),
-        )
+    layout = _common_layout(parts)
     ids = np.unique(np.concatenate([p.ids for p in parts]))
     if np.array_equal(ids, np.sort(first.ids)):
         ids = first.ids
-    rest = np.full((len(ids), 3), np.nan)
+    rest_points = np.full((len(ids), 3), np.nan)
     for part in parts:
-        at = _places(ids, part.ids)
-        known = np.isfinite(rest[at, 0])
-        off = np.linalg.norm(rest[at] - part.rest_points, axis=1)
-        if (off[known] > APART).any():
-            k = int(np.argmax(np.where(known, off, 0.0)))
+        index = _marker_indices(ids, part.ids)
+        is_known = np.isfinite(rest_points[index, 0])
+        distance = np.linalg.norm(rest_points[index] - part.rest_points, axis=1)
+        if (distance[is_known] > MAX_REST_DISTANCE_MM).any():
+            k = int(np.argmax(np.where(is_known, distance, 0.0)))
             raise TrainingError(
-                f"{_name(part)}: marker {part.ids[k]} is {off[k]:.1f} mm from where {_name(first)}"
-                " has it at rest; train on sessions with the same markers.json",
+                f"the rest position of marker {part.ids[k]} is {distance[k]:.1f} mm from that in"
+                f" {_session_name(first)}",
                 code="markers-moved",
+                where=_session_name(part),
+                action="Train on sessions with the same markers.json",
                 marker=int(part.ids[k]),
-                distance_mm=float(off[k]),
+                distance_mm=float(distance[k]),
             )
-        rest[at] = np.where(known[:, None], rest[at], part.rest_points)
-    recordings = [r for part in parts for r in _matched(part, first.channels, ids)]
-    told: dict[str, object] = {}
+        rest_points[index] = np.where(is_known[:, None], rest_points[index], part.rest_points)
+    recordings = [r for part in parts for r in _rearrange(part, first.channels, ids)]
+    provenance: dict[str, object] = {}
     for part in parts:
         for key, value in part.provenance.items():
-            before = told.get(key)
-            told[key] = [*before, *value] if _lists(before, value) else value  # type: ignore[misc]
+            previous = provenance.get(key)
+            provenance[key] = (
+                [*previous, *value] if _are_lists(previous, value) else value  # type: ignore[misc]
+            )
     return Dataset(
-        first.device, next(iter(layouts), ""), first.channels, ids, rest, tuple(recordings), told
+        first.device, layout, first.channels, ids, rest_points, tuple(recordings), provenance
     )
 
 
-def in_order(part: Dataset, channels: Sequence[str]) -> Dataset:
-    """With the `channels` of a device, by their names. Raises TrainingError where one is missing,
-    or there are others."""
-    recordings = tuple(_matched(part, tuple(channels), part.ids))
-    return replace(part, channels=tuple(channels), recordings=recordings)
+def select_channels(dataset: Dataset, channels: Sequence[str]) -> Dataset:
+    """Put the channels into the order of a device.
+
+    Args:
+        dataset: The dataset.
+        channels: Names of all channels of the device, in the required order.
+
+    Returns:
+        The dataset with its channels in that order.
+
+    Raises:
+        TrainingError: If a channel is missing, or if the dataset has others.
+    """
+    recordings = tuple(_rearrange(dataset, tuple(channels), dataset.ids))
+    return replace(dataset, channels=tuple(channels), recordings=recordings)
 
 
-def without(
+def exclude(
     dataset: Dataset, channels: Sequence[str] = (), recordings: Sequence[str] = ()
 ) -> Dataset:
-    """All but some channels and recordings. Raises TrainingError for names that there are not, and
-    where nothing is left."""
-    for what, names, known, unknown, empty in (
+    """Leave out some channels and recordings.
+
+    Args:
+        dataset: The dataset.
+        channels: Names of the channels to leave out.
+        recordings: Names of the recordings to leave out.
+
+    Returns:
+        The dataset without them.
+
+    Raises:
+        TrainingError: If a name is unknown, or if no channel or recording is left.
+    """
+    for noun, names, known, unknown, empty in (
         ("channel", channels, dataset.channels, "unknown-channel", "no-channels-left"),
         (
             "recording",
@@ -143,13 +122,16 @@ def without(
         others = [name for name in names if name not in known]
         if others:
             raise TrainingError(
-                f"there is no {what} {others[0]}; there are {', '.join(known)}",
+                f"there is no {noun} {others[0]}",
                 code=unknown,
+                action=f"Choose from {', '.join(known)}",
                 name=others[0],
                 known=known,
             )
         if len(set(names)) == len(known):
-            raise TrainingError(f"no {what} is left; leave fewer out", code=empty)
+            raise TrainingError(
+                f"no {noun} is left", code=empty, action=f"Keep at least one {noun}"
+            )
     kept = [k for k, name in enumerate(dataset.channels) if name not in channels]
     return replace(
         dataset,
@@ -162,38 +144,137 @@ def without(
     )
 
 
-def _matched(part: Dataset, channels: tuple[str, ...], ids: Int) -> list[Recording]:
-    missing = [c for c in channels if c not in part.channels]
-    others = [c for c in part.channels if c not in channels]
-    if missing or others:
-        wrong = f"has no channel {missing[0]}" if missing else f"has a channel {others[0]} more"
+def exclude_markers(dataset: Dataset, ids: Sequence[int]) -> Dataset:
+    """Leave out some markers.
+
+    Args:
+        dataset: The dataset.
+        ids: Numbers of the markers to leave out.
+
+    Returns:
+        The dataset without them.
+
+    Raises:
+        TrainingError: If no marker has one of the numbers, or if no marker is left.
+    """
+    unknown = [i for i in ids if i not in dataset.ids]
+    known = ", ".join(map(str, dataset.ids.tolist()))
+    if unknown:
         raise TrainingError(
-            f"{_name(part)}: {wrong}: its channels are {', '.join(part.channels)}, wanted are"
-            f" {', '.join(channels)}; name them alike, or leave it out",
+            f"no marker has the number {unknown[0]}",
+            code="unknown-marker",
+            action=f"Choose from {known}",
+            marker=int(unknown[0]),
+        )
+    if len(set(ids)) == len(dataset.ids):
+        raise TrainingError(
+            f"no marker is left of {known}",
+            code="no-markers-left",
+            action="Keep at least one marker",
+        )
+    keep = ~np.isin(dataset.ids, ids)
+    recordings = tuple(
+        replace(r, points=r.points[:, keep], sigma=r.sigma[:, keep]) for r in dataset.recordings
+    )
+    return replace(
+        dataset,
+        ids=dataset.ids[keep],
+        rest_points=dataset.rest_points[keep],
+        recordings=recordings,
+    )
+
+
+def exclude_uncertain_positions(dataset: Dataset) -> tuple[Dataset, float]:
+    """Leave out marker positions that the cameras hardly know.
+
+    Such markers are seen at a slant, or by one camera only. A position is left out if its stated
+    standard deviation (of the distance) is over 1 mm and over five times the median, as
+    motion-capture systems do. Only the stated deviations decide; an error is never the reason.
+
+    Args:
+        dataset: The dataset.
+
+    Returns:
+        The dataset with these positions set to NaN, and their share of all visible positions.
+    """
+    stated = [np.sqrt((r.sigma**2).sum(axis=2)) for r in dataset.recordings]
+    known = np.concatenate([s[np.isfinite(s)] for s in stated])
+    if not len(known):
+        return dataset, 0.0
+    limit = max(_UNCERTAIN_RATIO * float(np.median(known)), _UNCERTAIN_MM)
+    recordings = []
+    for r, s in zip(dataset.recordings, stated, strict=True):
+        is_uncertain: Bool = s > limit
+        points = np.where(is_uncertain[..., None], np.nan, r.points)
+        recordings.append(
+            replace(r, points=points, sigma=np.where(is_uncertain[..., None], np.nan, r.sigma))
+        )
+    visible = sum(int(r.visible.sum()) for r in dataset.recordings)
+    share = float((known > limit).sum()) / max(visible, 1)
+    return replace(dataset, recordings=tuple(recordings)), share
+
+
+def _common_layout(parts: Sequence[Dataset]) -> str:
+    """Return the layout of all parts (empty if none is known); check it and the device."""
+    first = parts[0]
+    for part in parts[1:]:
+        if part.device != first.device:
+            raise TrainingError(
+                f"is of the device {part.device!r}, and {_session_name(first)} of {first.device!r}",
+                code="devices-differ",
+                where=_session_name(part),
+                action="Train a model for each device",
+                devices=(first.device, part.device),
+            )
+    layouts = dict.fromkeys(p.layout for p in parts if p.layout)
+    if len(layouts) > 1:
+        a, b = (next(p for p in parts if p.layout == hash_) for hash_ in list(layouts)[:2])
+        raise TrainingError(
+            f"was recorded with another layout of cords ({b.layout}) than {_session_name(a)}"
+            f" ({a.layout})",
+            code="layouts-differ",
+            where=_session_name(b),
+            action="Train a model for each layout",
+            layouts=(a.layout, b.layout),
+        )
+    return next(iter(layouts), "")
+
+
+def _rearrange(part: Dataset, channels: tuple[str, ...], ids: Int) -> list[Recording]:
+    """Return the recordings with these channels and markers, in their order."""
+    missing = [c for c in channels if c not in part.channels]
+    extra = [c for c in part.channels if c not in channels]
+    if missing or extra:
+        wrong = f"has no channel {missing[0]}" if missing else f"has an extra channel {extra[0]}"
+        raise TrainingError(
+            f"{wrong}: its channels are {', '.join(part.channels)}, but {', '.join(channels)} are"
+            " expected",
             code="channels-differ",
+            where=_session_name(part),
+            action="Name the channels alike, or leave this data out",
             missing=tuple(missing),
-            extra=tuple(others),
+            extra=tuple(extra),
         )
     order = [part.channels.index(c) for c in channels]
-    at = _places(ids, part.ids)
-    out = []
+    index = _marker_indices(ids, part.ids)
+    recordings = []
     for r in part.recordings:
         points, sigma = np.full((2, len(r.time), len(ids), 3), np.nan)
-        points[:, at], sigma[:, at] = r.points, r.sigma
-        matched = replace(r, ohm=r.ohm[:, order], rest=r.rest[order], points=points, sigma=sigma)
-        out.append(matched)
-    return out
+        points[:, index], sigma[:, index] = r.points, r.sigma
+        ohm, rest = r.ohm[:, order], r.rest[order]
+        recordings.append(replace(r, ohm=ohm, rest=rest, points=points, sigma=sigma))
+    return recordings
 
 
-def _places(ids: Int, of: Int) -> Int:
-    """Where the markers `of` (k,) are among `ids`."""
+def _marker_indices(ids: Int, selected: Int) -> Int:
+    """Return the indices in `ids` (m,) of the markers `selected` (k,)."""
     order = np.argsort(ids)
-    return np.asarray(order[np.searchsorted(ids, of, sorter=order)])
+    return np.asarray(order[np.searchsorted(ids, selected, sorter=order)])
 
 
-def _lists(a: object, b: object) -> bool:
+def _are_lists(a: object, b: object) -> bool:
     return isinstance(a, list | tuple) and isinstance(b, list | tuple)
 
 
-def _name(part: Dataset) -> str:
+def _session_name(part: Dataset) -> str:
     return part.recordings[0].session or part.recordings[0].name

@@ -1,4 +1,4 @@
-"""What may be wrong with a dataset, before anything is trained on it."""
+"""Check a dataset before training: identity, times, frames, rest pose, channels and units."""
 
 from __future__ import annotations
 
@@ -9,326 +9,405 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Bool, Float
-from .channel_checks import channel_problems, longest_at
+from .channel_checks import check_channels, longest_run
 from .dataset import Dataset, Recording
-from .problems import Problem, refuse
-from .time_alignment import WITHIN, find_shift
-from .unit_checks import unit_problems
+from .problems import Problem, raise_fatal
+from .time_alignment import MAX_SHIFT_S, find_time_shift
+from .unit_checks import check_units
 
-_EACH = 10  # frames for each weight of a decoder
-_LEAST = 50  # frames
-_SHORT = 60.0  # s of frames, fewer than which show little of how a device moves
-_REST = 0.5  # s
-_STILL = 3.0  # mm, root mean square, by which markers at rest are off their places
-_BARE = 0.05  # of the frames
-_HIDDEN = 0.5  # of the frames
-_NOTHING = 0.05  # of the movements' variance: what tells less forbids training
-_STEPS = _TELL_NOTHING, _OUT_OF_STEP = "signals-tell-nothing", "out-of-step"
-_ALIKE = 0.4  # correlation of a channel's signal with what was predicted of it
-_WRONG = 0.2  # s, by which signals out of step forbid training
+_FRAMES_PER_WEIGHT = 10  # for each weight of a decoder
+_MIN_FRAMES = 50
+_MIN_DURATION_S = 60.0  # shorter recordings show little of how a device moves
+_MIN_REST_S = 0.5
+_MAX_REST_DISTANCE_MM = 3.0  # median distance of the markers from their rest positions, at rest
+_MAX_SHARE_WITHOUT_SAMPLES = 0.05  # of the frames
+_MAX_SHARE_WITHOUT_MARKERS = 0.5  # of the frames
+_FATAL_EXPLAINED = 0.05  # of the movements' variance; signals that explain less forbid training
+_MIN_CORRELATION = 0.4  # of a channel's signal with its prediction
+_FATAL_SHIFT_S = 0.2  # signals that are further out of step forbid training
+_ALIGNMENT_CODES = _UNINFORMATIVE, _OUT_OF_STEP = "signals-tell-nothing", "out-of-step"
 
 
 def check_dataset(
-    dataset: Dataset, *, channels: Sequence[str] | None = None,
+    dataset: Dataset,
+    *,
+    channels: Sequence[str] | None = None,
     predicted: Mapping[str, Float] | None = None,
-) -> tuple[Problem, ...]:  # fmt: skip
-    """All problems, those that forbid training first. `channels`: those that the device has;
-    `predicted`: see `channel_problems`."""
-    out = [
-        *_together(dataset), *_twice(dataset), *_named(dataset, channels), *_numbers(dataset),
-        *unit_problems(dataset), *_times(dataset),
-    ]  # fmt: skip
-    if not any(p.fatal for p in out):  # what follows computes with them
-        # Causes first: of what has no signals or markers, too few frames are what follows.
-        out += [
-            *channel_problems(dataset, predicted), *_hidden(dataset), *_frames(dataset),
-            *_rest(dataset), *_steps(dataset, predicted or {}),
-        ]  # fmt: skip
-    return tuple(sorted(out, key=lambda p: not p.fatal))
+) -> tuple[Problem, ...]:
+    """Find all problems of a dataset.
+
+    Args:
+        dataset: The dataset.
+        channels: Names of the channels that the device has; None to skip this check.
+        predicted: Predicted signals (R - R0)/R0 at the frames of recordings, shape (t, c), by the
+            recordings' names, where known.
+
+    Returns:
+        The problems; those that forbid training come first.
+    """
+    problems = [
+        *_check_devices(dataset),
+        *_check_copies(dataset),
+        *_check_names(dataset, channels),
+        *_check_numbers(dataset),
+        *check_units(dataset),
+        *_check_overlap(dataset),
+    ]
+    if not any(p.is_fatal for p in problems):  # the remaining checks compute with these values
+        # Causes come first: missing signals or markers lead to too few frames.
+        problems += [
+            *check_channels(dataset, predicted),
+            *_check_gaps(dataset),
+            *_check_amount(dataset),
+            *_check_rest_pose(dataset),
+            *_check_alignment(dataset, predicted or {}),
+        ]
+    return tuple(sorted(problems, key=lambda p: not p.is_fatal))
 
 
-def checked(
-    dataset: Dataset, channels: Sequence[str] | None = None,
-    predicted: Mapping[str, Float] | None = None, in_step: bool = False,
-) -> tuple[Problem, ...]:  # fmt: skip
-    """The problems that do not forbid training. Raises TrainingError for those that do. Where
-    signals are known to be `in_step` with the markers, as a twin's are, neither that they tell
-    nothing nor that they seem to tell more at another time forbids it."""
+def require_trainable(
+    dataset: Dataset,
+    channels: Sequence[str] | None = None,
+    predicted: Mapping[str, Float] | None = None,
+    is_synchronized: bool = False,
+) -> tuple[Problem, ...]:
+    """Check a dataset, and raise an error if it cannot be trained on.
+
+    Args:
+        dataset: The dataset.
+        channels: As in `check_dataset`.
+        predicted: As in `check_dataset`.
+        is_synchronized: Whether signals and markers are known to be in step, as those of a twin
+            are. If so, uninformative and seemingly shifted signals do not forbid training.
+
+    Returns:
+        All problems that do not forbid training.
+
+    Raises:
+        TrainingError: If a problem forbids training; it has the code of the first one.
+    """
     problems = check_dataset(dataset, channels=channels, predicted=predicted)
-    refuse(p for p in problems if not (in_step and p.code in _STEPS))
+    raise_fatal(p for p in problems if not (is_synchronized and p.code in _ALIGNMENT_CODES))
     return problems
 
 
-def usable(r: Recording) -> Bool:
-    """Frames (t,) in which a marker is seen and every channel has a signal."""
+def usable_frames(r: Recording) -> Bool:
+    """Return which frames (t,) have a visible marker and a signal of every channel."""
     signals = r.signals_at(r.time)
-    return np.asarray(np.isfinite(signals).all(axis=1) & r.seen.any(axis=1))
+    return np.asarray(np.isfinite(signals).all(axis=1) & r.visible.any(axis=1))
 
 
-def _together(dataset: Dataset) -> list[Problem]:
-    out = []
-    for key, what, code in (
+def _check_devices(dataset: Dataset) -> list[Problem]:
+    """Find sessions of different devices or layouts."""
+    problems = []
+    for key, noun, code in (
         ("device", "devices", "different-devices"),
         ("layout", "layouts of cords", "different-layouts-of-cords"),
     ):
-        known = {
+        found = {
             str(s[key]): str(s.get("folder", "?"))
             for s in dataset.provenance.get("sessions", ())
             if s.get(key)
         }
-        if len(known) > 1:
-            told = ", ".join(f"{value} ({folder})" for value, folder in known.items())
-            out.append(
+        if len(found) > 1:
+            values = ", ".join(f"{value} ({folder})" for value, folder in found.items())
+            problems.append(
                 Problem(
-                    code, True, f"sessions are of different {what}: {told}",
-                    "train a model for each", data={"found": known},
+                    code,
+                    True,
+                    f"the sessions have different {noun}: {values}",
+                    "Train a model for each",
+                    data={"found": found},
                 )
-            )  # fmt: skip
-    return out
+            )
+    return problems
 
 
-def _twice(dataset: Dataset) -> list[Problem]:
-    """Copies of a recording: what is trained on would be tested on."""
+def _check_copies(dataset: Dataset) -> list[Problem]:
+    """Find copies of a recording: the model would be tested on what it was trained on."""
     return [
         Problem(
-            "same-recording", True, f"{r.name} is a copy of {other.name}",
-            "give each recording once", of=(r.name, other.name),
+            "same-recording",
+            True,
+            f"{r.name} is a copy of {other.name}",
+            "Give each recording once",
+            recordings=(r.name, other.name),
         )
         for k, r in enumerate(dataset.recordings)
         for other in dataset.recordings[:k]
-        if np.array_equal(r.time, other.time) and _same(r.signals, other.signals)
-    ]  # fmt: skip
+        if np.array_equal(r.time, other.time) and _are_equal(r.signals, other.signals)
+    ]
 
 
-def _same(a: Float, b: Float) -> bool:
+def _are_equal(a: Float, b: Float) -> bool:
     return a.shape == b.shape and np.allclose(a, b, rtol=0, atol=1e-5, equal_nan=True)
 
 
-def _named(dataset: Dataset, channels: Sequence[str] | None) -> list[Problem]:
+def _check_names(dataset: Dataset, channels: Sequence[str] | None) -> list[Problem]:
+    """Find channels of the device that the dataset does not have."""
     missing = [c for c in channels or () if c not in dataset.channels]
     if not missing:
         return []
-    what = f"{', '.join(missing)} of {dataset.device} is not among the channels"
-    have = ", ".join(dataset.channels)
     return [
         Problem(
             "missing-channel",
             True,
-            f"{what} {have}",
-            "name the columns as the cords are named",
+            f"{', '.join(missing)} of {dataset.device} is not among the channels"
+            f" {', '.join(dataset.channels)}",
+            "Name the columns as the cords are named",
             data={"channels": tuple(missing)},
         )
     ]
 
 
-def _numbers(dataset: Dataset) -> list[Problem]:
-    """Numbers that are none, where there must be one."""
-    out = []
-    nowhere = dataset.ids[~np.isfinite(dataset.rest_points).all(axis=1)]
-    if len(nowhere):
-        told = ", ".join(map(str, nowhere.tolist()))
-        out.append(
+def _check_numbers(dataset: Dataset) -> list[Problem]:
+    """Find markers without a rest position, and positions that are partly not a number."""
+    problems = []
+    unknown = dataset.ids[~np.isfinite(dataset.rest_points).all(axis=1)]
+    if len(unknown):
+        problems.append(
             Problem(
-                "no-number", True, f"markers {told} have no place at rest",
-                "give their markers.json, or leave them out",
-                data={"markers": tuple(nowhere.tolist())},
+                "no-number",
+                True,
+                f"markers {', '.join(map(str, unknown.tolist()))} have no rest position",
+                "Give their markers.json, or leave them out",
+                data={"markers": tuple(unknown.tolist())},
             )
-        )  # fmt: skip
+        )
     for r in dataset.recordings:
-        part = np.isfinite(r.points).any(axis=2) != np.isfinite(r.points).all(axis=2)
-        wrong = part | np.isinf(r.points).any(axis=2)
-        if wrong.any():
-            frame, k = (int(i) for i in np.argwhere(wrong)[0])
-            out.append(
+        is_partial = np.isfinite(r.points).any(axis=2) != np.isfinite(r.points).all(axis=2)
+        is_invalid = is_partial | np.isinf(r.points).any(axis=2)
+        if is_invalid.any():
+            frame, k = (int(i) for i in np.argwhere(is_invalid)[0])
+            problems.append(
                 Problem(
-                    "no-number", True,
-                    f"{r.name}: marker {dataset.ids[k]} has a place at {r.time[frame]:.2f} s of"
-                    " which a part is no number",
-                    "write three numbers, or none", of=(r.name,),
+                    "no-number",
+                    True,
+                    f"{r.name}: the position of marker {dataset.ids[k]} at {r.time[frame]:.2f} s is"
+                    " not three finite numbers",
+                    "Write three numbers, or none",
+                    recordings=(r.name,),
                     data={"markers": (int(dataset.ids[k]),), "time_s": float(r.time[frame])},
                 )
-            )  # fmt: skip
-    return out
+            )
+    return problems
 
 
-def _times(dataset: Dataset) -> list[Problem]:
-    """Samples and frames at other times altogether."""
-    out = []
+def _check_overlap(dataset: Dataset) -> list[Problem]:
+    """Find recordings whose samples and frames have no time in common."""
+    problems = []
     for r in dataset.recordings:
         if not (len(r.time) and len(r.sample_time)):
             continue
         (a, b), (c, d) = r.sample_time[[0, -1]], r.time[[0, -1]]
         if b < c or a > d:
-            out.append(
+            problems.append(
                 Problem(
-                    "out-of-step", True,
+                    "out-of-step",
+                    True,
                     f"{r.name}: samples ({a:.1f} to {b:.1f} s) and frames ({c:.1f} to {d:.1f} s)"
                     " have no time in common",
-                    "process the session again, or tell how far their clocks are apart (--shift)",
-                    of=(r.name,),
+                    "Process the session again, or give the shift between the clocks",
+                    recordings=(r.name,),
                 )
-            )  # fmt: skip
-    return out
+            )
+    return problems
 
 
-def _frames(dataset: Dataset) -> list[Problem]:
-    out = []
-    counts = {r.name: int(usable(r).sum()) for r in dataset.recordings}
+def _check_amount(dataset: Dataset) -> list[Problem]:
+    """Check the number and duration of usable frames."""
+    counts = {r.name: int(usable_frames(r).sum()) for r in dataset.recordings}
     total, c = sum(counts.values()), len(dataset.channels)
-    needed = max(_LEAST, _EACH * (1 + c))
-    lasts = sum(
+    needed = max(_MIN_FRAMES, _FRAMES_PER_WEIGHT * (1 + c))
+    duration = sum(
         counts[r.name] * float(np.median(np.diff(r.time)))
         for r in dataset.recordings
         if len(r.time) > 1
     )
     if total < needed:
-        out.append(
+        return [
             Problem(
-                "too-few-frames", True,
-                f"{total} of {dataset.frames} frames have markers and all signals, and {c} channels"
-                f" need {needed}",
-                "record for longer", total, data={"needed": needed},
+                "too-few-frames",
+                True,
+                f"{total} of {dataset.frame_count} frames have markers and all signals, and"
+                f" {c} channels need {needed}",
+                "Record for longer",
+                total,
+                data={"needed": needed},
             )
-        )  # fmt: skip
-    elif lasts < _SHORT:
-        out.append(
+        ]
+    if duration < _MIN_DURATION_S:
+        return [
             Problem(
-                "few-frames", False,
-                f"frames with markers and all signals last {lasts:.0f} s in all",
-                f"record {_SHORT:.0f} s or more, with all ways in which the device moves", lasts,
+                "few-frames",
+                False,
+                f"frames with markers and all signals last {duration:.0f} s in total",
+                f"Record {_MIN_DURATION_S:.0f} s or more, with all movements of the device",
+                duration,
             )
-        )  # fmt: skip
-    return out
+        ]
+    return []
 
 
-def _hidden(dataset: Dataset) -> list[Problem]:
-    """Frames before and after all samples, and without markers; markers that no camera saw."""
-    out = []
+def _check_gaps(dataset: Dataset) -> list[Problem]:
+    """Find frames outside of the samples, frames without markers, and markers never visible."""
+    problems = []
     for r in dataset.recordings:
-        bare = (r.time < r.sample_time[0]) | (r.time > r.sample_time[-1])
-        if bare.mean() > _BARE:
-            out.append(
+        is_outside = (r.time < r.sample_time[0]) | (r.time > r.sample_time[-1])
+        if is_outside.mean() > _MAX_SHARE_WITHOUT_SAMPLES:
+            problems.append(
                 Problem(
-                    "frames-without-samples", False,
-                    f"{r.name}: {bare.mean():.0%} of the frames are before or after all samples"
-                    f" (samples {r.sample_time[0]:.1f} to {r.sample_time[-1]:.1f} s, frames"
+                    "frames-without-samples",
+                    False,
+                    f"{r.name}: {is_outside.mean():.0%} of the frames are before or after all"
+                    f" samples (samples {r.sample_time[0]:.1f} to {r.sample_time[-1]:.1f} s, frames"
                     f" {r.time[0]:.1f} to {r.time[-1]:.1f} s)",
-                    "see whether the file of the signals is cut off", float(bare.mean()), (r.name,),
+                    "Check whether the file of the signals is truncated",
+                    float(is_outside.mean()),
+                    (r.name,),
                 )
-            )  # fmt: skip
-        hidden = float((~r.seen.any(axis=1)).mean()) if len(r.time) else 1.0
-        if hidden > _HIDDEN:
-            out.append(
+            )
+        share = float((~r.visible.any(axis=1)).mean()) if len(r.time) else 1.0
+        if share > _MAX_SHARE_WITHOUT_MARKERS:
+            problems.append(
                 Problem(
-                    "frames-without-markers", hidden == 1,
-                    f"{r.name}: {hidden:.0%} of the frames show no marker",
-                    "move the cameras or the hands that cover the markers, and record again"
-                    if hidden < 1 else "leave the recording out",
-                    hidden, (r.name,),
+                    "frames-without-markers",
+                    share == 1,
+                    f"{r.name}: {share:.0%} of the frames show no marker",
+                    "Move the cameras, or the hands that cover the markers, and record again"
+                    if share < 1
+                    else "Leave the recording out",
+                    share,
+                    (r.name,),
                 )
-            )  # fmt: skip
-    never = dataset.ids[~np.any([r.seen.any(axis=0) for r in dataset.recordings], axis=0)]
+            )
+    never = dataset.ids[~np.any([r.visible.any(axis=0) for r in dataset.recordings], axis=0)]
     if len(never):
-        told = ", ".join(map(str, never.tolist()))
-        out.append(
+        problems.append(
             Problem(
-                "markers-never-seen", False, f"markers {told} were never seen",
-                "they are not decoded; turn the device so that cameras see them", len(never),
+                "markers-never-seen",
+                False,
+                f"markers {', '.join(map(str, never.tolist()))} were never visible and cannot be"
+                " decoded",
+                "Turn the device so that the cameras see them",
+                len(never),
                 data={"markers": tuple(never.tolist())},
             )
-        )  # fmt: skip
-    return out
+        )
+    return problems
 
 
-def _rest(dataset: Dataset) -> list[Problem]:
-    lacking = [r.name for r in dataset.recordings if _rested(dataset, r) < _REST]
+def _check_rest_pose(dataset: Dataset) -> list[Problem]:
+    """Find recordings in which the device is never at rest."""
+    lacking = [r.name for r in dataset.recordings if _rest_duration(dataset, r) < _MIN_REST_S]
     if not lacking:
         return []
-    every = len(lacking) == len(dataset.recordings)
     return [
         Problem(
-            "no-rest-pose", every,
-            f"{', '.join(lacking)}: the markers are never at rest for {_REST} s, within"
-            f" {_STILL:.0f} mm of where they are designed",
-            "begin with some seconds in which nothing touches the device; check that the tracks are"
-            " in its frame",
-            of=tuple(lacking),
+            "no-rest-pose",
+            len(lacking) == len(dataset.recordings),
+            f"{', '.join(lacking)}: the markers are never within {_MAX_REST_DISTANCE_MM:.0f} mm of"
+            f" their rest positions for {_MIN_REST_S} s",
+            "Start with some seconds in which nothing touches the device, and check that the tracks"
+            " are in its frame",
+            recordings=tuple(lacking),
         )
-    ]  # fmt: skip
+    ]
 
 
-def _rested(dataset: Dataset, r: Recording) -> float:
-    """s at once in which the markers that move are where they are at rest, as often as they are
-    seen."""
+def _rest_duration(dataset: Dataset, r: Recording) -> float:
+    """Return the longest time in s during which the moving markers are at their rest positions.
+
+    Frames without a visible marker do not interrupt it.
+    """
     spread = np.zeros(len(dataset.ids))
-    for k, there in enumerate(r.seen.T):
-        if there.any():
-            spread[k] = np.sqrt(r.points[there, k].var(axis=0).sum())
-    moving = spread > _STILL / 3
-    which = moving if moving.any() else np.ones_like(moving)
-    seen = r.seen & which
-    # Of each picture the median over its markers: some may be wrong.
-    far = np.where(seen, np.linalg.norm(r.points - dataset.rest_points, axis=2), np.nan)
+    for k, is_visible in enumerate(r.visible.T):
+        if is_visible.any():
+            spread[k] = np.sqrt(r.points[is_visible, k].var(axis=0).sum())
+    is_moving = spread > _MAX_REST_DISTANCE_MM / 3
+    is_used = is_moving if is_moving.any() else np.ones_like(is_moving)
+    visible = r.visible & is_used
+    # The median over the markers of a frame: some may be wrong.
+    distance = np.where(visible, np.linalg.norm(r.points - dataset.rest_points, axis=2), np.nan)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # pictures without a marker
-        off = np.nanmedian(far, axis=1)
-    frames = np.flatnonzero(seen.any(axis=1))
-    still = off[frames] <= _STILL
-    begin, end = longest_at(np.asarray(still))
-    return float(r.time[frames[end - 1]] - r.time[frames[begin]]) if end > begin else 0.0
+        warnings.simplefilter("ignore", RuntimeWarning)  # frames without a marker
+        median = np.nanmedian(distance, axis=1)
+    frames = np.flatnonzero(visible.any(axis=1))
+    is_at_rest = median[frames] <= _MAX_REST_DISTANCE_MM
+    start, end = longest_run(np.asarray(is_at_rest))
+    return float(r.time[frames[end - 1]] - r.time[frames[start]]) if end > start else 0.0
 
 
-def _as_predicted(r: Recording, predicted: Float | None) -> bool:
-    """Whether signals tell so little because the cords lie so: what was predicted of them (t, c)
-    tells no more, and a channel goes with that, so that they are in step."""
+def _is_layout_uninformative(r: Recording, predicted: Float | None) -> bool:
+    """Return whether the layout is the reason why signals explain little of the movement.
+
+    This is so if the predicted signals (t, c) explain little too, and a channel correlates with its
+    prediction, so that signals and markers are in step.
+    """
     if predicted is None:
         return False
-    would = find_shift(
+    shift = find_time_shift(
         replace(r, sample_time=r.time, ohm=1 + predicted, rest=np.ones(predicted.shape[1]))
     )
-    if would is None or would.tells:
+    if shift is None or shift.is_informative:
         return False
     signals = r.signals_at(r.time)
     for one, other in zip(signals.T, predicted.T, strict=True):
-        known = np.isfinite(one) & np.isfinite(other)
-        a, b = one[known] - one[known].mean(), other[known] - other[known].mean()
-        if known.sum() >= _LEAST and a @ b > _ALIKE * np.linalg.norm(a) * np.linalg.norm(b) > 0:
+        is_known = np.isfinite(one) & np.isfinite(other)
+        a, b = one[is_known] - one[is_known].mean(), other[is_known] - other[is_known].mean()
+        norms = _MIN_CORRELATION * np.linalg.norm(a) * np.linalg.norm(b)
+        if is_known.sum() >= _MIN_FRAMES and a @ b > norms > 0:
             return True
     return False
 
 
-def _steps(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
-    """Signals that are not in step with the markers."""
-    out = []
+def _check_alignment(dataset: Dataset, predicted: Mapping[str, Float]) -> list[Problem]:
+    """Find recordings whose signals are not in step with the markers."""
+    problems = []
     for r in dataset.recordings:
-        found = find_shift(r)
-        if found is not None and not found.tells:
-            told = f"{r.name}: signals tell {max(found.best, 0):.0%} of the markers' movement"
-            if _as_predicted(r, predicted.get(r.name)):
-                remedy = "cords that lie elsewhere would ('defsense build' shows the error)"
-                told += ", as the simulation says of this layout"
-                out.append(Problem("cords-tell-little", False, told, remedy, found.best, (r.name,)))
-                continue
-            out.append(
-                Problem(
-                    _TELL_NOTHING, found.best < _NOTHING,
-                    f"{told}, shifted by up to {WITHIN:.0f} s either way",
-                    "see whether the clocks are further apart (--shift, or --offset auto for files"
-                    " of others), and whether signals and markers are of one device and time",
-                    found.best, (r.name,),
-                )
-            )  # fmt: skip
-        if found is None or not found.stands_out:
+        shift = find_time_shift(r)
+        if shift is None:
             continue
-        out.append(
-            Problem(
-                _OUT_OF_STEP, abs(found.seconds) > _WRONG,
-                f"{r.name}: signals are {abs(found.seconds):.2f} s"
-                f" {'late' if found.seconds < 0 else 'early'}: they tell {found.best:.0%} of the"
-                f" markers' movement when shifted by {found.seconds:+.2f} s, and {found.now:.0%} as"
-                " they are",
-                f"let them be shifted (--shift auto, or --shift {found.seconds:.2f})",
-                found.seconds, (r.name,),
+        if not shift.is_informative:
+            message = (
+                f"{r.name}: the signals explain {max(shift.explained, 0):.0%} of the markers'"
+                " movement"
             )
-        )  # fmt: skip
-    return out
+            if _is_layout_uninformative(r, predicted.get(r.name)):
+                problems.append(
+                    Problem(
+                        "cords-tell-little",
+                        False,
+                        f"{message}, as the simulation predicts for this layout",
+                        "Improve the layout of the cords; a build reports its expected error",
+                        shift.explained,
+                        (r.name,),
+                    )
+                )
+                continue
+            problems.append(
+                Problem(
+                    _UNINFORMATIVE,
+                    shift.explained < _FATAL_EXPLAINED,
+                    f"{message}, at any shift of up to {MAX_SHIFT_S:.0f} s",
+                    "Check whether the clocks are further apart, and whether signals and markers"
+                    " are of one device and time",
+                    shift.explained,
+                    (r.name,),
+                )
+            )
+        if shift.is_significant:
+            problems.append(
+                Problem(
+                    _OUT_OF_STEP,
+                    abs(shift.seconds) > _FATAL_SHIFT_S,
+                    f"{r.name}: signals are {abs(shift.seconds):.2f} s"
+                    f" {'late' if shift.seconds < 0 else 'early'}: they explain"
+                    f" {shift.explained:.0%} of the markers' movement when shifted by"
+                    f" {shift.seconds:+.2f} s, and {shift.explained_before:.0%} as they are",
+                    f"Shift the signals automatically, or by {shift.seconds:.2f} s",
+                    shift.seconds,
+                    (r.name,),
+                )
+            )
+    return problems

@@ -1,4 +1,4 @@
-"""What is wrong with a dataset, how bad that is, and what to do."""
+"""Problems found in a dataset: what is wrong, how serious it is, and what to do."""
 
 from __future__ import annotations
 
@@ -10,16 +10,24 @@ from ...core.errors import TrainingError
 
 @dataclass(frozen=True)
 class Problem:
-    """Of a kind with a stable `code`, at the recordings or channels named in `what`; `fatal` where
-    it forbids training; what to do as `remedy`; the `value` that was found, if it is a number, in
-    the unit that `what` says; the recordings `of` which it is; more facts as `data`."""
+    """A problem of a dataset.
+
+    Attributes:
+        code: Stable kebab-case identifier of the kind of problem.
+        is_fatal: Whether the problem forbids training.
+        message: What is wrong, naming the recordings or channels concerned.
+        action: One thing that the user can do about it.
+        value: The measured number, in the unit that the message states; None if there is none.
+        recordings: Names of the recordings concerned.
+        data: Further facts for programs, such as `channel="left"`.
+    """
 
     code: str
-    fatal: bool
-    what: str
-    remedy: str
+    is_fatal: bool
+    message: str
+    action: str
     value: float | None = None
-    of: tuple[str, ...] = ()
+    recordings: tuple[str, ...] = ()
     data: Mapping[str, object] = field(default_factory=dict)
 
     @property
@@ -28,22 +36,31 @@ class Problem:
         return self.code.replace("-", " ")
 
     def __str__(self) -> str:
-        if self.what.endswith("?"):
-            return f"{self.what} {self.remedy[:1].upper()}{self.remedy[1:]}"
-        return f"{self.what}; {self.remedy}"
+        return f"{self.message}. {self.action}."
 
 
-def refuse(problems: Iterable[Problem]) -> None:
-    """Raises TrainingError with the first of those that forbid training, and how many there are."""
-    fatal = [p for p in problems if p.fatal]
+def raise_fatal(problems: Iterable[Problem]) -> None:
+    """Raise an error for the first problem that forbids training.
+
+    The error has the problem's code; its data are the problem's, with `count` (number of fatal
+    problems), `recordings` and `value`.
+
+    Args:
+        problems: Problems of one dataset, in the order of their importance.
+
+    Raises:
+        TrainingError: If any problem is fatal.
+    """
+    fatal = [p for p in problems if p.is_fatal]
     if fatal:
-        more = f" (and {len(fatal) - 1} more)" if len(fatal) > 1 else ""
         first = fatal[0]
+        others = f" ({len(fatal) - 1} more problems forbid training)" if len(fatal) > 1 else ""
         raise TrainingError(
-            f"{first}{more}",
+            f"{first.message}{others}",
             code=first.code,
+            action=first.action,
             count=len(fatal),
-            recordings=first.of,
+            recordings=first.recordings,
             value=first.value,
             **first.data,
         )

@@ -1,8 +1,9 @@
-"""Whether signals and markers are in step: at which shift signals tell most of where markers are.
+"""Find and correct the time shift between the signals and the markers of a recording.
 
-At each shift, the markers' main movements are fitted to the signals by ridge regression, in
-contiguous folds of which each is told by the others. What relaxes in a cord makes its signal lead
-by some 10 ms to 100 ms: less than that is not told.
+At each shift, the main movements of the markers are fitted to the signals by ridge regression in
+contiguous folds; each fold is predicted from the others. The best shift is the one at which the
+signals explain most of the movement. Relaxation of the cords makes signals lead by 10 ms to 100 ms,
+so smaller shifts are not reported.
 """
 
 from __future__ import annotations
@@ -19,123 +20,177 @@ from ...core.errors import TrainingError
 from ...decoding.decoders import contiguous
 from .dataset import Dataset, Recording
 
-WITHIN = 1.0  # s, either way
-_STEP = 0.04  # s, between the shifts that are tried
-_MOST = 3000  # frames that are compared
-_FEWEST = 100
-_OFTEN = 0.5  # of the frames, in which a marker must be seen to be compared
-_MOVEMENTS = 3  # main ones, that are compared
+#: Largest shift that is tried, in either direction.
+MAX_SHIFT_S = 1.0
+
+_SHIFT_STEP_S = 0.04  # between the shifts that are tried
+_MAX_FRAMES = 3000  # frames that are compared
+_MIN_FRAMES = 100
+_MIN_VISIBLE_SHARE = 0.5  # of the frames, for a marker to be compared
+_MOVEMENT_COUNT = 3  # main movements that are compared
 _RIDGE = 1e-3  # of a signal's variance
-_MOVES = 0.5  # mm, standard deviation of what moves at all
-_LATE, _BETTER, _SURE = 0.1, 0.02, 0.6  # s, of the variance, of the folds: less may be chance
-_TOLD = 0.2  # of the movements' variance, that signals must tell at their best shift
+_MIN_MOVEMENT_MM = 0.5  # standard deviation of the largest movement
+# Smaller differences may be chance: the shift, the gain in explained variance, the share of folds.
+_MIN_SHIFT_S, _MIN_GAIN, _MIN_FOLD_SHARE = 0.1, 0.02, 0.6
+_MIN_EXPLAINED = 0.2  # of the movements' variance, at the best shift
 
 
 @dataclass(frozen=True)
-class Shift:
-    """`seconds` to add to the times of the samples; which part of the movements' variance signals
-    tell then, `best`, and as they are, `now`; in which part of the folds that is better, `sure`."""
+class TimeShift:
+    """The time shift at which signals explain most of the markers' movement.
+
+    Attributes:
+        seconds: Seconds to add to the times of the samples.
+        explained: Explained share of the movements' variance after the shift.
+        explained_before: Explained share without a shift.
+        fold_share: Share of the folds in which the shift is better.
+    """
 
     seconds: float
-    best: float
-    now: float
-    sure: float
+    explained: float
+    explained_before: float
+    fold_share: float
 
     @property
-    def tells(self) -> bool:
-        """Whether signals tell anything of the movements at all."""
-        return self.best >= _TOLD
+    def is_informative(self) -> bool:
+        """Whether the signals explain the movements at all."""
+        return self.explained >= _MIN_EXPLAINED
 
     @property
-    def stands_out(self) -> bool:
-        """Whether signals are out of step, by all that can be told."""
-        better = self.best - self.now > _BETTER and self.sure > _SURE
-        return self.tells and abs(self.seconds) > _LATE and better
+    def is_significant(self) -> bool:
+        """Whether the signals are certainly out of step with the markers."""
+        is_better = (
+            self.explained - self.explained_before > _MIN_GAIN and self.fold_share > _MIN_FOLD_SHARE
+        )
+        return self.is_informative and abs(self.seconds) > _MIN_SHIFT_S and is_better
 
 
-def find_shift(r: Recording, within: float = WITHIN) -> Shift | None:
-    """None where nothing moves, or too little is known."""
-    movements = _movements(r)
-    if movements is None:
+def find_time_shift(r: Recording, max_shift_s: float = MAX_SHIFT_S) -> TimeShift | None:
+    """Find the time shift between the signals and the markers of a recording.
+
+    Args:
+        r: The recording.
+        max_shift_s: Largest shift to try in either direction, s.
+
+    Returns:
+        The best shift; None if nothing moves or too few frames are complete.
+    """
+    main = _main_movements(r)
+    if main is None:
         return None
-    time, moved = movements
-    tried = _STEP * np.arange(-round(within / _STEP), round(within / _STEP) + 1)
+    time, movements = main
+    count = round(max_shift_s / _SHIFT_STEP_S)
+    shifts = _SHIFT_STEP_S * np.arange(-count, count + 1)
     # The same frames at all shifts: those that have signals at each.
-    signals = np.stack([r.signals_at(time - d) for d in tried])
-    known = np.isfinite(signals).all(axis=(0, 2))
-    if known.sum() < _FEWEST:
+    signals = np.stack([r.signals_at(time - shift) for shift in shifts])
+    is_known = np.isfinite(signals).all(axis=(0, 2))
+    if is_known.sum() < _MIN_FRAMES:
         return None
-    left = _left(signals[:, known], moved[known])  # (shifts, folds)
-    scores = 1 - left.sum(axis=1) / _left(signals[:1, known, :0], moved[known]).sum()
-    k, zero = int(scores.argmax()), len(tried) // 2
-    seconds = float(tried[k])
-    if 0 < k < len(tried) - 1:  # the top of the parabola through three
+    residual = _residual_squares(signals[:, is_known], movements[is_known])  # (shifts, folds)
+    total = _residual_squares(signals[:1, is_known, :0], movements[is_known]).sum()
+    scores = 1 - residual.sum(axis=1) / total
+    k, zero = int(scores.argmax()), len(shifts) // 2
+    seconds = float(shifts[k])
+    if 0 < k < len(shifts) - 1:  # the top of the parabola through three scores
         a, b, c = scores[k - 1 : k + 2]
-        seconds += float(_STEP * 0.5 * (a - c) / (a - 2 * b + c)) if a - 2 * b + c < 0 else 0.0
-    sure = float((left[k] < left[zero]).mean())
-    return Shift(seconds, float(scores[k]), float(scores[zero]), sure)
+        bend = a - 2 * b + c
+        seconds += float(_SHIFT_STEP_S * 0.5 * (a - c) / bend) if bend < 0 else 0.0
+    fold_share = float((residual[k] < residual[zero]).mean())
+    return TimeShift(seconds, float(scores[k]), float(scores[zero]), fold_share)
 
 
-def shifted(dataset: Dataset, seconds: float | Mapping[str, float] | Literal["auto"]) -> Dataset:
-    """With so many s added to the times of the samples: of all recordings, of those named, or of
-    those that are found to be out of step. Raises TrainingError for what is no number."""
+def shift_samples(
+    dataset: Dataset, seconds: float | Mapping[str, float] | Literal["auto"]
+) -> Dataset:
+    """Add seconds to the times of the samples.
+
+    Args:
+        dataset: The dataset.
+        seconds: One shift for all recordings, shifts by the recordings' names, or "auto" to find
+            the shifts of the recordings that are out of step.
+
+    Returns:
+        The shifted dataset; its provenance has the `shifts` that are not 0.
+
+    Raises:
+        TrainingError: If a shift is not a finite number.
+    """
     if seconds == "auto":
-        found = {r.name: find_shift(r) for r in dataset.recordings}
-        each = {name: s.seconds for name, s in found.items() if s is not None and s.stands_out}
+        found = {r.name: find_time_shift(r) for r in dataset.recordings}
+        shifts = {
+            name: s.seconds for name, s in found.items() if s is not None and s.is_significant
+        }
     elif isinstance(seconds, int | float):
-        each = {r.name: float(seconds) for r in dataset.recordings}
+        shifts = {r.name: float(seconds) for r in dataset.recordings}
     else:
         assert isinstance(seconds, Mapping)
-        each = dict(seconds)
-    if not all(np.isfinite(s) for s in each.values()):
+        shifts = dict(seconds)
+    if not all(np.isfinite(s) for s in shifts.values()):
         raise TrainingError(
-            f"a shift of {seconds} s cannot be; give a number, or auto", code="not-a-number"
+            f"{seconds} s is not a valid shift",
+            code="not-a-number",
+            where="shift",
+            action="Give a finite number of seconds, or auto",
         )
     recordings = tuple(
-        replace(r, sample_time=r.sample_time + each.get(r.name, 0.0)) for r in dataset.recordings
+        replace(r, sample_time=r.sample_time + shifts.get(r.name, 0.0)) for r in dataset.recordings
     )
-    told = dict(dataset.provenance) | {"shifts": {k: v for k, v in each.items() if v}}
-    return replace(dataset, recordings=recordings, provenance=told)
+    provenance = dict(dataset.provenance) | {"shifts": {k: v for k, v in shifts.items() if v}}
+    return replace(dataset, recordings=recordings, provenance=provenance)
 
 
-def put_in_step(dataset: Dataset, shift: float | Literal["auto"]) -> tuple[Dataset, list[str]]:
-    """The dataset with `shift` s added to the times of its samples, or what is found ("auto"), and
-    notes on what was found. Raises TrainingError where they are out of step by more than that."""
+def align_samples(dataset: Dataset, shift: float | Literal["auto"]) -> tuple[Dataset, list[str]]:
+    """Shift the samples so that they are in step with the markers.
+
+    Args:
+        dataset: The dataset.
+        shift: Seconds to add to the times of the samples, or "auto" to find them.
+
+    Returns:
+        The dataset, and notes on the shifts that were found.
+
+    Raises:
+        TrainingError: If a recording is out of step by more than the largest shift that is tried.
+    """
     if shift != "auto":
-        return (shifted(dataset, shift) if shift else dataset), []
-    dataset = shifted(dataset, "auto")
-    by = dataset.provenance["shifts"]
-    far = [name for name, s in by.items() if abs(s) > 0.95 * WITHIN]
-    if far:
+        return (shift_samples(dataset, shift) if shift else dataset), []
+    dataset = shift_samples(dataset, "auto")
+    shifts = dataset.provenance["shifts"]
+    too_large = [name for name, s in shifts.items() if abs(s) > 0.95 * MAX_SHIFT_S]
+    if too_large:
         raise TrainingError(
-            f"{far[0]}: signals and markers are out of step by {WITHIN:.0f} s or more; give"
-            " --offset, or --shift with a number",
+            f"signals and markers are out of step by {MAX_SHIFT_S:.0f} s or more",
             code="out-of-step",
-            recording=far[0],
+            where=too_large[0],
+            action="Give the shift between the clocks as a number",
+            recording=too_large[0],
         )
-    return dataset, [f"{name}: signals are shifted by {s:+.2f} s" for name, s in by.items()]
+    return dataset, [f"{name}: signals were shifted by {s:+.2f} s" for name, s in shifts.items()]
 
 
-def _movements(r: Recording) -> tuple[Float, Float] | None:
-    """Main movements (t, k) mm of the markers at times (t,) s."""
-    often = r.seen.mean(axis=0) > _OFTEN
-    if not often.any():
+def _main_movements(r: Recording) -> tuple[Float, Float] | None:
+    """Return frame times (t,) s and main movements (t, k) mm of the markers."""
+    is_compared = r.visible.mean(axis=0) > _MIN_VISIBLE_SHARE
+    if not is_compared.any():
         return None
-    points = r.points[:, often].reshape(len(r.time), -1)
-    whole = np.flatnonzero(np.isfinite(points).all(axis=1))
-    whole = whole[:: max(len(whole) // _MOST, 1)]
-    if len(whole) < _FEWEST:
+    points = r.points[:, is_compared].reshape(len(r.time), -1)
+    complete = np.flatnonzero(np.isfinite(points).all(axis=1))
+    complete = complete[:: max(len(complete) // _MAX_FRAMES, 1)]
+    if len(complete) < _MIN_FRAMES:
         return None
-    moved = points[whole] - points[whole].mean(axis=0)
-    _, size, across = np.linalg.svd(moved, full_matrices=False)
-    if size[0] / np.sqrt(len(whole)) < _MOVES:
+    displacements = points[complete] - points[complete].mean(axis=0)
+    _, size, directions = np.linalg.svd(displacements, full_matrices=False)
+    if size[0] / np.sqrt(len(complete)) < _MIN_MOVEMENT_MM:
         return None
-    return r.time[whole], np.asarray(moved @ across[:_MOVEMENTS].T)
+    return r.time[complete], np.asarray(displacements @ directions[:_MOVEMENT_COUNT].T)
 
 
-def _left(signals: Float, moved: Float) -> Float:
-    """The sums of squares (d, folds) that are left of movements (t, k) after the fit of the other
-    folds to signals (d, t, c) at d shifts, their lines and squares."""
+def _residual_squares(signals: Float, movements: Float) -> Float:
+    """Return sums of squares (d, folds) of the movements that a fit does not explain.
+
+    Movements (t, k) are fitted to signals (d, t, c) at d shifts and to their squares; each fold is
+    predicted by the fit to the others.
+    """
     d, t, _ = signals.shape
     s = signals - signals.mean(axis=1, keepdims=True)
     x = np.concatenate([s, s**2], axis=2)
@@ -144,8 +199,8 @@ def _left(signals: Float, moved: Float) -> Float:
     ends = [int(test[0]) for _, test in contiguous(t)] + [t]
     folds = [slice(a, b) for a, b in pairwise(ends)]
     G = np.stack([x[:, f].swapaxes(1, 2) @ x[:, f] for f in folds], axis=1)  # (d, folds, q, q)
-    B = np.stack([x[:, f].swapaxes(1, 2) @ moved[f] for f in folds], axis=1)
-    squares = np.array([(moved[f] ** 2).sum() for f in folds])
+    B = np.stack([x[:, f].swapaxes(1, 2) @ movements[f] for f in folds], axis=1)
+    squares = np.array([(movements[f] ** 2).sum() for f in folds])
     ridge = _RIDGE * t * np.diag([0.0] + [1.0] * (x.shape[2] - 1))
     fit = np.linalg.solve(
         G.sum(axis=1, keepdims=True) - G + ridge, B.sum(axis=1, keepdims=True) - B

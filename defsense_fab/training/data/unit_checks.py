@@ -1,4 +1,7 @@
-"""Datasets in other units than mm, s and ohm: only what no device and no camera can be."""
+"""Detect datasets in other units than mm, s and ohm.
+
+Only values that no device and no camera can have are fatal.
+"""
 
 from __future__ import annotations
 
@@ -10,126 +13,153 @@ from ...core.arrays import Float
 from .dataset import Dataset
 from .problems import Problem
 
-_NARROW, _WIDE = 1.0, 1e4  # mm: a tag alone is wider, and no device so wide
-_FAST = 0.9e-3  # s between pictures: no camera follows markers faster
-_SLOW = 1.0  # s between pictures, as those of a slow camera in ms have
-_LONG = 30 * 86400.0  # s, which no slow recording lasts
-_FEW_OHMS = 20.0  # what no rubber cord of a usable length has
-_PART = 0.05  # of its shortest cord's resistance, which no device's is below
-_TIMES = 20.0  # by which no cord's resistance is larger or smaller than at rest
-_KILO = "are resistances in kiloohm?"
-_KILO_DATA = {"quantity": "resistances", "unit": "kohm"}
-_GIVE_OHM = "give ohm, as the device's board does when it runs live"
+_MIN_SPREAD_MM = 1.0  # a single tag is wider
+_MAX_SPREAD_MM = 1e4  # no device is so wide
+_MIN_FRAME_STEP_S = 0.9e-3  # no camera follows markers faster
+_MAX_FRAME_STEP_S = 1.0  # frames of a slow camera with times in ms are so far apart
+_MAX_SLOW_DURATION_S = 30 * 86400.0  # no slow recording lasts so long
+_MIN_REST_OHM = 20.0  # no rubber cord of a usable length has less
+_MIN_REST_RATIO = 0.05  # of the shortest cord's resistance; no device is below
+_MAX_CHANGE_RATIO = 20.0  # no resistance is so many times larger or smaller than at rest
+
+_KILOOHM = {"quantity": "resistances", "unit": "kohm"}
+_GIVE_OHM = "Give resistances in ohm, as the device's board does when it runs live"
 
 
-def unit_problems(dataset: Dataset) -> list[Problem]:
-    """Of places, times and resistances."""
-    return [*_places(dataset), *_times(dataset), *_resistances(dataset)]
+def check_units(dataset: Dataset) -> list[Problem]:
+    """Check the units of positions, times and resistances.
+
+    Args:
+        dataset: The dataset.
+
+    Returns:
+        Problems with the code "wrong-unit"; their data are the `quantity` and the suspected `unit`.
+    """
+    return [*_check_positions(dataset), *_check_times(dataset), *_check_resistances(dataset)]
 
 
-def _places(dataset: Dataset) -> list[Problem]:
-    """Wherever the markers are for the least spread; where they are at rest for the greatest, since
-    a camera may once take something far away for a marker."""
+def check_resistance_unit(ohm: Float, rest: Float) -> list[Problem]:
+    """Check whether resistances and R0 have the same unit.
+
+    All channels with samples must agree, since a single one may be broken. Channels whose R0 is 1
+    are given in units of R0 and are not checked.
+
+    Args:
+        ohm: Resistances, shape (n, c), ohm.
+        rest: Resistances at rest R0, shape (c,), ohm.
+
+    Returns:
+        At most one problem.
+    """
+    is_known = np.isfinite(ohm) & (ohm > 0)
+    is_checked = is_known.any(axis=0) & np.isfinite(rest) & (rest > 0) & (rest != 1.0)
+    if not is_checked.any():
+        return []
+    median = np.nanmedian(np.where(is_known, ohm, np.nan)[:, is_checked], axis=0)
+    ratio = median / rest[is_checked]
+    if (ratio < 1 / _MAX_CHANGE_RATIO).all():
+        comparison = f"{1 / np.median(ratio):,.0f} times smaller"
+    elif (ratio > _MAX_CHANGE_RATIO).all():
+        comparison = f"{np.median(ratio):,.0f} times larger"
+    else:
+        return []
+    message = f"resistances are {comparison} than R0; one of them may be in kiloohm"
+    value = float(np.median(ratio))
+    return [Problem("wrong-unit", True, message, "Give both in ohm", value, data=_KILOOHM)]
+
+
+def check_cord_resistance(dataset: Dataset, shortest_ohm: float) -> list[Problem]:
+    """Check whether the resistances at rest are those of a device's cords.
+
+    Args:
+        dataset: The dataset.
+        shortest_ohm: Resistance of the device's shortest possible cord, ohm.
+
+    Returns:
+        At most one problem.
+    """
+    largest = _largest_rest(dataset)
+    if not 0 < largest < _MIN_REST_RATIO * shortest_ohm:
+        return []
+    message = (
+        f"R0 is at most {largest:.3g} ohm, but the shortest cord of this device has"
+        f" {shortest_ohm:.3g} ohm; resistances may be in kiloohm"
+    )
+    data = {**_KILOOHM, "shortest_ohm": shortest_ohm}
+    return [Problem("wrong-unit", True, message, _GIVE_OHM, largest, data=data)]
+
+
+def _check_positions(dataset: Dataset) -> list[Problem]:
+    """Check the spread of the markers.
+
+    All positions count for the lower limit, but only those at rest for the upper one: a camera may
+    take something far away for a marker.
+    """
     rest = dataset.rest_points
-    everywhere = np.concatenate([rest, *(r.points.reshape(-1, 3) for r in dataset.recordings)])
-    if (spread := _spread(everywhere)) < _NARROW:
-        what = f"all markers, wherever they move, lie within {spread:.3g} mm: are they in metres?"
+    positions = np.concatenate([rest, *(r.points.reshape(-1, 3) for r in dataset.recordings)])
+    if (spread := _spread(positions)) < _MIN_SPREAD_MM:
+        message = f"all marker positions are within {spread:.3g} mm; they may be in meters"
         unit = "m"
-    elif (spread := _spread(rest)) > _WIDE:
-        what = f"markers at rest lie {spread:,.0f} mm apart: are they in micrometres?"
+    elif (spread := _spread(rest)) > _MAX_SPREAD_MM:
+        message = f"markers at rest are {spread:,.0f} mm apart; they may be in micrometers"
         unit = "um"
     else:
         return []
-    data = {"quantity": "places", "unit": unit}
-    return [Problem("wrong-unit", True, what, "give places in mm", spread, data=data)]
+    data = {"quantity": "positions", "unit": unit}
+    return [Problem("wrong-unit", True, message, "Give positions in mm", spread, data=data)]
 
 
-def _times(dataset: Dataset) -> list[Problem]:
-    out = []
+def _check_times(dataset: Dataset) -> list[Problem]:
+    problems = []
     for r in dataset.recordings:
         if len(r.time) < 2:
             continue
-        step, lasts = float(np.median(np.diff(r.time))), float(r.time[-1] - r.time[0])
-        if step < _FAST:
-            what = f"there are {1 / step:,.0f} pictures a second: are the times in s?"
+        step, duration = float(np.median(np.diff(r.time))), float(r.time[-1] - r.time[0])
+        if step < _MIN_FRAME_STEP_S:
+            message = (
+                f"{r.name}: there are {1 / step:,.0f} frames per second; times may be in hours"
+            )
             unit = "h"
-        elif step >= _SLOW:
-            what = f"pictures are {step:.3g} s apart: are the times in ms?"
+        elif step >= _MAX_FRAME_STEP_S:
+            message = f"{r.name}: frames are {step:.3g} s apart; times may be in ms"
             unit = "ms"
         else:
             continue
-        fatal = step < _FAST or lasts > _LONG
-        what, remedy = f"{r.name}: {what}", "give times in s"
+        is_fatal = step < _MIN_FRAME_STEP_S or duration > _MAX_SLOW_DURATION_S
         data = {"quantity": "times", "unit": unit}
-        out.append(Problem("wrong-unit", fatal, what, remedy, step, (r.name,), data))
-    return out
+        problems.append(
+            Problem("wrong-unit", is_fatal, message, "Give times in s", step, (r.name,), data)
+        )
+    return problems
 
 
-def _resistances(dataset: Dataset) -> list[Problem]:
-    out = [
-        replace(p, what=f"{r.name}: {p.what}", of=(r.name,))
+def _check_resistances(dataset: Dataset) -> list[Problem]:
+    problems = [
+        replace(p, message=f"{r.name}: {p.message}", recordings=(r.name,))
         for r in dataset.recordings
-        for p in unlike_rest(r.ohm, r.rest)
+        for p in check_resistance_unit(r.ohm, r.rest)
     ]
     largest = _largest_rest(dataset)
-    if 0 < largest < _FEW_OHMS:
-        what = f"R0 of at most {largest:.3g} ohm is little for rubber cord"
-        out.append(
-            Problem("wrong-unit", False, f"{what}: {_KILO}", _GIVE_OHM, largest, data=_KILO_DATA)
+    if 0 < largest < _MIN_REST_OHM:
+        message = (
+            f"R0 is at most {largest:.3g} ohm, which is little for rubber cord; resistances may be"
+            " in kiloohm"
         )
-    return out
-
-
-def unlike_rest(ohm: Float, rest: Float) -> list[Problem]:
-    """Of resistances (n, c) in another unit than R0 (c,): all channels that have any must say so,
-    since one alone may be broken. Those whose R0 is 1 are in units of R0, and not judged."""
-    known = np.isfinite(ohm) & (ohm > 0)
-    judged = known.any(axis=0) & np.isfinite(rest) & (rest > 0) & (rest != 1.0)
-    if not judged.any():
-        return []
-    middle = np.nanmedian(np.where(known, ohm, np.nan)[:, judged], axis=0)
-    times = middle / rest[judged]
-    if (times < 1 / _TIMES).all():
-        how = f"{1 / np.median(times):,.0f} times smaller"
-    elif (times > _TIMES).all():
-        how = f"{np.median(times):,.0f} times larger"
-    else:
-        return []
-    what = f"resistances are {how} than R0: is one of them in kiloohm?"
-    return [
-        Problem(
-            "wrong-unit",
-            True,
-            what,
-            "give both in ohm",
-            float(np.median(times)),
-            data=_KILO_DATA,
-        )
-    ]
-
-
-def unlike_cords(dataset: Dataset, shortest: float) -> list[Problem]:
-    """Of a device whose shortest possible cord has a resistance of `shortest` ohm."""
-    largest = _largest_rest(dataset)
-    if not 0 < largest < _PART * shortest:
-        return []
-    what = (
-        f"R0 of at most {largest:.3g} ohm is not that of this device's cords, of which the shortest"
-        f" has {shortest:.3g} ohm"
-    )
-    data = {**_KILO_DATA, "shortest_ohm": shortest}
-    return [Problem("wrong-unit", True, f"{what}: {_KILO}", _GIVE_OHM, largest, data=data)]
+        problems.append(Problem("wrong-unit", False, message, _GIVE_OHM, largest, data=_KILOOHM))
+    return problems
 
 
 def _largest_rest(dataset: Dataset) -> float:
-    """Of all channels and recordings, ohm; 0 where none is known, as where resistances are told in
-    units of R0, which then is 1."""
+    """Return the largest R0 in ohm, or 0 if none is known.
+
+    An R0 of exactly 1 does not count: those resistances are given in units of R0.
+    """
     rest = np.concatenate([r.rest for r in dataset.recordings])
     rest = rest[rest != 1.0]
     return float(rest.max(initial=0.0, where=np.isfinite(rest)))
 
 
 def _spread(points: Float) -> float:
-    """Along the longest axis, of what is known; NaN where nothing is."""
+    """Return the extent of the known points along the longest axis; NaN if none is known."""
     known = points[np.isfinite(points).all(axis=1)]
     return float(np.ptp(known, axis=0).max()) if len(known) else np.nan

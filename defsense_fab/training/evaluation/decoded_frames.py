@@ -49,7 +49,7 @@ class DecodedFrames:
         return np.asarray(self.predicted - self.measured)
 
     @cached_property
-    def seen(self) -> Bool:
+    def visible(self) -> Bool:
         """(t, m)."""
         return np.asarray(np.isfinite(self.measured).all(axis=2))
 
@@ -61,11 +61,13 @@ class DecodedFrames:
     @cached_property
     def weights(self) -> Float:
         """(t, m), 0 in gaps, their sum 1: frames count alike, and the markers seen in a frame."""
-        return np.asarray(self.seen / self.seen.sum(axis=1, keepdims=True) / len(self.seen))
+        return np.asarray(
+            self.visible / self.visible.sum(axis=1, keepdims=True) / len(self.visible)
+        )
 
     def mean(self, squares: Float) -> float:
         """Mean of squares (t, m) over frames and their markers; those that are NaN count as 0."""
-        return float((self.weights * np.where(self.seen, np.nan_to_num(squares), 0.0)).sum())
+        return float((self.weights * np.where(self.visible, np.nan_to_num(squares), 0.0)).sum())
 
     @cached_property
     def per_frame(self) -> Float:

@@ -123,7 +123,7 @@ def by_substitution(
         only(f, np.array([key in common for key in own]))
         for f, own in zip(frames, keys, strict=True)
     ]
-    seen = np.logical_and.reduce([f.seen for f in frames])
+    seen = np.logical_and.reduce([f.visible for f in frames])
     frames = [
         only(replace(f, measured=np.where(seen[..., None], f.measured, np.nan)), seen.any(axis=1))
         for f in frames

@@ -104,8 +104,8 @@ def evaluate(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> 
     noise = camera_noise(frames)
     near = np.asarray(frames.distance <= 1)
     with np.errstate(all="ignore"):
-        sums = np.where(frames.seen, frames.miss**2, 0.0).sum(0) / frames.seen.sum(0)
-    peak = np.where(frames.seen, frames.miss, -1.0).max(axis=0)
+        sums = np.where(frames.visible, frames.miss**2, 0.0).sum(0) / frames.visible.sum(0)
+    peak = np.where(frames.visible, frames.miss, -1.0).max(axis=0)
     level = model.main.intervals.level if model.main.intervals else None
     return Evaluation(
         frames=frames,
@@ -146,7 +146,7 @@ def camera_noise(frames: DecodedFrames) -> float | None:
     """Root mean square, mm, of the standard deviations of markers' positions, all axes together;
     over those that are known, None where none are."""
     variance = (frames.sigma**2).sum(axis=2)
-    known = frames.seen & np.isfinite(variance)
+    known = frames.visible & np.isfinite(variance)
     weight = np.where(known, frames.weights, 0.0)
     if not weight.any():
         return None
@@ -173,7 +173,7 @@ def _coverage(frames: DecodedFrames, level: float) -> Coverage:
     tenth = np.minimum((_TENTHS * frames.elapsed / (frames.elapsed[-1] or 1)).astype(int), 9)
 
     def share(of: Bool) -> float:
-        seen = frames.seen[of]
+        seen = frames.visible[of]
         return float(covered[of][seen].mean()) if seen.any() else np.nan
 
     return Coverage(
@@ -184,7 +184,7 @@ def _coverage(frames: DecodedFrames, level: float) -> Coverage:
             [_between_shows(frames, covered, k) for k in range(len(frames.poses))]
         ),
         by_tenth=np.array([share(tenth == k) for k in range(_TENTHS)]),
-        radius=float(frames.radius[frames.seen].mean()),
+        radius=float(frames.radius[frames.visible].mean()),
     )
 
 
@@ -193,8 +193,8 @@ def _between_shows(frames: DecodedFrames, covered: Bool, pose: int) -> float:
     own = np.flatnonzero(frames.pose == pose)
     ends = np.flatnonzero((np.diff(own) > 1) | (np.diff(frames.run[own]) != 0)) + 1
     shows = np.split(own, ends)
-    seen = np.array([frames.seen[s].sum() for s in shows], float)
-    inside = np.array([covered[s][frames.seen[s]].sum() for s in shows], float)
+    seen = np.array([frames.visible[s].sum() for s in shows], float)
+    inside = np.array([covered[s][frames.visible[s]].sum() for s in shows], float)
     n = len(shows)
     if n < 2:
         return np.nan

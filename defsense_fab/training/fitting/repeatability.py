@@ -50,7 +50,7 @@ def repeatability(frames: Frames, guess: Float) -> Repeatability | None:
     where too few shapes come back."""
     shown, said = _shapes(frames, guess)
     some = np.unique(np.linspace(0, len(frames) - 1, _MOST).astype(int))
-    variance = (frames.sigma**2).sum(axis=2)[frames.seen]
+    variance = (frames.sigma**2).sum(axis=2)[frames.visible]
     variance = variance[np.isfinite(variance)]
     cameras = float(variance.mean()) if len(variance) else 0.0
     alike = max(np.sqrt(cameras), _ALIKE * float(np.sqrt(shown.var(axis=0).sum())))

@@ -11,7 +11,7 @@ from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
 from ...core.progress import Progress, silent
 from ...decoding.decoders import FOLDS
-from ...decoding.ridge import ErrorMeasures
+from ...decoding.expected_errors import ErrorMeasures
 from ...decoding.signal_history import Past
 from ...decoding.trained_model import Branch, TrainedModel
 from ..data.dataset import Dataset
@@ -140,7 +140,7 @@ def train(
         {n: p.spread for n, p in poses.items()},
     )  # fmt: skip
     progress("train", 1.0, "done")
-    wrong_tested = np.zeros_like(tested.seen)
+    wrong_tested = np.zeros_like(tested.visible)
     if options.weighted and len(tested) >= FEWEST:
         wrong_tested = _weights(tested, options)[1]
     said, _ = _left_out(best, frames, channels, outputs, fold)
@@ -154,7 +154,7 @@ def _clock(frames: Frames) -> Float:
 
 
 def _weights(frames: Frames, options: TrainingOptions) -> tuple[Float, Bool]:
-    seen = frames.seen
+    seen = frames.visible
     if not options.weighted:
         return seen.astype(float), np.zeros_like(seen)
     signals = frames.inputs(Past(), range(len(frames.dataset.channels)))

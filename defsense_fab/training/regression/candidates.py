@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float
-from ...decoding.input_decoder import all_products, InputFeatures, no_products
+from ...decoding.input_decoder import InputFeatures, all_products, no_products
 from ...decoding.signal_history import Past
 
 AFFINE, QUADRATIC, KERNEL = "affine", "quadratic", "kernel"

@@ -109,7 +109,7 @@ class Frames:
         return out
 
     @property
-    def seen(self) -> Bool:
+    def visible(self) -> Bool:
         """(t, m)."""
         return np.asarray(np.isfinite(self.points[..., 0]))
 

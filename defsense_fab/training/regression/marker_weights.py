@@ -15,7 +15,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from ...core.arrays import Bool, Float
-from ...decoding.input_decoder import all_products, InputFeatures
+from ...decoding.input_decoder import InputFeatures, all_products
 from .weighted_ridge import Whitened, solve, sums
 
 FAR = 8.0  # robust standard deviations, beyond which a marker is wrong

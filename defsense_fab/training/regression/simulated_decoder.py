@@ -9,8 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ...core.arrays import Bool, Float, Int
-from ...decoding.input_decoder import InputDecoder
-from ...decoding.input_decoder import SharedMemory
+from ...decoding.input_decoder import InputDecoder, SharedMemory
 from ...decoding.signal_history import Past
 from ...decoding.trained_model import Branch, TrainedModel
 from .candidates import QUADRATIC, Candidate

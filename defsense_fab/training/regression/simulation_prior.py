@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import TrainingError
-from ...decoding.input_decoder import all_products, InputFeatures
+from ...decoding.input_decoder import InputFeatures, all_products
 from ..data.dataset import Recording
 from .frames import Frames
 from .weighted_ridge import Sums, Whitened, solve, sums

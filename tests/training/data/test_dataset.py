@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from defsense_fab.training.data.dataset import fingerprint, same_recording
+from defsense_fab.training.data.dataset import is_same_recording, recording_fingerprint
 
 from ..conftest import Maker
 
@@ -17,12 +17,12 @@ def test_one_that_was_rounded_shifted_and_has_another_rest_is_the_same(recorded:
         r, ohm=np.round(r.ohm[:, [2, 0, 1]], 1), rest=1.02 * r.rest[[2, 0, 1]],
         time=np.round(r.time + 100, 3), sample_time=np.round(r.sample_time + 100, 4),
     )  # fmt: skip
-    assert same_recording(fingerprint(r), fingerprint(other))
+    assert is_same_recording(recording_fingerprint(r), recording_fingerprint(other))
 
 
 def test_others_of_the_same_device_are_not(recorded: Maker) -> None:
-    each = [fingerprint(recorded(60, seed=k).recordings[0]) for k in range(8)]
-    assert not any(same_recording(a, b) for k, a in enumerate(each) for b in each[:k])
+    each = [recording_fingerprint(recorded(60, seed=k).recordings[0]) for k in range(8)]
+    assert not any(is_same_recording(a, b) for k, a in enumerate(each) for b in each[:k])
 
 
 def test_channels_that_say_nothing_make_nothing_the_same(recorded: Maker) -> None:
@@ -31,4 +31,4 @@ def test_channels_that_say_nothing_make_nothing_the_same(recorded: Maker) -> Non
     open_circuit = replace(r, ohm=np.full_like(r.ohm, np.nan))
     for one in (still, open_circuit, replace(r, time=r.time[:1], points=r.points[:1],
                                              sigma=r.sigma[:1])):  # fmt: skip
-        assert not same_recording(fingerprint(one), fingerprint(one))
+        assert not is_same_recording(recording_fingerprint(one), recording_fingerprint(one))

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.training.data.dataset_assembly import in_order, join, without_uncertain
+from defsense_fab.training.data.dataset_assembly import (
+    exclude_uncertain_positions,
+    join_datasets,
+    select_channels,
+)
 
 from ...errors import raises
 from ..synthetic import CHANNELS, IDS, REST, dataset, recording
@@ -23,21 +27,21 @@ def test_places_far_less_certain_than_usual_are_left_out_and_no_others():
     sigma[10, 0], sigma[20, 1], sigma[30, 0] = 2.0, 0.5, np.nan
     points = np.where(np.isfinite(r.points), r.points, 0.0)
     r = replace(r, points=points, sigma=sigma)
-    found, share = without_uncertain(replace(data, recordings=(r,)))
-    gone = r.seen & ~found.recordings[0].seen
+    found, share = exclude_uncertain_positions(replace(data, recordings=(r,)))
+    gone = r.visible & ~found.recordings[0].visible
     assert np.argwhere(gone).tolist() == [[10, 0]]  # 0.5 mm is five times as uncertain, and known
-    assert share == pytest.approx(1 / r.seen.sum())
+    assert share == pytest.approx(1 / r.visible.sum())
     assert np.array_equal(found.recordings[0].points[~gone], r.points[~gone], equal_nan=True)
 
 
 def test_cameras_that_are_poor_throughout_lose_nothing():
     data = dataset(recording(1))
     r = replace(data.recordings[0], sigma=np.full(data.recordings[0].points.shape, 2.0))
-    found, share = without_uncertain(replace(data, recordings=(r,)))
+    found, share = exclude_uncertain_positions(replace(data, recordings=(r,)))
     assert share == 0.0
-    assert np.array_equal(found.recordings[0].seen, r.seen)
+    assert np.array_equal(found.recordings[0].visible, r.visible)
     unknown = replace(r, sigma=np.full(r.points.shape, np.nan))
-    assert without_uncertain(replace(data, recordings=(unknown,)))[1] == 0.0
+    assert exclude_uncertain_positions(replace(data, recordings=(unknown,)))[1] == 0.0
 
 
 def permuted(part, order):
@@ -53,7 +57,7 @@ def test_channels_go_by_name_and_markers_by_number():
         replace(r, points=r.points[:, fewer], sigma=r.sigma[:, fewer]),
         ids=IDS[fewer], rest_points=REST[fewer], provenance={"sessions": [{"folder": "b"}]},
     )  # fmt: skip
-    both = join([a, permuted(b, [2, 0, 1])])
+    both = join_datasets([a, permuted(b, [2, 0, 1])])
     assert both.channels == CHANNELS
     assert both.ids.tolist() == IDS.tolist()
     np.testing.assert_array_equal(both.recordings[1].ohm, r.ohm)
@@ -62,10 +66,10 @@ def test_channels_go_by_name_and_markers_by_number():
     assert np.isnan(both.recordings[1].points[:, 4]).all()
     np.testing.assert_array_equal(both.rest_points, REST)
     assert both.provenance["sessions"] == [{"folder": "b"}]
-    turned = join([b, a])
+    turned = join_datasets([b, a])
     assert turned.ids.tolist() == sorted(IDS.tolist())
     np.testing.assert_array_equal(turned.rest_points[turned.ids == 8], REST[4:])
-    np.testing.assert_array_equal(in_order(both, CHANNELS[::-1]).recordings[0].ohm[:, 2],
+    np.testing.assert_array_equal(select_channels(both, CHANNELS[::-1]).recordings[0].ohm[:, 2],
                                   both.recordings[0].ohm[:, 0])  # fmt: skip
 
 
@@ -88,7 +92,7 @@ def test_channels_go_by_name_and_markers_by_number():
 )
 def test_what_does_not_go_together(other, code, data):
     with raises(TrainingError, code, **data):
-        join([dataset(recording(1)), dataset(recording(2), **other)])
+        join_datasets([dataset(recording(1)), dataset(recording(2), **other)])
 
 
 def test_a_channel_too_many_and_nothing_at_all():
@@ -101,8 +105,8 @@ def test_a_channel_too_many_and_nothing_at_all():
         ),
     )  # fmt: skip
     with raises(TrainingError, "channels-differ", missing=(), extra=("spare",)):
-        join([a, more])
+        join_datasets([a, more])
     with raises(TrainingError, "no-data"):
-        join([])
+        join_datasets([])
     # A layout that is not known is no other one.
-    assert join([dataset(recording(1), layout=""), a]).layout == "abc"
+    assert join_datasets([dataset(recording(1), layout=""), a]).layout == "abc"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.training.data.dataset_assembly import without
-from defsense_fab.training.data.dataset_checks import check_dataset, checked
-from defsense_fab.training.data.time_alignment import find_shift, shifted
+from defsense_fab.training.data.dataset_assembly import exclude
+from defsense_fab.training.data.dataset_checks import check_dataset, require_trainable
+from defsense_fab.training.data.time_alignment import find_time_shift, shift_samples
 from tests.errors import raises
 from tests.training.synthetic import CHANNELS, IDS, QUIET, R0, REST, dataset, recording
 
@@ -35,7 +35,7 @@ def good():
 
 def test_nothing_is_said_of_a_good_dataset(good):
     assert check_dataset(good, channels=CHANNELS) == ()
-    assert checked(good) == ()
+    assert require_trainable(good) == ()
     three = dataset(*(recording(k, session=f"s{k}") for k in (1, 2, 3)))
     assert check_dataset(three) == ()
 
@@ -47,29 +47,29 @@ def test_sessions_of_different_devices_or_layouts(good, key, code):
     sessions = [{"folder": "a", key: "one"}, {"folder": "b", key: "two"}, {"folder": "c", key: ""}]
     mixed = replace(good, provenance={"sessions": sessions})
     problem = told(check_dataset(mixed), code)
-    assert problem.fatal
+    assert problem.is_fatal
     assert problem.data["found"] == {"one": "a", "two": "b"}
     with raises(TrainingError, code):
-        checked(mixed)
+        require_trainable(mixed)
 
 
 def test_a_channel_that_is_missing(good):
     problem = told(check_dataset(good, channels=[*CHANNELS, "top"]), "missing-channel")
-    assert problem.fatal
+    assert problem.is_fatal
     assert problem.data["channels"] == ("top",)
     gone = of_channel(good.recordings[0], 1, lambda R: np.full_like(R, np.nan))
     problem = told(check_dataset(dataset(gone, good.recordings[1])), "missing-channel")
-    assert (problem.of, problem.data["channels"]) == (("session-1/run-1",), ("middle",))
+    assert (problem.recordings, problem.data["channels"]) == (("session-1/run-1",), ("middle",))
     rest = replace(good.recordings[0], rest=R0 * [1, np.nan, 1])
-    assert told(check_dataset(dataset(rest)), "missing-channel").fatal
+    assert told(check_dataset(dataset(rest)), "missing-channel").is_fatal
     # What the remedy says can be done.
-    assert check_dataset(without(dataset(gone, good.recordings[1]), ["middle"])) == ()
-    left = without(good, recordings=["session-1/run-1"])
+    assert check_dataset(exclude(dataset(gone, good.recordings[1]), ["middle"])) == ()
+    left = exclude(good, recordings=["session-1/run-1"])
     assert [r.session for r in left.recordings] == ["session-2"]
     with raises(TrainingError, "unknown-channel", name="top", known=CHANNELS):
-        without(good, ["top"])
+        exclude(good, ["top"])
     with raises(TrainingError, "no-channels-left"):
-        without(good, CHANNELS)
+        exclude(good, CHANNELS)
 
 
 def test_channels_in_another_order(good):
@@ -77,8 +77,8 @@ def test_channels_in_another_order(good):
     swapped = replace(b, ohm=b.ohm[:, [1, 0, 2]], rest=b.rest[[1, 0, 2]])
     problems = check_dataset(dataset(a, swapped))
     problem = told(problems, "permuted-channels")
-    assert problem.fatal
-    assert problem.of == ("session-2/run-1",)
+    assert problem.is_fatal
+    assert problem.recordings == ("session-2/run-1",)
     assert problem.data["session"] == "session-2"
     assert problem.data["order"] == {"left": "middle", "middle": "left"}
     by_sessions = problem.data["source"]
@@ -104,12 +104,12 @@ def test_a_channel_that_is_open_or_shorted_for_long(good, bad, state):
         return dataset(of_channel(good.recordings[0], 2, change), good.recordings[1])
 
     problem = told(check_dataset(broken(4.0)), "saturated-channel")
-    assert not problem.fatal
+    assert not problem.is_fatal
     assert (problem.data["channel"], problem.data["state"]) == ("right", state)
     assert problem.value == pytest.approx(0.1)
     assert problem.data["longest_s"] == pytest.approx(4.0)
     assert check_dataset(broken(0.5)) == ()
-    assert told(check_dataset(broken(25.0)), "saturated-channel").fatal
+    assert told(check_dataset(broken(25.0)), "saturated-channel").is_fatal
 
 
 def test_a_channel_at_the_end_of_its_range(good):
@@ -138,12 +138,12 @@ def test_a_channel_that_is_stuck_or_constant(good):
     assert problem.data["start_s"] == pytest.approx(22.5, abs=0.05)
     flat = [of_channel(r, 1, lambda R: np.full_like(R, 2100.0)) for r in good.recordings]
     problem = told(check_dataset(dataset(*flat)), "constant-channel")
-    assert problem.fatal
+    assert problem.is_fatal
     assert problem.data["channels"] == ("middle",)
     # Never again mentioned as at the end of its range, or stuck.
-    assert [p.code for p in check_dataset(dataset(*flat)) if p.fatal] == ["constant-channel"]
+    assert [p.code for p in check_dataset(dataset(*flat)) if p.is_fatal] == ["constant-channel"]
     one = told(check_dataset(dataset(flat[0], good.recordings[1])), "stuck-channel")
-    assert one.fatal
+    assert one.is_fatal
 
 
 def test_a_copy_of_a_recording(good):
@@ -151,17 +151,17 @@ def test_a_copy_of_a_recording(good):
     r = good.recordings[0]
     copy = replace(r, name="copy/run-1", session="copy", ohm=np.round(r.ohm, 3))
     problem = told(check_dataset(dataset(r, copy)), "same-recording")
-    assert problem.fatal
-    assert problem.of == ("copy/run-1", "session-1/run-1")
+    assert problem.is_fatal
+    assert problem.recordings == ("copy/run-1", "session-1/run-1")
 
 
 def test_samples_that_end_before_the_frames(good):
     r = good.recordings[0]
     cut = replace(r, sample_time=r.sample_time[:1500], ohm=r.ohm[:1500])
     problem = told(check_dataset(dataset(cut, good.recordings[1])), "frames-without-samples")
-    assert not problem.fatal
+    assert not problem.is_fatal
     assert problem.value == pytest.approx(1 - 25 / 40, abs=0.01)
-    assert problem.of == (r.name,)
+    assert problem.recordings == (r.name,)
 
 
 def test_no_rest_pose(good):
@@ -170,35 +170,35 @@ def test_no_rest_pose(good):
         return replace(r, time=r.time[kept], points=r.points[kept], sigma=r.sigma[kept])
 
     one = check_dataset(dataset(late(recording(1, noise=1e-4)), good.recordings[1]))
-    assert not told(one, "no-rest-pose").fatal
+    assert not told(one, "no-rest-pose").is_fatal
     away = [replace(r, points=r.points + 9 * np.eye(3)[2]) for r in good.recordings]
     problem = told(check_dataset(dataset(*away)), "no-rest-pose")
-    assert problem.fatal
-    assert problem.of == ("session-1/run-1", "session-2/run-1")
+    assert problem.is_fatal
+    assert problem.recordings == ("session-1/run-1", "session-2/run-1")
 
 
 def test_too_few_frames(good):
     short = recording(1, 1.5)
     problem = told(check_dataset(dataset(short)), "too-few-frames")
-    assert problem.fatal
+    assert problem.is_fatal
     assert 40 < problem.value <= 45
     assert problem.data["needed"] == 50
     problem = told(check_dataset(dataset(good.recordings[0])), "few-frames")
-    assert not problem.fatal
+    assert not problem.is_fatal
     assert problem.value == pytest.approx(40, abs=0.5)
-    # Frames without signals are none.
+    # Frames without signals do not count.
     r = good.recordings[0]
     gone = replace(r, sample_time=r.sample_time[:40], ohm=r.ohm[:40])
     assert told(check_dataset(dataset(gone)), "too-few-frames").value == 20
     # What is the cause is told first.
     dead = of_channel(r, 0, lambda R: np.full_like(R, np.nan))
-    kinds = [p.code for p in check_dataset(dataset(dead)) if p.fatal]
+    kinds = [p.code for p in check_dataset(dataset(dead)) if p.is_fatal]
     assert kinds[0] == "missing-channel"
     assert "too-few-frames" in kinds
     elsewhere = replace(r, sample_time=r.sample_time + 1000)
     problem = told(check_dataset(dataset(elsewhere)), "out-of-step")
-    assert problem.fatal
-    assert problem.of == (r.name,)
+    assert problem.is_fatal
+    assert problem.recordings == (r.name,)
 
 
 def test_frames_without_markers(good):
@@ -209,42 +209,44 @@ def test_frames_without_markers(good):
     hidden = dataset(replace(r, points=points), replace(good.recordings[1], points=points))
     problems = check_dataset(hidden)
     found = [p for p in problems if p.code == "frames-without-markers"]
-    assert [p.of for p in found] == [("session-1/run-1",), ("session-2/run-1",)]
+    assert [p.recordings for p in found] == [("session-1/run-1",), ("session-2/run-1",)]
     assert found[0].value == pytest.approx(2 / 3, abs=0.01)
     assert told(problems, "markers-never-seen").data["markers"] == (IDS[3],)
     nothing = replace(r, points=np.full_like(points, np.nan))
-    assert told(check_dataset(dataset(nothing, good.recordings[1])), "frames-without-markers").fatal
+    assert told(
+        check_dataset(dataset(nothing, good.recordings[1])), "frames-without-markers"
+    ).is_fatal
 
 
 @pytest.mark.parametrize("late", [0.5, -0.5, 0.14, 0.93])
 def test_signals_that_are_not_in_step(good, late):
     off = dataset(recording(1, late=late), good.recordings[1])
     problem = told(check_dataset(off), "out-of-step")
-    assert problem.of == ("session-1/run-1",)
+    assert problem.recordings == ("session-1/run-1",)
     assert problem.value == pytest.approx(-late, abs=0.04)
-    assert problem.fatal == (abs(late) > 0.2)
-    mended = shifted(off, {problem.of[0]: problem.value})
+    assert problem.is_fatal == (abs(late) > 0.2)
+    mended = shift_samples(off, {problem.recordings[0]: problem.value})
     assert check_dataset(mended) == ()
-    assert mended.provenance["shifts"] == {problem.of[0]: problem.value}
-    assert shifted(off, "auto").provenance == mended.provenance
-    both = shifted(dataset(recording(1, late=late), recording(2, late=late)), -late)
+    assert mended.provenance["shifts"] == {problem.recordings[0]: problem.value}
+    assert shift_samples(off, "auto").provenance == mended.provenance
+    both = shift_samples(dataset(recording(1, late=late), recording(2, late=late)), -late)
     for r, true in zip(both.recordings, good.recordings, strict=True):
         np.testing.assert_allclose(r.sample_time, true.sample_time, atol=1e-9)
 
 
 def test_what_relaxes_is_not_taken_for_a_shift(good):
     for r in good.recordings:
-        assert abs(find_shift(r).seconds) < 0.06
+        assert abs(find_time_shift(r).seconds) < 0.06
     still = recording(1, 20.0)
     still = replace(still, points=np.broadcast_to(REST, still.points.shape))
-    assert find_shift(still) is None
+    assert find_time_shift(still) is None
     rng = np.random.default_rng(0)
     noise = replace(good.recordings[0], ohm=R0 + rng.normal(size=good.recordings[0].ohm.shape))
-    assert not find_shift(noise).tells
+    assert not find_time_shift(noise).is_informative
     problem = told(check_dataset(dataset(noise)), "signals-tell-nothing")
-    assert problem.fatal
+    assert problem.is_fatal
     with raises(TrainingError, "not-a-number"):
-        shifted(good, float("nan"))
+        shift_samples(good, float("nan"))
 
 
 def test_a_layout_that_senses_little_may_be_trained_on():
@@ -256,12 +258,12 @@ def test_a_layout_that_senses_little_may_be_trained_on():
     noise = replace(r, ohm=r.rest * (1 + at + 3e-4 * rng.normal(size=r.ohm.shape)))
     told(check_dataset(dataset(noise)), "signals-tell-nothing")
     problem = told(check_dataset(dataset(noise), predicted={r.name: expected}), "cords-tell-little")
-    assert not problem.fatal
+    assert not problem.is_fatal
     other = 1e-3 * rng.normal(size=expected.shape)
     told(check_dataset(dataset(noise), predicted={r.name: other}), "signals-tell-nothing")
     with raises(TrainingError, "signals-tell-nothing"):
-        checked(dataset(noise), predicted={r.name: other})
-    known = checked(dataset(noise), predicted={r.name: other}, in_step=True)
+        require_trainable(dataset(noise), predicted={r.name: other})
+    known = require_trainable(dataset(noise), predicted={r.name: other}, is_synchronized=True)
     assert "signals-tell-nothing" in {p.code for p in known}
     # What was predicted tells much: then it is not the layout, though a channel goes with it.
     strong = r.signals_at(r.time)
@@ -274,7 +276,7 @@ def test_a_cord_that_was_replaced(good):
     assert check_dataset(dataset(*drifted)) == ()
     other = recording(5, rest=R0 * [1.0, 1.5, 1.0], session="s5")
     problem = told(check_dataset(dataset(*drifted, other)), "replaced-cord")
-    assert problem.of == ("s5/run-1",)
+    assert problem.recordings == ("s5/run-1",)
     assert problem.data == {"session": "s5", "channel": "middle"}
     assert problem.value == pytest.approx(1.47, abs=0.01)
     two = check_dataset(dataset(drifted[0], other))
@@ -288,7 +290,7 @@ def test_a_cord_that_was_replaced(good):
     # The same R0, another rubber.
     softer = of_channel(recording(5, session="s5"), 0, lambda R: R0[0] + 1.7 * (R - R0[0]))
     problem = told(check_dataset(dataset(*drifted, softer)), "changed-gain")
-    assert problem.of == ("s5/run-1",)
+    assert problem.recordings == ("s5/run-1",)
     assert problem.value == pytest.approx(1.7, rel=0.1)
     assert problem.data == {"session": "s5", "channel": "left"}
 
@@ -298,11 +300,11 @@ def test_what_is_no_number(good):
     points = r.points.copy()
     points[300, 2, 1] = np.nan
     problem = told(check_dataset(dataset(replace(r, points=points))), "no-number")
-    assert problem.fatal
+    assert problem.is_fatal
     assert problem.data["markers"] == (IDS[2],)
     assert problem.data["time_s"] == pytest.approx(10.0)
     points[300, 2] = np.inf
-    assert told(check_dataset(dataset(replace(r, points=points))), "no-number").fatal
+    assert told(check_dataset(dataset(replace(r, points=points))), "no-number").is_fatal
     rest = REST.copy()
     rest[1] = np.nan
     problem = told(check_dataset(dataset(rest_points=rest)), "no-number")
@@ -310,4 +312,4 @@ def test_what_is_no_number(good):
     # All that is wrong is counted.
     both = dataset(replace(r, points=points), rest_points=rest)
     with raises(TrainingError, "no-number", count=2):
-        checked(both)
+        require_trainable(both)

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.training.data.dataset_checks import checked
-from defsense_fab.training.data.unit_checks import unit_problems, unlike_cords, unlike_rest
+from defsense_fab.training.data.dataset_checks import require_trainable
+from defsense_fab.training.data.unit_checks import (
+    check_cord_resistance,
+    check_resistance_unit,
+    check_units,
+)
 from tests.errors import raises
 from tests.training.synthetic import dataset
 
@@ -32,15 +36,15 @@ def changed(data, *, length=1.0, time=1.0, ohm=1.0):
 @pytest.mark.parametrize(
     ("factors", "data"),
     [
-        ({"length": 1e-3}, {"quantity": "places", "unit": "m"}),
-        ({"length": 1e3}, {"quantity": "places", "unit": "um"}),
+        ({"length": 1e-3}, {"quantity": "positions", "unit": "m"}),
+        ({"length": 1e3}, {"quantity": "positions", "unit": "um"}),
         ({"time": 1 / 3600}, {"quantity": "times", "unit": "h"}),
         ({"time": 1e6}, {"quantity": "times", "unit": "ms"}),
     ],
 )
 def test_what_cannot_be_forbids_training(good, factors, data):
     with raises(TrainingError, "wrong-unit", **data):
-        checked(changed(good, **factors))
+        require_trainable(changed(good, **factors))
 
 
 @pytest.mark.parametrize(
@@ -51,25 +55,25 @@ def test_what_cannot_be_forbids_training(good, factors, data):
     ],
 )
 def test_what_can_hardly_be_is_told(good, factors, data):
-    told = unit_problems(changed(good, **factors))
+    told = check_units(changed(good, **factors))
     assert told
-    assert not any(p.fatal for p in told)
+    assert not any(p.is_fatal for p in told)
     assert told[0].code == "wrong-unit"
     assert told[0].data == data
 
 
 def test_units_as_they_should_be_are_not_told(good):
-    assert unit_problems(good) == []
+    assert check_units(good) == []
     for factors in ({"length": 0.1}, {"length": 10}, {"time": 0.1}, {"time": 10}, {"ohm": 0.1}):
-        assert unit_problems(changed(good, **factors)) == []
+        assert check_units(changed(good, **factors)) == []
 
 
 def test_kiloohm_of_known_cords_forbid_training(good):
-    (problem,) = unlike_cords(changed(good, ohm=1e-3), shortest=290.0)
-    assert problem.fatal
+    (problem,) = check_cord_resistance(changed(good, ohm=1e-3), shortest_ohm=290.0)
+    assert problem.is_fatal
     assert problem.data == {"quantity": "resistances", "unit": "kohm", "shortest_ohm": 290.0}
-    assert unlike_cords(good, shortest=290.0) == []
-    assert unlike_cords(good, shortest=0.0) == []
+    assert check_cord_resistance(good, shortest_ohm=290.0) == []
+    assert check_cord_resistance(good, shortest_ohm=0.0) == []
 
 
 @pytest.mark.parametrize("ohm", [1e-3, 1e3])
@@ -78,7 +82,7 @@ def test_samples_in_another_unit_than_r0_forbid_training(good, ohm):
     runs[1].ohm[:, 0] = np.nan  # a broken channel does not hide it
     first = (runs[0].name,)
     with raises(TrainingError, "wrong-unit", count=2, recordings=first, unit="kohm") as caught:
-        checked(replace(good, recordings=tuple(runs)))
+        require_trainable(replace(good, recordings=tuple(runs)))
     assert caught.value.data["value"] == pytest.approx(ohm, rel=0.3)
 
 
@@ -87,15 +91,15 @@ def test_a_broken_channel_is_not_taken_for_another_unit(good, broken):
     run = good.recordings[0]
     ohm = run.ohm.copy()
     ohm[:, 0] = broken
-    assert unlike_rest(ohm, run.rest) == []
-    assert unlike_rest(np.full_like(ohm, np.nan), run.rest) == []
-    assert unlike_rest(ohm[:0], run.rest) == []
+    assert check_resistance_unit(ohm, run.rest) == []
+    assert check_resistance_unit(np.full_like(ohm, np.nan), run.rest) == []
+    assert check_resistance_unit(ohm[:0], run.rest) == []
 
 
 def test_resistances_in_units_of_r0_are_not_judged(good):
     runs = tuple(replace(r, ohm=r.ohm / r.rest, rest=np.ones_like(r.rest)) for r in good.recordings)
     relative = replace(good, recordings=runs)
-    assert unit_problems(relative) == unlike_cords(relative, shortest=290.0) == []
+    assert check_units(relative) == check_cord_resistance(relative, shortest_ohm=290.0) == []
 
 
 def test_a_place_far_away_and_a_long_pause_are_not_judged(good):
@@ -103,9 +107,9 @@ def test_a_place_far_away_and_a_long_pause_are_not_judged(good):
     points, time = run.points.copy(), run.time.copy()
     points[3, 0] = 2e4
     time[len(time) // 2 :] += 50 * 86400
-    assert unit_problems(replace(good, recordings=(replace(run, points=points, time=time),))) == []
+    assert check_units(replace(good, recordings=(replace(run, points=points, time=time),))) == []
 
 
 def test_places_that_are_not_known_are_not_judged(good):
     run = replace(good.recordings[0], points=np.full_like(good.recordings[0].points, np.nan))
-    assert unit_problems(replace(good, recordings=(run,))) == []
+    assert check_units(replace(good, recordings=(run,))) == []

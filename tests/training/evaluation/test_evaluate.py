@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.decoding.ridge import measure
+from defsense_fab.decoding.expected_errors import measure
 from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import velocities
 from defsense_fab.training.regression.frames import Frames, first_and_last

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ....core.device.device import Device
 from ....training.data.dataset import Dataset
-from ....training.data.time_alignment import put_in_step
+from ....training.data.time_alignment import align_samples
 from .datasets import load_datasets
 from .pair_dataset import Offset
 
@@ -34,8 +34,8 @@ class DataFiles:
         )  # fmt: skip
 
     def in_step(self, dataset: Dataset) -> tuple[Dataset, list[str]]:
-        """The dataset with its samples shifted as asked for: see `put_in_step`."""
-        return put_in_step(dataset, self.shift)
+        """The dataset with its samples shifted as asked for: see `align_samples`."""
+        return align_samples(dataset, self.shift)
 
 
 def told_files(dataset: Dataset) -> list[str]:

@@ -11,7 +11,7 @@ from ....core.errors import TrainingError
 from ....core.markers import FILE as MARKERS
 from ....core.markers import Markers, read_markers
 from ....training.data.dataset import Dataset
-from ....training.data.dataset_assembly import in_order, join
+from ....training.data.dataset_assembly import join_datasets, select_channels
 from ...artifacts.layout import layout_hash
 from ...artifacts.session_manifest import manifest_path
 from .dataset_parquet import is_dataset, read_dataset
@@ -70,7 +70,7 @@ def load_datasets(
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise TrainingError(f"{twice[0]} is given twice; give each recording once")
-    return of_device(join(parts), device)
+    return of_device(join_datasets(parts), device)
 
 
 def of_device(dataset: Dataset, device: Device | None) -> Dataset:
@@ -91,7 +91,7 @@ def of_device(dataset: Dataset, device: Device | None) -> Dataset:
             f"the recordings are of other cords ({dataset.layout}) than {device.name} is built with"
             f" ({known}); train with the build that they were recorded with"
         )
-    ordered = in_order(dataset, [cord.name for cord in layout.by_channel()])
+    ordered = select_channels(dataset, [cord.name for cord in layout.by_channel()])
     return replace(ordered, layout=known)
 
 

@@ -17,7 +17,7 @@ from ....core.markers import Tracks
 from ....core.storage.files import load_json
 from ....sensing.response import relative_change
 from ....training.data.dataset import Dataset, Recording
-from ....training.data.dataset_assembly import in_order, join
+from ....training.data.dataset_assembly import join_datasets, select_channels
 from ...artifacts import typed_json
 from ...artifacts.build_folder import build_folder
 from ...artifacts.layout import LAYOUT, LayoutRecord, layout_hash, load_layout
@@ -37,7 +37,7 @@ def session_dataset(folders: Sequence[Path], device: Device | None = None) -> Da
     Raises TrainingError for sessions that are not processed, do not go together or have nothing to
     train on, CaptureError for damaged ones."""
     layout = device_layout(device)
-    return join([_one(folder, device, layout) for folder in folders])
+    return join_datasets([_one(folder, device, layout) for folder in folders])
 
 
 def device_layout(device: Device | None) -> LayoutRecord | None:
@@ -105,7 +105,7 @@ def _one(folder: Path, device: Device | None, layout: LayoutRecord | None) -> Da
         session.device, known, session.channels, m.ids, m.centers, tuple(recordings), provenance
     )
     wanted = [c.name for c in layout.by_channel()] if layout is not None else session.channels
-    return in_order(out, wanted)
+    return select_channels(out, wanted)
 
 
 def _processed(folder: Path) -> tuple[CaptureSession, dict[str, Any]]:

@@ -15,8 +15,8 @@ from ....core.machine.processes import one_blas_thread
 from ....core.progress import Progress, silent
 from ....core.storage.files import digest
 from ....decoding.trained_model import TrainedModel
-from ....training.data.dataset import Dataset, Recording, fingerprint, same_recording
-from ....training.data.dataset_assembly import without_uncertain
+from ....training.data.dataset import Dataset, Recording, is_same_recording, recording_fingerprint
+from ....training.data.dataset_assembly import exclude_uncertain_positions
 from ....training.data.dataset_checks import check_dataset
 from ....training.evaluation.error_budget import ErrorBudget, error_budget
 from ....training.evaluation.evaluate import Evaluation, evaluate
@@ -75,7 +75,7 @@ def evaluate_files(
 
     progress("evaluate", 0.0, "reading")
     loaded = list(zip(_names(models), map(load_model, models), strict=True))
-    dataset, uncertain = without_uncertain(files.load(device, loaded[0][1].device))
+    dataset, uncertain = exclude_uncertain_positions(files.load(device, loaded[0][1].device))
     dataset, shifts = files.in_step(dataset)
     progress("evaluate", 0.1, "checking")
     prior, why = found_prior(dataset, device, AUTO)
@@ -98,10 +98,10 @@ def evaluate_models(
     names = [name for name, _ in models]
     if len(set(names)) < len(names):
         raise TrainingError(f"{', '.join(names)}: give each model once")
-    pictures, notes = dataset.frames, list[str]()
+    pictures, notes = dataset.frame_count, list[str]()
     if last_share is None:
         dataset = _not_trained_on([model for _, model in models], dataset)
-        share, told = 1.0, dataset.frames / max(pictures, 1)
+        share, told = 1.0, dataset.frame_count / max(pictures, 1)
     else:
         share = told = last_share
         for name, model in models:
@@ -141,11 +141,11 @@ def evaluate_models(
 def _held_out(model: TrainedModel, r: Recording) -> list[float]:
     """Since when, s, a training of the model held its pictures out, infinite where it held none
     out; empty where it was not trained on the recording."""
-    own = fingerprint(r)
+    own = recording_fingerprint(r)
     return [
         np.inf if known["after"] is None else r.time[0] + known["after"]
         for known in model.told.get("held_out", ())
-        if same_recording(own, known["fingerprint"])
+        if is_same_recording(own, known["fingerprint"])
     ]
 
 
@@ -183,8 +183,8 @@ def _notes(found: Evaluation) -> list[str]:
                    " out")  # fmt: skip
     if frames.without_markers > _TOLD * len(frames.time):
         out.append(f"{frames.without_markers} pictures without markers were left out")
-    if not frames.seen.any(axis=0).all():
-        out.append(f"{int((~frames.seen.any(axis=0)).sum())} markers were never seen")
+    if not frames.visible.any(axis=0).all():
+        out.append(f"{int((~frames.visible.any(axis=0)).sum())} markers were never seen")
     if len(frames.time) < _FEW:
         out.append(f"{len(frames.time)} frames are few: record for longer")
     if found.outside is not None and found.outside.frames > 0.1 * found.total.frames:

@@ -68,7 +68,7 @@ def _paths(figure: Any, found: Evaluated) -> None:
     chosen = _chosen(f.measured - found.model.rest_points, e.marker_rmse)
     for ax, m in zip(axes, chosen, strict=False):
         rest = found.model.rest_points[m]
-        seen = f.measured[f.seen[:, m], m] - rest
+        seen = f.measured[f.visible[:, m], m] - rest
         along = np.linalg.svd(seen, full_matrices=False)[2][0] if len(seen) else np.eye(3)[2]
         along = along * np.sign(along[np.argmax(np.abs(along))])
         t = f.elapsed[shown]
@@ -93,7 +93,7 @@ def _over_time(figure: Any, found: Evaluated) -> None:
     ax = figure.subplots()
     f = found.evaluation.frames
     some = slice(None, None, -(-len(f.elapsed) // _DRAWN) or 1)
-    radius = np.where(f.seen, f.radius, 0).sum(1) / f.seen.sum(1)
+    radius = np.where(f.visible, f.radius, 0).sum(1) / f.visible.sum(1)
     if np.isfinite(radius).any():
         ax.fill_between(f.elapsed[some], 0, radius[some], color=_BAND, lw=0, label=_interval(found))
     ax.plot(*_broken(f.elapsed[some], f.per_frame[some]), color=_BLUE, lw=0.5, label="frame")

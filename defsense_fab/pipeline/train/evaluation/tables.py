@@ -201,7 +201,7 @@ def _frames(models: Sequence[Evaluated]) -> Rows:
         e: Evaluation = m.evaluation
         f = e.frames
         largest = np.nanmax(f.miss, axis=1)
-        radius = np.where(f.seen, f.radius, 0).sum(1) / f.seen.sum(1)
+        radius = np.where(f.visible, f.radius, 0).sum(1) / f.visible.sum(1)
         columns = zip(f.run, f.pose, f.time, f.per_frame, largest, radius, e.speed, e.too_far,
                       f.distance, strict=True)  # fmt: skip
         rows += [[m.name, f.runs[run], f.poses[pose], *row] for run, pose, *row in columns]

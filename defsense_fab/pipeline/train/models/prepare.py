@@ -1,4 +1,4 @@
-"""A dataset that can be trained on: put in step where that was asked for, and checked."""
+"""A dataset that can be trained on: put in step where that was asked for, and require_trainable."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ....core.device.device import Device
 from ....core.errors import DefsenseError, TrainingError
 from ....core.progress import Progress, silent
 from ....training.data.dataset import Dataset
-from ....training.data.dataset_assembly import without_markers, without_uncertain
-from ....training.data.dataset_checks import checked
-from ....training.data.problems import refuse
-from ....training.data.time_alignment import put_in_step
-from ....training.data.unit_checks import unit_problems, unlike_cords
+from ....training.data.dataset_assembly import exclude_markers, exclude_uncertain_positions
+from ....training.data.dataset_checks import require_trainable
+from ....training.data.problems import raise_fatal
+from ....training.data.time_alignment import align_samples
+from ....training.data.unit_checks import check_cord_resistance, check_units
 from ....training.regression.frames import Frames
 from ....training.regression.simulation_prior import Prior, coverage, expected_signals
 from ..data.data_files import told_files
@@ -31,31 +31,38 @@ def prepare(
     dataset: Dataset, device: Device | None, *, wanted: str = "auto", without: Sequence[int] = (),
     in_step: bool = False, shift: Offset = 0.0, progress: Progress = silent,
 ) -> tuple[Dataset, Prior | None, list[str]]:  # fmt: skip
-    """The dataset, as the `device`'s, `without` some markers, its samples shifted (`put_in_step`),
-    checked (`in_step` as in `checked`); what the simulation says of its device, if that is
+    """The dataset, as the `device`'s, `without` some markers, its samples shifted (`align_samples`),
+    checked (`in_step` as in `require_trainable`); what the simulation says of its device, if that is
     `wanted`; and notes: what is doubtful, and what was not shown. Raises TrainingError for what
     forbids training."""
     dataset = of_device(dataset, device)
     notes = told_files(dataset)
-    seen = np.any([r.seen.any(axis=0) for r in dataset.recordings], axis=0)
+    seen = np.any([r.visible.any(axis=0) for r in dataset.recordings], axis=0)
     never = dataset.ids[~seen].tolist()
     if never and len(never) < len(dataset.ids):
         told = ", ".join(map(str, never))
         notes.append(f"marker {told} is never seen: the model does not tell where it is")
     if left_out := sorted({*without, *never}):
-        dataset = without_markers(dataset, left_out)
-    dataset, uncertain = without_uncertain(dataset)
+        dataset = exclude_markers(dataset, left_out)
+    dataset, uncertain = exclude_uncertain_positions(dataset)
     notes += told_uncertain(uncertain)
-    refuse(unit_problems(dataset))
+    raise_fatal(check_units(dataset))
     if device is not None:
-        refuse(unlike_cords(dataset, device.cord.ohm_per_mm * device.cord.min_stretch))
+        raise_fatal(
+            check_cord_resistance(dataset, device.cord.ohm_per_mm * device.cord.min_stretch)
+        )
     progress("data", 0.4, "putting signals and markers in step")
-    dataset, shifts = put_in_step(dataset, shift)
+    dataset, shifts = align_samples(dataset, shift)
     notes += shifts
     progress("data", 0.6, "checking")
     prior, why = found_prior(dataset, device, wanted)
     notes += why
-    notes += [str(p) for p in checked(dataset, predicted=foretold(prior, dataset), in_step=in_step)]
+    notes += [
+        str(p)
+        for p in require_trainable(
+            dataset, predicted=foretold(prior, dataset), is_synchronized=in_step
+        )
+    ]
     units = sorted({r.unit for r in dataset.recordings})
     if len(units) > 1:
         notes.append(

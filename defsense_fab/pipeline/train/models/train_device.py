@@ -17,7 +17,7 @@ from ....core.errors import TrainingError
 from ....core.progress import Progress, silent
 from ....core.version import __version__
 from ....decoding.trained_model import TrainedModel
-from ....training.data.dataset import Dataset, Recording, fingerprint
+from ....training.data.dataset import Dataset, Recording, recording_fingerprint
 from ....training.fitting.pose_signals import first_rest
 from ....training.fitting.train_model import Attempt, Training, TrainingOptions, train
 from ....training.regression.simulated_decoder import simulated_model
@@ -76,9 +76,9 @@ def told_of(
         "decoder": result.chosen,
         "options": asdict(options),
         "pictures": {"trained": len(trained), "tested": len(result.tested)},
-        "wrong_markers": float(result.wrong.sum() / max(int(trained.seen.sum()), 1)),
+        "wrong_markers": float(result.wrong.sum() / max(int(trained.visible.sum()), 1)),
         "wrong_markers_tested": float(
-            result.wrong_tested.sum() / max(int(result.tested.seen.sum()), 1)
+            result.wrong_tested.sum() / max(int(result.tested.visible.sum()), 1)
         ),
         "simulated_states": 0 if prior is None else len(prior.names),
         "candidates": [row(a) for a in result.attempts],
@@ -108,7 +108,7 @@ def _held_out(result: Training, dataset: Dataset) -> list[Mapping[str, Any]]:
     return [
         {
             "run": r.name,
-            "fingerprint": fingerprint(r),
+            "fingerprint": recording_fingerprint(r),
             "after": float(time[tested == k][0] - r.time[0]) if (tested == k).any() else None,
         }
         for k, r in enumerate(dataset.recordings)

@@ -62,7 +62,7 @@ def test_each_run_is_a_recording_with_its_own_clock_and_r0(processed):
         assert np.diff(r.sample_time) == pytest.approx(1 / SAMPLES, rel=1e-2)
         assert len(r.time) == pytest.approx(SECONDS * FRAMES[k], abs=1)
         assert np.diff(r.time) == pytest.approx(1 / FRAMES[k], rel=1e-2)
-        assert r.seen.any(axis=1).all()
+        assert r.visible.any(axis=1).all()
         at = np.searchsorted(aligned.time, r.time)
         np.testing.assert_array_equal(r.points, aligned.points[at])
         np.testing.assert_array_equal(r.sigma, aligned.sigma[at])

@@ -14,7 +14,7 @@ from defsense_fab.decoding.signal_history import Past
 from defsense_fab.pipeline.train.evaluation import evaluation_report
 from defsense_fab.pipeline.train.evaluation.evaluate_models import _names, evaluate_models
 from defsense_fab.pipeline.train.evaluation.evaluation_report import write_evaluation
-from defsense_fab.training.data.dataset import fingerprint
+from defsense_fab.training.data.dataset import recording_fingerprint
 from tests.training import soft_bar as bar
 
 CAUSES = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1, "memory": 0.3}
@@ -154,7 +154,7 @@ def test_what_a_model_was_trained_on_is_held_out(models, unseen):
     name, model = models[0]
     r = unseen.recordings[0]
     begin = float(r.time[len(r.time) * 3 // 4])
-    known = {"run": r.name, "fingerprint": fingerprint(r), "after": begin - r.time[0]}
+    known = {"run": r.name, "fingerprint": recording_fingerprint(r), "after": begin - r.time[0]}
     knowing = [(name, replace(model, told={"held_out": [known]}))]
     held = evaluate_models(knowing, unseen)
     assert held.last_share == pytest.approx(0.25, abs=0.01)

@@ -10,7 +10,7 @@ import pytest
 
 from defsense_fab.core.arrays import Float
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.decoding.input_decoder import all_products, InputDecoder, InputFeatures
+from defsense_fab.decoding.input_decoder import InputDecoder, InputFeatures, all_products
 from defsense_fab.decoding.signal_history import Past
 from defsense_fab.decoding.trained_model import Branch, Intervals, TrainedModel, TrainedRange
 from defsense_fab.pipeline.train.models.model_file import load_model, write_model

@@ -46,7 +46,7 @@ def test_the_data_set_is_whole(device, made):
     assert np.isfinite(run.ohm).all()
     assert 0.01 < np.isnan(run.points).mean() < 0.2
     truth = made.runs[0].truth
-    off = (run.points - truth.points)[run.seen]
+    off = (run.points - truth.points)[run.visible]
     assert np.abs(off).max() < 1.2
     late = run.sample_time - truth.sample_time
     assert np.ptp(late) < 2e-6  # the clock counts whole microseconds
@@ -116,7 +116,7 @@ def test_traits_have_names_and_all_that_is_assumed_is_told(device):
             "wrong-markers", "sync", "mechanics", "tremor"} <= set(traits.names)  # fmt: skip
     assert all(a.source and a.meaning for a in traits.told)
     with pytest.raises(CaptureError, match="no trait 'hysterisis' to switch off; there are mech"):
-        traits.without(["hysterisis"])
+        traits.disable_traits(["hysterisis"])
 
 
 @pytest.fixture(scope="module")
