@@ -10,14 +10,13 @@ import numpy as np
 from ..core.arrays import Float, Int
 from ..core.errors import CalibrationError
 from ..core.response import ResponseSpec
-from ..sensing.signal import relative_change
-from . import neutral
-from .fit import Data, Fitted, free_gains
+from ..sensing.response import relative_change
+from . import reading_checks
 from .interval import Doubt, doubt
 from .model_selection import Tried, alike, choose, compare
-from .neutral import Drift, Policy
-from .plausibility import check
+from .reading_checks import Drift, Policy, check
 from .readings import Notice, Piece, Readings
+from .response_fit import Data, Fitted, free_gains
 
 #: Standard deviation between specimens that is taken for granted until there are many; between
 #: pieces of one cord likewise.
@@ -70,14 +69,14 @@ def calibrate(
     warnings = check(readings)
     changes = readings.changes()
     noise = _first_fit(*_outer(readings, changes), spread).noise
-    drifting = neutral.drift(readings, changes, noise)
+    drifting = reading_checks.drift(readings, changes, noise)
     if policy == "refuse":
-        neutral.refuse(drifting)
+        reading_checks.refuse(drifting)
     elif drifting.bad and drifting.largest is not None:
         done = "taken from the other cords" if policy == "correct" else "ignored, as you asked"
         text = f"the neutral cord changes by {drifting.largest:+.2%} ({drifting.at}): {done}"
         warnings.append(Notice(_DRIFT_CODES[policy], text))
-    used = neutral.POLICIES[policy](readings)
+    used = reading_checks.POLICIES[policy](readings)
     outer = used.only(~used.neutral)
     data, radius = _outer(used, used.changes())
     # Flat readings remember, too: R0 is what they tell of a piece that forgot.

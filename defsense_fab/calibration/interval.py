@@ -19,7 +19,7 @@ from scipy.stats import t as student
 
 from ..core.arrays import Float, Int
 from ..core.errors import CalibrationError
-from .fit import Data, Fitted, fit, free_gains
+from .response_fit import Data, Fitted, fit, free_gains
 
 LEVEL = 0.95
 DRAWS = 300

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
-from .fit import Data, Fitted, fit
-from .models import ORDER, model
+from .response_fit import ORDER, Data, Fitted, fit, model
 
 #: Deviance that one more coefficient must save: 3.84 is chance at 5 %, but readings on one specimen
 #: share hysteresis and relaxation, so it takes more, and a part of the error where they are many.

@@ -18,11 +18,10 @@ from typing import NoReturn
 
 import numpy as np
 
-from ..core.curves.bending import RADII
 from ..core.errors import CalibrationError
+from ..core.response import RADII
 from ..core.storage.files import unreadable_code
-from .memory import TERMS
-from .readings import Geometry, Notice, Piece, Readings
+from .readings import TERMS, Geometry, Notice, Piece, Readings
 
 _NEEDED = ("specimen", "jig_radius", "channel", "resistance")
 _SIDES = {"top": 1, "neutral": 0, "bottom": -1}

@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..core.arrays import Float, Int
-from .features import KINDS, Features
-from .ridge import regular
+from .ridge import KINDS, Features, regular
 
 _CHUNK = 1000  # candidates at once
 

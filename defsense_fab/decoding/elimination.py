@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..core.machine.compiled import compiled
-from .features import Features
+from .ridge import Features
 
 
 def expected_square(features: Features, signals: Float, outputs: Float, noise: float) -> Float:

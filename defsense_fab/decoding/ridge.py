@@ -15,7 +15,63 @@ from typing import Any
 import numpy as np
 
 from ..core.arrays import Float
-from .features import Features
+
+# What a linear decoder sees of the signals: themselves, or their squares and products as well.
+#
+# Each feature is a polynomial of second degree, phi_f(s) = a_f . s + s^T H_f s / 2. The second kind
+# is still the paper's family of maps (DefSense, CHI 2016, Eqs. 4-8, with more columns).
+
+#: Of signals for decoders that bend: squares and products, kernels; (R - R0)/R0.
+LEAST_NOISE = 2e-4
+
+
+@dataclass(frozen=True)
+class Features:
+    """`linear` (f, c) and `second` (f, c, c), symmetric, of f features of c signals.
+
+    Signals are taken to be uncertain by `least_noise` at least, however good the read-out is: many
+    features of exact signals fit the states that they are trained on and nothing between them.
+    """
+
+    name: str
+    linear: Float
+    second: Float
+    least_noise: float
+
+    def __call__(self, signals: Float) -> Float:
+        """(..., f) of signals (..., c)."""
+        bent = 2 * self.linear + np.einsum("...c,fcd->...fd", signals, self.second)
+        return np.asarray(0.5 * np.einsum("...d,...fd->...f", signals, bent))
+
+    def uncertainty(self, noise: Float | float) -> Float:
+        """The noise of the signals to count with, as many numbers as `noise`."""
+        return np.maximum(noise, self.least_noise)
+
+    def slopes(self, signals: Float) -> Float:
+        """Derivatives (..., f, c) by the signals (..., c)."""
+        return np.asarray(self.linear + np.einsum("...c,fcd->...fd", signals, self.second))
+
+
+def affine(channels: int) -> Features:
+    """The signals."""
+    return Features("affine", np.eye(channels), np.zeros((channels,) * 3), 1e-6)
+
+
+def quadratic(channels: int) -> Features:
+    """The signals, their squares and their products in pairs."""
+    i, j = np.triu_indices(channels)
+    k = channels + np.arange(len(i))
+    count = channels + len(i)
+    linear, second = np.zeros((count, channels)), np.zeros((count, channels, channels))
+    linear[:channels] = np.eye(channels)
+    second[k, i, j] += 1
+    second[k, j, i] += 1
+    return Features("quadratic", linear, second, LEAST_NOISE)
+
+
+#: What layouts are designed for, by the decoder that will be used: a kernel decoder sees more than
+#: squares and products, but at least those.
+KINDS = {"affine": affine, "quadratic": quadratic, "kernel": quadratic}
 
 
 @dataclass(frozen=True)
@@ -69,35 +125,3 @@ def regular(normal: Float) -> Float:
     size = np.diagonal(normal, axis1=-2, axis2=-1)
     added = 1e-14 * size + 1e-20 * size.max(axis=-1, keepdims=True, initial=1e-300)
     return np.asarray(normal + added[..., None] * np.eye(size.shape[-1]))
-
-
-@dataclass(frozen=True)
-class ErrorMeasures:
-    """Marker errors in mm over states: root mean square, largest, and mean of the largest."""
-
-    rmse: float
-    peak: float
-    average_peak: float
-    per_state: Float
-
-
-def measure(predicted: Float, truth: Float, weights: Float) -> ErrorMeasures:
-    """Errors of marker positions (n, k, 3) mm; `weights` (k,) of the markers sum to one."""
-    distance = np.linalg.norm(predicted - truth, axis=2)
-    per_state = np.sqrt((distance**2 * weights).sum(1))
-    return ErrorMeasures(
-        rmse=float(np.sqrt((per_state**2).mean())),
-        peak=float(distance.max()),
-        average_peak=float(distance.max(1).mean()),
-        per_state=per_state,
-    )
-
-
-def floor(outputs: Float, sensors: int) -> float:
-    """Least RMSE (mm) of any affine map from `sensors` signals without noise.
-
-    The rank-M truncation of the centred outputs (n, o), o scaled so that a row's squared norm
-    is the state's mean squared marker error (Eckart & Young 1936).
-    """
-    values = np.linalg.svd(outputs - outputs.mean(0), compute_uv=False)
-    return float(np.sqrt((values[sensors:] ** 2).sum() / len(outputs)))

@@ -13,12 +13,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..core.arrays import Float, Int
-from ..core.curves.sampling import at_times
 from ..core.errors import TrainingError
 from .channel_faults import FaultLimits
-from .input_features import InputDecoder
-from .past import Past, PastStream
-from .shared_memory import SharedMemory
+from .input_decoder import InputDecoder, SharedMemory
+from .signal_history import Past, PastStream, at_times
 
 
 @dataclass(frozen=True)

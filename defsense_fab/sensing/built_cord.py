@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.curves.path_sampling import arc_lengths
+from ..core.curve import arc_lengths
 from ..core.device.device import CONVERTERS, Device
-from .response import Response, response_of
-from .signal import mean_strain, signals
+from .response import Response, mean_strain, response_of, signals
 
 #: Standard deviation of what a held cord is stretched by as it is laid by hand, a strain.
 PRESTRETCH_SPREAD = 0.01

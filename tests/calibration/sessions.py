@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from defsense_fab.calibration.memory import TERMS
-from defsense_fab.calibration.readings import Geometry, Piece, Readings
-from defsense_fab.core.curves.bending import RADII
+from defsense_fab.calibration.readings import TERMS, Geometry, Piece, Readings
+from defsense_fab.core.response import RADII
 
 GEOMETRY = Geometry()
 

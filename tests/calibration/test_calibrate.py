@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from defsense_fab.calibration.calibrate import calibrate
-from defsense_fab.calibration.fit import Data, fit
-from defsense_fab.calibration.memory import PLAYS, Memory, half_width
 from defsense_fab.calibration.model_selection import compare
-from defsense_fab.calibration.models import model
-from defsense_fab.calibration.neutral import drift
-from defsense_fab.calibration.readings import Geometry, joined
+from defsense_fab.calibration.reading_checks import drift
+from defsense_fab.calibration.readings import PLAYS, Geometry, Memory, half_width, joined
+from defsense_fab.calibration.response_fit import Data, fit, model
 from defsense_fab.core.errors import CalibrationError
 from defsense_fab.sensing.response import response_of
 from tests.calibration.sessions import readings

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from defsense_fab.core.camera import Camera, check_names, distort, undistort
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.core.tracks import Tracks
+from defsense_fab.core.markers import Tracks
 from tests.errors import raises
 
 LENSES = [

@@ -6,11 +6,9 @@ from sklearn.kernel_ridge import KernelRidge
 from sklearn.model_selection import GridSearchCV
 
 from defsense_fab.core.device.device import DECODERS
-from defsense_fab.decoding.decoders import fit_decoder
+from defsense_fab.decoding.decoders import contiguous, fit_decoder
 from defsense_fab.decoding.elimination import expected_square
-from defsense_fab.decoding.features import quadratic
-from defsense_fab.decoding.folds import contiguous
-from defsense_fab.decoding.ridge import fit
+from defsense_fab.decoding.ridge import fit, quadratic
 
 
 def curved(count, rng, channels=2):

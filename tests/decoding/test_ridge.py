@@ -7,8 +7,8 @@ from sklearn.preprocessing import PolynomialFeatures
 
 from defsense_fab.core.device.device import DECODERS
 from defsense_fab.decoding.elimination import expected_square
-from defsense_fab.decoding.features import KINDS, affine, quadratic
-from defsense_fab.decoding.ridge import fit, floor, measure
+from defsense_fab.decoding.expected_errors import floor, measure
+from defsense_fab.decoding.ridge import KINDS, affine, fit, quadratic
 
 
 @pytest.fixture

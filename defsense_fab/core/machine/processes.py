@@ -7,7 +7,23 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+
+# Linear algebra in one thread, whose sums do not depend on how many cores there are.
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Within it the BLAS libraries that are loaded use one thread: with several, results differ in
+    their last digits, and a search can end elsewhere. Matrices here are too small to gain from
+    more: training took four times as long on two cores. As a decorator, within the function."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "blas"):
+        yield
+
 
 #: For `subprocess.Popen`: a group of its own, which Ctrl-C does not reach and `end_group` ends.
 if sys.platform == "win32":

@@ -14,8 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import CaptureError, StorageError
-from .files import storage_errors, unreadable_code
-from .lock import claim
+from .files import claim, storage_errors, unreadable_code
 
 _CUT = b"~"
 _FLAGS = os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0)

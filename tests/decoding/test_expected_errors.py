@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.decoding.decoders import fit_decoder
-from defsense_fab.decoding.unseen import HELD_OUT, LEFT_OUT, MEANING, NONE, unseen_states
+from defsense_fab.decoding.expected_errors import HELD_OUT, LEFT_OUT, MEANING, NONE, unseen_states
 
 STATES = (
     {},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Literal
 
@@ -10,6 +10,19 @@ import numpy as np
 
 from ..arrays import Float
 from .device import Handle, Pose, StatesSpec
+
+# How far along which path of loading a state lies.
+
+#: The poses of a path by name, and how much of each there is where the largest is whole.
+LoadingPath = tuple[tuple[str, float], ...]
+
+
+def on_path(weights: Mapping[str, float]) -> tuple[LoadingPath, float]:
+    """Of a state with so much of each pose (of one at least, not zero): poses of which it has
+    nothing, and the order in which they are given, do not matter."""
+    largest = max(map(abs, weights.values()))
+    return tuple((n, round(w / largest, 9)) for n, w in sorted(weights.items()) if w), largest
+
 
 RAMP = (0.25, 0.5, 0.75, 1.0)
 #: Mixtures of two and of three poses, at most.

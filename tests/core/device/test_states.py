@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from defsense_fab.core.device.default_states import RAMP, default_states
 from defsense_fab.core.device.device import Handle, PointDrag, Pose, RegionPressure
+from defsense_fab.core.device.states import RAMP, default_states
 
 FREE = np.full(3, np.nan)
 

@@ -1,13 +1,19 @@
-"""A map behind a memory that all channels share."""
+"""Features of trained decoders: slopes, noise, roughness."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from defsense_fab.decoding.input_decoder import all_products, InputDecoder, InputFeatures
+from defsense_fab.decoding.input_decoder import (
+    InputDecoder,
+    InputFeatures,
+    SharedMemory,
+    all_products,
+)
 from defsense_fab.decoding.signal_history import Past
-from defsense_fab.decoding.input_decoder import SharedMemory
 from defsense_fab.training.regression.simulated_decoder import fit_memory
+
+# A map behind a memory that all channels share.
 
 
 def static(channels: int = 2) -> InputDecoder:
@@ -18,7 +24,7 @@ def static(channels: int = 2) -> InputDecoder:
     return InputDecoder(features, 100 * rng.normal(size=(features.count, 6)), np.zeros(6))
 
 
-def made() -> SharedMemory:
+def shared_memory() -> SharedMemory:
     return SharedMemory(
         np.array([1.1, 0.9]), np.array([0.01, -0.02]), np.array([-0.2, 0.1]), np.array([-0.05]),
         static(),
@@ -27,14 +33,16 @@ def made() -> SharedMemory:
 
 def test_ideal_signals_are_signals_without_memory_offset_and_gain() -> None:
     s, h1, h2, q = np.random.default_rng(1).normal(size=(4, 5, 2))
-    found = made().ideal(np.concatenate([s, h1, h2, q], axis=1))
+    found = shared_memory().ideal(np.concatenate([s, h1, h2, q], axis=1))
     expected = (s - 0.2 * h1 + 0.1 * h2 - 0.05 * q - [0.01, -0.02]) / [1.1, 0.9]
     np.testing.assert_allclose(found, expected)
 
 
-def test_one_sample_is_decoded_as_many_are() -> None:
+def test_shared_memory_decodes_one_sample_like_many() -> None:
     z = np.random.default_rng(1).normal(size=(5, 8))
-    np.testing.assert_allclose(np.array([made().one(row) for row in z]), made()(z), rtol=1e-12)
+    np.testing.assert_allclose(
+        np.array([shared_memory().one(row) for row in z]), shared_memory()(z), rtol=1e-12
+    )
 
 
 def test_a_dozen_numbers_are_found_from_sixty_pictures() -> None:
@@ -61,3 +69,37 @@ def test_a_dozen_numbers_are_found_from_sixty_pictures() -> None:
     np.testing.assert_allclose(found.gain, [1.15, 0.9], rtol=0.1)
     again = fit_memory(decoder, past, z[few], points[few], known[few], found)
     np.testing.assert_allclose(again.gain, found.gain, rtol=1e-3)
+
+
+def made() -> InputDecoder:
+    rng = np.random.default_rng(0)
+    features = InputFeatures(5, all_products(3), rng.normal(size=(4, 3)), rng.uniform(0.5, 2, 3))
+    weights = rng.normal(size=(features.count, 6))
+    return InputDecoder(features, weights, rng.normal(size=6))
+
+
+def test_slopes_are_those_of_finite_differences() -> None:
+    f = made().features
+    z = np.random.default_rng(1).normal(size=(7, 5))
+    step = 1e-6
+    for k in range(5):
+        move = step * np.eye(5)[k]
+        expected = (f(z + move) - f(z - move)) / (2 * step)
+        np.testing.assert_allclose(f.slopes(z)[:, :, k], expected, atol=1e-8)
+
+
+def test_one_sample_is_decoded_as_many_are() -> None:
+    decoder = made()
+    z = np.random.default_rng(1).normal(size=(7, 5))
+    one = np.array([decoder.one(row) for row in z])
+    np.testing.assert_allclose(one, decoder(z), rtol=1e-12, atol=1e-12)
+
+
+def test_roughness_is_the_norm_of_the_radial_functions() -> None:
+    """Of one center it is its weight squared by its width squared; of two that coincide, that of
+    their sum."""
+    two = InputFeatures(1, np.zeros((0, 2), int), np.zeros((2, 1)), np.array([0.5]))
+    w = np.array([0.0, 2.0, -2.0])
+    assert w @ two.roughness() @ w == 0
+    one = InputFeatures(1, np.zeros((0, 2), int), np.zeros((1, 1)), np.array([0.5]))
+    assert np.array([9.0, 3.0]) @ one.roughness() @ [9.0, 3.0] == 36.0

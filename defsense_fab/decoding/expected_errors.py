@@ -3,12 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from ..core.arrays import Bool, Float, Int
-from ..core.device.loading_path import LoadingPath, on_path
+from ..core.device.states import LoadingPath, on_path
+
+# What a layout is predicted to reach, as it stands in `layout.json`.
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Marker errors in mm. `rmse` counts the read-out's noise, `rmse_noise_free` does not.
+
+    `unseen` and `unseen_noise_free` are of the `tested` states, which the decoder was not trained
+    on, by `how` (see decoding/expected_errors.py); `floor` is the least noise-free RMSE over all states that
+    any layout of as many cords can reach with an affine map. `rmse`, `rmse_noise_free`, `peak` and
+    `average_peak` are of the states that it was trained on; `per_state` and `held_out` are RMSE by
+    state, noise included. `noise` is the standard deviation of (R - R0)/R0 of each cord.
+    """
+
+    decoder: str
+    noise: tuple[float, ...]
+    unseen: float
+    unseen_noise_free: float
+    tested: int
+    how: str
+    rmse: float
+    rmse_noise_free: float
+    peak: float
+    average_peak: float
+    floor: float
+    per_state: Mapping[str, float]
+    held_out: Mapping[str, float]
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
 
 HELD_OUT, LEFT_OUT, NONE = "held out", "left out", "none"
 
@@ -73,3 +106,35 @@ def _paths(states: Sequence[Weights]) -> tuple[tuple[Int, Float], ...]:
         (np.array([k for k, _ in path]), np.array([at for _, at in path]))
         for path in found.values()
     )
+
+
+@dataclass(frozen=True)
+class ErrorMeasures:
+    """Marker errors in mm over states: root mean square, largest, and mean of the largest."""
+
+    rmse: float
+    peak: float
+    average_peak: float
+    per_state: Float
+
+
+def measure(predicted: Float, truth: Float, weights: Float) -> ErrorMeasures:
+    """Errors of marker positions (n, k, 3) mm; `weights` (k,) of the markers sum to one."""
+    distance = np.linalg.norm(predicted - truth, axis=2)
+    per_state = np.sqrt((distance**2 * weights).sum(1))
+    return ErrorMeasures(
+        rmse=float(np.sqrt((per_state**2).mean())),
+        peak=float(distance.max()),
+        average_peak=float(distance.max(1).mean()),
+        per_state=per_state,
+    )
+
+
+def floor(outputs: Float, sensors: int) -> float:
+    """Least RMSE (mm) of any affine map from `sensors` signals without noise.
+
+    The rank-M truncation of the centred outputs (n, o), o scaled so that a row's squared norm
+    is the state's mean squared marker error (Eckart & Young 1936).
+    """
+    values = np.linalg.svd(outputs - outputs.mean(0), compute_uv=False)
+    return float(np.sqrt((values[sensors:] ** 2).sum() / len(outputs)))

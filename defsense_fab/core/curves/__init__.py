@@ -1,1 +1,0 @@
-"""Paths of cords, and points along them."""
