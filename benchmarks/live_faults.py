@@ -23,10 +23,10 @@ from defsense_fab.core.arrays import Bool, Float
 from defsense_fab.pipeline.live.live_device import LiveDevice, live_device
 from defsense_fab.pipeline.twin.recordings.twin_recordings import TwinRun, TwinRuns, simulate_runs
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Sample
-from defsense_fab.runtime.frames.live_fault_words import fault_told
+from defsense_fab.runtime.frames.live_faults import fault_told
 from defsense_fab.runtime.frames.live_frame import LiveFrame
 from defsense_fab.sensing.voltage_divider import Dividers
-from defsense_fab.twin.electronics.played_cords import CUT, SHORT, STUCK, SWAP
+from defsense_fab.twin.electronics.replayed_cords import CUT, SHORT, STUCK, SWAP
 
 _SECONDS = 10.0  # of a fault
 _BEGIN, _EVERY = 75.0, 25.0  # s, of the first fault and between two
@@ -59,7 +59,7 @@ def play(
 ) -> Played:  # fmt: skip
     """Resistances (n, c) in the order of the wires, after the converter, decoded."""
     run, converter = made.runs[0], made.converter
-    sums = converter.sums(ohm, made.traits.board.own_noise, np.random.default_rng(3))
+    sums = converter.convert(ohm, made.traits.board.own_noise, np.random.default_rng(3))
     dividers = Dividers(converter.reference, converter.full_scale)
     read = dividers.resistance(sums / converter.averages)
     if stuck is not None:  # it is the converter that says the same again and again

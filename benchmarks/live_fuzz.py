@@ -47,12 +47,12 @@ from websockets.exceptions import WebSocketException
 
 from defsense_fab.runtime.controls.control_bank import ControlBank
 from defsense_fab.runtime.controls.control_spec import ControlSpec, default_specs
-from defsense_fab.runtime.controls.shaping import Shaping
+from defsense_fab.runtime.controls.control_spec import Shaping
 from defsense_fab.runtime.frames.live_frame import LiveFrame, Quality
 from defsense_fab.runtime.outputs.live_file import open_outputs, parse_output
-from defsense_fab.runtime.outputs.newest_wins import NewestWins
+from defsense_fab.runtime.outputs.output import NewestWins
 from defsense_fab.runtime.outputs.settings import WebSocketSettings
-from defsense_fab.runtime.outputs.websocket.websocket_output import WebSocketOutput
+from defsense_fab.runtime.outputs.websocket_output import WebSocketOutput
 from tests.runtime.bars import POSES, bent, markers, poses, twisted
 
 RATE = 100.0

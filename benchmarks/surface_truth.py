@@ -30,10 +30,10 @@ from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.pipeline.artifacts.fields import Fields, load_fields
 from defsense_fab.pipeline.artifacts.mesh import load_mesh
-from defsense_fab.runtime.surface.attachment import Attachment
+from defsense_fab.runtime.surface.surface_mesh import Attachment
 from defsense_fab.runtime.surface.live_surface import make_surface
-from defsense_fab.runtime.surface.mesh_operators import vertex_areas
-from defsense_fab.runtime.surface.surface_basis import SurfaceBasis
+from defsense_fab.runtime.surface.surface_mesh import vertex_areas
+from defsense_fab.runtime.surface.surface_mesh import SurfaceBasis
 
 NOISES = (0.0, 0.5, 1.0)
 EXACT = 0.02

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from defsense_fab.runtime.controls.pose_basis import PoseBasis, PoseRamp
+from defsense_fab.runtime.controls.pose_amplitudes import PoseBasis, PoseRamp
 
 LENGTH = 150.0
 STEPS = np.array([0.25, 0.5, 0.75, 1.0])

@@ -10,12 +10,10 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.errors import LiveError
 from ...decoding.trained_model import Decoded, TrainedModel, decoded
-from ...sensing.signal import relative_change
-from .live_fault_words import SWAPPED, fault_told
-from .live_faults import LiveFault, LiveFaults
+from ...sensing.response import relative_change
+from .live_faults import SWAPPED, LiveFault, LiveFaults, SwapWatch, fault_told
 from .live_frame import LiveFrame, Quality
 from .rest_tracker import Rest, RestTracker, drift_told
-from .swap_watch import SwapWatch
 
 _UNTRAINED = 1.5  # distance from the training; of its own, 1 % lie beyond 1
 _ABSURD = 5.0  # such a distance is no shape that the decoder can tell anything of

@@ -8,11 +8,12 @@ number. Settings that are distinct already, such as those of live.tomls of their
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from ...core.errors import OutputError
-from .midi.mapping import FREE, QUALITY
+from .midi_mapping import FREE, QUALITY
 from .settings import (
     KINDS,
     GamepadSettings,

@@ -3,19 +3,155 @@
 from __future__ import annotations
 
 import errno
+import math
 import shutil
+import tempfile
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.errors import LiveError
+from ...core.errors import LiveError, StorageError
+from ...core.storage.files import replacing, storage_errors
 from ..frames.live_frame import LiveFrame
-from .animation import Animation, AnimationFile
-from .animation_formats import check_suffix, write_animation
-from .frame_resampler import FrameResampler
-from .row_file import RowFile
+from .animation import Animation, AnimationFile, Float32
+from .gltf_animation import write_gltf
+from .usd_animation import require_usd, write_usd
+
+# Frames of any rate to pictures of a fixed one.
+
+_GAP = 1.0  # s without a frame, after which the surface stood still and then jumped
+_SAME = 1e-6  # of a picture's time: a frame this near to it is at the same time
+
+
+class FrameResampler:
+    """Interpolates linearly between frames at the pictures' times, `fps` of them a second from the
+    first frame on. Over a gap of more than a second the last shape is held until the picture
+    before the next frame. A clock that goes back, as of a board that was restarted, is taken to go
+    on from the last frame."""
+
+    def __init__(self, fps: float) -> None:
+        self._fps = fps
+        self._start = self._time = 0.0
+        self._last: Float | None = None
+        self._next = 0
+
+    def add(self, time: float, vertices: Float) -> Iterator[tuple[int, Float]]:
+        """The pictures up to a frame at a `time` (s): their numbers, which rise, and vertices
+        (v, 3) mm. Of a gap there are the first and the last alone."""
+        if self._last is None:
+            self._start, self._time, self._last = time, time, vertices
+        elif time < self._time:
+            self._start -= self._time - time
+            self._time = time
+        last, before = self._last, self._time - self._start
+        now = time - self._start
+        self._last, self._time = vertices, time
+        if now - before > _GAP:
+            until = math.ceil(now * self._fps - _SAME) - 1
+            yield from ((k, last) for k in sorted({self._next, until}))
+            self._next, last, before = until + 1, vertices, now
+        while self._next <= now * self._fps + _SAME:
+            share = (self._next / self._fps - before) / (now - before) if now > before else 1.0
+            yield self._next, last + min(max(share, 0.0), 1.0) * (vertices - last)
+            self._next += 1
+
+
+# Rows of numbers that are added to a file without a name, and read when all are there.
+
+
+class RowFile:
+    """Rows of `width` float32 in a temporary file in `folder`, which no one else sees and which is
+    gone when it is closed or the program ends."""
+
+    def __init__(self, folder: Path, width: int) -> None:
+        """Raises StorageError where there can be no such file."""
+        self.width, self.count = width, 0
+        if not folder.is_dir():
+            raise StorageError(
+                "the folder does not exist",
+                code="folder-not-found",
+                where=folder,
+                action="Create it or choose another folder",
+            )
+        with storage_errors(folder):
+            # Without a buffer: what does not fit on the disk is told with the row that does not.
+            self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115
+
+    @property
+    def size(self) -> int:
+        """Bytes of all rows."""
+        return 4 * self.width * self.count
+
+    def add(self, row: Float32) -> None:
+        """Raises OSError where the disk takes only a part of it; the rows before it stay."""
+        data = memoryview(np.asarray(row, np.float32).tobytes())
+        try:
+            while data:
+                data = data[self._file.write(data) :]
+        except OSError:
+            self._file.seek(self.size)
+            self._file.truncate()
+            raise
+        self.count += 1
+
+    def rows(self) -> Float32:
+        """(count, width), read from the disk as it is used."""
+        if not self.count:
+            return np.empty((0, self.width), np.float32)
+        return np.memmap(self._file, np.float32, "r", shape=(self.count, self.width))
+
+    def close(self) -> None:
+        self._file.close()
+
+
+# Animation files by their suffix.
+
+_USD = (".usd", ".usda", ".usdc")
+SUFFIXES = (".glb", *_USD, ".npz")
+
+
+def check_suffix(path: Path) -> None:
+    """Raises LiveError where a file of this name could not be written: of an unknown suffix, or
+    one whose package is missing."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise LiveError(
+            f"unknown animation format {suffix!r}",
+            code="unknown-format",
+            where=path,
+            action=f"Use one of {', '.join(SUFFIXES)}",
+            suffix=suffix,
+        )
+    if suffix in _USD:
+        require_usd(path)
+
+
+def write_animation(path: Path, animation: Animation) -> AnimationFile:
+    """To the format of its suffix, whole or not at all. Raises StorageError, LiveError."""
+    check_suffix(path)
+    suffix = path.suffix.lower()
+    if suffix == ".glb":
+        return write_gltf(path, animation)
+    return write_usd(path, animation) if suffix in _USD else _write_npz(path, animation)
+
+
+def _write_npz(path: Path, animation: Animation) -> AnimationFile:
+    """`rest` (v, 3) and `positions` (n, v, 3) mm, `faces` (f, 3), `times` (n,) s."""
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(
+            file,
+            rest=animation.rest,
+            faces=animation.faces,
+            positions=animation.positions,
+            times=animation.times,
+        )
+        size = file.tell()
+    frames, seconds = len(animation.steps), float(np.ptp(animation.times))
+    return AnimationFile(path, size, frames, seconds, 0.0)
+
 
 _ROOM = 32e6  # bytes left free beside the finished file, which is about as large as the rows
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.machine.compiled import compiled
-from .attachment import Attachment
 from .elastic_net import ElasticNet
+from .surface_mesh import Attachment
 
 _GRID = np.geomspace(2e-5, 0.2, 14)  # of the body's size: tau that are thought possible
 

@@ -8,13 +8,9 @@ from typing import Literal, Protocol
 import numpy as np
 
 from ...core.arrays import Float
-from .arap_solver import ArapSolver
-from .attachment import Attachment
-from .cage import Cage
 from .elastic_net import ElasticNet
-from .mode_solver import ModeSolver
-from .surface_basis import SurfaceBasis
-from .time_budget import TimeBudget
+from .surface_mesh import Attachment, Cage, SurfaceBasis
+from .surface_solvers import ArapSolver, ModeSolver, TimeBudget
 
 Mode = Literal["default", "arap", "basis"]
 

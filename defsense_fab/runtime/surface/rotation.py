@@ -16,6 +16,18 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.machine.compiled import compiled
 
+# Where a body of which nothing is fixed stands as a whole.
+
+
+def rigid_fit(points: Float, onto: Float, weights: Float) -> tuple[Float, Float]:
+    """Rotation (3, 3) and shift (3,) mm with the least squares of `points` (m, 3) moved `onto`
+    (m, 3), by weights (m,) (W. Kabsch, Acta Cryst. A 32 (1976))."""
+    w = weights / weights.sum()
+    a, b = w @ points, w @ onto
+    rotation = nearest_rotations(((onto - b).T @ ((points - a) * w[:, None]))[None])[0]
+    return rotation, b - rotation @ a
+
+
 _ROUNDS = 60  # of Newton's method; most take one to five
 _TINY = 1e-9  # of the largest value that the denominator can have: no rotation is nearest
 

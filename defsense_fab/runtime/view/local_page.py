@@ -13,15 +13,68 @@ import errno
 import http
 import io
 import logging
+import re
 import socket
 import threading
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from typing import Any
 
 from ...core.errors import OutputError
 from ...core.machine.local_access import LOCAL, Access
 from ...core.machine.optional_libraries import optional
-from . import page_cookie
-from .plain_markdown import plain_markdown
+
+# Markdown of viser's pages without HTML.
+#
+# Viser renders HTML in markdown as it is, scripts included, and reads the files that images name. But
+# names of devices and messages of errors come from folders of others: a device that is called
+# `<script>` must not run.
+
+_JOIN = "\u2060"  # is not seen, and parts what would be a tag or an image
+_BEGINS = re.compile(r"<(?=[A-Za-z/!?])|!(?=\[)")
+
+
+def plain_markdown(markdown: str, image_root: Path | None = None) -> str:  # noqa: ARG001 - viser's
+    """The text with tags and images to be read, not followed."""
+    return _BEGINS.sub(lambda found: found[0] + _JOIN, markdown)
+
+
+# The token of a page's link, kept in a cookie: the page opens its socket at an address without
+# the token, and a browser sends the cookie along.
+
+
+def refusal(access: Access, port: int, path: str, cookies: list[str]) -> str | None:
+    """Why a request with this path and these Cookie headers is refused; None where it has the
+    token in one of them, or none is needed."""
+    if access.knows(path) or any(access.is_token(v) for v in _values(cookies, port)):
+        return None
+    return "open the link that `defsense studio` prints: it ends with the token"
+
+
+def give(access: Access, port: int, headers: Any) -> None:
+    """Put the token into an answer: for this page alone, unseen by scripts, never sent along from
+    pages of others. Links that the page leads to do not tell it."""
+    if access.token:
+        headers["Set-Cookie"] = f"{_name(port)}={access.token}; Path=/; HttpOnly; SameSite=Strict"
+        headers["Referrer-Policy"] = "no-referrer"
+
+
+def _values(cookies: list[str], port: int) -> list[str]:
+    out = []
+    for text in cookies:
+        try:
+            found = SimpleCookie(text).get(_name(port))
+        except CookieError:
+            continue
+        if found is not None:
+            out.append(found.value)
+    return out
+
+
+def _name(port: int) -> str:
+    """Cookies do not know ports: two pages of one machine would take each other's."""
+    return f"defsense-{port}"
+
 
 HOST = "127.0.0.1"
 #: No answer of the network is needed for it: an address that is reserved for documentation.
@@ -50,12 +103,12 @@ def local_page(port: int, label: str, access: Access | None = None, host: str = 
             headers = request.headers
             refused = entry.refusal(
                 ", ".join(headers.get_all("Host")), headers.get_all("Origin")
-            ) or page_cookie.refusal(entry, port, request.path, headers.get_all("Cookie"))
+            ) or refusal(entry, port, request.path, headers.get_all("Cookie"))
             if refused is not None:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, refused + "\n")
             response = None if process_request is None else process_request(connection, request)
             if response is not None:
-                page_cookie.give(entry, port, response.headers)
+                give(entry, port, response.headers)
             return response
 
         return listen(*arguments, process_request=answer, logger=_sockets, **options)

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import ControlError
-from defsense_fab.runtime.controls.control_bank import ControlBank
-from defsense_fab.runtime.controls.control_spec import ControlSpec, plain_name
-from defsense_fab.runtime.controls.one_euro import OneEuro
-from defsense_fab.runtime.controls.pose_basis import PoseBasis, PoseRamp
-from defsense_fab.runtime.controls.shaping import Shaping
+from defsense_fab.runtime.controls.control_bank import ControlBank, OneEuro
+from defsense_fab.runtime.controls.control_spec import ControlSpec, Shaping, plain_name
+from defsense_fab.runtime.controls.pose_amplitudes import PoseBasis, PoseRamp
 from tests.errors import raises
 from tests.runtime.bars import POSES, STEPS, bent, markers, poses
 
@@ -70,19 +68,19 @@ def test_shaping(shaping, pairs):
 
 
 @pytest.mark.parametrize(
-    ("settings", "code", "field"),
+    ("settings", "code", "key"),
     [
         ({"dead_zone": 1.0}, "out-of-range", "dead_zone"),
         ({"dead_zone": -0.1}, "out-of-range", "dead_zone"),
         ({"curve": 0.0}, "out-of-range", "curve"),
         ({"minimum": 1.0}, "out-of-range", "minimum"),
-        ({"maximum": 2.0}, "out-of-range", "minimum"),
+        ({"maximum": 2.0}, "out-of-range", "maximum"),
         ({"smoothing": -1.0}, "out-of-range", "smoothing"),
-        ({"full": math.inf}, "not-finite", None),
+        ({"full": math.inf}, "not-finite", "full"),
     ],
 )
-def test_shaping_refuses_invalid_settings(settings, code, field):
-    with raises(ControlError, code, field=field):
+def test_shaping_refuses_invalid_settings(settings, code, key):
+    with raises(ControlError, code, key=key):
         Shaping(**settings)
 
 

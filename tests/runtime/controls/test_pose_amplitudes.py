@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import ControlError
-from defsense_fab.runtime.controls.pose_amplitudes import RADIUS_90, PoseAmplitudes
-from defsense_fab.runtime.controls.pose_basis import PoseBasis, PoseRamp
+from defsense_fab.runtime.controls.pose_amplitudes import (
+    RADIUS_90,
+    PoseAmplitudes,
+    PoseBasis,
+    PoseRamp,
+)
 from tests.errors import raises
 from tests.runtime.bars import POSES, STEPS, bent, markers, poses, pulled, twisted
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import LiveError
-from defsense_fab.decoding.past import Past
+from defsense_fab.decoding.signal_history import Past
 from defsense_fab.runtime.frames.live_decoder import LiveDecoder, Sample
+from defsense_fab.runtime.frames.live_faults import SwapWatch
 from defsense_fab.runtime.frames.live_frame import Quality
-from defsense_fab.runtime.frames.swap_watch import SwapWatch
 from defsense_fab.training.fitting.train_model import TrainingOptions, train
-from defsense_fab.training.ridge.trained_range import trained_range
+from defsense_fab.training.regression.intervals import trained_range
 from tests.errors import raises
 from tests.training.conftest import recorded as recorded_fixture
 

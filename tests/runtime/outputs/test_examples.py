@@ -6,7 +6,6 @@ import sys
 import threading
 import uuid
 import wave
-from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,10 +13,11 @@ from types import SimpleNamespace
 import mido
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from defsense_fab.runtime.outputs.live_file import read_live_file
 from defsense_fab.runtime.outputs.lsl_output import LslOutput
-from defsense_fab.runtime.outputs.midi.midi_output import MidiOutput
+from defsense_fab.runtime.outputs.midi_output import MidiOutput
 from defsense_fab.runtime.outputs.osc_output import OscOutput
 from defsense_fab.runtime.outputs.settings import (
     LslSettings,
@@ -25,7 +25,7 @@ from defsense_fab.runtime.outputs.settings import (
     OscSettings,
     WebSocketSettings,
 )
-from defsense_fab.runtime.outputs.websocket.websocket_output import WebSocketOutput
+from defsense_fab.runtime.outputs.websocket_output import WebSocketOutput
 from tests.runtime.live_frames import frame
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "live"

@@ -2,13 +2,13 @@
 
 import contextlib
 import socket
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from defsense_fab.core.errors import OutputError
 from defsense_fab.runtime.outputs.live_file import open_outputs
-from defsense_fab.runtime.outputs.midi.midi_output import MidiOutput
+from defsense_fab.runtime.outputs.midi_output import MidiOutput
 from defsense_fab.runtime.outputs.settings import (
     GamepadSettings,
     LslSettings,
@@ -20,7 +20,7 @@ from defsense_fab.runtime.outputs.settings import (
 from defsense_fab.runtime.outputs.several_devices import SeveralDevices
 from tests.errors import raises
 from tests.runtime.live_frames import frame, wait_for
-from tests.runtime.outputs.midi.cable import Cable
+from tests.runtime.outputs.midi_cable import Cable
 
 
 def shared(settings, devices=3):

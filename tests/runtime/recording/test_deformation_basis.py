@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import LiveError
-from defsense_fab.runtime.recording.deformation_basis import deformation_basis
+from defsense_fab.runtime.recording.gltf_animation import deformation_basis
 from tests.errors import raises
 from tests.runtime.recording_bars import animation
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.runtime.recording.frame_resampler import FrameResampler
+from defsense_fab.runtime.recording.animation_recorder import FrameResampler
 
 
 def pictures(times, fps=30.0):

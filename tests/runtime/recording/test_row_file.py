@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.runtime.recording.row_file import RowFile
+from defsense_fab.runtime.recording.animation_recorder import RowFile
 from tests.errors import raises
 from tests.runtime.full_disk import fill
 

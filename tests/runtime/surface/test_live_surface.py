@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks import live_surface
 from defsense_fab.runtime.surface.live_surface import make_surface
-from defsense_fab.runtime.surface.surface_basis import SurfaceBasis
+from defsense_fab.runtime.surface.surface_mesh import SurfaceBasis
 from tests.runtime.surface import meshes
 
 VERTICES, TRIANGLES = meshes.bar((24, 5, 5))

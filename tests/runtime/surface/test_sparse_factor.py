@@ -3,9 +3,8 @@
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
-from defsense_fab.runtime.surface.dissection import elimination_order
-from defsense_fab.runtime.surface.mesh_operators import laplacian
-from defsense_fab.runtime.surface.sparse_factor import SparseFactor
+from defsense_fab.runtime.surface.sparse_factor import SparseFactor, elimination_order
+from defsense_fab.runtime.surface.surface_mesh import laplacian
 from tests.runtime.surface import meshes
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.runtime.view.carried_points import carrying_weights
+from defsense_fab.runtime.view.cord_mesh import carrying_weights
 from tests.runtime.bars import bent
 
 

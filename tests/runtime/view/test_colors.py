@@ -3,7 +3,7 @@
 import numpy as np
 
 from defsense_fab.runtime.frames.live_frame import Quality
-from defsense_fab.runtime.view.colors import BODY, cord_color, marker_colors
+from defsense_fab.runtime.view.live_scene import BODY, cord_color, marker_colors
 
 
 def test_cords_are_blue_where_shorter_red_where_longer_grey_where_lost():

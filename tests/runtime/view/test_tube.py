@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.runtime.view.tube import tube_faces, tube_vertices
+from defsense_fab.runtime.view.cord_mesh import tube_faces, tube_vertices
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

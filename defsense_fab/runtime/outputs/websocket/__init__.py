@@ -1,1 +1,0 @@
-"""Frames as JSON over a WebSocket, with a page that shows them."""

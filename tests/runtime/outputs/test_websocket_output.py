@@ -1,0 +1,345 @@
+"""The WebSocket by clients: a library's, and bare sockets that do what no library does."""
+
+import base64
+import contextlib
+import json
+import os
+import socket
+import struct
+import threading
+import time
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from defsense_fab.core.errors import OutputError
+from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.runtime.outputs import websocket_output
+from defsense_fab.runtime.outputs.settings import WebSocketSettings
+from defsense_fab.runtime.outputs.websocket_output import WebSocketOutput, frame_json
+from tests.errors import raises
+from tests.runtime.live_frames import frame, wait_for
+
+
+@pytest.fixture
+def opened():
+    made = []
+
+    def make(**settings):
+        made.append(WebSocketOutput(WebSocketSettings(port=0, **settings)))
+        return made[-1]
+
+    yield make
+    for output in made:
+        output.close()
+
+
+def address(output):
+    return output.url.replace("http", "ws")
+
+
+def port_of(output):
+    return output._server.port
+
+
+class Bare:
+    """A WebSocket client of 30 lines, after RFC 6455; it reads only when it is asked to."""
+
+    def __init__(self, port, path="/", *headers):
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=20)
+        key = base64.b64encode(os.urandom(16)).decode()
+        lines = [
+            f"GET {path} HTTP/1.1",
+            f"Host: localhost:{port}",
+            "Upgrade: websocket",
+            "Connection: Upgrade",
+            f"Sec-WebSocket-Key: {key}",
+            "Sec-WebSocket-Version: 13",
+            *headers,
+        ]
+        self.socket.sendall("\r\n".join([*lines, "", ""]).encode())
+        self._data = b""
+        head = self._until(b"\r\n\r\n").decode()
+        self.status = int(head.split()[1])
+        self.head = head
+
+    def _until(self, mark):
+        while mark not in self._data:
+            data = self.socket.recv(65536)
+            if not data:
+                raise EOFError
+            self._data += data
+        out, self._data = self._data.split(mark, 1)
+        return out
+
+    def _take(self, count):
+        while len(self._data) < count:
+            data = self.socket.recv(65536)
+            if not data:
+                raise EOFError
+            self._data += data
+        out, self._data = self._data[:count], self._data[count:]
+        return out
+
+    def read(self):
+        """Opcode and content of one frame."""
+        first, size = self._take(2)
+        if size == 126:
+            size = struct.unpack(">H", self._take(2))[0]
+        elif size == 127:
+            size = struct.unpack(">Q", self._take(8))[0]
+        return first & 15, self._take(size)
+
+    def close(self):
+        self.socket.close()
+
+
+def test_a_frame_arrives(opened):
+    output = opened()
+    bare = Bare(port_of(output))
+    assert bare.status == 101
+    with connect(address(output)) as client:
+        assert wait_for(lambda: output.clients == 2)
+        output.send(
+            frame(3, quality=Quality.LOST, lost="b", notes=("cord b is gone",), distance=np.nan)
+        )
+        got = json.loads(client.recv(timeout=20))
+        kind, content = bare.read()
+    bare.close()
+    assert kind == 1
+    assert json.loads(content) == got
+    assert got["schema"] == 1
+    assert got["device"] == "bar"
+    assert got["number"] == 3
+    assert got["time"] == pytest.approx(0.03)
+    assert (got["quality"], got["level"], got["lost"]) == ("lost", 0, "b")
+    assert got["distance"] is None  # no number
+    assert got["controls"] == {"bend": 0.25, "twist": -0.5}
+    assert got["confidence"] == {"bend": 0.9, "twist": 0.8}
+    assert got["markers"][1] == [1, 0.429, 0.571, 0.714, 0.4]
+    assert got["signals"] == {"a": 0.01, "b": -0.02}
+    assert got["notes"] == ["cord b is gone"]
+
+
+def test_without_markers(opened):
+    output = opened(markers=False)
+    with connect(address(output)) as client:
+        assert wait_for(lambda: output.clients == 1)
+        output.send(frame(1))
+        assert "markers" not in json.loads(client.recv(timeout=20))
+
+
+def test_the_page(opened):
+    output = opened()
+    with urllib.request.urlopen(output.url, timeout=20) as answer:
+        page = answer.read().decode()
+        assert answer.headers["Content-Type"] == "text/html; charset=utf-8"
+        assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+    assert "new WebSocket" in page
+    assert "http://" not in page
+    assert "https://" not in page
+    with pytest.raises(urllib.error.HTTPError, match="404") as error:
+        urllib.request.urlopen(output.url + "other", timeout=20)
+    error.value.close()
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ([], 101),
+        (["Origin: http://localhost:3000"], 101),
+        (["Origin: http://127.0.0.1"], 101),
+        (["Origin: http://[::1]:80"], 101),
+        (["Origin: https://example.org"], 403),
+        (["Origin: null"], 403),
+        (["Origin: http://localhost.example.org"], 403),
+        (["Origin: http://[bad"], 403),
+        (["Origin: http://localhost", "Origin: http://example.org"], 403),
+        (["Host: example.org"], 403),
+    ],
+)
+def test_foreign_origins_are_refused(opened, headers, status):
+    output = opened()
+    client = Bare(port_of(output), "/", *headers)
+    assert client.status == status
+    client.close()
+    assert output.counts.refused == (status == 403)
+
+
+def test_a_foreign_name_that_leads_here(opened):
+    """A page of example.org whose name was made to mean this machine."""
+    output = opened()
+    request = urllib.request.Request(output.url, headers={"Host": "example.org"})
+    with pytest.raises(urllib.error.HTTPError, match="403") as error:
+        urllib.request.urlopen(request, timeout=20)
+    assert "on this machine only" in error.value.read().decode()
+    error.value.close()
+
+
+def test_other_machines_need_the_token(opened):
+    """In the address or in the first message."""
+    output = opened(host="0.0.0.0")
+    token = output.url.split("token=")[1]
+    assert len(token) >= 20
+    assert "with its token" in output.about
+    here = f"ws://127.0.0.1:{port_of(output)}/"
+    with connect(f"{here}?token={token}") as one, connect(here) as two:
+        two.send(json.dumps({"token": token}))
+        assert wait_for(lambda: output.clients == 2)
+        output.send(frame(9))
+        assert [json.loads(c.recv(timeout=20))["number"] for c in (one, two)] == [9, 9]
+    with connect(f"{here}?token={token[:-1]}x") as client:
+        client.send("[" * 1000)
+        with pytest.raises(ConnectionClosed, match="the token is missing or wrong"):
+            client.recv(timeout=20)
+    for first in ('{"token": "\\ud800"}', '{"token": 3}', "[]", b"\xff", token):
+        with connect(here) as client:
+            client.send(first)
+            with pytest.raises(ConnectionClosed, match="1008"):
+                client.recv(timeout=20)
+    assert output.counts.refused == 6
+    own = f"Origin: http://localhost:{port_of(output)}"
+    client = Bare(port_of(output), "/", own)
+    assert client.status == 101
+    client.close()
+    client = Bare(port_of(output), "/", "Origin: http://example.org")
+    assert client.status == 403
+    client.close()
+
+
+def test_a_token_that_was_given(opened):
+    output = opened(token="a-token-of-my-own")
+    assert output.url.endswith("?token=a-token-of-my-own")
+    with connect(address(output)):
+        assert wait_for(lambda: output.clients == 1)
+
+
+def test_no_more_than_the_most_clients(opened):
+    output = opened(max_clients=3)
+    clients = [connect(address(output)) for _ in range(3)]
+    assert wait_for(lambda: output.clients == 3)
+    assert output.trouble == "websocket: 3 clients, the most (max_clients)"
+    with pytest.raises(InvalidStatus, match="503"):
+        connect(address(output))
+    clients.pop().close()
+    assert wait_for(lambda: output.clients == 2)
+    with connect(address(output)):
+        assert wait_for(lambda: output.clients == 3)
+    for client in clients:
+        client.close()
+
+
+def test_two_hundred_clients(opened):
+    """Those beyond the limit are refused; all others get frames."""
+    output = opened()
+    clients = [Bare(port_of(output)) for _ in range(200)]
+    served = [c for c in clients if c.status == 101]
+    assert len(served) == 32
+    assert {c.status for c in clients if c not in served} == {503}
+    assert wait_for(lambda: output.clients == 32)
+    output.send(frame(1))
+    assert {json.loads(c.read()[1])["number"] for c in served} == {1}
+    for client in clients:
+        client.close()
+
+
+def test_connections_that_say_nothing(opened, monkeypatch):
+    """Do not take all of the process's descriptors, and leave those alone that are served."""
+    monkeypatch.setattr(websocket_output, "_UNDER_WAY", 20)
+    output = opened(max_clients=2)
+    with connect(address(output)) as client, contextlib.ExitStack() as stack:
+        assert wait_for(lambda: output.clients == 1)
+        silent = [
+            stack.enter_context(
+                socket.create_connection(("127.0.0.1", port_of(output)), timeout=20)
+            )
+            for _ in range(60)
+        ]
+        for one in silent[22:]:  # beyond two clients and 20 that are under way
+            with contextlib.suppress(ConnectionResetError):
+                assert one.recv(1) == b""
+        output.send(frame(1))
+        assert json.loads(client.recv(timeout=20))["number"] == 1
+
+
+def test_a_client_that_never_reads(opened, monkeypatch):
+    """Gets no more than its buffers hold, holds nobody up, and is closed after a while."""
+    monkeypatch.setattr(websocket_output, "_PATIENCE", 2.0)
+    output = opened()
+    never = Bare(port_of(output))
+    with connect(address(output)) as client:
+        assert wait_for(lambda: output.clients == 2)
+        last = threading.Event()
+
+        def read():
+            while json.loads(client.recv(timeout=20))["number"] != 9999:
+                pass
+            last.set()
+
+        reader = threading.Thread(target=read)
+        reader.start()
+        # Enough to fill all buffers on the way; encoded once, since that may take long.
+        big = frame_json(frame(1, count=2000), markers=True)
+        end = time.monotonic() + 60
+        while output.counts.slow == 0 and time.monotonic() < end:
+            output._server.publish(big)
+            time.sleep(0.002)
+        assert output.counts.slow == 1
+        assert wait_for(lambda: output.clients == 1)
+        assert output.counts.dropped > 0
+        output.send(frame(9999))
+        assert last.wait(20)
+        reader.join()
+    never.close()
+
+
+def test_what_clients_say_is_ignored(opened):
+    """And counted; too long a message ends the connection, garbage too."""
+    output = opened()
+    with connect(address(output)) as client, connect(address(output)) as long:
+        assert wait_for(lambda: output.clients == 2)
+        for n in range(50):
+            client.send(os.urandom(n) if n % 2 else "{" * n)
+        assert wait_for(lambda: output.counts.ignored == 50)
+        long.send("x" * 5000)
+        with pytest.raises(ConnectionClosed, match="1009"):
+            long.recv(timeout=20)
+        output.send(frame(4))
+        assert json.loads(client.recv(timeout=20))["number"] == 4
+    broken = Bare(port_of(output))
+    assert wait_for(lambda: output.clients == 1)
+    broken.socket.sendall(b"\xff" * 100)
+    assert broken.read()[0] == 8  # closed
+    broken.close()
+    with socket.create_connection(("127.0.0.1", port_of(output)), timeout=20) as raw:
+        raw.sendall(np.random.default_rng(0).bytes(3000) + b"\r\n\r\n")
+        answer = b"."
+        while answer:
+            try:
+                answer = raw.recv(65536)
+            except ConnectionResetError:
+                break
+    assert wait_for(lambda: output.clients == 0)
+
+
+def test_a_port_that_is_taken(opened):
+    taken = port_of(opened())
+    with raises(OutputError, "port-busy", port=taken):
+        WebSocketOutput(WebSocketSettings(port=taken))
+    with raises(OutputError, "address-unavailable", host="192.0.2.1"):
+        WebSocketOutput(WebSocketSettings(host="192.0.2.1"))
+
+
+def test_closing_ends_clients(opened):
+    output = opened()
+    with connect(address(output)) as client:
+        assert wait_for(lambda: output.clients == 1)
+        output.close()
+        with pytest.raises(ConnectionClosed):
+            client.recv(timeout=20)
+    output.send(frame(1))
+    output.close()

@@ -1,0 +1,310 @@
+"""Who may see a page, and what it does with what it is sent."""
+
+from __future__ import annotations
+
+import http.client
+import re
+import socket
+import time
+
+import msgspec.msgpack
+import pytest
+
+from defsense_fab.core.errors import OutputError
+from defsense_fab.core.machine.local_access import Access
+from defsense_fab.runtime.view.local_page import end_page, local_page, page_link, plain_markdown
+from defsense_fab.runtime.view.upload_limit import MOST, limit_uploads
+from tests.errors import raises
+
+viser = pytest.importorskip("viser")
+from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
+from websockets.sync.client import connect  # noqa: E402
+
+LONG = 60.0
+TOKEN = "t0ken-of-the-test"
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def page():
+    made = local_page(free_port(), "test")
+    yield made
+    end_page(made)
+
+
+@pytest.fixture(scope="module")
+def open_page():
+    """A page for other machines."""
+    access = Access("0.0.0.0", TOKEN)
+    made = local_page(free_port(), "test", access, "0.0.0.0")
+    yield made
+    end_page(made)
+
+
+def ask(server, path="/", **headers):
+    """Status, headers and body of an answer."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.get_port(), timeout=LONG)
+    try:
+        connection.request("GET", path, headers=headers)
+        answer = connection.getresponse()
+        return answer.status, answer.headers, answer.read()
+    finally:
+        connection.close()
+
+
+def socket_of(server, **headers):
+    return connect(
+        f"ws://127.0.0.1:{server.get_port()}", subprotocols=[f"viser-v{viser.__version__}"],
+        additional_headers=headers, open_timeout=LONG, close_timeout=LONG, max_size=None,
+    )  # fmt: skip
+
+
+def browser(server):
+    """A socket that viser takes for a browser: it has told its camera."""
+    client = socket_of(server)
+    client.send(CAMERA)
+    until(lambda: server.get_clients())
+    return client
+
+
+def message(kind, **values):
+    return msgspec.msgpack.encode({"type": kind, **values})
+
+
+CAMERA = message(
+    "ViewerCameraMessage", wxyz=[1, 0, 0, 0], position=[0, 0, 1], fov=1.0, near=0.1, far=10.0,
+    image_height=100, image_width=100, look_at=[0, 0, 0], up_direction=[0, 0, 1],
+)  # fmt: skip
+
+
+def until(found):
+    """Wait for what another thread does."""
+    end = time.monotonic() + LONG
+    while not found():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_other_machines_need_the_token_of_the_link_on_page_and_socket(open_page):
+    port = open_page.get_port()
+    assert ask(open_page)[0] == 403
+    assert b"the link that `defsense studio` prints" in ask(open_page)[2]
+    assert ask(open_page, "/?token=wrong")[0] == 403
+    assert ask(open_page, "/?token=" + TOKEN, Origin="http://elsewhere.example")[0] == 403
+    status, headers, body = ask(open_page, "/?token=" + TOKEN)
+    assert status == 200
+    assert b"<html" in body
+    cookie = headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    assert headers["Referrer-Policy"] == "no-referrer"
+    kept = cookie.split(";")[0]
+    assert ask(open_page, Cookie=f"other=1; {kept}")[0] == 200
+    assert ask(open_page, Cookie=f"defsense-{port}=wrong")[0] == 403
+    assert ask(open_page, Cookie=kept.replace(str(port), str(port + 1)))[0] == 403
+    with pytest.raises(InvalidStatus, match="403"), socket_of(open_page):
+        pass
+    with (
+        pytest.raises(InvalidStatus, match="403"),
+        socket_of(open_page, Cookie=kept, Origin="http://elsewhere.example"),
+    ):
+        pass
+    with socket_of(open_page, Cookie=kept) as client:
+        assert client.recv(timeout=LONG)
+
+
+def test_this_machine_needs_no_token_and_gets_no_cookie(page):
+    status, headers, _ = ask(page)
+    assert status == 200
+    assert headers["Set-Cookie"] is None
+    assert ask(page, Host="elsewhere.example")[0] == 403
+
+
+def test_the_link_has_what_other_machines_need():
+    access = Access("0.0.0.0", TOKEN)
+    assert re.fullmatch(rf"http://[^/]+:8090/\?token={TOKEN}", page_link("0.0.0.0", 8090, access))
+    assert "0.0.0.0" not in page_link("0.0.0.0", 8090, access)
+    assert page_link("127.0.0.1", 8090, Access("127.0.0.1")) == "http://127.0.0.1:8090"
+    assert len(Access("0.0.0.0").token) > 20
+
+
+def test_an_address_of_another_machine_is_told():
+    with raises(OutputError, "address-unavailable", host="192.0.2.1"):
+        local_page(free_port(), "test", host="192.0.2.1")
+    with raises(OutputError, "address-unavailable", host="no such name"):
+        local_page(free_port(), "test", host="no such name")
+
+
+@pytest.mark.parametrize("path", ["/../../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/..\\..\\x",
+                                  "//etc/passwd", "/assets/../../../_viser.py"])  # fmt: skip
+def test_files_outside_of_the_page_are_not_served(page, path):
+    assert ask(page, path)[0] in (400, 404)
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"\xc1 garbage", "a text", b"", message("NoSuchMessage"), message("GuiUpdateMessage"),
+        message("GuiUpdateMessage", uuid=7, updates="no"), message("FileTransferPart"),
+        message("FileTransferStartUpload", source_component_uuid=[], transfer_uuid={}),
+        message("ShareUrlRequest"), b"\x81" * 100_000,
+        message("FileTransferPart", source_component_uuid="x", transfer_uuid="y", part_index=-1,
+                content=b"x"), b"x" * (51 * 2**20),
+    ],
+    ids=range(12),
+)  # fmt: skip
+def test_garbage_on_the_socket_ends_at_most_its_own_connection(page, sent):
+    with socket_of(page) as other:
+        assert other.recv(timeout=LONG)
+        with socket_of(page) as client:
+            try:
+                client.send(sent)
+                client.recv(timeout=0.2)
+            except (ConnectionClosed, TimeoutError):
+                pass  # either is well
+        other.ping().wait(LONG)
+    assert page._share_tunnel is None  # nobody opens a way to it from elsewhere
+    with socket_of(page) as client:
+        assert client.recv(timeout=LONG)
+
+
+def test_names_of_others_are_no_html():
+    for text in ("<script>alert(1)</script>", "<img src=x onerror=y>", "</p>", "<!-- x -->",
+                 "![x](/dev/zero)"):  # fmt: skip
+        plain = plain_markdown(f"## {text}")
+        assert not re.search(r"<[a-zA-Z/!?]|!\[", plain)
+        assert plain.replace("\u2060", "") == f"## {text}"
+    assert plain_markdown("2 < 3, **bold**, `a<b`!") == "2 < 3, **bold**, `a<\u2060b`!"
+
+
+def test_all_markdown_of_a_page_comes_by_there(page):
+    handle = page.gui.add_markdown("<b>one</b>")
+    assert "<b" not in handle._markdown
+    handle.content = "<b>two</b>![x](/dev/zero)"
+    assert "<b" not in handle._markdown
+    assert handle.content == "<b>two</b>![x](/dev/zero)"
+    handle.remove()
+
+
+@pytest.fixture(scope="module")
+def limited(page):
+    told = []
+    made = limit_uploads(page, lambda client, name, why: told.append((name, why)))
+    made.told = told
+    return made
+
+
+@pytest.fixture
+def upload(page, limited):
+    """A button, and what came by it."""
+    limited.told.clear()
+    button, came = page.gui.add_upload_button("x"), []
+    button.on_upload(lambda event: came.append(event.target.value))
+    yield button, came
+    button.remove()
+
+
+def announced(button, size, name="x.stl", uuid="one", parts=None):
+    count = -(-size // (512 * 1024)) if parts is None else parts
+    return message(
+        "FileTransferStartUpload", source_component_uuid=button._impl.uuid, transfer_uuid=uuid,
+        filename=name, mime_type="", part_count=count, size_bytes=size,
+    )  # fmt: skip
+
+
+def part(button, index, content, uuid="one"):
+    return message(
+        "FileTransferPart", source_component_uuid=button._impl.uuid, transfer_uuid=uuid,
+        part_index=index, content=content,
+    )  # fmt: skip
+
+
+def test_two_gigabytes_are_refused_before_a_byte_of_them_is_kept(page, limited, upload):
+    button, came = upload
+    with browser(page) as client:
+        client.send(announced(button, 2 * 2**30, "huge.stl"))
+        client.send(part(button, 0, b"x" * 512 * 1024))
+        until(lambda: limited.told)
+        client.ping().wait(LONG)
+        assert limited.told == [("huge.stl", "it has 2,048 MB, and 200 MB is the most")]
+        assert limited.kept == 0
+        # a file that is small enough still comes, on the same connection
+        client.send(announced(button, 3, "small.stl", "two"))
+        client.send(part(button, 0, b"abc", "two"))
+        until(lambda: came)
+    assert (came[0].name, came[0].content) == ("small.stl", b"abc")
+
+
+@pytest.mark.parametrize(("size", "parts"), [(10, 10**9), (-1, 0), (MOST, 1)])
+def test_announcements_that_lie_are_refused(page, limited, upload, size, parts):
+    button, _ = upload
+    with socket_of(page) as client:
+        client.send(announced(button, size, parts=parts))
+        until(lambda: limited.told)
+    assert "cannot be right" in limited.told[0][1]
+
+
+def test_a_file_that_grows_beyond_what_was_announced_is_dropped(page, limited, upload):
+    button, came = upload
+    with socket_of(page) as client:
+        client.send(announced(button, 600 * 1024))
+        client.send(part(button, 0, b"x" * 512 * 1024))
+        client.send(part(button, 1, b"x" * 512 * 1024))
+        until(lambda: limited.told)
+        assert limited.told == [("x.stl", "it is larger than was announced")]
+        assert limited.kept == 0
+    assert not came
+
+
+def test_parts_of_another_browser_are_not_taken(page, limited, upload):
+    button, came = upload
+    with browser(page) as one, browser(page) as other:
+        one.send(announced(button, 3))
+        until(lambda: limited._under_way)
+        other.send(part(button, 0, b"abc"))
+        other.ping().wait(LONG)
+        assert limited.kept == 0
+        one.send(part(button, 0, b"def"))
+        until(lambda: came)
+    assert came[0].content == b"def"
+
+
+def test_only_what_takes_files_is_given_any(page, limited, upload):
+    slider = page.gui.add_slider("x", 0, 10, 1, 5)
+    with browser(page) as client:
+        client.send(announced(slider, 3))
+        client.send(part(slider, 0, b"abc"))
+        client.ping().wait(LONG)
+    assert slider.value == 5
+    slider.remove()
+
+
+def test_a_browser_that_goes_on_sending_what_was_refused_is_cut_off(page, limited, upload):
+    button, came = upload
+
+    def send_all(client):
+        client.send(announced(button, 2 * 2**30))
+        for k in range(1000):
+            client.send(part(button, k, b"x" * 512 * 1024))
+
+    with browser(page) as client, pytest.raises(ConnectionClosed):
+        send_all(client)
+    with browser(page) as client:
+        client.send(announced(button, 3))
+        client.send(part(button, 0, b"abc"))
+        until(lambda: came)
+
+
+def test_few_uploads_are_under_way_at_once(page, limited, upload):
+    button, _ = upload
+    with socket_of(page) as client:
+        for k in range(6):
+            client.send(announced(button, 600 * 1024, uuid=f"u{k}"))
+        until(lambda: len(limited.told) == 2)
+        assert "uploads are under way" in limited.told[0][1]
+    until(lambda: not limited._under_way)  # gone with the browser
