@@ -1,2 +1,1 @@
-"""The device that is not there yet: cords, specimens and read-out boards that behave like real
-ones."""
+"""The digital twin: simulated cords, boards, cameras and hands, to work without hardware."""

@@ -1,14 +1,16 @@
-"""Cameras, tags and bodies for the tests of the twin's cameras."""
+"""Cameras, rotations and tags for tests of simulated cameras."""
 
 import numpy as np
 
 from defsense_fab.core.camera import Camera
 
-STRONG = (-0.35, 0.15, 0.004, -0.003, -0.02)
+STRONG_DISTORTION = (-0.35, 0.15, 0.004, -0.003, -0.02)
 
 
-def camera(eye, target=(0, 0, 0), focal=320.0, size=(320, 240), lens=STRONG, name="left"):
-    """A camera at a place (3,) mm that looks at another, z upwards in its images."""
+def camera(
+    eye, target=(0, 0, 0), focal=320.0, size=(320, 240), lens=STRONG_DISTORTION, name="left"
+):
+    """Return a camera at a point (3,) mm that looks at another one, with z up in its images."""
     eye, target = np.array(eye, float), np.array(target, float)
     ahead = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(ahead, [0, 0, 1.0])
@@ -19,7 +21,7 @@ def camera(eye, target=(0, 0, 0), focal=320.0, size=(320, 240), lens=STRONG, nam
 
 
 def turn(x=0.0, y=0.0, z=0.0):
-    """A rotation (3, 3) about the axes one after the other, radians."""
+    """Return a rotation (3, 3) about the axes x, y and z in this order, radians."""
     out = np.eye(3)
     for k, a in enumerate((x, y, z)):
         i, j = (k + 1) % 3, (k + 2) % 3
@@ -31,7 +33,7 @@ def turn(x=0.0, y=0.0, z=0.0):
 
 
 def tag(seed=0, cells=6):
-    """A pattern (cells, cells) with a black border."""
+    """Return a random pattern (cells, cells) with a black border."""
     rng = np.random.default_rng(seed)
     out = np.zeros((cells, cells), np.uint8)
     out[1:-1, 1:-1] = 255 * rng.integers(0, 2, (cells - 2, cells - 2))

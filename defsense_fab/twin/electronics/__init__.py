@@ -1,1 +1,1 @@
-"""The twin's cords and its read-out board."""
+"""Simulated cords and the read-out board that measures them."""

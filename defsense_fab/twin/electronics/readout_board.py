@@ -1,6 +1,7 @@
-"""The read-out board's twin: what the firmware would send, from simulated cords.
+"""Simulated read-out boards: the serial protocol of the firmware, and the converter alone.
 
-It takes the place of a serial port: the host's own code reads it and sends it commands.
+`ReadoutTwin` takes the place of a serial port: the host's own code reads it and sends it commands.
+`Converter` gives the same sums of conversions as arrays, for recordings that are simulated at once.
 """
 
 from __future__ import annotations
@@ -18,186 +19,260 @@ from ..scenes.assumptions import assume
 from .cords import DeviceCords, SpecimenTwin
 from .replayed_cords import ReplayedCords
 
-# What a read-out board's converter makes of resistances, without its wire: sums of conversions.
-
-#: Of a converter whose steps cannot be seen.
-_FINE = 500_000_000
+CONTINUOUS_FULL_SCALE = 500_000_000  # counts of a converter whose steps are negligible
+MAX_READ_WAIT_S = 0.02
+#: Largest arguments of the firmware's commands; 0 stands for the number of channels.
+COMMAND_LIMITS = {"rate": 500, "channels": 0, "average": 255, "led": 65535}
 
 
 @dataclass(frozen=True)
 class BoardTraits:
-    """The read-out board; its clock is `offset` + (1 + `drift`) times the cameras'."""
+    """Assumptions on the read-out board.
+
+    Attributes:
+        steps: Whether conversions are whole counts.
+        own_noise: Standard deviation of the noise of one conversion, counts.
+        rate: Sample rate, Hz.
+        offset: Offset of the board's clock from the cameras' clock, s.
+        drift: Relative drift of the board's clock.
+        sync_error: Standard deviation of the error of the clocks' synchronization, s.
+    """
 
     steps: bool = assume(
-        True, "quantisation", "", "conversions are whole counts",
-        "ATmega328P and ADS1115 (core/device/device.py, CONVERTERS)", off=False,
-    )  # fmt: skip
-    own_noise: float = assume(
-        0.5, "quantisation", "counts", "noise of a conversion, white, which evens out steps"
+        True,
+        "quantisation",
+        "",
+        "conversions are whole counts",
+        "ATmega328P and ADS1115 (core/device/device.py, CONVERTERS)",
+        off=False,
     )
-    rate: float = assume(60.0, "read-out board", "Hz", "samples", off=60.0)
-    offset: float = assume(0.35, "read-out board", "s", "its clock against the cameras'", off=0.35)
+    own_noise: float = assume(
+        0.5, "quantisation", "counts", "white noise of a conversion, which evens out steps"
+    )
+    rate: float = assume(60.0, "read-out board", "Hz", "sample rate", off=60.0)
+    offset: float = assume(
+        0.35, "read-out board", "s", "offset of its clock from the cameras' clock", off=0.35
+    )
     drift: float = assume(
-        60e-6, "read-out board", "1", "the same, relative: a ceramic resonator's order", off=60e-6
+        60e-6,
+        "read-out board",
+        "1",
+        "relative drift of its clock: the order of a ceramic resonator",
+        off=60e-6,
     )
     sync_error: float = assume(
-        0.003, "sync", "s", "by which the clocks' comparison is off, standard deviation; stated"
+        0.003,
+        "sync",
+        "s",
+        "standard deviation of the clocks' synchronization, reported to the decoder",
     )
 
 
 @dataclass(frozen=True)
 class Converter:
-    """`averages` conversions a sample, of `full_scale` counts, with dividers of `reference` (c,)
-    ohm."""
+    """An analog-to-digital converter behind voltage dividers.
+
+    Attributes:
+        full_scale: Counts at full scale.
+        averages: Conversions per sample.
+        reference: Reference resistances of the dividers (c,) ohm.
+    """
 
     full_scale: int
     averages: int
     reference: Float
 
     @classmethod
-    def of(cls, traits: BoardTraits, full_scale: int, averages: int, reference: Float) -> Converter:
-        """The board's, or one without steps."""
+    def from_traits(
+        cls, traits: BoardTraits, full_scale: int, averages: int, reference: Float
+    ) -> Converter:
+        """Return the converter of the board, or a continuous one if `traits.steps` is off."""
         if traits.steps:
             return cls(full_scale, averages, reference)
-        return cls(_FINE, 1, reference)
+        return cls(CONTINUOUS_FULL_SCALE, 1, reference)
 
-    def sums(self, ohm: Float, own_noise: float, rng: np.random.Generator) -> Int:
-        """(n, c) of resistances (n, c) ohm."""
+    def convert(self, ohm: Float, own_noise: float, rng: np.random.Generator) -> Int:
+        """Return the sums of conversions.
+
+        Args:
+            ohm: Resistances (n, c) ohm.
+            own_noise: Standard deviation of the noise of one conversion, counts.
+            rng: Random generator.
+
+        Returns:
+            Sums (n, c) of `averages` conversions.
+        """
         counts = Dividers(self.reference, self.full_scale).counts(ohm)
-        out = np.zeros(counts.shape, np.int64)
+        sums = np.zeros(counts.shape, np.int64)
         for _ in range(self.averages):
-            read = np.rint(counts + own_noise * rng.normal(size=counts.shape))
-            out += np.clip(read, 0, self.full_scale).astype(np.int64)
-        return out
+            conversion = np.rint(counts + own_noise * rng.normal(size=counts.shape))
+            sums += np.clip(conversion, 0, self.full_scale).astype(np.int64)
+        return sums
 
-    def resistances(self, sums: Int) -> Float:
-        """Ohm (n, c), as the host has them."""
+    def to_resistances(self, sums: Int) -> Float:
+        """Return the resistances (n, c) ohm that the host computes from sums (n, c)."""
         return Dividers(self.reference, self.full_scale).resistance(sums / self.averages)
 
 
-_WAIT = 0.02  # s that a read waits at most
-_WORDS = {"rate": 500, "channels": 0, "average": 255, "led": 65535}
-
-
 class ReadoutTwin:
-    """A read-out board with its dividers on the cords of a specimen or a device; `speed` times as
-    fast as real time. Its clock says `offset` + (1 + `drift`) times the seconds since it was
-    made."""
+    """A read-out board with simulated cords, which speaks the protocol of the firmware.
+
+    Args:
+        source: The cords of a specimen or of a device.
+        reference: Reference resistances of the dividers, ohm, one or per channel.
+        speed: Simulated seconds per second.
+        offset: Value of the board's clock at the start, s.
+        drift: Relative drift of the board's clock.
+        converter: Name of the converter, a key of `CONVERTERS`.
+
+    Attributes:
+        started_ns: Value of `time.monotonic_ns` at the start.
+        full_scale: Counts of the converter at full scale.
+    """
 
     full_scale = 1024
 
     def __init__(
-        self, specimen: SpecimenTwin | DeviceCords | ReplayedCords,
-        reference: float | Float = 2200.0, speed: float = 1.0, offset: float = 0.0,
-        drift: float = 0.0, converter: str = "arduino",
-    ) -> None:  # fmt: skip
-        self._specimen, self._speed = specimen, speed
+        self,
+        source: SpecimenTwin | DeviceCords | ReplayedCords,
+        reference: float | Float = 2200.0,
+        speed: float = 1.0,
+        offset: float = 0.0,
+        drift: float = 0.0,
+        converter: str = "arduino",
+    ) -> None:
+        self._source, self._speed = source, speed
         self._offset, self._drift = offset, drift
-        count = len(specimen.channels)
+        count = len(source.channels)
         self._converter = list(CONVERTERS).index(converter)
-        most, averages = CONVERTERS[converter]
-        if self._converter:  # the first one is the board's own, whose firmware tells 1024
-            self.full_scale = most
+        full_scale, averages = CONVERTERS[converter]
+        if self._converter:  # the board's own converter reports 1024
+            self.full_scale = full_scale
         self._dividers = Dividers(np.broadcast_to(reference, (count,)), self.full_scale)
-        self._about = {"channels": count, "average": averages, "rate": 50, "led": 1000}
-        self._most = count
-        self._framed, self._line, self._out = False, b"", b""
-        self.began_ns = time.monotonic_ns()
-        self._done, self._counter = 0.0, 0
+        self._settings = {"channels": count, "average": averages, "rate": 50, "led": 1000}
+        self._channel_count = count
+        self._is_framed, self._line, self._output = False, b"", b""
+        self.started_ns = time.monotonic_ns()
+        self._sampled_until, self._counter = 0.0, 0
 
-    def lay(self, radius: float | None, face: str) -> None:
-        """Lay the specimen on a jig, now."""
-        assert isinstance(self._specimen, SpecimenTwin)
+    def place(self, radius: float | None, face: str) -> None:
+        """Place the specimen on a jig now (see `SpecimenTwin.place`)."""
+        assert isinstance(self._source, SpecimenTwin)
         self._catch_up()
-        before = self._specimen.cords.now
-        self._specimen.lay(radius, face)
-        self._done += self._specimen.cords.now - before  # nobody looks while hands are on it
+        before = self._source.cords.time
+        self._source.place(radius, face)
+        # Nothing is sampled while the specimen is being placed.
+        self._sampled_until += self._source.cords.time - before
 
-    def lit(self, seconds: float) -> bool:
-        """Whether its LED is on, so many s after it was made."""
-        led = self._about["led"]
-        return bool(led and int(self._clock(seconds) * 1000 / led) % 2)
+    def is_led_on(self, seconds: float) -> bool:
+        """Return whether the LED is on at a time since the start, s."""
+        period_ms = self._settings["led"]
+        return bool(period_ms and int(self._clock(seconds) * 1000 / period_ms) % 2)
 
     def _clock(self, seconds: float) -> float:
         return self._offset + (1 + self._drift) * seconds
 
     @property
     def in_waiting(self) -> int:
+        """Number of bytes that can be read now."""
         self._catch_up()
-        return len(self._out)
+        return len(self._output)
 
     def read(self, size: int) -> bytes:
+        """Return up to `size` bytes; wait shortly for the next sample if there are none."""
         self._catch_up()
-        if not self._out:
-            passed = (time.monotonic_ns() - self.began_ns) / 1e9
-            due = (self._done + 1 / self._about["rate"]) / self._speed - passed
-            time.sleep(min(max(due, 0.0), _WAIT))
+        if not self._output:
+            elapsed = (time.monotonic_ns() - self.started_ns) / 1e9
+            next_sample = (self._sampled_until + 1 / self._settings["rate"]) / self._speed
+            time.sleep(min(max(next_sample - elapsed, 0.0), MAX_READ_WAIT_S))
             self._catch_up()
-        out, self._out = self._out[:size], self._out[size:]
-        return out
+        data, self._output = self._output[:size], self._output[size:]
+        return data
 
     def write(self, data: bytes) -> int:
+        """Receive commands, as the firmware does; return the number of bytes."""
         *lines, self._line = (self._line + data).replace(b"\r", b"\n").split(b"\n")
         for line in filter(None, lines):
-            self._obey(line.decode("ascii", "replace"))
+            self._execute(line.decode("ascii", "replace"))
         return len(data)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: there are no resources to release."""
 
-    def _obey(self, line: str) -> None:
-        word, _, number = line.partition(" ")
-        if word in _WORDS:
-            most = _WORDS[word] or self._most
-            if not (
-                number.isdigit() and (word == "led" or int(number) > 0) and int(number) <= most
-            ):
-                self._say(Text(f"{word} takes 1 to {most}"))
+    def _execute(self, line: str) -> None:
+        command, _, argument = line.partition(" ")
+        if command in COMMAND_LIMITS:
+            limit = COMMAND_LIMITS[command] or self._channel_count
+            is_number = argument.isdigit() and (command == "led" or int(argument) > 0)
+            if not (is_number and int(argument) <= limit):
+                self._send(Text(f"{command} takes 1 to {limit}"))
                 return
-            self._about[word] = int(number)
+            self._settings[command] = int(argument)
         elif line in ("frames", "plain"):
-            self._framed = line == "frames"
-            self._out += b"\0" if self._framed else b"\r\n"
+            self._is_framed = line == "frames"
+            self._output += b"\0" if self._is_framed else b"\r\n"
         elif line != "version":
-            self._say(Text("unknown command, try help"))
+            self._send(Text("unknown command, try help"))
             return
-        a = self._about
-        self._say(
-            Info(PROTOCOL, (1, 0), self._converter, a["channels"], a["average"], a["rate"],
-                 a["led"], self._most, self.full_scale)
-        )  # fmt: skip
+        s = self._settings
+        self._send(
+            Info(
+                PROTOCOL,
+                (1, 0),
+                self._converter,
+                s["channels"],
+                s["average"],
+                s["rate"],
+                s["led"],
+                self._channel_count,
+                self.full_scale,
+            )
+        )
 
-    def _say(self, message: Message) -> None:
-        self._out += encode(message) if self._framed else f"# {message}\r\n".encode()
+    def _send(self, message: Message) -> None:
+        self._output += encode(message) if self._is_framed else f"# {message}\r\n".encode()
 
     def _catch_up(self) -> None:
-        """Samples up to now; of a long pause only the last second."""
-        now = (time.monotonic_ns() - self.began_ns) / 1e9 * self._speed
-        step = 1 / self._about["rate"]
-        while self._done + step <= now:
-            behind = int((now - self._done) / step)
-            if behind > self._about["rate"] * max(self._speed, 1):
-                self._counter += behind - 1
-                self._done += (behind - 1) * step
-            if not isinstance(self._specimen, SpecimenTwin):
-                self._specimen.now = self._done  # a device has moved on while nobody read
-            _, ohm = self._specimen.cords.hold(step, 1 / step)
-            self._done += step
-            counts = self._dividers.counts(ohm[0])[: self._about["channels"]]
-            if self._converter:  # its range ends below the supply's voltage
-                counts = np.minimum(counts, MOST_COUNT)
-            sums = np.round(counts * self._about["average"]).astype(int)
-            if self._framed:
-                # As the firmware has it: the time of the middle of the conversions, and the LED as
-                # it was at their beginning.
-                half = conversion_time(self._converter, len(sums), self._about["average"]) / 2
-                micros = int(self._clock(self._done) * 1e6) % (1 << 32)
-                sample = Sample(
-                    self._counter % (1 << 32), micros, self.lit(self._done - half), False,
-                    self._about["average"], tuple(int(s) for s in sums),
-                )  # fmt: skip
-                self._out += encode(sample)
-            else:
-                shown = (f"A{i}:{c:.2f}" for i, c in enumerate(sums / self._about["average"]))
-                self._out += (",".join(shown) + "\r\n").encode()
-            self._counter += 1
+        """Produce the samples up to now; after a long pause, only those of the last second."""
+        now = (time.monotonic_ns() - self.started_ns) / 1e9 * self._speed
+        rate = self._settings["rate"]
+        step = 1 / rate
+        while self._sampled_until + step <= now:
+            missed = int((now - self._sampled_until) / step)
+            if missed > rate * max(self._speed, 1):
+                self._counter += missed - 1
+                self._sampled_until += (missed - 1) * step
+            self._sample(step)
+
+    def _sample(self, step: float) -> None:
+        """Produce the next sample, `step` s after the last one."""
+        source = self._source
+        if isinstance(source, SpecimenTwin):
+            _, ohm = source.cords.measure(step, 1 / step)
+        else:
+            source.time = self._sampled_until  # the device moves on while nothing is read
+            _, ohm = source.measure(step, 1 / step)
+        self._sampled_until += step
+        averages = self._settings["average"]
+        counts = self._dividers.counts(ohm[0])[: self._settings["channels"]]
+        if self._converter:  # its range ends below the supply voltage
+            counts = np.minimum(counts, MOST_COUNT)
+        sums = np.round(counts * averages).astype(int)
+        if self._is_framed:
+            # Like the firmware: the time of the middle of the conversions, and the state of the
+            # LED at their start.
+            half = conversion_time(self._converter, len(sums), averages) / 2
+            micros = int(self._clock(self._sampled_until) * 1e6) % (1 << 32)
+            sample = Sample(
+                self._counter % (1 << 32),
+                micros,
+                self.is_led_on(self._sampled_until - half),
+                False,
+                averages,
+                tuple(int(s) for s in sums),
+            )
+            self._output += encode(sample)
+        else:
+            values = (f"A{i}:{c:.2f}" for i, c in enumerate(sums / averages))
+            self._output += (",".join(values) + "\r\n").encode()
+        self._counter += 1

@@ -1,1 +1,1 @@
-"""The twin's cameras: pictures and films of a scene, with the truth about them."""
+"""Simulated cameras: kinds of cameras, and the images that they take of a scene."""

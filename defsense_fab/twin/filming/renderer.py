@@ -1,9 +1,9 @@
-"""The twin's cameras: pictures of a scene whose every pixel is an area, with their truth.
+"""Images of a scene, with exact pixel areas and the true positions of its patches.
 
-Outlines are projected by the camera's own model, in pieces so short that what remains of the lens's
-bending is under a thousandth of a pixel, and filled exactly (`raster.py`); a box pixel, the lens's
-blur, vignetting, noise, eight bits, and what a camera does to them, follow. Occlusion by the
-body goes by pixel centres.
+Outlines are projected with the camera's own model, in pieces so short that the lens bends them by
+less than a thousandth of a pixel, and are filled exactly (`raster.py`). Box pixels, the lens's
+blur, vignetting, noise, eight bits and the camera's image processing follow. Occlusion by the body
+is decided at pixel centers.
 """
 
 from __future__ import annotations
@@ -20,35 +20,32 @@ from ...core.arrays import Float
 from ...core.camera import Camera
 from ...core.errors import CaptureError
 from ..scenes.scene import Backdrop, Scene
-from .camera_optics import Optics, plane_of_pixels, project, reach_of_lens
+from .camera_optics import Optics, defocus_kernel, lens_reach, pixel_gain, pixel_rays, row_light
 from .raster import develop, fill_depth, paint
-from .render_primitives import Box, RenderPrimitive, box_of, grown, render_primitives, union
+from .render_primitives import (
+    EMPTY_BOX,
+    Box,
+    Canvas,
+    RenderPrimitive,
+    bounding_box,
+    grow,
+    render_primitives,
+    union,
+)
 
-# What is behind everything: a wall with a gradient and blotches, out of focus, at rest.
-
-
-def wall(backdrop: Backdrop, camera: Camera, pad: int) -> NDArray[np.float32]:
-    """Grey levels (h + 2 pad, w + 2 pad) of the image and `pad` px around it."""
-    width, height = camera.size
-    x, y = ((np.arange(-pad, n + pad) / n - 0.5).astype(np.float32) for n in camera.size)
-    out = backdrop.level + backdrop.slope[0] * x + backdrop.slope[1] * y[:, None]
-    if backdrop.texture:
-        rng = np.random.default_rng([backdrop.seed, zlib.crc32(camera.name.encode())])
-        shape = [2 + n // backdrop.grain for n in (height, width)]
-        coarse = rng.normal(0, backdrop.texture, shape).astype(np.float32)
-        out += cv2.resize(coarse, (len(x), len(y)), interpolation=cv2.INTER_CUBIC)
-    return np.ascontiguousarray(np.clip(out, 0, 255), np.float32)
-
-
-_FLICKER, _WANDERS = 100.0, 7.0  # Hz of lamps at 50 Hz; s, period of the automatic exposure
-_SPARE = 1 << 18  # values in the bank of noise beyond those of a picture
+SPARE_NOISE = 1 << 18  # values in the bank of noise beyond those of one image
 
 
 @dataclass(frozen=True)
 class RenderedImage:
-    """`image` (h, w) uint8 and the truth about the scene's m patches: the part (m,) of each,
-    without its margin, that is in the picture, and its `corners` (m, 4, 2) px, NaN behind the
-    camera and where the model of the lens has ended."""
+    """An image of a scene of m patches, and the truth about them.
+
+    Attributes:
+        image: Grey levels (h, w) uint8.
+        visible: Share (m,) of each patch, without its margin, that is visible.
+        corners: Corners (m, 4, 2) px of the patches; NaN behind the camera and beyond the reach of
+            its lens.
+    """
 
     image: NDArray[np.uint8]
     visible: Float
@@ -58,41 +55,59 @@ class RenderedImage:
 def render(
     camera: Camera, scene: Scene, optics: Optics, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
-    """The image (h, w) of a scene that stands still."""
+    """Return the image (h, w) of a scene at rest."""
     return Renderer(camera, optics, rng).shoot(scene).image
 
 
 class Renderer:
-    """Takes pictures with one camera; keeps what does not change between them."""
+    """Renders images of one camera; it caches what does not change between images.
+
+    Args:
+        camera: The camera.
+        optics: Lens, shutter and sensor of the camera.
+        rng: Random generator of the noise.
+    """
 
     def __init__(self, camera: Camera, optics: Optics, rng: np.random.Generator) -> None:
         self.camera, self.optics, self._rng = camera, optics, rng
         width, height = camera.size
-        self._pad = 1 + int(np.ceil(3 * optics.blur + optics.focus))
-        self._kernel = _point_spread(optics, self._pad) if optics.focus else None
-        self._size = (width + 2 * self._pad, height + 2 * self._pad)
-        self._inner = np.array([self._pad, self._pad, self._pad + width, self._pad + height])
-        self._rays = plane_of_pixels(camera, self._pad)
-        self._limit = reach_of_lens(camera)
-        self._gain = _gain(camera.size, optics)
-        silent = optics.read == 0 and optics.shot == 0
-        count = width * height + (1 if silent else _SPARE)
+        pad = 1 + int(np.ceil(3 * optics.blur + optics.defocus_radius))
+        self._kernel = defocus_kernel(optics, pad) if optics.defocus_radius else None
+        size = (width + 2 * pad, height + 2 * pad)
+        self._canvas = Canvas(camera, lens_reach(camera), pad, size)
+        self._inner = np.array([pad, pad, pad + width, pad + height])
+        self._rays = pixel_rays(camera, pad)
+        self._gain = pixel_gain(camera.size, optics)
+        is_silent = optics.read_noise == 0 and optics.shot_noise == 0
+        count = width * height + (1 if is_silent else SPARE_NOISE)
         self._noise = np.zeros(count, np.float32)
-        if not silent:
+        if not is_silent:
             rng.standard_normal(dtype=np.float32, out=self._noise)
-        shape = self._size[::-1]
+        shape = size[::-1]
         self._depth = np.full(shape, np.inf, np.float32)
-        self._seen, self._left = np.zeros(shape, np.float32), np.ones(shape, np.float32)
+        self._light, self._uncovered = np.zeros(shape, np.float32), np.ones(shape, np.float32)
         self._backdrop: Backdrop | None = None
         self._ground = np.zeros(shape, np.float32)
         self._wall = self._sharp = self._soft = self._ground
-        self._last: Box = (0, 0, 0, 0)
+        self._last_box: Box = EMPTY_BOX
 
     def shoot(
         self, middle: Scene, instants: Sequence[Scene] = (), time: float = 0.0
     ) -> RenderedImage:
-        """A picture of a scene at a `time`, s; of what moves in it, as it is at `instants` of the
-        exposure (see `exposure.py`): body and corners are those in the middle."""
+        """Render an image.
+
+        Args:
+            middle: The scene in the middle of the exposure; the body and the true corners are
+                taken from it.
+            instants: The scene at instants of the exposure (see `expose`), for what moves.
+            time: Middle of the exposure, s.
+
+        Returns:
+            The image and the truth about the patches.
+
+        Raises:
+            CaptureError: The instants have different numbers of patches (`patches-differ`).
+        """
         instants = instants or [middle]
         if any(len(s.patches) != len(middle.patches) for s in instants):
             raise CaptureError(
@@ -100,69 +115,84 @@ class Renderer:
                 code="patches-differ",
                 where=f"camera {self.camera.name}",
             )
-        self._hang(middle.backdrop)
-        drawn = [
-            render_primitives(s, self.camera, self._limit, self._pad, self._size) for s in instants
-        ]
-        points, pixels, outline = self._body(middle)
-        box = union([outline, *(t.box for d in drawn for t in d)])
-        view = _view(box)
+        self._set_backdrop(middle.backdrop)
+        frames = [render_primitives(s, self._canvas) for s in instants]
+        points, pixels, outline = self._project_body(middle)
+        box = union([outline, *(p.box for frame in frames for p in frame)])
+        view = _slices(box)
         self._depth[view], self._ground[view] = np.inf, self._wall[view]
         if middle.body is not None:
             fill_depth(
-                pixels, middle.body.faces, points, middle.skin, middle.shade, box, self._depth,
+                pixels,
+                middle.body.faces,
+                points,
+                middle.skin,
+                middle.shade,
+                box,
+                self._depth,
                 self._ground,
-            )  # fmt: skip
+            )
         light = np.zeros((box[3] - box[1], box[2] - box[0]), np.float32)
         visible = np.zeros(len(middle.patches))
-        for d in drawn:
-            self._seen[view], self._left[view] = 0, 1
-            for thing in d:
-                area = self._paint(thing, middle.slack)
-                if thing.patch >= 0:
-                    visible[thing.patch] += area / max(thing.area, 1e-9) / len(drawn)
-            light += self._seen[view] + self._left[view] * self._ground[view]
-        self._blur(light / np.float32(len(drawn)), box)
+        for frame in frames:
+            self._light[view], self._uncovered[view] = 0, 1
+            for primitive in frame:
+                area = self._paint(primitive, middle.slack)
+                if primitive.patch >= 0:
+                    visible[primitive.patch] += area / max(primitive.area, 1e-9) / len(frames)
+            light += self._light[view] + self._uncovered[view] * self._ground[view]
+        self._update_blurred(light / np.float32(len(frames)), box)
         corners = np.array([p.corners for p in middle.patches]).reshape(-1, 4, 3)
-        shown = project(self.camera, self.camera.to_camera(corners), self._limit)
-        return RenderedImage(self._develop(time), np.clip(visible, 0, 1), shown)
+        true_corners = self._canvas.project(self.camera.to_camera(corners))
+        return RenderedImage(self._develop(time), np.clip(visible, 0, 1), true_corners)
 
-    def _hang(self, backdrop: Backdrop) -> None:
+    def _set_backdrop(self, backdrop: Backdrop) -> None:
         if backdrop != self._backdrop:
-            self._backdrop, self._last = backdrop, (0, 0, 0, 0)
-            self._wall = wall(backdrop, self.camera, self._pad)
+            self._backdrop, self._last_box = backdrop, EMPTY_BOX
+            self._wall = _render_wall(backdrop, self.camera, self._canvas.pad)
             self._sharp = self._wall.copy()
-            self._soft = self._blurred(self._wall)
+            self._soft = self._blur(self._wall)
 
-    def _body(self, scene: Scene) -> tuple[Float, Float, Box]:
-        """Its vertices (n, 3) mm in the camera's frame, (n, 2) px of the canvas, and their box."""
+    def _project_body(self, scene: Scene) -> tuple[Float, Float, Box]:
+        """Return vertices (n, 3) mm in the camera's frame, (n, 2) px of the canvas, and a box."""
         if scene.body is None:
-            return np.empty((0, 3)), np.empty((0, 2)), (0, 0, 0, 0)
+            return np.empty((0, 3)), np.empty((0, 2)), EMPTY_BOX
         points = self.camera.to_camera(scene.body.vertices)
-        pixels = project(self.camera, points, self._limit) + self._pad
-        return points, pixels, box_of(pixels, self._size)
+        pixels = self._canvas.project(points) + self._canvas.pad
+        return points, pixels, bounding_box(pixels, self._canvas.size)
 
-    def _paint(self, thing: RenderPrimitive, slack: float) -> float:
+    def _paint(self, primitive: RenderPrimitive, slack: float) -> float:
+        """Paint a primitive behind what is painted already; return its visible area, px."""
         return float(
             paint(
-                thing.edges, thing.weights, thing.plane, thing.scale, np.array(thing.box),
-                self._rays, self._depth, slack if thing.patch >= 0 else 0.0, self._inner,
-                self._seen, self._left,
+                primitive.edges,
+                primitive.weights,
+                primitive.plane,
+                primitive.scale,
+                np.array(primitive.box),
+                self._rays,
+                self._depth,
+                slack if primitive.patch >= 0 else 0.0,
+                self._inner,
+                self._light,
+                self._uncovered,
             )
-        )  # fmt: skip
+        )
 
-    def _blur(self, light: NDArray[np.float32], box: Box) -> None:
-        """Put what was drawn into the picture, in place of what was drawn last."""
-        self._sharp[_view(self._last)] = self._wall[_view(self._last)]
-        self._sharp[_view(box)] = light
-        near = grown(union([box, self._last]), self._pad, self._size)
-        wide = grown(near, self._pad, self._size)
-        x, y = near[0] - wide[0], near[1] - wide[1]
-        soft = self._blurred(self._sharp[_view(wide)])
-        self._soft[_view(near)] = soft[y : y + near[3] - near[1], x : x + near[2] - near[0]]
-        self._last = box
+    def _update_blurred(self, light: NDArray[np.float32], box: Box) -> None:
+        """Replace what was drawn in the last image, and blur the parts that changed."""
+        self._sharp[_slices(self._last_box)] = self._wall[_slices(self._last_box)]
+        self._sharp[_slices(box)] = light
+        pad, size = self._canvas.pad, self._canvas.size
+        changed = grow(union([box, self._last_box]), pad, size)
+        source = grow(changed, pad, size)
+        x, y = changed[0] - source[0], changed[1] - source[1]
+        soft = self._blur(self._sharp[_slices(source)])
+        height, width = changed[3] - changed[1], changed[2] - changed[0]
+        self._soft[_slices(changed)] = soft[y : y + height, x : x + width]
+        self._last_box = box
 
-    def _blurred(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _blur(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
         if light.size == 0:
             return light.copy()
         if self._kernel is not None:
@@ -170,54 +200,46 @@ class Renderer:
             return np.asarray(soft, np.float32)
         if self.optics.blur == 0:
             return light.copy()
-        size, sigma = 2 * self._pad - 1, self.optics.blur
+        size, sigma = 2 * self._canvas.pad - 1, self.optics.blur
         soft = cv2.GaussianBlur(light, (size, size), sigma, borderType=cv2.BORDER_REPLICATE)
         return np.asarray(soft, np.float32)
 
     def _develop(self, time: float) -> NDArray[np.uint8]:
+        """Return the grey levels (h, w) with gain, noise and image processing."""
         width, height = self.camera.size
-        out = np.empty((height, width), np.uint8)
+        image = np.empty((height, width), np.uint8)
         start = int(self._rng.integers(len(self._noise) - width * height))
         sign = float(self._rng.choice([-1.0, 1.0]))
         o = self.optics
         gain = self._gain
-        if o.flicker or o.wander:
-            gain = gain * _lamps(o, time, height)[:, None]
-        develop(self._soft, self._pad, gain, o.read, o.shot, self._noise, start, sign, out)
-        return out if o.processing is None else o.processing.run(out)
+        if o.flicker or o.gain_wander:
+            gain = gain * row_light(o, time, height)[:, None]
+        develop(
+            self._soft,
+            self._canvas.pad,
+            gain,
+            o.read_noise,
+            o.shot_noise,
+            self._noise,
+            start,
+            sign,
+            image,
+        )
+        return image if o.processing is None else o.processing.run(image)
 
 
-def _view(box: Box) -> tuple[slice, slice]:
+def _slices(box: Box) -> tuple[slice, slice]:
     return slice(box[1], box[3]), slice(box[0], box[2])
 
 
-def _gain(size: tuple[int, int], optics: Optics) -> NDArray[np.float32]:
-    x, y = (np.linspace(-1, 1, n, dtype=np.float32) for n in size)
-    lost = optics.vignetting * (x * x + y[:, None] * y[:, None]) / 2
-    gain = optics.gain * (1 - lost) * (1 - optics.slant * (1 + x) / 2)
-    if optics.processing is not None:
-        gain = gain * optics.processing.tiles(size)
-    return np.asarray(gain, np.float32)
-
-
-def _lamps(optics: Optics, time: float, rows: int) -> NDArray[np.float32]:
-    """How much of the light each row (h,) gets."""
-    at = time + optics.rolling * (np.arange(rows) / rows - 0.5)
-    # A shutter that is open for whole periods of the lamps does not see them flicker.
-    seen = optics.flicker * np.sinc(_FLICKER * optics.exposure)
-    lamps = 1 + seen * np.sin(2 * np.pi * _FLICKER * at)
-    lamps = lamps * (1 + optics.wander * np.sin(2 * np.pi * time / _WANDERS))
-    return np.asarray(lamps, np.float32)
-
-
-def _point_spread(optics: Optics, reach: int) -> NDArray[np.float32]:
-    """Of a lens out of focus (2 reach + 1, 2 reach + 1): a disc, softened by the rest of its
-    blur."""
-    fine = 8
-    n = (2 * reach + 1) * fine
-    at = (np.arange(n) - (n - 1) / 2) / fine
-    disc = (np.hypot(at, at[:, None]) <= optics.focus).astype(np.float32)
-    if optics.blur:
-        disc = cv2.GaussianBlur(disc, (0, 0), optics.blur * fine)
-    kernel = cv2.resize(disc, (2 * reach + 1, 2 * reach + 1), interpolation=cv2.INTER_AREA)
-    return np.asarray(kernel / kernel.sum(), np.float32)
+def _render_wall(backdrop: Backdrop, camera: Camera, pad: int) -> NDArray[np.float32]:
+    """Return the grey levels (h + 2 pad, w + 2 pad) of the background, which is out of focus."""
+    width, height = camera.size
+    x, y = ((np.arange(-pad, n + pad) / n - 0.5).astype(np.float32) for n in camera.size)
+    levels = backdrop.level + backdrop.slope[0] * x + backdrop.slope[1] * y[:, None]
+    if backdrop.texture:
+        rng = np.random.default_rng([backdrop.seed, zlib.crc32(camera.name.encode())])
+        shape = [2 + n // backdrop.grain for n in (height, width)]
+        coarse = rng.normal(0, backdrop.texture, shape).astype(np.float32)
+        levels += cv2.resize(coarse, (len(x), len(y)), interpolation=cv2.INTER_CUBIC)
+    return np.ascontiguousarray(np.clip(levels, 0, 255), np.float32)

@@ -1,1 +1,1 @@
-"""What stands before the twin's cameras: printed tags on a device that moves."""
+"""Scenes before the cameras of the twin: a device that moves, its printed tags, and assumptions."""

@@ -1,7 +1,7 @@
-"""What a twin takes for granted: each number beside its unit, its meaning and where it is from.
+"""Records of assumed numbers: each field carries its unit, its meaning and its source.
 
-A record's fields are made by `assume`. Each belongs to a *trait*, by whose name all its numbers
-are set to what they are disable_traits it (`disable_traits`).
+Fields are declared with `assume`. Every field belongs to a *trait* of the twin, such as
+`hysteresis`, and `disable_traits` sets all fields of a trait to the values that remove its effect.
 """
 
 from __future__ import annotations
@@ -17,7 +17,16 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Assumption:
-    """A number `value` of a `trait`, in words and units, and its source."""
+    """One assumed number.
+
+    Attributes:
+        trait: The trait of the twin that the number belongs to.
+        name: The name of the field.
+        value: The number.
+        unit: Its unit; `"1"` for a ratio.
+        meaning: What the number is.
+        source: Where it comes from, or `ASSUMED`.
+    """
 
     trait: str
     name: str
@@ -30,28 +39,52 @@ class Assumption:
 def assume(
     default: Any, trait: str, unit: str, meaning: str, source: str = ASSUMED, *, off: Any = 0.0
 ) -> Any:
-    """A dataclass's field; `off` is its value where the trait is switched off."""
-    told = {"trait": trait, "unit": unit, "meaning": meaning, "source": source, "off": off}
-    return field(default=default, metadata=told)
+    """Declare a dataclass field that holds an assumed number.
+
+    Args:
+        default: The assumed value.
+        trait: The trait of the twin that the number belongs to.
+        unit: Its unit; `"1"` for a ratio.
+        meaning: What the number is.
+        source: Where it comes from.
+        off: The value of the field when its trait is disabled.
+
+    Returns:
+        The field of the dataclass.
+    """
+    metadata = {"trait": trait, "unit": unit, "meaning": meaning, "source": source, "off": off}
+    return field(default=default, metadata=metadata)
 
 
 def list_assumptions(record: Any) -> list[Assumption]:
-    """Those of a record, in the order of its fields."""
+    """Return the assumptions of a record, in the order of its fields."""
     return [
         Assumption(
-            f.metadata["trait"], f.name, getattr(record, f.name), f.metadata["unit"],
-            f.metadata["meaning"], f.metadata["source"],
+            trait=f.metadata["trait"],
+            name=f.name,
+            value=getattr(record, f.name),
+            unit=f.metadata["unit"],
+            meaning=f.metadata["meaning"],
+            source=f.metadata["source"],
         )
         for f in fields(record)
         if f.metadata
-    ]  # fmt: skip
+    ]
 
 
 def disable_traits(record: T, traits: Collection[str]) -> T:
-    """The record with these traits switched off; names of none of its own are left aside."""
-    off = {
+    """Return the record with traits disabled.
+
+    Args:
+        record: A dataclass whose fields were declared with `assume`.
+        traits: Names of traits; names that the record does not have are ignored.
+
+    Returns:
+        A copy in which the fields of these traits have their `off` values.
+    """
+    values = {
         f.name: f.metadata["off"]
         for f in fields(record)  # type: ignore[arg-type]
         if f.metadata.get("trait") in traits
     }
-    return replace(record, **off)  # type: ignore[type-var]
+    return replace(record, **values)  # type: ignore[type-var]

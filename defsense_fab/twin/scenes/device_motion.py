@@ -1,4 +1,4 @@
-"""How a device is moved: smoothly interpolate_keys its poses and mixtures of them, held by a hand."""
+"""Motions of a device: smooth paths through its poses, poses on demand, and the sway of a hand."""
 
 from __future__ import annotations
 
@@ -15,78 +15,26 @@ from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 from .device_twin import RigidMotion
 
-# The hands that move a device's twin: told which pose to show, they show it.
-
 REST, FREE = "rest", "free"
-_CYCLE = 4.0  # s, for a pose from rest to full and back
-_REACT = 0.4  # s, until hands move, and by which they are back before the time is over
-
-
-@dataclass(frozen=True)
-class _Show:
-    start: float
-    end: float
-    name: str
-    reach: float
-    motion: Motion | None
-
-
-class PosePlayer:
-    """Levels of poses by time, s; each show begins and ends at rest."""
-
-    def __init__(self, ramps: Sequence[Ramp], seed: int = 0) -> None:
-        self._ramps, self._rng = tuple(ramps), np.random.default_rng(seed)
-        self._names = [r.name for r in ramps]
-        self._shows: list[_Show] = []
-        self._lock = threading.Lock()
-
-    def perform(self, name: str, start: float, seconds: float) -> None:
-        """Show a pose, `rest`, or a `free` mixture of them, for so long from `start`, s."""
-        first, last = start + _REACT, start + max(seconds - _REACT, 2 * _REACT)
-        motion = None
-        if name == FREE:
-            motion = draw_motion(self._ramps, last - first, self._rng, pace=0.9, pause=0.2)
-        with self._lock:
-            self._shows.append(_Show(first, last, name, self._rng.uniform(0.9, 1.0), motion))
-
-    def levels(self, time: float) -> Mapping[str, float]:
-        """Of each pose, 0 to 1."""
-        with self._lock:
-            show = next((s for s in reversed(self._shows) if s.start <= time < s.end), None)
-        out = dict.fromkeys(self._names, 0.0)
-        if show is None or show.name == REST:
-            return out
-        into, left = time - show.start, show.end - time
-        if show.motion is not None:
-            found = show.motion.levels(into)
-            near = min(1.0, left / 0.8)  # back to rest at the end
-            calm = near * near * (3 - 2 * near)
-            return {n: float(v) * calm for n, v in zip(self._names, found, strict=True)}
-        if show.name in out:
-            cycles = max(1, round((show.end - show.start) / _CYCLE))
-            phase = np.pi * cycles * into / (show.end - show.start)
-            out[show.name] = show.reach * float(np.sin(phase)) ** 2
-        return out
-
-    def weights(self, time: float) -> Float:
-        """Of the simulated states (s,)."""
-        size = 1 + max((int(r.states.max()) for r in self._ramps), default=-1)
-        out = np.zeros(size)
-        levels = self.levels(time)
-        for ramp in self._ramps:
-            level = levels[ramp.name]
-            if level:
-                out[ramp.states] += ramp.weights(np.array(level))
-        return out
-
-
-_WAVES = 3
+SWAY_WAVES = 3  # sines that are added up
+CYCLE_S = 4.0  # of a pose from rest to full and back
+REACTION_S = 0.4  # until the hand moves; it is back at rest by as much before the end
+RETURN_S = 0.8  # in which free motion fades to rest at the end
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """A pose that was simulated at `levels` (k,), increasing and above 0, of its full extent, in
-    the `states` (k,); at level 0 the device is at rest."""
+    """A pose that was simulated at several levels of its full extent.
+
+    Attributes:
+        name: Name of the pose.
+        levels: Levels (k,), increasing and above 0; at level 0 the device is at rest.
+        states: Index of the simulated state at each level (k,).
+
+    Raises:
+        CaptureError: The sizes differ (`ramp-sizes-differ`), or the levels do not increase
+            (`levels-not-increasing`).
+    """
 
     name: str
     levels: Float
@@ -108,7 +56,7 @@ class Ramp:
             )
 
     def weights(self, level: Float) -> Float:
-        """Those (..., k) of its states at levels (...): a smooth path interpolate_keys all of them."""
+        """Return the weights (..., k) of the states at levels (...), on a smooth path."""
         return np.asarray(self._path(np.clip(level, 0, self.levels[-1]))[..., 1:])
 
     @cached_property
@@ -118,8 +66,19 @@ class Ramp:
 
 
 def interpolate_keys(times: Float, keys: Float, time: float | Float) -> Float:
-    """Values (..., r) at times (...) s of a path interpolate_keys `keys` (q, r) at `times` (q,) s, smooth
-    (the fifth degree, with neither speed nor acceleration at the keys); still before and after."""
+    """Interpolate a path through key values that stops at every key.
+
+    Between keys the path is a polynomial of the fifth degree, with neither speed nor acceleration
+    at the keys. Before the first and after the last key it does not move.
+
+    Args:
+        times: Times of the keys (q,) s, increasing.
+        keys: Values at the keys (q, r).
+        time: Times (...) s at which the path is evaluated.
+
+    Returns:
+        Values (..., r).
+    """
     t = np.clip(time, times[0], times[-1])
     i = np.clip(np.searchsorted(times, t, "right") - 1, 0, max(len(times) - 2, 0))
     j = np.minimum(i + 1, len(times) - 1)
@@ -131,7 +90,17 @@ def interpolate_keys(times: Float, keys: Float, time: float | Float) -> Float:
 
 @dataclass(frozen=True)
 class Motion:
-    """Goes interpolate_keys the levels `keys` (q, r) of the ramps at `times` (q,) s, as `interpolate_keys` does."""
+    """A motion through levels of poses.
+
+    Attributes:
+        ramps: The r poses.
+        times: Times of the keys (q,) s, increasing.
+        keys: Levels of the poses at the keys (q, r), at least 0.
+
+    Raises:
+        CaptureError: The sizes differ (`motion-sizes-differ`), or times or levels are invalid
+            (`motion-not-increasing`).
+    """
 
     ramps: tuple[Ramp, ...]
     times: Float
@@ -153,42 +122,25 @@ class Motion:
             )
 
     @property
-    def states(self) -> int:
-        """How many states the ramps name."""
-        return 1 + max((int(r.states.max()) for r in self.ramps), default=-1)
+    def state_count(self) -> int:
+        """Number of states that the ramps refer to."""
+        return _count_states(self.ramps)
 
     def levels(self, time: float | Float) -> Float:
-        """Of the ramps (..., r) at times (...) s."""
+        """Return the levels (..., r) of the poses at times (...) s."""
         return interpolate_keys(self.times, self.keys, time)
 
     def weights(self, time: float | Float) -> Float:
-        """Of the states (..., s) at times (...) s: of a mixture of poses, the sum of theirs."""
+        """Return the weights (..., s) of the states at times (...) s; those of poses add up."""
         levels = self.levels(time)
-        out = np.zeros((*levels.shape[:-1], self.states))
+        weights = np.zeros((*levels.shape[:-1], self.state_count))
         for k, ramp in enumerate(self.ramps):
-            out[..., ramp.states] += ramp.weights(levels[..., k])
-        return out
+            weights[..., ramp.states] += ramp.weights(levels[..., k])
+        return weights
 
 
-def script_motion(
-    ramps: Sequence[Ramp], script: Sequence[tuple[float, Mapping[str, float]]]
-) -> Motion:
-    """Through levels of poses by name at times, s: [(1.0, {"bend": 0.5}), (2.0, {}), ...]. Raises
-    CaptureError for a pose without a ramp."""
-    names = [r.name for r in ramps]
-    keys = np.zeros((len(script), len(names)))
-    for row, (_, levels) in zip(keys, script, strict=True):
-        for name, level in levels.items():
-            if name not in names:
-                raise CaptureError(
-                    f"the pose {name!r} has no ramp",
-                    code="unknown-pose",
-                    where="motion",
-                    action=f"Use one of {', '.join(names)}",
-                    pose=name,
-                )
-            row[names.index(name)] = level
-    return Motion(tuple(ramps), np.array([t for t, _ in script], float), keys)
+def _count_states(ramps: Sequence[Ramp]) -> int:
+    return 1 + max((int(r.states.max()) for r in ramps), default=-1)
 
 
 def draw_motion(
@@ -199,8 +151,19 @@ def draw_motion(
     pause: float = 0.4,
     mixed: float = 0.3,
 ) -> Motion:
-    """A motion of at least so many s: interpolate_keys all poses in turns, each to a random level, a part
-    `mixed` of them with another pose, or back to rest; `pace` s on the way, `pause` s there."""
+    """Draw a random motion through all poses in turns, each to a random level.
+
+    Args:
+        ramps: The poses.
+        duration: Shortest duration, s.
+        rng: Random generator.
+        pace: Mean time from one key to the next, s.
+        pause: Mean time at a key, s.
+        mixed: Share of keys that mix in a second pose, and share of keys followed by rest.
+
+    Returns:
+        The motion; it starts at rest.
+    """
     count, time = len(ramps), pause
     times, keys = [0.0, pause], [np.zeros(count), np.zeros(count)]
     while time < duration:
@@ -214,41 +177,133 @@ def draw_motion(
                 key[k], key[other] = share * level, (1 - share) * level
             stops = [key, np.zeros(count)] if rng.random() < mixed else [key]
             for stop in stops:
-                arrived = time + pace * rng.uniform(0.7, 1.3)
-                time = arrived + pause * rng.uniform(0.5, 1.5)
-                times += [arrived, time]
+                arrival = time + pace * rng.uniform(0.7, 1.3)
+                time = arrival + pause * rng.uniform(0.5, 1.5)
+                times += [arrival, time]
                 keys += [stop, stop]
     return Motion(tuple(ramps), np.array(times), np.stack(keys))
 
 
 @dataclass(frozen=True)
-class Sway:
-    """A hand that holds the device at `about` (3,) mm and is never quite still: a sum of waves of
-    `amplitudes` (k, 6), three of shift in mm and three of turn in radians, `frequencies` (k, 6) in
-    Hz and `phases` (k, 6)."""
+class _Performance:
+    """A pose that is shown from `start` to `end` s; `motion` is set for free mixtures."""
 
-    about: Float
+    start: float
+    end: float
+    name: str
+    reach: float
+    motion: Motion | None
+
+
+class PosePlayer:
+    """Moves a device through poses on demand; every performance starts and ends at rest.
+
+    Args:
+        ramps: The poses.
+        seed: Seed of the variation between performances.
+    """
+
+    def __init__(self, ramps: Sequence[Ramp], seed: int = 0) -> None:
+        self._ramps, self._rng = tuple(ramps), np.random.default_rng(seed)
+        self._names = [r.name for r in ramps]
+        self._performances: list[_Performance] = []
+        self._lock = threading.Lock()
+
+    def perform(self, name: str, start: float, seconds: float) -> None:
+        """Show a pose from a time on.
+
+        Args:
+            name: Name of a pose, `rest`, or `free` for a mixture of poses.
+            start: Start, s.
+            seconds: Duration, s.
+        """
+        first, last = start + REACTION_S, start + max(seconds - REACTION_S, 2 * REACTION_S)
+        motion = None
+        if name == FREE:
+            motion = draw_motion(self._ramps, last - first, self._rng, pace=0.9, pause=0.2)
+        with self._lock:
+            reach = self._rng.uniform(0.9, 1.0)
+            self._performances.append(_Performance(first, last, name, reach, motion))
+
+    def levels(self, time: float) -> Mapping[str, float]:
+        """Return the level of each pose, 0 to 1, at a time, s."""
+        with self._lock:
+            current = next(
+                (p for p in reversed(self._performances) if p.start <= time < p.end), None
+            )
+        levels = dict.fromkeys(self._names, 0.0)
+        if current is None or current.name == REST:
+            return levels
+        elapsed, remaining = time - current.start, current.end - time
+        if current.motion is not None:
+            x = min(1.0, remaining / RETURN_S)
+            fade = x * x * (3 - 2 * x)
+            free = current.motion.levels(elapsed)
+            return {n: float(v) * fade for n, v in zip(self._names, free, strict=True)}
+        if current.name in levels:
+            cycles = max(1, round((current.end - current.start) / CYCLE_S))
+            phase = np.pi * cycles * elapsed / (current.end - current.start)
+            levels[current.name] = current.reach * float(np.sin(phase)) ** 2
+        return levels
+
+    def weights(self, time: float) -> Float:
+        """Return the weights (s,) of the simulated states at a time, s."""
+        weights = np.zeros(_count_states(self._ramps))
+        levels = self.levels(time)
+        for ramp in self._ramps:
+            level = levels[ramp.name]
+            if level:
+                weights[ramp.states] += ramp.weights(np.array(level))
+        return weights
+
+
+@dataclass(frozen=True)
+class Sway:
+    """The unsteadiness of a hand that holds the device: a sum of k waves.
+
+    Attributes:
+        center: The point (3,) mm about which the device turns.
+        amplitudes: Amplitudes (k, 6): three shifts, mm, and three rotations, radians.
+        frequencies: Frequencies (k, 6) Hz.
+        phases: Phases (k, 6) radians.
+    """
+
+    center: Float
     amplitudes: Float
     frequencies: Float
     phases: Float
 
-    def at(self, time: float) -> RigidMotion:
-        """How it holds the device at a time, s."""
+    def pose_at(self, time: float) -> RigidMotion:
+        """Return the rigid motion of the device at a time, s."""
         waves = self.amplitudes * np.sin(2 * np.pi * self.frequencies * time + self.phases)
-        move = waves.sum(0)
-        turn = Rotation.from_rotvec(move[3:]).as_matrix()
-        return RigidMotion(turn, self.about - turn @ self.about + move[:3])
+        offset = waves.sum(0)
+        rotation = Rotation.from_rotvec(offset[3:]).as_matrix()
+        return RigidMotion(rotation, self.center - rotation @ self.center + offset[:3])
 
 
 def draw_sway(
-    rng: np.random.Generator, about: Float, shift: float = 5.0, degrees: float = 5.0,
+    rng: np.random.Generator,
+    center: Float,
+    shift: float = 5.0,
+    degrees: float = 5.0,
     frequency: float = 0.3,
-) -> Sway:  # fmt: skip
-    """A random one of about such extents and frequency, Hz."""
-    size = np.repeat([shift, np.radians(degrees)], 3) / np.sqrt(_WAVES)
+) -> Sway:
+    """Draw a random sway.
+
+    Args:
+        rng: Random generator.
+        center: The point (3,) mm about which the device turns.
+        shift: Extent of the shift, mm.
+        degrees: Extent of the rotation, degrees.
+        frequency: Mean frequency, Hz.
+
+    Returns:
+        The sway.
+    """
+    size = np.repeat([shift, np.radians(degrees)], 3) / np.sqrt(SWAY_WAVES)
     return Sway(
-        np.asarray(about, float),
-        size * rng.uniform(0.5, 1.0, (_WAVES, 6)),
-        frequency * rng.uniform(0.4, 1.6, (_WAVES, 6)),
-        rng.uniform(0, 2 * np.pi, (_WAVES, 6)),
+        np.asarray(center, float),
+        size * rng.uniform(0.5, 1.0, (SWAY_WAVES, 6)),
+        frequency * rng.uniform(0.4, 1.6, (SWAY_WAVES, 6)),
+        rng.uniform(0, 2 * np.pi, (SWAY_WAVES, 6)),
     )

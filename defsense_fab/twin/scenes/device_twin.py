@@ -1,7 +1,10 @@
-"""A soft device that moves: its skin and what is glued to it, between simulated states.
+"""A deformable device between its simulated states: its skin and the patches glued to it.
 
-A tag's center goes with the triangle that it lies on; the tag is stiff and turns as the skin under
-it does on the whole: the rotation that fits best (Kabsch 1976).
+The center of a patch moves with the triangle that it lies on. The patch is stiff: it turns by the
+rotation that fits the skin under it best.
+
+References:
+    W. Kabsch: A solution for the best rotation to relate two sets of vectors. 1976.
 """
 
 from __future__ import annotations
@@ -16,31 +19,51 @@ from ...core.errors import CaptureError
 from ...core.mesh import Surface
 from .scene import Patch, Scene
 
-_FOOTPRINT = 0.75  # of a patch's size: how far around its center the skin turns it
-_ALIKE = 0.5  # least cosine between a patch's normal and that of skin under it
+FOOTPRINT = 0.75  # of a patch's size: radius around its center in which the skin turns it
+MIN_NORMAL_COSINE = 0.5  # between the normals of a patch and of the skin under it
 
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """x -> `turn` (3, 3) x + `shift` (3,) mm: how the whole device is held."""
+    """A rigid motion of the whole device: x -> rotation @ x + translation.
 
-    turn: Float
-    shift: Float
+    Attributes:
+        rotation: Rotation (3, 3).
+        translation: Translation (3,) mm.
+    """
+
+    rotation: Float
+    translation: Float
 
 
 def blend(fields: Float, weights: Float) -> Float:
-    """The displacements (..., 3) mm of a mixture, with weights (s,), of states' `fields`
-    (s, ..., 3) mm: of vertices, or of points along cords."""
+    """Return the weighted sum of the states' displacement fields.
+
+    Args:
+        fields: Displacements (s, ..., 3) mm in each state, of vertices or of points along cords.
+        weights: Weights (s,).
+
+    Returns:
+        Displacements (..., 3) mm.
+    """
     used = np.flatnonzero(weights)
     flat = fields.reshape(len(fields), -1)[used]
     return np.asarray((weights[used] @ flat).reshape(fields.shape[1:]))
 
 
 class DeviceTwin:
-    """A surface at rest, its displacements `fields` (s, n, 3) mm in s states, and what is glued to
-    it, as it lies at rest. Raises CaptureError where they do not go together."""
+    """The skin of a device, its displacements in s states, and the patches glued to it.
 
-    def __init__(self, rest: Surface, fields: Float, seats: tuple[Patch, ...]) -> None:
+    Args:
+        rest: The surface at rest, n vertices, mm.
+        fields: Displacements (s, n, 3) mm of the vertices in each state.
+        patches: The patches as they are glued to the surface at rest.
+
+    Raises:
+        CaptureError: The displacements do not fit the surface (`displacements-do-not-fit`).
+    """
+
+    def __init__(self, rest: Surface, fields: Float, patches: tuple[Patch, ...]) -> None:
         if fields.shape[1:] != rest.vertices.shape or not np.isfinite(fields).all():
             raise CaptureError(
                 f"displacements of shape {fields.shape} do not fit the {len(rest.vertices)}"
@@ -48,62 +71,80 @@ class DeviceTwin:
                 code="displacements-do-not-fit",
                 where="device twin",
             )
-        self.rest, self.fields, self.seats = rest, np.ascontiguousarray(fields), seats
-        if seats:
-            self._glue()
+        self.rest, self.fields, self.patches = rest, np.ascontiguousarray(fields), patches
+        if patches:
+            self._attach_patches()
 
-    def at(
+    def deform(
         self, weights: Float, held: RigidMotion | None = None
     ) -> tuple[Surface, tuple[Patch, ...]]:
-        """Skin and patches in a mixture (s,) of states, and as the whole is held."""
+        """Return the skin and the patches in a mixture of states.
+
+        Args:
+            weights: Weights of the states (s,).
+            held: Rigid motion of the whole device; None for none.
+
+        Returns:
+            The deformed surface and the moved patches.
+        """
         vertices = self.rest.vertices + blend(self.fields, weights)
         if held is not None:
-            vertices = vertices @ held.turn.T + held.shift
+            vertices = vertices @ held.rotation.T + held.translation
         body = Surface(vertices, self.rest.faces)
-        if not self.seats:
+        if not self.patches:
             return body, ()
-        turns = self._turns(vertices)
-        spots = (self._bary[:, :, None] * vertices[self._corners]).sum(1)
-        centers = spots + np.einsum("mij,mj->mi", turns, self._lift)
-        moved = zip(self.seats, centers, turns @ self._axes, strict=True)
-        return body, tuple(patch.moved(center, axes) for patch, center, axes in moved)
+        rotations = self._fit_rotations(vertices)
+        contacts = (self._barycentric[:, :, None] * vertices[self._corners]).sum(1)
+        centers = contacts + np.einsum("mij,mj->mi", rotations, self._lift)
+        moved = zip(self.patches, centers, rotations @ self._axes, strict=True)
+        return body, tuple(patch.moved_to(center, axes) for patch, center, axes in moved)
 
     def scene(
-        self, weights: Float, held: RigidMotion | None = None, around: Scene | None = None
+        self, weights: Float, held: RigidMotion | None = None, surroundings: Scene | None = None
     ) -> Scene:
-        """The same with LED, occluders and light of the scene `around`."""
-        body, patches = self.at(weights, held)
-        return (around or Scene()).moved(body=body, patches=patches)
+        """Return a scene of the device in a mixture of states.
 
-    def _glue(self) -> None:
+        Args:
+            weights: Weights of the states (s,).
+            held: Rigid motion of the whole device; None for none.
+            surroundings: A scene whose LED, occluders and light are used.
+
+        Returns:
+            The scene.
+        """
+        body, patches = self.deform(weights, held)
+        return (surroundings or Scene()).replace(body=body, patches=patches)
+
+    def _attach_patches(self) -> None:
+        """Find for each patch the triangle that it lies on and the vertices that turn it."""
         vertices, faces = self.rest.vertices, self.rest.faces
-        centers = np.stack([p.center for p in self.seats])
-        self._axes = np.stack([p.axes for p in self.seats])
-        _, face, spots = igl.point_mesh_squared_distance(centers, vertices, faces)
+        centers = np.stack([p.center for p in self.patches])
+        self._axes = np.stack([p.axes for p in self.patches])
+        _, face, contacts = igl.point_mesh_squared_distance(centers, vertices, faces)
         self._corners: Int = faces[np.asarray(face, np.int64).reshape(-1)]
-        spots = np.asarray(spots).reshape(-1, 3)
-        self._bary = _barycentric(spots, vertices[self._corners])
-        self._lift = centers - spots
+        contacts = np.asarray(contacts).reshape(-1, 3)
+        self._barycentric = _barycentric(contacts, vertices[self._corners])
+        self._lift = centers - contacts
         x = vertices[faces]
         normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-        near = [self._under(k, x.mean(1), normals) for k in range(len(self.seats))]
-        most = max(len(n) for n in near)
-        self._near = np.stack([np.pad(n, (0, most - len(n))) for n in near])
-        self._weight = np.stack([(np.arange(most) < len(n)) / len(n) for n in near])
+        footprints = [self._footprint(k, x.mean(1), normals) for k in range(len(self.patches))]
+        width = max(len(n) for n in footprints)
+        self._near = np.stack([np.pad(n, (0, width - len(n))) for n in footprints])
+        self._weight = np.stack([(np.arange(width) < len(n)) / len(n) for n in footprints])
         before = vertices[self._near]
         middle = (self._weight[:, :, None] * before).sum(1, keepdims=True)
         self._before = self._weight[:, :, None] * (before - middle)
 
-    def _under(self, k: int, centers: Float, normals: Float) -> Int:
-        """Vertices of the skin that turns the k-th patch."""
-        patch = self.seats[k]
-        close = np.linalg.norm(centers - patch.center, axis=1) < _FOOTPRINT * patch.size
-        chosen = self.rest.faces[close & (normals @ patch.axes[:, 2] > _ALIKE)]
+    def _footprint(self, k: int, centers: Float, normals: Float) -> Int:
+        """Return the vertices of the skin that turn the k-th patch."""
+        patch = self.patches[k]
+        is_close = np.linalg.norm(centers - patch.center, axis=1) < FOOTPRINT * patch.size
+        chosen = self.rest.faces[is_close & (normals @ patch.axes[:, 2] > MIN_NORMAL_COSINE)]
         return np.unique(np.append(chosen, self._corners[k]))
 
-    def _turns(self, vertices: Float) -> Float:
-        """Rotations (m, 3, 3) from rest."""
+    def _fit_rotations(self, vertices: Float) -> Float:
+        """Return the rotations (m, 3, 3) of the patches from rest."""
         spread = np.einsum("mka,mkb->mba", self._before, vertices[self._near])
         u, _, vt = np.linalg.svd(spread)
         u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
@@ -111,7 +152,7 @@ class DeviceTwin:
 
 
 def _barycentric(points: Float, triangles: Float) -> Float:
-    """Weights (m, 3) of the corners (m, 3, 3) of the triangles that the points (m, 3) lie in."""
+    """Return the barycentric weights (m, 3) of points (m, 3) in triangles (m, 3, 3)."""
     a, b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     p = points - triangles[:, 0]
     aa, ab, bb = ((x * y).sum(1) for x, y in ((a, a), (a, b), (b, b)))

@@ -1,9 +1,12 @@
-"""A hand's plan_walk interpolate_keys a device's poses, as a guided recording asks for it: rest, the poses in
-turns, and free mixtures of them, quickly and slowly, with pauses and a tremor."""
+"""Random walks of a hand through the poses of a device, as guided recordings request them.
+
+A walk consists of rest, the poses one after the other, and free mixtures of poses, both fast and
+slow, with pauses and a tremor.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,33 +14,54 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.errors import CaptureError
 from .assumptions import assume
-from .device_motion import interpolate_keys
+from .device_motion import FREE, REST, interpolate_keys
 
-REST, FREE = "rest", "free"
-#: How far two, and three poses are taken at once.
+#: Largest levels of poses in mixtures of two, and of three poses.
 MIXTURE_LIMITS = (1.05, 0.75)
-_LEAST = 12.0  # s of a plan_walk
+MIN_WALK_S = 12.0
+MAX_MIXED_POSES = 3
+MAX_RETURN_S = 0.8  # to rest
+TREMOR_WAVES = 4
+TREMOR_HZ = (1, 9)
 
 
 @dataclass(frozen=True)
 class WalkTraits:
-    """How the hand goes."""
+    """Assumptions on how the hand moves.
 
-    quick: float = assume(0.25, "hand", "s", "shortest way between two shapes", off=0.25)
-    slow: float = assume(4.0, "hand", "s", "longest, log-uniform between the two", off=4.0)
-    pause: float = assume(0.5, "hand", "s", "mean of the pauses, exponential, and half of the"
-                           " shapes have none", off=0.5)  # fmt: skip
-    pose: float = assume(8.0, "hand", "s", "that each pose is shown in a round", off=8.0)
-    rest: float = assume(5.0, "hand", "s", "of rest at both ends and between rounds", off=5.0)
-    back: float = assume(0.2, "hand", "1", "share of shapes that go back to rest", off=0.2)
-    furthest: float = assume(1.05, "hand", "1", "of its amplitude that a pose is taken", off=1.05)
-    tremor: float = assume(0.01, "tremor", "1", "of the weights, 1 to 9 Hz")
+    Attributes:
+        quick: Shortest time from one shape to the next, s.
+        slow: Longest time, s; times are log-uniform.
+        pause: Mean pause at a shape, s; half of the shapes have none.
+        pose: Time that each pose is shown in a round, s.
+        rest: Rest at both ends and between rounds, s.
+        back: Share of moves that return to rest.
+        furthest: Largest level of a pose.
+        tremor: Amplitude of the tremor, relative to the levels.
+    """
+
+    quick: float = assume(0.25, "hand", "s", "shortest time between two shapes", off=0.25)
+    slow: float = assume(4.0, "hand", "s", "longest time, log-uniform between the two", off=4.0)
+    pause: float = assume(
+        0.5, "hand", "s", "mean pause, exponential; half of the shapes have none", off=0.5
+    )
+    pose: float = assume(8.0, "hand", "s", "time that each pose is shown in a round", off=8.0)
+    rest: float = assume(5.0, "hand", "s", "rest at both ends and between rounds", off=5.0)
+    back: float = assume(0.2, "hand", "1", "share of moves that return to rest", off=0.2)
+    furthest: float = assume(1.05, "hand", "1", "largest level of a pose", off=1.05)
+    tremor: float = assume(0.01, "tremor", "1", "of the levels, 1 to 9 Hz")
 
 
 @dataclass(frozen=True)
 class Walk:
-    """Through poses' weights `keys` (q, d) at `times` (q,) s; `steps` that were asked for, by name
-    from when on, s; waves of the tremor: sizes, Hz and phases (3, w, d)."""
+    """A walk through the levels of d poses.
+
+    Attributes:
+        times: Times of the keys (q,) s.
+        keys: Levels of the poses (q, d).
+        steps: Start, s, and name of each requested step: a pose, `rest` or `free`.
+        waves: Amplitudes, frequencies in Hz and phases of the tremor (3, w, d).
+    """
 
     times: Float
     keys: Float
@@ -45,126 +69,150 @@ class Walk:
     waves: Float
 
     def __call__(self, time: Float) -> Float:
-        """Weights (t, d) at times (t,) s."""
+        """Return the levels (t, d) of the poses at times (t,) s."""
         levels = interpolate_keys(self.times, self.keys, time)
-        size, frequency, phase = self.waves
-        shakes = size * np.sin(2 * np.pi * frequency * time[:, None, None] + phase)
-        return np.asarray(levels * (1 + shakes.sum(1)))
+        amplitude, frequency, phase = self.waves
+        tremor = amplitude * np.sin(2 * np.pi * frequency * time[:, None, None] + phase)
+        return np.asarray(levels * (1 + tremor.sum(1)))
 
 
 def plan_walk(
-    names: Sequence[str], together: Bool, duration: float, rng: np.random.Generator,
-    traits: WalkTraits | None = None, shown: int | None = None,
-) -> Walk:  # fmt: skip
-    """Of `duration` s interpolate_keys d poses, of which those of `together` (d, d) are mixed; the first
-    `shown` of them are shown by themselves, too (None: all). Raises CaptureError where it is too
-    short."""
-    own = traits or WalkTraits()
-    if not duration >= _LEAST:
+    names: Sequence[str],
+    together: Bool,
+    duration: float,
+    rng: np.random.Generator,
+    traits: WalkTraits | None = None,
+    shown: int | None = None,
+) -> Walk:
+    """Plan a random walk.
+
+    Args:
+        names: Names of d poses.
+        together: Whether two poses may be mixed (d, d).
+        duration: Duration, s.
+        rng: Random generator.
+        traits: How the hand moves.
+        shown: The first `shown` poses are also shown alone; None for all.
+
+    Returns:
+        The walk.
+
+    Raises:
+        CaptureError: The duration is too short (`duration-too-short`).
+    """
+    traits = traits or WalkTraits()
+    if not duration >= MIN_WALK_S:
         raise CaptureError(
             f"a recording of {duration:g} s is too short",
             code="duration-too-short",
             where="twin",
-            action=f"Use {_LEAST:g} s or more",
+            action=f"Use {MIN_WALK_S:g} s or more",
             duration=duration,
-            minimum=_LEAST,
+            minimum=MIN_WALK_S,
         )
-    hand = _Hand(together, rng, own)
+    hand = _Hand(together, rng, traits)
     count = len(names) if shown is None else shown
-    rest = min(own.rest, duration / 4)
-    turn, end = count * own.pose * 2 + rest, duration - rest
+    rest = min(traits.rest, duration / 4)
+    turn, end = count * traits.pose * 2 + rest, duration - rest
     rounds = max(round((end - rest) / turn), 1)
     hand.rest(rest)
     length = (end - hand.time) / rounds
     for k in range(rounds):
-        begin = rest + k * length
-        each = (length - rest * (k < rounds - 1)) / (2 * count)
+        start = rest + k * length
+        pose_duration = (length - rest * (k < rounds - 1)) / (2 * count)
         for pose in range(count):
-            hand.alone(str(names[pose]), pose, begin + (pose + 1) * each)
-        hand.free(begin + 2 * count * each)
+            hand.show_pose(str(names[pose]), pose, start + (pose + 1) * pose_duration)
+        hand.move_freely(start + 2 * count * pose_duration)
         if k < rounds - 1:
-            hand.rest(begin + length)
+            hand.rest(start + length)
     hand.rest(duration)
-    sizes = own.tremor * rng.uniform(0.3, 0.8, (4, len(names)))
-    waves = rng.uniform(1, 9, sizes.shape), rng.uniform(0, 2 * np.pi, sizes.shape)
-    return Walk(
-        np.array(hand.times), np.array(hand.keys), tuple(hand.steps), np.stack([sizes, *waves])
-    )
+    amplitudes = traits.tremor * rng.uniform(0.3, 0.8, (TREMOR_WAVES, len(names)))
+    frequencies = rng.uniform(*TREMOR_HZ, amplitudes.shape)
+    phases = rng.uniform(0, 2 * np.pi, amplitudes.shape)
+    waves = np.stack([amplitudes, frequencies, phases])
+    return Walk(np.array(hand.times), np.array(hand.keys), tuple(hand.steps), waves)
 
 
 class _Hand:
-    """Goes on from shape to shape."""
+    """A hand that moves the device from shape to shape."""
 
     def __init__(self, together: Bool, rng: np.random.Generator, traits: WalkTraits) -> None:
         self._together, self._rng, self._traits = together, rng, traits
-        self.time, self.at = 0.0, np.zeros(len(together))
-        self.times, self.keys = [0.0], [self.at]
+        self.time, self.levels = 0.0, np.zeros(len(together))
+        self.times, self.keys = [0.0], [self.levels]
         self.steps: list[tuple[float, str]] = []
 
     def rest(self, until: float) -> None:
-        """At rest until then, on the way there at first."""
+        """Return to rest and stay there until a time, s."""
         self.steps.append((self.time, REST))
-        if self.at.any():
-            self._go(np.zeros(len(self.at)), min(0.8, 0.3 * (until - self.time)))
+        if self.levels.any():
+            rest = np.zeros(len(self.levels))
+            self._move(rest, min(MAX_RETURN_S, 0.3 * (until - self.time)))
         self._stay(until)
 
-    def alone(self, name: str, pose: int, until: float) -> None:
-        """One pose at many levels."""
+    def show_pose(self, name: str, pose: int, until: float) -> None:
+        """Show one pose at many levels until a time, s."""
         self.steps.append((self.time, name))
 
-        def shape() -> Float:
-            out = np.zeros(len(self.at))
-            out[pose] = self._rng.uniform(0.15, self._traits.furthest)
-            return out
+        def draw_shape() -> Float:
+            levels = np.zeros(len(self.levels))
+            levels[pose] = self._rng.uniform(0.15, self._traits.furthest)
+            return levels
 
-        self._wander(shape, until)
+        self._wander(draw_shape, until)
 
-    def free(self, until: float) -> None:
-        """Mixtures of one to three poses."""
+    def move_freely(self, until: float) -> None:
+        """Show mixtures of one to three poses until a time, s."""
         self.steps.append((self.time, FREE))
-        self._wander(self._mixture, until)
+        self._wander(self._draw_mixture, until)
 
-    def _wander(self, shape, until: float) -> None:  # type: ignore[no-untyped-def]
+    def _wander(self, draw_shape: Callable[[], Float], until: float) -> None:
         t, rng = self._traits, self._rng
         while True:
-            target = np.zeros(len(self.at)) if rng.random() < t.back else shape()
-            within = float(np.exp(rng.uniform(np.log(t.quick), np.log(t.slow))))
+            target = np.zeros(len(self.levels)) if rng.random() < t.back else draw_shape()
+            duration = float(np.exp(rng.uniform(np.log(t.quick), np.log(t.slow))))
             pause = rng.exponential(2 * t.pause) * (rng.random() < 0.5)
-            middle = self._between(target)
-            need = within + pause + (0.0 if middle is None else within)
-            if self.time + need > until:
+            detour = self._find_detour(target)
+            needed = duration + pause + (0.0 if detour is None else duration)
+            if self.time + needed > until:
                 self._stay(until)
                 return
-            if middle is not None:
-                self._go(middle, within)
-            self._go(target, within)
+            if detour is not None:
+                self._move(detour, duration)
+            self._move(target, duration)
             if pause:
                 self._stay(self.time + pause)
 
-    def _mixture(self) -> Float:
+    def _draw_mixture(self) -> Float:
         chosen: list[int] = []
-        wanted = int(self._rng.integers(1, 4))
-        for k in self._rng.permutation(len(self.at)):
-            if len(chosen) < wanted and all(self._together[k, i] for i in chosen):
+        count = int(self._rng.integers(1, MAX_MIXED_POSES + 1))
+        for k in self._rng.permutation(len(self.levels)):
+            if len(chosen) < count and all(self._together[k, i] for i in chosen):
                 chosen.append(int(k))
-        most = self._traits.furthest if len(chosen) < 2 else MIXTURE_LIMITS[len(chosen) - 2]
-        out = np.zeros(len(self.at))
-        out[chosen] = self._rng.uniform(0.1, min(most, self._traits.furthest), len(chosen))
-        return out
+        furthest = self._traits.furthest
+        limit = furthest if len(chosen) < 2 else MIXTURE_LIMITS[len(chosen) - 2]
+        levels = np.zeros(len(self.levels))
+        levels[chosen] = self._rng.uniform(0.1, min(limit, furthest), len(chosen))
+        return levels
 
-    def _between(self, target: Float) -> Float | None:
-        """What to go interpolate_keys where the way there would mix poses that do not go together, or more
-        of them than are solved: what both have of each pose."""
-        used = np.flatnonzero((self.at > 0) | (target > 0))
-        apart = any(not self._together[i, j] for i in used for j in used if i < j)
-        return np.minimum(self.at, target) if apart or len(used) > 3 else None
+    def _find_detour(self, target: Float) -> Float | None:
+        """Return a shape to move through if the direct way to the target is not allowed.
 
-    def _go(self, target: Float, within: float) -> None:
-        self.time += within
-        self.at = target
+        The direct way is not allowed if it mixes poses that must not be mixed, or more poses than
+        were simulated together. The detour has what both shapes share of each pose.
+        """
+        used = np.flatnonzero((self.levels > 0) | (target > 0))
+        is_forbidden = any(not self._together[i, j] for i in used for j in used if i < j)
+        if is_forbidden or len(used) > MAX_MIXED_POSES:
+            return np.minimum(self.levels, target)
+        return None
+
+    def _move(self, target: Float, duration: float) -> None:
+        self.time += duration
+        self.levels = target
         self.times.append(self.time)
         self.keys.append(target)
 
     def _stay(self, until: float) -> None:
         if until > self.time + 1e-9:
-            self._go(self.at, until - self.time)
+            self._move(self.levels, until - self.time)

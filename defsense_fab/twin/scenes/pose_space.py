@@ -1,10 +1,12 @@
-"""A device's shapes between states that were solved, as a smooth function of how far each pose is
-taken.
+"""Interpolation of a device's simulated states over the levels of its poses.
 
-The interpolant through s states is the cubic polyharmonic spline with a polynomial (Duchon 1977):
-sum_k c_k |z - z_k|^3 + p(z), which bends least. It is linear in the states' values, so that one set
-of weights a moment serves markers, cords and skin alike. Rest is among the states, with all values
-zero.
+The interpolant through s states is the cubic polyharmonic spline with a polynomial,
+sum_k c_k |z - z_k|^3 + p(z), which has the least bending energy. It is linear in the values of the
+states: one set of weights per frame serves markers, cords and the skin. Rest is one of the states,
+with all values zero.
+
+References:
+    J. Duchon: Splines minimizing rotation-invariant semi-norms in Sobolev spaces. 1977.
 """
 
 from __future__ import annotations
@@ -18,16 +20,23 @@ from scipy.linalg import qr
 from ...core.arrays import Float, Int
 from ...core.errors import CaptureError
 
-_BLOCK = 4096  # moments at once
-_NOTHING = 1e-8  # of a polynomial's largest column: one that adds nothing to the others
-_FOLDS = 10
+BLOCK_FRAMES = 4096  # frames evaluated at once
+RANK_RTOL = 1e-8  # relative to the largest column: below, a polynomial term adds nothing
+FOLDS = 10
 
 
 @dataclass(frozen=True)
 class PoseSpace:
-    """`axes` (r, d): coordinates z = axes @ w of d poses' weights w, in which poses that are each
-    other's opposite lie on one line; `states` (s, d): weights of the states, without rest. Raises
-    CaptureError where there are too few."""
+    """An interpolant of state values over pose weights.
+
+    Attributes:
+        axes: Directions (r, d): coordinates are z = axes @ w for weights w of d poses. Poses that
+            are opposite to each other share one axis.
+        states: Pose weights (s, d) of the simulated states, without rest.
+
+    Raises:
+        CaptureError: There are too few states for the number of axes (`states-too-few`).
+    """
 
     axes: Float
     states: Float
@@ -45,26 +54,37 @@ class PoseSpace:
             )
 
     def __call__(self, levels: Float) -> Float:
-        """Weights (t, s) of the states' displacements at poses' weights `levels` (t, d)."""
+        """Return the weights (t, s) of the states' displacements at pose weights (t, d)."""
         z = levels @ self.axes.T
-        out = np.empty((len(z), len(self.states)))
-        for k in range(0, len(z), _BLOCK):
-            out[k : k + _BLOCK] = self._terms(z[k : k + _BLOCK]) @ self._cardinal
-        return out
+        weights = np.empty((len(z), len(self.states)))
+        for k in range(0, len(z), BLOCK_FRAMES):
+            weights[k : k + BLOCK_FRAMES] = self._terms(z[k : k + BLOCK_FRAMES]) @ self._cardinal
+        return weights
 
-    def left_out(self, values: Float, groups: Int) -> tuple[Float, Int]:
-        """What states' values (s, ...) are by the others, less what they are, and which states
-        those are. States of one number of `groups` (s,) are left out together, a tenth of the
-        groups at a time; those of -1, which the others do not reach, never."""
+    def predict_left_out(self, values: Float, groups: Int) -> tuple[Float, Int]:
+        """Compute the error of interpolating each state from the others (cross-validation).
+
+        States of one group are left out together, a tenth of the groups at a time.
+
+        Args:
+            values: Values of the states (s, ...).
+            groups: Group number of each state (s,); states of group -1 are never left out, such as
+                states beyond the range of the others.
+
+        Returns:
+            Predicted minus true values (k, ...) of the states that were left out, and their
+            indices (k,).
+        """
         numbers = np.random.default_rng(0).permutation(np.unique(groups[groups >= 0]))
         chosen = np.flatnonzero(groups >= 0)
         flat = values.reshape(len(values), -1)
-        off = np.zeros((len(chosen), flat.shape[1]))
-        for fold in range(min(_FOLDS, len(numbers))):
-            gone = np.isin(groups, numbers[fold::_FOLDS])
-            less = PoseSpace(self.axes, self.states[~gone])
-            off[gone[chosen]] = less(self.states[gone]) @ flat[~gone] - flat[gone]
-        return off.reshape(len(chosen), *values.shape[1:]), chosen
+        errors = np.zeros((len(chosen), flat.shape[1]))
+        for fold in range(min(FOLDS, len(numbers))):
+            is_left_out = np.isin(groups, numbers[fold::FOLDS])
+            others = PoseSpace(self.axes, self.states[~is_left_out])
+            predicted = others(self.states[is_left_out]) @ flat[~is_left_out]
+            errors[is_left_out[chosen]] = predicted - flat[is_left_out]
+        return errors.reshape(len(chosen), *values.shape[1:]), chosen
 
     @cached_property
     def _knots(self) -> Float:
@@ -73,23 +93,26 @@ class PoseSpace:
 
     @cached_property
     def _powers(self) -> Float:
-        """Exponents (q, r) of the polynomial's terms: of second degree where there are states
-        enough, and of those only what the states tell apart."""
+        """Exponents (q, r) of the polynomial terms.
+
+        Terms of second degree are used if there are enough states. Terms that the states cannot
+        tell from the others are dropped.
+        """
         r = self.axes.shape[0]
         unit = np.eye(r, dtype=int)
-        out = [np.zeros(r, int), *unit]
-        second = [unit[i] + unit[j] for i in range(r) for j in range(i, r)]
-        if len(self._knots) >= 2 * (len(out) + len(second)):
-            out += second
-        powers = np.array(out)
+        terms = [np.zeros(r, int), *unit]
+        second_degree = [unit[i] + unit[j] for i in range(r) for j in range(i, r)]
+        if len(self._knots) >= 2 * (len(terms) + len(second_degree)):
+            terms += second_degree
+        powers = np.array(terms)
         _, upper, order = qr(_monomials(self._knots, powers), mode="economic", pivoting=True)
         size = np.abs(np.diag(upper))
-        kept = np.sort(order[: len(size)][size > _NOTHING * size[0]])
-        return np.asarray(powers[kept])
+        independent = np.sort(order[: len(size)][size > RANK_RTOL * size[0]])
+        return np.asarray(powers[independent])
 
     @cached_property
     def _cardinal(self) -> Float:
-        """(s + 1 + q, s): coefficients of the function that is 1 at a state and 0 at the others."""
+        """Coefficients (s + 1 + q, s) of the functions that are 1 at one state and 0 at others."""
         knots, q = self._knots, len(self._powers)
         terms = self._terms(knots)
         system = np.zeros((len(knots) + q, len(knots) + q))
@@ -100,7 +123,7 @@ class PoseSpace:
         return np.asarray(np.linalg.solve(system, target))
 
     def _terms(self, z: Float) -> Float:
-        """(t, s + 1 + q) at coordinates (t, r)."""
+        """Evaluate the radial and polynomial terms (t, s + 1 + q) at coordinates (t, r)."""
         square = ((z[:, None] - self._knots) ** 2).sum(2)
         return np.concatenate([square * np.sqrt(square), _monomials(z, self._powers)], axis=1)
 

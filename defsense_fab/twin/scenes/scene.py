@@ -1,9 +1,10 @@
-"""What stands before the twin's cameras at an instant: tags, a body, an LED, hands in the way."""
+"""Scenes before simulated cameras: tags, a body, an LED, objects in the way and the background."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,15 +16,27 @@ from ...core.mesh import Surface
 
 #: The value of a pattern's white cells.
 WHITE = 255
-_CORNERS = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
+_UNIT_CORNERS = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
+ROTATION_TOLERANCE = 1e-6  # of the dot products of the axes
 
 
 @dataclass(frozen=True)
 class Patch:
-    """A flat, stiff picture: the tag `number`, or a board. `pattern` (r, c) uint8, one value a
-    cell, row 0 on top; `center` (3,) mm of the pattern; `axes` (3, 3), columns: right and up in the
-    picture, and the normal towards the viewer; `size` mm, the pattern's width; `margin`, cells of
-    white around it; `curl` 1/mm, how it bends about its axis up, its corners in one plane."""
+    """A stiff printed picture: a tag or a calibration board.
+
+    Attributes:
+        number: Number of the tag.
+        pattern: Values of the cells (r, c) uint8, row 0 on top.
+        center: Center of the pattern (3,) mm.
+        axes: Rotation (3, 3) whose columns are the directions right and up in the picture and the
+            normal towards the viewer.
+        size: Width of the pattern, mm.
+        margin: Width of the white margin around the pattern, cells.
+        curl: Curvature about the axis up, 1/mm; the corners stay in one plane.
+
+    Raises:
+        CaptureError: A field has the wrong type, shape or range.
+    """
 
     number: int
     pattern: NDArray[np.uint8]
@@ -47,8 +60,8 @@ class Patch:
                 code="patch-shape-invalid",
                 where=f"patch {self.number}",
             )
-        place = self.center.tolist()
-        if not all(map(math.isfinite, place)) or not self.size > 0 or not self.margin >= 0:
+        center = self.center.tolist()
+        if not all(map(math.isfinite, center)) or not self.size > 0 or not self.margin >= 0:
             raise CaptureError(
                 "its center must be finite, its size positive, and its margin at least 0",
                 code="patch-out-of-range",
@@ -68,43 +81,68 @@ class Patch:
 
     @property
     def corners(self) -> Float:
-        """The pattern's corners (4, 3) mm, without the margin: from top left, clockwise."""
+        """Corners (4, 3) mm of the pattern without its margin, clockwise from the top left."""
         rows, columns = self.pattern.shape
-        return self.at((_CORNERS * [1, -1] + 0.5) * [columns, rows])
+        return self.to_world((_UNIT_CORNERS * [1, -1] + 0.5) * [columns, rows])
 
-    def at(self, cells: Float) -> Float:
-        """Points (..., 2), in cells to the right and downwards from the pattern's upper left
-        corner, in the world (..., 3) mm."""
+    def to_world(self, cells: Float) -> Float:
+        """Return the points (..., 3) mm at positions in the picture.
+
+        Args:
+            cells: Positions (..., 2) in cells, to the right and down from the top left corner of
+                the pattern.
+
+        Returns:
+            Points (..., 3) mm in the frame of the scene.
+        """
         rows, columns = self.pattern.shape
         flat = (cells - np.array([columns / 2, rows / 2])) * [self.cell, -self.cell]
         flat = np.concatenate([flat, curl_height(flat, self.curl, self.size)], axis=-1)
         return np.asarray(self.center + flat @ self.axes.T)
 
-    def moved(self, center: Float, axes: Float) -> Patch:
-        """The same picture elsewhere."""
+    def moved_to(self, center: Float, axes: Float) -> Patch:
+        """Return the same picture at another center (3,) mm and with other axes (3, 3)."""
         return Patch(self.number, self.pattern, center, axes, self.size, self.margin, self.curl)
 
 
 def curl_height(flat: Float, curl: Float | float, size: Float | float) -> Float:
-    """How far points (..., 2) mm from the middle of a patch of this `size`, mm, with this `curl`,
-    1/mm, are above the plane of its corners (..., 1), mm."""
+    """Return the height of curled paper above the plane of its corners.
+
+    Args:
+        flat: Points (..., 2) mm from the middle of the patch.
+        curl: Curvature of the paper, 1/mm.
+        size: Width of the patch, mm.
+
+    Returns:
+        Heights (..., 1) mm.
+    """
     return np.asarray(curl * (flat[..., :1] ** 2 - np.square(size) / 4) / 2)
 
 
 def _is_rotation(rows: list[list[float]]) -> bool:
-    """In plain numbers: thousands of patches a second are checked."""
+    """Check a matrix in plain numbers, which is faster: thousands of patches a second are made."""
     (a, b, c), (d, e, f), (g, h, i) = rows
-    dots = (
-        a * a + b * b + c * c - 1, d * d + e * e + f * f - 1, g * g + h * h + i * i - 1,
-        a * d + b * e + c * f, a * g + b * h + c * i, d * g + e * h + f * i,
-    )  # fmt: skip
-    turned = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    return turned > 0 and all(-1e-6 < x < 1e-6 for x in dots)
+    errors = (
+        a * a + b * b + c * c - 1,
+        d * d + e * e + f * f - 1,
+        g * g + h * h + i * i - 1,
+        a * d + b * e + c * f,
+        a * g + b * h + c * i,
+        d * g + e * h + f * i,
+    )
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return determinant > 0 and all(-ROTATION_TOLERANCE < x < ROTATION_TOLERANCE for x in errors)
 
 
 @dataclass(frozen=True)
 class Ball:
-    """A dark ball in the way, as a hand is: `center` (3,) mm, `radius` mm, grey `level`."""
+    """A dark ball in the way, such as a finger.
+
+    Attributes:
+        center: Center (3,) mm.
+        radius: Radius, mm.
+        level: Grey level.
+    """
 
     center: Float
     radius: float
@@ -113,8 +151,15 @@ class Ball:
 
 @dataclass(frozen=True)
 class Ellipse:
-    """A spot right before the lens of the camera of this name (of all, where None): `center` and
-    half axes `radii` (2,) px, turned by `angle` radians, of a grey `level`."""
+    """A spot right before the lens of a camera.
+
+    Attributes:
+        center: Center (2,) px.
+        radii: Half axes (2,) px.
+        angle: Rotation, radians.
+        level: Grey level.
+        camera: Name of the camera; None for all cameras.
+    """
 
     center: tuple[float, float]
     radii: tuple[float, float]
@@ -125,19 +170,34 @@ class Ellipse:
 
 @dataclass(frozen=True)
 class Led:
-    """A light-emitting diode, seen as a disc: `center` (3,) mm, `radius` mm, whether it is on."""
+    """A light-emitting diode, visible as a disc.
+
+    Attributes:
+        center: Center (3,) mm.
+        is_on: Whether it is lit.
+        radius: Radius, mm.
+        on_level: Grey level when it is on.
+        off_level: Grey level when it is off.
+    """
 
     center: Float
-    on: bool
+    is_on: bool
     radius: float = 2.0
-    lit: float = 250.0
-    dark: float = 60.0
+    on_level: float = 250.0
+    off_level: float = 60.0
 
 
 @dataclass(frozen=True)
 class Backdrop:
-    """What is behind: grey `level` in the middle of the image, its change across the image to the
-    right and downwards, and the standard deviation of its blotches, which are `grain` px wide."""
+    """The background: a wall with a gradient and blotches.
+
+    Attributes:
+        level: Grey level in the middle of the image.
+        slope: Change of the level across the image, to the right and down.
+        texture: Standard deviation of the blotches, grey levels.
+        grain: Width of the blotches, px.
+        seed: Seed of the blotches.
+    """
 
     level: float = 120.0
     slope: tuple[float, float] = (20.0, -15.0)
@@ -148,11 +208,21 @@ class Backdrop:
 
 @dataclass(frozen=True)
 class Scene:
-    """At an instant. `skin`, the body's grey level, and `ink`, those of pattern values 0 and 255,
-    are what a camera of gain one sees face to face; at a slant they are darker by up to the part
-    `shade`, and where they mirror the light above the camera lighter by up to `gloss` grey levels.
-    A patch is hidden where the body is more than `slack` mm above it, so that a tag that
-    lies on curved skin is not."""
+    """A scene at one instant. Grey levels are those of a camera of gain one.
+
+    Attributes:
+        patches: Printed patches.
+        body: Surface of the body, mm.
+        occluders: Objects in the way.
+        led: The LED of the read-out board.
+        backdrop: The background.
+        skin: Grey level of the body where it faces the camera.
+        ink: Grey levels of the pattern values 0 and 255 where a patch faces the camera.
+        shade: Share by which surfaces seen at a slant are darker.
+        gloss: Grey levels that paper gains where it mirrors the light above the camera.
+        slack: Depth by which the body must be in front of a patch to hide it, mm, so that tags on
+            curved skin stay visible.
+    """
 
     patches: tuple[Patch, ...] = ()
     body: Surface | None = None
@@ -165,6 +235,6 @@ class Scene:
     gloss: float = 0.0
     slack: float = 2.0
 
-    def moved(self, **changes: Any) -> Scene:
-        """The same with something changed."""
-        return replace(self, **changes)
+    def replace(self, **changes: Any) -> Scene:
+        """Return the scene with some fields replaced."""
+        return dataclasses.replace(self, **changes)

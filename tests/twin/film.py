@@ -1,7 +1,7 @@
-"""Films that the twin's cameras take: a video, its time stamps, and what is true about it.
+"""Films of simulated scenes, for tests: a video, its time stamps and the truth about it.
 
-A video's own times are those of a constant rate. What the camera's clock said is in a table beside
-it (`.csv`: frame, time), as a program that records a camera keeps it; the truth is in `.npz`.
+The video itself has a constant rate. The time stamps of the camera's clock are in a table next to
+it (`.csv`: frame, time), as programs that record cameras write them; the truth is in `.npz`.
 """
 
 from __future__ import annotations
@@ -14,23 +14,30 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...core.arrays import Bool, Float, Int
-from ...core.camera import Camera
-from ...core.errors import CaptureError, StorageError
-from ...core.storage.files import replacing, write_text
-from ..scenes.scene import Scene
-from .camera_optics import Optics
-from .exposure import expose
-from .renderer import Renderer
+from defsense_fab.core.arrays import Bool, Float, Int
+from defsense_fab.core.camera import Camera
+from defsense_fab.core.errors import CaptureError, StorageError
+from defsense_fab.core.storage.files import replacing, write_text
+from defsense_fab.twin.filming.camera_optics import Optics
+from defsense_fab.twin.filming.exposure import expose
+from defsense_fab.twin.filming.renderer import Renderer
+from defsense_fab.twin.scenes.scene import Scene
 
-CODECS = ("FFV1", "MJPG")  # the first keeps every grey level
+CODECS = ("FFV1", "MJPG")  # the first is lossless
 
 
 @dataclass(frozen=True)
 class Shutter:
-    """A camera's clock and its faults. It says offset + (1 + drift) * true time, s, and takes
-    `rate` frames per second of its own; frames arrive late by `jitter` s on average; a part
-    `dropped` of them is missing, a part `repeated` is replaced by the frame before."""
+    """The clock of a camera and its faults.
+
+    Attributes:
+        rate: Frame rate by the camera's clock, Hz.
+        offset: Offset of the camera's clock, s; it shows offset + (1 + drift) * true time.
+        drift: Relative drift of the camera's clock.
+        jitter: Mean delay of the time stamps, s.
+        dropped: Share of frames that are missing.
+        repeated: Share of frames that repeat the previous one.
+    """
 
     rate: float = 30.0
     offset: float = 0.0
@@ -40,8 +47,8 @@ class Shutter:
     repeated: float = 0.0
 
     def __post_init__(self) -> None:
-        parts = (self.dropped, self.repeated)
-        if not (self.rate > 0 and self.jitter >= 0 and all(0 <= p < 1 for p in parts)):
+        shares = (self.dropped, self.repeated)
+        if not (self.rate > 0 and self.jitter >= 0 and all(0 <= p < 1 for p in shares)):
             raise CaptureError(
                 "the rate must be positive, the jitter at least 0, and shares from 0 to below 1",
                 code="setting-out-of-range",
@@ -50,16 +57,20 @@ class Shutter:
             )
 
     def schedule(self, duration: float, rng: np.random.Generator) -> tuple[Int, Float, Float, Bool]:
-        """Of f frames within so many s: their numbers, true times and stamps in s (in order), and
-        whether they repeat the one before (their time is that one's)."""
+        """Return the frames (f) of a film of `duration` s.
+
+        Returns:
+            Frame numbers (f,), true times (f,) s, increasing time stamps (f,) s, and whether each
+            frame repeats the previous one (f,), whose time it then has.
+        """
         number = np.arange(int(np.floor(duration * self.rate + 1e-9)))
-        kept = rng.random(len(number)) >= self.dropped
-        kept[:1] = True
-        number = number[kept]
+        is_kept = rng.random(len(number)) >= self.dropped
+        is_kept[:1] = True
+        number = number[is_kept]
         time = number / self.rate / (1 + self.drift)
-        late = self.jitter * rng.exponential(size=len(number))
-        late = np.minimum(late, 0.9 / self.rate)
-        stamp = self.offset + (1 + self.drift) * time + late
+        delay = self.jitter * rng.exponential(size=len(number))
+        delay = np.minimum(delay, 0.9 / self.rate)
+        stamp = self.offset + (1 + self.drift) * time + delay
         repeats = rng.random(len(number)) < self.repeated
         repeats[:1] = False
         source = np.maximum.accumulate(np.where(repeats, 0, np.arange(len(number))))
@@ -68,10 +79,20 @@ class Shutter:
 
 @dataclass(frozen=True)
 class FilmTruth:
-    """What f frames of a record_film show: their `number` (f,) at the camera, the true `time` (f,) s, the
-    camera's `stamp` (f,) s, whether it `repeats` (f,) the one before, and the `led` (f,); of the m
-    patches their `ids` (m,), `centers` (f, m, 3) and `corners` (f, m, 4, 3) mm, `pixels`
-    (f, m, 4, 2) and the `visible` part (f, m)."""
+    """What f frames of a film of m patches show.
+
+    Attributes:
+        number: Frame numbers at the camera (f,).
+        time: True times (f,) s.
+        stamp: Time stamps of the camera (f,) s.
+        repeats: Whether a frame repeats the previous one (f,).
+        led: Whether the LED is on (f,).
+        ids: Numbers of the patches (m,).
+        centers: Centers of the patches (f, m, 3) mm.
+        corners: Corners of the patches (f, m, 4, 3) mm.
+        pixels: Corners of the patches (f, m, 4, 2) px.
+        visible: Visible share of the patches (f, m).
+    """
 
     number: Int
     time: Float
@@ -95,8 +116,7 @@ def record_film(
     rng: np.random.Generator,
     codec: str = "FFV1",
 ) -> FilmTruth:
-    """Take a record_film of `scene_at`(s), s; writes `path`, its table of stamps and its truth beside it.
-    Raises CaptureError for a codec that is not known, StorageError where nothing can be written."""
+    """Write a film of `scene_at(s)` to `path`, its time stamps and its truth next to it."""
     if codec not in CODECS:
         raise CaptureError(
             f"codec {codec!r} is not supported",
@@ -108,36 +128,34 @@ def record_film(
     number, times, stamp, repeats = shutter.schedule(duration, rng)
     if not len(number):
         raise CaptureError(
-            f"a record_film of {duration} s at {shutter.rate} frames/s has no frames",
+            f"a film of {duration} s at {shutter.rate} frames/s has no frames",
             code="no-frames",
             where=path.name,
             action="Choose a longer duration or a higher rate",
-            duration=duration,
-            rate=shutter.rate,
         )
     fourcc = cv2.VideoWriter.fourcc(*codec)
     renderer = Renderer(camera, optics, rng)
     scenes: list[Scene] = []
-    seen: list[tuple[Float, Float]] = []
+    shown: list[tuple[Float, Float]] = []
     with replacing(path) as part, _writer(path, part, fourcc, shutter.rate, camera.size) as writer:
-        for time, again in zip(times, repeats, strict=True):
-            if not again:
+        for time, is_repeated in zip(times, repeats, strict=True):
+            if not is_repeated:
                 scene, instants = expose(scene_at, camera, float(time), optics)
-                picture = renderer.shoot(scene, instants, float(time))
-            writer.write(picture.image)
-            scenes.append(scene.moved(body=None))  # which would fill the memory
-            seen.append((picture.corners, picture.visible))
+                rendered = renderer.shoot(scene, instants, float(time))
+            writer.write(rendered.image)
+            scenes.append(scene.replace(body=None))  # bodies would fill the memory
+            shown.append((rendered.corners, rendered.visible))
             if len(scene.patches) != len(scenes[0].patches) or not scene.patches:
                 raise CaptureError(
                     f"the scene has {len(scene.patches)} patches at {time:g} s, and"
-                    f" {len(scenes[0].patches)} in the first frame; a record_film needs the same patches"
+                    f" {len(scenes[0].patches)} in the first frame; a film needs the same patches"
                     " in all frames, at least one",
                     code="patches-differ",
                     where=path.name,
                 )
     lines = (f"{k},{t:.9f}" for k, t in enumerate(stamp))
     write_text(path.with_suffix(".csv"), "\n".join(["frame,time", *lines]) + "\n")
-    truth = _truth(scenes, seen, (number, times, stamp, repeats))
+    truth = _collect_truth(scenes, shown, (number, times, stamp, repeats))
     save_truth(path.with_suffix(".npz"), truth)
     return truth
 
@@ -146,7 +164,7 @@ def record_film(
 def _writer(
     path: Path, part: Path, fourcc: int, rate: float, size: tuple[int, int]
 ) -> Iterator[cv2.VideoWriter]:
-    """A video that is written to `part`, closed in any case."""
+    """Open a video that is written to `part`, and close it in any case."""
     writer = cv2.VideoWriter(str(part), cv2.CAP_FFMPEG, fourcc, rate, size, False)
     try:
         if not writer.isOpened():
@@ -161,37 +179,30 @@ def _writer(
         writer.release()
 
 
-def _truth(
+def _collect_truth(
     scenes: list[Scene],
-    seen: list[tuple[Float, Float]],
+    shown: list[tuple[Float, Float]],
     schedule: tuple[Int, Float, Float, Bool],
 ) -> FilmTruth:
     m = len(scenes[0].patches)
     return FilmTruth(
         *schedule,
-        np.array([s.led is not None and s.led.on for s in scenes]),
+        np.array([s.led is not None and s.led.is_on for s in scenes]),
         np.array([p.number for p in scenes[0].patches], int),
         np.array([p.center for s in scenes for p in s.patches]).reshape(-1, m, 3),
         np.array([p.corners for s in scenes for p in s.patches]).reshape(-1, m, 4, 3),
-        np.array([corners for corners, _ in seen]).reshape(-1, m, 4, 2),
-        np.array([visible for _, visible in seen]).reshape(-1, m),
+        np.array([corners for corners, _ in shown]).reshape(-1, m, 4, 2),
+        np.array([visible for _, visible in shown]).reshape(-1, m),
     )
 
 
 def save_truth(path: Path, truth: FilmTruth) -> None:
-    """As NPZ, whole or not at all. Raises StorageError."""
+    """Write the truth about a film as NPZ."""
     with replacing(path) as part:
         np.savez_compressed(part, **{f.name: getattr(truth, f.name) for f in fields(FilmTruth)})
 
 
 def load_truth(path: Path) -> FilmTruth:
-    """What `save_truth` wrote. Raises StorageError for other files."""
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return FilmTruth(**{f.name: data[f.name] for f in fields(FilmTruth)})
-    except (OSError, KeyError, ValueError) as problem:
-        raise StorageError(
-            f"is not a table of the truth about a record_film ({problem})",
-            code="file-unreadable",
-            where=path,
-        ) from None
+    """Read what `save_truth` wrote."""
+    with np.load(path, allow_pickle=False) as data:
+        return FilmTruth(**{f.name: data[f.name] for f in fields(FilmTruth)})
