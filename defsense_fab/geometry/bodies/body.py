@@ -12,13 +12,10 @@ from ...core.errors import BodyError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
-from .child_process import Failure, finished, refusal
+from .body_file import read_mesh_body, read_step_body
+from .child_process import Failure, finished, loaded_meanwhile, refusal
 from .connector_bay import recess
-from .foreign_body import read_mesh_body, read_step_body
-from .kernel_loading import loaded_meanwhile
-from .script_failure import script_failure
-from .script_process import RESULT, SOLIDS, TASK
-from .source_files import SourceFile
+from .script_process import RESULT, SOLIDS, TASK, SourceFile, script_failure
 
 #: Largest distance of a facet from the true surface of a CAD body, mm.
 TESSELLATION = 0.05

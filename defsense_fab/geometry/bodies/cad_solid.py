@@ -10,10 +10,9 @@ import numpy as np
 
 from ...core.errors import BodyError
 from ...core.mesh import Surface
-from ..kernels import inner_shells, occ
-from .far_bodies import check_near
+from ..kernels import occ
+from .repair.findings import check_near, place
 from .repair.shells import DEBRIS, cavity_text, refused_cavities
-from .repair.words import place
 
 
 @dataclass(frozen=True)
@@ -70,12 +69,12 @@ def cad_solid(
 
 
 def _without_cavities(solid: Any, where: str, fill: bool) -> tuple[Any, tuple[str, ...]]:
-    found = inner_shells.cavities(solid)
+    found = occ.cavities(solid)
     if not found:
         return solid, ()
     rest = f" and {len(found) - 1} smaller" if len(found) > 1 else ""
     told = cavity_text(*found[0]) + rest
-    whole = inner_shells.filled(solid)
+    whole = occ.filled(solid)
     if found[0][0] >= DEBRIS * occ.volume(whole) and not fill:
         raise BodyError(
             refused_cavities(where, told),

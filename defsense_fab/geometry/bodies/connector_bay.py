@@ -9,7 +9,7 @@ from ...core.arrays import Bool, Float, xyz
 from ...core.device.device import BaySpec
 from ...core.errors import BodyError
 from ...core.mesh import Surface
-from ..kernels import ray_casting, surface_samples
+from ..kernels import surface_queries
 from ..kernels.cutting_tools import Prism, upright
 
 #: A bay's point may lie this far from the skin, mm.
@@ -84,7 +84,7 @@ def _skin_at(spec: BaySpec, body: Surface) -> tuple[Float, Float]:
     own = np.cross(b - a, c - a)
     own /= np.linalg.norm(own)
     # The skin's mean direction under the opening: a single facet may lean anywhere.
-    points, normals = surface_samples.samples(body, min(spec.size[:2]))
+    points, normals = surface_queries.samples(body, min(spec.size[:2]))
     local = np.abs((points - center) @ upright(own))
     under = (local <= [spec.size[0] / 2, spec.size[1] / 2, spec.size[2]]).all(axis=1)
     normal = normals[under & (normals @ own > _ALIKE)].sum(axis=0) + own
@@ -102,14 +102,14 @@ def _heights(
     over = np.asarray(igl.fast_winding_number(body.vertices, body.faces, tops)) > 0.5
     heights = []
     for top, covered in zip(tops, over, strict=True):
-        if covered or len(ray_casting.hits(top, normal, body)):
+        if covered or len(surface_queries.hits(top, normal, body)):
             raise BodyError(
                 f"[body.bay]: the body lies over its opening near {xyz(top)}; choose a place that"
                 " a connector can reach",
                 code="bay-opening-covered",
                 at=top.tolist(),
             )
-        below = ray_casting.hits(top, -normal, body)
+        below = surface_queries.hits(top, -normal, body)
         heights.append(depth - float(below[0]) if len(below) else -np.inf)
     low, high = min(heights), max(heights)
     if high - low > depth / 2:

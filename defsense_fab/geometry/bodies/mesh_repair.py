@@ -9,14 +9,11 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.errors import BodyError
 from ...core.mesh import Surface
-from .far_bodies import check_near
-from .meshes.file_kind import kind_of_file
-from .meshes.mesh_files import IN_MM, read_triangles
-from .repair.cleaning import cleaned
+from .mesh_files import IN_MM, kind_of_file, read_triangles
+from .repair.connectivity import cleaned, taken_apart
+from .repair.findings import check_near, number, place
 from .repair.holes import close_holes
-from .repair.sheets import taken_apart
 from .repair.solid import one_solid, oriented, remade_solid
-from .repair.words import number, place
 
 _TRIES = 4
 #: What a file's lengths may be in some unit: from micrometres to metres.

@@ -13,7 +13,7 @@ from ...core.curve import Plane, arc_lengths
 from ...core.mesh import Surface
 from ..bodies.connector_bay import inside
 from ..kernels.cutting_tools import Frustum, Tool, cylinder
-from ..kernels.signed_distance import distances_of
+from ..kernels.surface_queries import distances_of
 from .wire_channels import NO_TURN, Hollow, Lead, Pit, Router, Wires
 
 #: The pocket's axis and the path within it differ by no more than this, rad.

@@ -13,9 +13,9 @@ from ...core.curve import arc_lengths, bend_radius, per_span_for_sag, resample, 
 from ...core.device.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
-from ..kernels import ray_casting, triangle_kernel
+from ..kernels import surface_queries, triangle_kernel
 from ..kernels.cutting_tools import Tool, cylinder
-from ..kernels.signed_distance import distances_of
+from ..kernels.surface_queries import distances_of
 from .channel_ends import End, Ends, Pockets, end_tools
 from .wire_channels import Hollow, Lead
 
@@ -141,8 +141,8 @@ def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
     tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
     first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
     found = [
-        ray_casting.way_out(path[0], -first, body, 2 * diameter),
-        ray_casting.way_out(path[-1], last, body, 2 * diameter),
+        surface_queries.way_out(path[0], -first, body, 2 * diameter),
+        surface_queries.way_out(path[-1], last, body, 2 * diameter),
     ]
     (start, before), (end, after) = found
     line = np.concatenate([path[:1] - before * first, path, path[-1:] + after * last])

@@ -19,9 +19,9 @@ from ...core.arrays import Bool, Float
 from ...core.curve import Plane, arc_lengths
 from ...core.mesh import Surface
 from ..bodies.connector_bay import in_solid, inside, without_bay
-from ..kernels import ray_casting, triangle_kernel
+from ..kernels import surface_queries, triangle_kernel
 from ..kernels.cutting_tools import Prism
-from ..kernels.signed_distance import distances_of
+from ..kernels.surface_queries import distances_of
 from .planar_routing import HEADINGS, Grid, Way, search
 
 _SPACING = 0.25  # mm, between points of a lead
@@ -293,7 +293,7 @@ class Router:
         mouth."""
         end = plane.to_world(way.arcs[-1, 2])
         out = _direction(plane, way)
-        depth, run = ray_casting.way_out(end, out, self._body, 2 * self.wires.diameter)
+        depth, run = surface_queries.way_out(end, out, self._body, 2 * self.wires.diameter)
         if not 0 < depth <= _LONGEST:
             return None
         exit_ = end + depth * out

@@ -13,9 +13,11 @@ from typing import Any
 
 import build123d as bd
 import numpy as np
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeSolid
+from OCP.BRepClass3d import BRepClass3d
 from OCP.BRepOffsetAPI import BRepOffsetAPI_MakePipe
 from OCP.Message import Message
-from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopAbs import TopAbs_SHELL, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
@@ -25,6 +27,29 @@ from ...core.errors import BodyError, FabricationError
 from ...core.mesh import Surface
 from .canonical_facets import canonical
 from .cutting_tools import CRUMB, Frustum, Prism, Tool, frame
+
+# Cavities of an exact solid: closed shells within its outer one.
+
+
+def cavities(solid: Any) -> list[tuple[float, Float]]:
+    """Of a TopoDS_Solid: each cavity's volume (mm3) and centre (3,) mm, the largest first."""
+    outer = BRepClass3d.OuterShell_s(solid)
+    found = []
+    walk = TopExp_Explorer(solid, TopAbs_SHELL)
+    while walk.More():
+        shell = TopoDS.Shell_s(walk.Current())
+        if not shell.IsSame(outer):
+            own = bd.Solid(BRepBuilderAPI_MakeSolid(shell).Solid())
+            middle = own.center(bd.CenterOf.BOUNDING_BOX)
+            found.append((abs(own.volume), np.array([middle.X, middle.Y, middle.Z])))
+        walk.Next()
+    return sorted(found, key=lambda c: -c[0])
+
+
+def filled(solid: Any) -> Any:
+    """The TopoDS_Solid within its outer shell."""
+    return BRepBuilderAPI_MakeSolid(BRepClass3d.OuterShell_s(solid)).Solid()
+
 
 #: Largest angle between neighbouring facets of a curved face, rad: 0.06 % of a circle's area.
 ANGLE = 0.06

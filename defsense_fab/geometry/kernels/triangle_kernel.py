@@ -12,7 +12,7 @@ from ...core.arrays import Float
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from .cutting_tools import Frustum, Tool, frame
-from .made_once import MadeOnce
+from .surface_queries import MadeOnce
 
 #: Facets around a round tool: its radius is that of the circle of the same area.
 SIDES = 48

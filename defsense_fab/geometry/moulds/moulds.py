@@ -23,7 +23,7 @@ from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
 from ..parts.records import Made
 from ..printing.print_bed import least_turn
-from . import inspection
+from . import mould_checks
 from .cores import faces, filled, hollows_of, mouths
 from .fittings import fed, joined
 from .openings import Opening, shell_opening, skin_of
@@ -99,7 +99,7 @@ def _made(
     own = [f for f in sides if not _merged(f, opening, sides)]
     lids = [lid for lid in lids if lid is not None]
     total = sum(float(s.volume()) for s in (*lids, *shells, cast))
-    checks = [inspection.adds_up(part.name, total, float(block.volume()), free)]
+    checks = [mould_checks.adds_up(part.name, total, float(block.volume()), free)]
     feed = fed(part.name, lids[0], cast, sides[0].normal, sides[0].origin)
     solids, keys = _fitted([feed.lid, *lids[1:], *shells], cast, own, opening, rules)
     names = _names(part.name, len(lids), len(shells))
@@ -108,7 +108,7 @@ def _made(
     # Halves of a round part meet beside its widest line by what facets are wide.
     eased = _EASED if opening.strain else _FACETS if opening.plane else 0.0
     eased *= float(cast.volume())
-    checks += inspection.opens(
+    checks += mould_checks.opens(
         part.name, solids, ways, cast, [0.0] * len(lids) + [eased] * len(shells)
     )
     factor = 1 / (1 - rules.shrinkage)
@@ -122,9 +122,9 @@ def _made(
         )
         for k, (name, solid, way) in enumerate(zip(names, solids, ways, strict=True))
     )
-    checks += inspection.thin(pieces, rules)
-    checks.append(inspection.cavity(part.name, float(cast.volume()), part))
-    checks.append(inspection.keyed(part.name, keys))
+    checks += mould_checks.thin(pieces, rules)
+    checks.append(mould_checks.cavity(part.name, float(cast.volume()), part))
+    checks.append(mould_checks.keyed(part.name, keys))
     return Mould(
         part.name,
         pieces,
@@ -266,7 +266,7 @@ def whole(solid: Any, name: str) -> Any:
     found = sorted(
         triangle_kernel.to_manifold(rounded, name).decompose(), key=lambda p: -float(p.volume())
     )
-    if len(found) > 1 and found[1].volume() > inspection.CRUMB:
+    if len(found) > 1 and found[1].volume() > mould_checks.CRUMB:
         at = xyz(triangle_kernel.centroid(triangle_kernel.to_surface(found[1])))
         raise FabricationError(
             f"{name} falls apart: {found[1].volume():.1f} mm^3 come off near {at}; move a cord's"

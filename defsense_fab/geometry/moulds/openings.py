@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 from ...core.arrays import Bool, Float, xyz
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
-from ..kernels import ray_casting
+from ..kernels import surface_queries
 from ..kernels.cutting_tools import frame
 from .records import Face, MouldRules
 
@@ -57,7 +57,7 @@ class Skin:
             if depths[k] <= _DEEP:
                 break
             start = self.points[k] - 2 * _OFF * self.normals[k]
-            found = ray_casting.hits(start, -self.normals[k], self.part)
+            found = surface_queries.hits(start, -self.normals[k], self.part)
             thick = float(found[0]) if len(found) else 2 * _OFF
             if depths[k] / thick > worst:
                 worst, at = float(depths[k]) / thick, self.points[k]

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...core.arrays import Float
 from ...core.mesh import Surface
-from ..parts.check import Check
+from ..parts.records import Check
 
 
 @dataclass(frozen=True)

@@ -2,32 +2,96 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ...core.arrays import xyz
+from ...core.arrays import Float, xyz
 from ...core.device.device import Sensor
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.connector_bay import without_bay
-from ..bodies.standing import standing
+from ..bodies.orientation import Z_UP, standing
 from ..channels.cord_channels import Channel, channels_of
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism, Tool
 from ..printing.print_bed import resting
-from . import alignment_pins, part_labels, tag_seats
+from . import alignment_pins, engraving, part_checks
 from .channel_openings import ChannelOpening
 from .division import SMALL, Cut, Division, divide, plan
-from .inspection import told
-from .inspection.inspect import inspect
-from .inspection.walls import walls, wire_walls
+from .engraving import Label
+from .part_checks import inspect
 from .part_contacts import Contact, contacts
-from .part_labels import Label
-from .part_names import names as names_of
 from .records import Made, Part, Rules
+from .wall_checks import walls, wire_walls
+
+# Names of parts by where they lie in the device.
+
+#: Words from low to high along what is to the right, up, and away from the viewer.
+_WORDS = (("left", "right"), ("bottom", "top"), ("front", "back"))
+_ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
+_SAME = 0.08  # of the body's size: parts nearer than this are on one level: 13 at most
+
+
+def part_names(centers: Sequence[Float], bounds: Float, frame: Float = Z_UP) -> list[str]:
+    """A name for each part's centre of mass (3,) mm in a body with `bounds` (2, 3) mm: its number,
+    counted from the bottom up, and where it lies for who sees the body as `frame` (3, 3) says
+    (`geometry.bodies.standing`), as in "3-top-left"."""
+    seen = frame * np.array([[1.0], [1], [-1]])
+    points = np.array(centers).reshape(-1, 3) @ seen.T
+    size = np.abs(frame) @ np.ptp(bounds, axis=0)
+    rank = np.round(points[:, [1, 2, 0]], 3)
+    order = sorted(range(len(points)), key=lambda i: tuple(rank[i]))
+    words = [_levels(points[:, axis], float(size[axis]), axis) for axis in (1, 2, 0)]
+    rows = list(zip(*words, strict=True))
+    out = [""] * len(points)
+    for n, i in enumerate(order):
+        out[i] = "-".join([str(n + 1), *_told_apart(rows, i)])
+    return out
+
+
+def _told_apart(rows: Sequence[tuple[str, ...]], i: int) -> tuple[str, ...]:
+    """As few of a part's words as tell it from all others, or all of them; "middle" where no
+    other word does."""
+    if len(rows) == 1:
+        return ("whole",)
+    sets = [c for size in (1, 2, 3) for c in itertools.combinations(range(3), size)]
+    for vague in (("", "middle"), ("",)):
+        for some in sets:
+            own = tuple(rows[i][a] for a in some)
+            alone = sum(own == tuple(r[a] for a in some) for r in rows) == 1
+            if alone and not set(own) & set(vague):
+                return own
+    return tuple(w for w in rows[i] if w) or ("middle",)
+
+
+def _levels(values: Float, size: float, axis: int) -> list[str]:
+    """The word for each coordinate: levels are separated by gaps."""
+    sort = np.argsort(values)
+    level = np.zeros(len(values), int)
+    level[sort] = np.concatenate([[0], np.cumsum(np.diff(values[sort]) > _SAME * size)])
+    count = int(level.max()) + 1
+    if count == 1:
+        return [""] * len(values)
+    words = _steps(count, *_WORDS[axis])
+    return [words[k] for k in level]
+
+
+def _steps(count: int, low: str, high: str) -> list[str]:
+    """The words of so many levels, counted from the nearer end, as one does who looks at them."""
+    if (count, low) == (4, "bottom"):
+        return ["bottom", "lower-middle", "upper-middle", "top"]
+    half = [_ORDINALS[k] for k in range(count // 2 - 1)]
+    return [
+        low,
+        *(f"{n}-from-{low}" for n in half),
+        *(["middle"] if count % 2 else []),
+        *(f"{n}-from-{high}" for n in reversed(half)),
+        high,
+    ]
 
 
 def make_parts(
@@ -53,7 +117,7 @@ def make_parts(
     planes = [s.plane for s in sensors]
     bay = _bay(rules)
     skin = without_bay(surface, bay) if bay else surface
-    flats = tag_seats.place_seats(skin, rules.seats, rules.tag, hollows, rules.wall, planes)
+    flats = engraving.place_seats(skin, rules.seats, rules.tag, hollows, rules.wall, planes)
     flattening = [t for s in flats for t in s.tools]
     if flattening:
         body = triangle_kernel.without(body, flattening)
@@ -67,7 +131,7 @@ def make_parts(
     report(0.25, "pins and numbers")
     meeting = contacts(division, hollows)
     pins = alignment_pins.place_pins(meeting, rules.clearance, rules.inner_wall)
-    marks = part_labels.engrave(meeting, pins, len(names), rules.inner_wall)
+    marks = engraving.engrave(meeting, pins, len(names), rules.inner_wall)
     own = _own_tools(len(names), meeting, pins, marks)
     pieces = [
         triangle_kernel.without(p, tools) for p, tools in zip(division.parts, own, strict=True)
@@ -121,7 +185,7 @@ def _one_solid(body: Any) -> None:
 def _named(division: Division, surface: Surface) -> tuple[Division, list[str]]:
     """The parts in the order of their numbers, with their names."""
     centers = [triangle_kernel.centroid(triangle_kernel.to_surface(p)) for p in division.parts]
-    names = names_of(centers, surface.bounds, standing(surface))
+    names = part_names(centers, surface.bounds, standing(surface))
     order = sorted(range(len(names)), key=lambda i: int(names[i].split("-")[0]))
     index = np.argsort(order).tolist()
 
@@ -189,8 +253,8 @@ def _warnings(made: Made, grazing: Sequence[ChannelOpening], rules: Rules) -> li
     for i, part in enumerate(made.parts):
         if part.volume < SMALL * made.body_volume:
             out.append(f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close")
-        out += told.of_part(made, i)
-    out += told.of_joints(made)
+        out += part_checks.of_part(made, i)
+    out += part_checks.of_joints(made)
     return list(dict.fromkeys(out))  # a joint is of several cuts where it divides several parts
 
 

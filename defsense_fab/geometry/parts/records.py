@@ -10,11 +10,30 @@ from ...core.mesh import Surface
 from ..channels.channel_ends import Pockets
 from ..channels.cord_channels import Channel
 from .alignment_pins import Pin
-from .check import Check
 from .division import Cut
+from .engraving import Label, Seat
 from .part_contacts import Contact
-from .part_labels import Label
-from .tag_seats import Seat
+
+# A measurement of finished parts, as inspections make it and manifests keep it.
+
+
+@dataclass(frozen=True)
+class Check:
+    """`value` as measured, and the `limit` that it keeps, rounding of facets allowed for: it is
+    `at_least` so large, or else at most. Beyond it an inspection raises, or leaves a `note`: what a
+    maker should be told; `at` is where."""
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    at: str
+    note: str = ""
+    at_least: bool = False
+
+    @property
+    def holds(self) -> bool:
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
 
 
 @dataclass(frozen=True)

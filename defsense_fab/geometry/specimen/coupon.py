@@ -13,7 +13,7 @@ import build123d as bd
 
 from ...core.errors import FabricationError
 from ..kernels.occ import one_solid
-from .lettering import lettering
+from .specimen import lettering
 
 PEG = 4.0  # mm, diameter of the peg
 _DEPTH, _PLATE, _WIDTH, _BESIDE = 5.0, 8.0, 24.0, 4.0  # of sockets; of a plate; beside features

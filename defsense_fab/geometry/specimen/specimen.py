@@ -13,6 +13,7 @@ same, the axis of their cylinder at x = z = 0, the specimen on top.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import build123d as bd
@@ -21,7 +22,19 @@ import numpy as np
 from ...core.errors import FabricationError
 from ...core.response import bent_strain
 from ..kernels.occ import one_solid
-from .lettering import lettering
+
+# Words on what is printed, in a font that comes with the libraries: systems have different ones,
+# or none.
+
+
+def lettering(words: str, size: float) -> Any:
+    """The outlines of words, as a build123d sketch centred on the origin; `size` in mm."""
+    import matplotlib
+
+    font = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+    middle = (bd.Align.CENTER, bd.Align.CENTER)
+    return bd.Text(words, font_size=size, font_path=str(font), align=middle)
+
 
 _CHAMFER = 0.5  # mm, of the channels' mouths
 _PIN_LENGTH = 4.0

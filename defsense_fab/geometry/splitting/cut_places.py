@@ -7,8 +7,8 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.mesh import Surface
 from ..kernels.cutting_tools import Prism
+from ..parts.engraving import Seat
 from ..parts.records import Made, Part
-from ..parts.tag_seats import Seat
 from ..printing.print_bed import fits, laid
 
 #: Least length of a piece, mm.

@@ -14,17 +14,13 @@ import numpy as np
 
 from ...core.errors import FabricationError
 from ..kernels import triangle_kernel
-from ..parts.check import Check
-from ..parts.inspection import told
-from ..parts.inspection.conservation import apart, volumes
-from ..parts.inspection.insertion import insertion
-from ..parts.inspection.thin_places import thin_places
-from ..parts.records import Made, Part, Rules
+from ..parts import part_checks
+from ..parts.part_checks import apart, insertion, thin_places, volumes
+from ..parts.records import Check, Made, Part, Rules
 from ..printing.print_bed import fits, laid, other_side
 from .cut_places import SHORTEST, cut_heights, long_way, reach
-from .dowelled_cut import DowelledCut, cut_across
-from .inspection import one_solid
-from .renumbering import lettered
+from .dowelled_cut import DowelledCut, cut_across, lettered
+from .piece_checks import one_solid
 
 #: Pieces beyond which a part is not cut up.
 MOST = 6
@@ -154,8 +150,8 @@ def _inspected(
 def _told(made: Made, which: Sequence[int], whole: Sequence[str]) -> list[str]:
     """Of these parts (indices), which are pieces where they are not called as `whole` ones, and of
     all joints."""
-    parts = [told.of_part(made, i, made.parts[i].name not in whole) for i in which]
-    return [*(w for part in parts for w in part), *told.of_joints(made)]
+    parts = [part_checks.of_part(made, i, made.parts[i].name not in whole) for i in which]
+    return [*(w for part in parts for w in part), *part_checks.of_joints(made)]
 
 
 def _letters(name: str, count: int) -> str:

@@ -10,7 +10,7 @@ from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh, repair
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
 from defsense_fab.geometry.kernels import occ
-from defsense_fab.geometry.kernels.export import write_3mf, write_stl
+from defsense_fab.geometry.printing.export import write_3mf, write_stl
 from tests.errors import raises
 
 

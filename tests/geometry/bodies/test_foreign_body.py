@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from defsense_fab.core.errors import BodyError
-from defsense_fab.geometry.bodies.foreign_body import read_foreign
+from defsense_fab.geometry.bodies.body_file import read_foreign
+from defsense_fab.geometry.bodies.mesh_files import kind_of_file
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
-from defsense_fab.geometry.bodies.meshes.file_kind import kind_of_file
-from defsense_fab.geometry.kernels.export import write_stl
+from defsense_fab.geometry.printing.export import write_stl
 from tests.conftest import box_surface
 from tests.errors import raises
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.regions import Box, Cylinder, HalfSpace, Sphere
-from defsense_fab.geometry.bodies.region_contents import holds_body, place, where
+from defsense_fab.geometry.bodies.regions import holds_body, place, where
 
 V = np.array
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from defsense_fab.core.errors import BodyError
-from defsense_fab.geometry.bodies.script_signature import read_parameters
-from defsense_fab.geometry.bodies.script_text import read_script
+from defsense_fab.geometry.bodies.script_source import read_parameters, read_script
 from tests.errors import raises
 
 SCRIPT = """

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.standing import Y_UP, Z_UP, standing
+from defsense_fab.geometry.bodies.orientation import Y_UP, Z_UP, standing
 from tests.conftest import box_surface
 
 

@@ -15,9 +15,9 @@ from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.channels.planar_routing import HEADINGS
 from defsense_fab.geometry.channels.wire_channels import Wires
 from defsense_fab.geometry.kernels import occ, triangle_kernel
-from defsense_fab.geometry.kernels.export import write_stl
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import Rules
+from defsense_fab.geometry.printing.export import write_stl
 from tests.errors import raises
 
 BAY = BaySpec(np.array([0.0, 0, 0]), (14.0, 7.0, 8.0))

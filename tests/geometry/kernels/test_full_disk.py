@@ -9,7 +9,7 @@ import trimesh
 
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.kernels import occ
-from defsense_fab.geometry.kernels.export import write_3mf, write_stl
+from defsense_fab.geometry.printing.export import write_3mf, write_stl
 
 FULL = Path("/dev/full")
 BOX = trimesh.creation.box((10, 20, 30))

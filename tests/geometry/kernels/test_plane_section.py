@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from defsense_fab.core.curve import Plane
-from defsense_fab.geometry.kernels.plane_section import (
+from defsense_fab.geometry.kernels.surface_queries import (
     inside_section,
     nearest_on_section,
     plane_section,

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.kernels.ray_casting import hits
+from defsense_fab.geometry.kernels.surface_queries import hits
 
 
 def test_no_triangle_is_left_out_that_a_ray_meets():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.geometry.kernels import occ, triangle_kernel
-from defsense_fab.geometry.kernels.export import write_3mf
+from defsense_fab.geometry.printing.export import write_3mf
 from tests.conftest import box_surface
 
 

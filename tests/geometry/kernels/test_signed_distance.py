@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from defsense_fab.geometry.kernels.signed_distance import SignedDistance
+from defsense_fab.geometry.kernels.surface_queries import SignedDistance
 from tests.conftest import box_surface
 
 

@@ -10,9 +10,9 @@ import trimesh
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.channels.channel_ends import Pockets
-from defsense_fab.geometry.kernels import ray_casting
+from defsense_fab.geometry.kernels import surface_queries
 from defsense_fab.geometry.kernels.cutting_tools import frame
-from defsense_fab.geometry.moulds.inspection import opens
+from defsense_fab.geometry.moulds.mould_checks import opens
 from defsense_fab.geometry.moulds.moulds import check_openings, make_moulds
 from defsense_fab.geometry.moulds.openings import depth_in
 from defsense_fab.geometry.moulds.records import MouldRules
@@ -113,7 +113,7 @@ def test_pieces_come_off_without_passing_through_the_part(made, moulds):
                 assert depth_in(cast, points[near] + step * piece.opens).max() < 0.08
             start = points[near][:15] + 0.05 * piece.opens
             for origin in start:
-                met = ray_casting.hits(origin, piece.opens, cast)
+                met = surface_queries.hits(origin, piece.opens, cast)
                 # A ray that grazes the wall beside which a core slides goes in and out at once.
                 assert len(met) < 2 or np.ptp(met) < 0.6 or len(met) % 2 == 1
 

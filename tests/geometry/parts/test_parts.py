@@ -11,17 +11,16 @@ from defsense_fab.core.curve import Hermite, Plane
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.bodies.standing import Y_UP
+from defsense_fab.geometry.bodies.orientation import Y_UP
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.kernels.cutting_tools import Number, cylinder
-from defsense_fab.geometry.kernels.export import write_stl
 from defsense_fab.geometry.parts.alignment_pins import free_spots
 from defsense_fab.geometry.parts.division import Cut, Division
 from defsense_fab.geometry.parts.part_contacts import contacts
-from defsense_fab.geometry.parts.part_names import names
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import Rules
+from defsense_fab.geometry.printing.export import write_stl
 from tests.errors import raises
 from tests.geometry.parts.cords import cord
 
@@ -365,29 +364,29 @@ def test_no_seats_unless_asked_for_and_thin_bodies_take_them(bar):
 def test_parts_are_named_by_where_they_lie():
     bounds = np.array([[0, 0, 0], [100, 30, 40.0]])
     stack = [[50, 15, z] for z in (35, 5, 15, 25)]
-    assert names(stack, bounds) == ["4-top", "1-bottom", "2-lower-middle", "3-upper-middle"]
+    assert part_names(stack, bounds) == ["4-top", "1-bottom", "2-lower-middle", "3-upper-middle"]
     octants = [[x, y, z] for z in (10, 30) for y in (7, 22) for x in (25, 75)]
-    assert names(octants, bounds)[0] == "1-bottom-front-left"
-    assert names(octants, bounds)[7] == "8-top-back-right"
+    assert part_names(octants, bounds)[0] == "1-bottom-front-left"
+    assert part_names(octants, bounds)[7] == "8-top-back-right"
     row = [
-        name.split("-", 1)[1] for name in names([[k, 15, 20] for k in range(5, 100, 15)], bounds)
+        name.split("-", 1)[1] for name in part_names([[k, 15, 20] for k in range(5, 100, 15)], bounds)
     ]
     assert row == ["left", "second-from-left", "third-from-left", "middle", "third-from-right",
                    "second-from-right", "right"]  # fmt: skip
-    many = names([[8.4 * k, 15, 20] for k in range(12)], bounds)
+    many = part_names([[8.4 * k, 15, 20] for k in range(12)], bounds)
     assert not any(c.isdigit() for name in many for c in name.split("-", 1)[1])
-    assert names([[50, 15, 20]], bounds) == ["1-whole"]
-    assert len(set(names(np.random.default_rng(0).random((30, 3)) * 40, bounds))) == 30
+    assert part_names([[50, 15, 20]], bounds) == ["1-whole"]
+    assert len(set(part_names(np.random.default_rng(0).random((30, 3)) * 40, bounds))) == 30
 
 
 def test_left_and_top_are_those_of_who_sees_the_body_standing():
     """With y up and z to the viewer; and of a long body that is seen from its side, along -x."""
     bounds = np.array([[0, 0, 0], [40, 100, 30.0]])
-    assert names([[20, 80, 15], [20, 20, 15]], bounds, Y_UP) == ["2-top", "1-bottom"]
-    assert names([[10, 50, 5], [10, 50, 25]], bounds, Y_UP) == ["2-back", "1-front"]
+    assert part_names([[20, 80, 15], [20, 20, 15]], bounds, Y_UP) == ["2-top", "1-bottom"]
+    assert part_names([[10, 50, 5], [10, 50, 25]], bounds, Y_UP) == ["2-back", "1-front"]
     along_y = np.array([[0, 1.0, 0], [0, 0, 1], [1, 0, 0]])
-    assert names([[20, 10, 15], [20, 90, 15]], bounds, along_y) == ["1-left", "2-right"]
-    assert names([[5, 50, 15], [35, 50, 15]], bounds, along_y) == ["2-back", "1-front"]
+    assert part_names([[20, 10, 15], [20, 90, 15]], bounds, along_y) == ["1-left", "2-right"]
+    assert part_names([[5, 50, 15], [35, 50, 15]], bounds, along_y) == ["2-back", "1-front"]
 
 
 STRAIGHT = [[2, 0], [10, 0], [50, 0], [100, 0], [140, 0], [148, 0]]

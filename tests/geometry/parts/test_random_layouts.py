@@ -10,17 +10,17 @@ from functools import cache
 
 import numpy as np
 import pytest
+from defsense_fab.pipeline.design.as_built import fabricate
+from defsense_fab.pipeline.design.design_task import limits
 
 from defsense_fab.core.device.device import BaySpec
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.geometry.kernels.export import write_stl
+from defsense_fab.geometry.printing.export import write_stl
 from defsense_fab.geometry.printing.print_bed import laid
 from defsense_fab.optimize.limits.verification import verify
-from defsense_fab.pipeline.design.as_built import fabricate
-from defsense_fab.pipeline.design.design_task import limits
 from tests.geometry import slicer
 from tests.geometry.parts.random_layouts import random_layout
 from tests.places import DEVICES

@@ -6,6 +6,8 @@ import igl
 import numpy as np
 import pytest
 import trimesh
+from defsense_fab.pipeline.calibrate.print_files import Print
+from defsense_fab.pipeline.calibrate.specimen_files import write_specimen
 
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import FabricationError
@@ -14,8 +16,6 @@ from defsense_fab.core.response import RADII
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.geometry.kernels import triangle_kernel
 from defsense_fab.geometry.specimen.specimen import Specimen
-from defsense_fab.pipeline.calibrate.print_files import Print
-from defsense_fab.pipeline.calibrate.specimen_files import write_specimen
 from tests.errors import raises
 from tests.geometry import slicer
 

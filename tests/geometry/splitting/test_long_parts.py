@@ -13,7 +13,7 @@ from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.geometry.parts.parts import make_parts
 from defsense_fab.geometry.parts.records import Rules
 from defsense_fab.geometry.printing.print_bed import fits, laid
-from defsense_fab.geometry.splitting import inspection
+from defsense_fab.geometry.splitting import piece_checks
 from defsense_fab.geometry.splitting.cut_places import cut_by
 from defsense_fab.geometry.splitting.dowelled_cut import cut_across
 from defsense_fab.geometry.splitting.long_parts import split_long
@@ -120,20 +120,20 @@ def test_checks_are_those_of_the_pieces_and_fail_for_what_is_wrong(made, split):
     dowels = [p for p in after.pins if after.contacts[p.contact].cut == 1]
     beside = [replace(d, center=d.center - 40 * made.cuts[0].plane.normal) for d in dowels]
     with raises(FabricationError, "wall-too-thin", part="1-bottom"):
-        inspection.dowel_walls(whole, beside, RULES)
+        piece_checks.dowel_walls(whole, beside, RULES)
     with raises(FabricationError, "overlaps-solid"):
-        inspection.dowels_fit(
+        piece_checks.dowels_fit(
             whole, halves, [replace(d, diameter=d.diameter + 0.3) for d in dowels]
         )
     with raises(FabricationError, "volume-not-conserved", part="1-bottom"):
-        inspection.pieces_add_up(whole, halves[:1], dowels)
+        piece_checks.pieces_add_up(whole, halves[:1], dowels)
     line = plane.origin - np.array([[3.0], [1.0]]) * plane.normal
     line[:, 2] = 4.0
     plug = triangle_kernel.tube(line, np.array([0, 0, 1.0]), 30.0)
     plugged = triangle_kernel.to_manifold(halves[0].surface, "") + plug
     plugged = replace(halves[0], surface=triangle_kernel.to_surface(plugged))
     with raises(FabricationError, "channel-blocked", what="cord flat"):
-        inspection.crossings(made, whole, [plugged, halves[1]], plane, RULES)
+        piece_checks.crossings(made, whole, [plugged, halves[1]], plane, RULES)
 
 
 def test_every_pin_and_number_belongs_to_the_piece_it_is_in(split):

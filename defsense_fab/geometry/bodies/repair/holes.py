@@ -9,8 +9,8 @@ import numpy as np
 from ....core.arrays import Float, Int
 from ....core.errors import BodyError
 from ....core.machine.compiled import compiled
-from .cleaning import edges_of
-from .words import number, place
+from .connectivity import edges_of
+from .findings import number, place
 
 #: Holes of more than three edges that are wider than this part of the bounding box's diagonal are
 #: not guessed at.

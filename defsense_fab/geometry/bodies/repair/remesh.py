@@ -8,11 +8,125 @@ from __future__ import annotations
 
 from typing import Any
 
+import igl
 import manifold3d as m3
 import numpy as np
 
-from ....core.arrays import Float, Int
-from .inside import Inside
+from ....core.arrays import Bool, Float, Int
+from ....core.mesh import facet_crosses
+from .crossings import Inside, beside
+
+# How far a repair moved the surface.
+
+_MOST = 40_000  # points that are measured, each way
+_SAME = 1e-9  # of the size
+_NEAR = 1e-3  # of the way from a corner to the other side
+# Weights of a triangle's corners.
+_FIXED = np.concatenate([np.full((1, 3), 1 / 3), np.eye(3), (1 - np.eye(3)) / 2])
+
+
+def moved(before: tuple[Float, Int], after: tuple[Float, Int], size: float) -> float:
+    """The largest distance from new triangles to the surface before, and from those before that
+    are gone to the surface after, mm; of these, what was buried does not count: all but what has
+    the outside on just one side, be it turned inside out."""
+    new = _points(after, _new(after, before, size))[0]
+    points, within, normals = _points(before, _new(before, after, size))
+    behind, ahead = (np.abs(w) < 0.5 for w in beside(Inside(*before), within, normals, size))
+    seen = behind != ahead
+    return max(_farthest(new, before), _farthest(points[seen], after))
+
+
+def _new(mesh: tuple[Float, Int], other: tuple[Float, Int], size: float) -> Bool:
+    """Triangles (m,) that the other does not have."""
+    mine, theirs = (np.round(v[f].mean(1) / (_SAME * size)) for v, f in (mesh, other))
+    _, index = np.unique(np.concatenate([theirs, mine]), axis=0, return_inverse=True)
+    index = index.reshape(-1)
+    return np.asarray(~np.isin(index[len(theirs) :], index[: len(theirs)]))
+
+
+def _points(mesh: tuple[Float, Int], chosen: Bool) -> tuple[Float, Float, Float]:
+    """Points (n, 3) of the chosen triangles, as many on each as its area asks for, always its
+    corners, the middles of its edges and its centre; beside each a point that is not on an edge;
+    and the triangles' normals there."""
+    corners = mesh[0][mesh[1][chosen]]
+    cross = facet_crosses(mesh[0], mesh[1][chosen])
+    area = np.linalg.norm(cross, axis=1)
+    corners, cross, area = corners[area > 0], cross[area > 0], area[area > 0]
+    if not len(corners):
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3))
+    rng = np.random.default_rng(0)
+    face = rng.choice(len(area), min(_MOST, 20 * len(area)), p=area / area.sum())
+    a, b = np.sqrt(rng.random(len(face))), rng.random(len(face))
+    weights = np.concatenate(
+        [np.tile(_FIXED, (len(area), 1)), np.stack([1 - a, a * (1 - b), a * b], axis=1)]
+    )
+    face = np.concatenate([np.repeat(np.arange(len(area)), len(_FIXED)), face])
+    step = max(1, len(face) // (2 * _MOST))
+    face, weights = face[::step], weights[::step]
+    points, within = (
+        np.einsum("ni,nij->nj", w, corners[face])
+        for w in (weights, (1 - 3 * _NEAR) * weights + _NEAR)
+    )
+    return points, within, (cross / area[:, None])[face]
+
+
+def _farthest(points: Float, mesh: tuple[Float, Int]) -> float:
+    if not len(points):
+        return 0.0
+    found = igl.point_mesh_squared_distance(
+        np.ascontiguousarray(points), np.ascontiguousarray(mesh[0]), np.ascontiguousarray(mesh[1])
+    )[0]
+    return float(np.sqrt(np.max(found)))
+
+
+# The parts of a surface that are to be made anew: boxes around what crosses there.
+
+_MARGIN = 0.08  # of a box's longest side, on each side
+_LEAST = 1e-3  # of the size
+
+
+def boxes_around(vertices: Float, faces: Int, bad: Bool, size: float, wider: float) -> Float:
+    """Boxes (k, 2, 3) apart from each other that hold the bad triangles with a margin, `wider`
+    times what is usual."""
+    corners = vertices[faces[bad]]
+    grown = np.stack([corners.min(1), corners.max(1)], axis=1)
+    while True:
+        margin = wider * np.maximum(_MARGIN * np.ptp(grown, axis=1).max(1), _LEAST * size)
+        out = grown + margin[:, None, None] * np.array([[-1.0], [1.0]])
+        groups = _overlapping(out)
+        names = np.unique(groups)
+        if len(names) == len(out):
+            return np.asarray(out)
+        grown = np.array(
+            [[grown[groups == g, 0].min(0), grown[groups == g, 1].max(0)] for g in names]
+        )
+
+
+def _overlapping(boxes: Float) -> Int:
+    """A number (k,) of each box: those that overlap, by others too, have the same."""
+    order = np.argsort(boxes[:, 0, 0], kind="stable")
+    group = np.arange(len(boxes))
+
+    def root(i: int) -> int:
+        while group[i] != i:
+            group[i] = group[group[i]]
+            i = int(group[i])
+        return i
+
+    starts, highs = boxes[order, 0], boxes[order, 1]
+    for i in range(len(order)):
+        until = int(np.searchsorted(starts[:, 0], highs[i, 0], side="right"))
+        near = np.arange(i + 1, until)
+        near = near[
+            (starts[near, 1] <= highs[i, 1])
+            & (highs[near, 1] >= starts[i, 1])
+            & (starts[near, 2] <= highs[i, 2])
+            & (highs[near, 2] >= starts[i, 2])
+        ]
+        for j in near:
+            group[root(int(order[j]))] = root(int(order[i]))
+    return np.array([root(i) for i in range(len(boxes))])
+
 
 _CELLS = 44  # along a local box's longest side
 _MOST_CELLS = 2_000_000

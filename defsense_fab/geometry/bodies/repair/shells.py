@@ -9,8 +9,8 @@ import numpy as np
 
 from ....core.arrays import Float, Int
 from ....core.errors import BodyError
-from .inside import Inside
-from .words import number, place
+from .crossings import Inside
+from .findings import number, place
 
 #: Pieces and cavities of less than this part of the volume are debris.
 DEBRIS = 1e-3

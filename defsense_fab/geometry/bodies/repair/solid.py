@@ -11,13 +11,10 @@ import numpy as np
 from ....core.arrays import Bool, Float, Int
 from ....core.errors import BodyError
 from ....core.mesh import Surface, facet_crosses
-from .crossings import crossing_pairs
-from .inside import wrong_faces
-from .moved import moved
-from .regions import boxes_around
-from .remesh import remade, remade_whole
+from .crossings import crossing_pairs, wrong_faces
+from .findings import number, place
+from .remesh import boxes_around, moved, remade, remade_whole
 from .shells import Shell, nested, one_piece, shells_of, without_cavities
-from .words import number, place
 
 _TINY = 1e-6  # of the size: slivers are thinner, and what removing them moves is less
 _FAR = 0.02  # of the size: a repair that moves the surface further is none

@@ -10,8 +10,8 @@ import pytest
 from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError
 from defsense_fab.geometry.bodies.body import load_body
+from defsense_fab.geometry.bodies.mesh_files import kind_of_file
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
-from defsense_fab.geometry.bodies.meshes.file_kind import kind_of_file
 from tests.conftest import box_surface
 from tests.errors import raises
 

@@ -8,20 +8,18 @@ from defsense_fab.core.errors import MeshingError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.meshing.mesh_quality import quality
 from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch
-from defsense_fab.geometry.bodies.meshing.remeshing import _split, remeshed
 from defsense_fab.geometry.bodies.meshing.simplification import (
     is_creased,
     is_fine,
     pairs,
     simplified,
 )
-from defsense_fab.geometry.bodies.meshing.surface_runs import (
+from defsense_fab.geometry.bodies.meshing.surface_process import (
     remeshed_in_time,
     simplified_in_time,
 )
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
-from defsense_fab.geometry.bodies.meshing.voxel_surface import voxel_surface
-from defsense_fab.geometry.bodies.meshing.ways import NETGEN
+from defsense_fab.geometry.bodies.meshing.surface_remeshing import _split, remeshed, voxel_surface
+from defsense_fab.geometry.bodies.meshing.tetrahedra import NETGEN, tetrahedralise
 from tests.errors import raises
 
 

@@ -17,11 +17,9 @@ from defsense_fab.core.mesh import Surface
 from defsense_fab.geometry.bodies.child_process import OUT_OF_MEMORY
 from defsense_fab.geometry.bodies.mesh_repair import read_mesh
 from defsense_fab.geometry.bodies.meshing import ftetwild, mesh_quality, netgen, tetrahedra
-from defsense_fab.geometry.bodies.meshing.boundary_fit import facet_gaps, fit_boundary
-from defsense_fab.geometry.bodies.meshing.mesh_quality import quality
+from defsense_fab.geometry.bodies.meshing.mesh_quality import facet_gaps, fit_boundary, quality
 from defsense_fab.geometry.bodies.meshing.mesher_runs import Watch, raise_told, run, tidy
-from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralise
-from defsense_fab.geometry.bodies.meshing.ways import FTETWILD, NETGEN, ways
+from defsense_fab.geometry.bodies.meshing.tetrahedra import FTETWILD, NETGEN, tetrahedralise, ways
 from tests.errors import raises
 from tests.places import DEVICES
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.defective_bodies import creature, sampled_distance
-from defsense_fab.geometry.bodies.repair.moved import moved
+from defsense_fab.geometry.bodies.repair.remesh import moved
 from tests.conftest import box_surface
 
 BOX = box_surface([0, 0, 0], [40, 20, 10])

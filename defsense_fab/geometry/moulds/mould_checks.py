@@ -12,8 +12,7 @@ from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
-from ..parts.check import Check
-from ..parts.records import Part
+from ..parts.records import Check, Part
 from .records import MouldPiece, MouldRules
 
 #: mm^3 of rounding: of a piece, and of two that pass each other.

@@ -19,11 +19,9 @@ from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import frame
 from ..parts.alignment_pins import Pin, gap
-from ..parts.check import Check
-from ..parts.inspection.conservation import CONSERVATION
-from ..parts.inspection.insertion import TOUCH, touch
-from ..parts.inspection.sockets import TOLERANCE, shell
-from ..parts.records import Made, Part, Rules
+from ..parts.part_checks import CONSERVATION, TOUCH, touch
+from ..parts.records import Check, Made, Part, Rules
+from ..parts.wall_checks import TOLERANCE, shell
 
 _NEAR = 2.0  # mm, along a channel, on both sides of a cut across it
 _FACETS = 0.02  # mm, by which a channel's facets may be nearer than its radius

@@ -20,9 +20,8 @@ from ...core.errors import BodyError
 from ...core.machine.processes import limit_memory
 from ...core.mesh import Surface
 from ...core.storage.files import write_json
-from .child_process import Failure, end_with_parent, finished, refusal
-from .kernel_loading import loaded_meanwhile
-from .meshes.file_kind import kind_of_file
+from .child_process import Failure, end_with_parent, finished, loaded_meanwhile, refusal
+from .mesh_files import kind_of_file
 
 _TASK, _SURFACE, _RESULT, _SOLID = "task.json", "surface.npz", "result.json", "solid.brep"
 _TESSELLATION = 1e-3  # of the body's size

@@ -18,9 +18,8 @@ from ....core.errors import MeshingError
 from ....core.mesh import Surface
 from ..child_process import OUT_OF_MEMORY, Failure, end_with_parent, finished
 from .mesher_runs import Watch, raise_told
-from .remeshing import remeshed
 from .simplification import FEW, Simplified, is_fine, simplified
-from .voxel_surface import grid_points, voxel_surface
+from .surface_remeshing import grid_points, remeshed, voxel_surface
 
 IN, OUT = "surface.npz", "made.npz"
 #: Grids of more points than this are long: each takes a winding number and a distance.

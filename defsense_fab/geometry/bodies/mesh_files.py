@@ -3,15 +3,120 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ....core.arrays import Float, Int
-from ....core.errors import BodyError
-from .tet_files import TET_SUFFIXES, read_tets
+from ...core.arrays import Float, Int
+from ...core.errors import BodyError
+
+# The boundary of tetrahedra in files of Gmsh, VTK and Medit.
+
+_FORMATS = {".msh": "gmsh", ".vtu": "vtu", ".mesh": "medit"}
+#: Of the files that are read.
+TET_SUFFIXES = tuple(_FORMATS)
+_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+
+
+def read_tets(path: Path, suffix: str) -> tuple[Float, Int]:
+    """Vertices (n, 3), and as faces (m, 3) the tetrahedra's that only one of them has; the
+    triangles where there are no tetrahedra. Raises BodyError for other cells, and whatever the
+    reader does for damaged files."""
+    import meshio
+
+    mesh: Any = meshio.read(path, _FORMATS[suffix])
+    points = np.asarray(mesh.points, float)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise BodyError("its points are not in space", code="points-not-in-space")
+    tets = _cells(mesh, "tetra", 4)
+    if len(tets):
+        _check(tets, len(points))
+        return points, _boundary(points, tets)
+    triangles = _cells(mesh, "triangle", 3)
+    if not len(triangles):
+        kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "none"
+        raise BodyError(
+            f"it has neither tetrahedra nor triangles; its cells: {kinds}", code="no-triangles"
+        )
+    _check(triangles, len(points))
+    return points, triangles
+
+
+def _cells(mesh: Any, kind: str, corners: int) -> Int:
+    """Of this kind, of any order."""
+    own = [
+        np.asarray(block.data, np.int64)[:, :corners]
+        for block in mesh.cells
+        if block.type.rstrip("0123456789") == kind
+    ]
+    return np.concatenate(own) if own else np.zeros((0, corners), np.int64)
+
+
+def _check(cells: Int, count: int) -> None:
+    if cells.min() < 0 or cells.max() >= count:
+        raise BodyError("a cell names a point that is not there", code="vertex-missing")
+
+
+def _boundary(points: Float, tets: Int) -> Int:
+    x = points[tets]
+    inward = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
+    tets = np.where(inward[:, None], tets[:, [0, 2, 1, 3]], tets)
+    faces = tets[:, _FACES].reshape(-1, 3)
+    _, first, count = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return np.asarray(faces[first[count == 1]])
+
+
+# What kind of body a file holds, by its content: names lie.
+
+_STEP = re.compile(rb"\s*(/\*.*?\*/\s*)*ISO-10303-21\s*;", re.DOTALL)
+_VERTEX = re.compile(rb"^\s*v\s+[-+.\d]", re.MULTILINE)
+_FACE = re.compile(rb"^\s*f\s+[-\d]", re.MULTILINE)
+_OFF = re.compile(rb"\s*(#[^\n]*\n\s*)*(ST)?C?N?OFF\b")
+_MEDIT = re.compile(rb"\s*(#[^\n]*\n\s*)*MeshVersionFormatted\b")
+_VTU = re.compile(
+    rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*UnstructuredGrid", re.DOTALL
+)
+_GLTF = re.compile(rb'\s*\{.*"asset"\s*:', re.DOTALL)
+_HEAD, _TRIANGLE = 84, 50  # bytes of a binary STL file
+_BEGINNING = 4096
+
+
+def kind_of_file(content: bytes) -> str | None:
+    """The suffix of the file that these bytes are: .step, .stl, .obj, .ply, .off, .3mf, .glb,
+    .gltf, .msh, .vtu, .mesh; None for what is none of them. That it can be read is not said."""
+    start = content[:_BEGINNING]
+    for suffix, pattern in (
+        (".step", _STEP), (".off", _OFF), (".mesh", _MEDIT), (".vtu", _VTU)
+    ):  # fmt: skip
+        if pattern.match(start):
+            return suffix
+    if re.match(rb"ply\s", start):
+        return ".ply"
+    if start.startswith(b"glTF"):
+        return ".glb"
+    if start.startswith(b"$MeshFormat"):
+        return ".msh"
+    if start.startswith(b"PK\x03\x04") and b"3D/" in content:
+        return ".3mf"
+    if len(content) >= _HEAD:
+        count = int.from_bytes(content[_HEAD - 4 : _HEAD], "little")
+        if count and len(content) == _HEAD + _TRIANGLE * count:
+            return ".stl"
+    if start.lstrip().startswith(b"solid") and b"facet" in content:
+        return ".stl"
+    if b"\0" in start:
+        return None
+    if start.lstrip().startswith(b"{") and _GLTF.match(content) and b'"meshes"' in content:
+        return ".gltf"
+    if _VERTEX.search(content) and _FACE.search(content):
+        return ".obj"
+    return None
+
 
 #: Of the files that are read.
 SUFFIXES = (".stl", ".obj", ".ply", ".off", ".3mf", ".glb", ".gltf", *TET_SUFFIXES)

@@ -10,7 +10,26 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.curve import arc_lengths
 from ...core.mesh import Surface
-from ..kernels.signed_distance import distances_of
+from ..kernels.surface_queries import distances_of
+
+# The end of a cord that is crimped when its channel is closed: it is pulled out of its mouth.
+
+#: Of a cord that has to be held or cut to length outside of its mouth, mm.
+_ROOM = 5.0
+
+
+def reach(ferrule: float, lead: float) -> float:
+    """How far outside of its mouth the middle of a ferrule of this length must be for it to be
+    crimped, mm; `lead` is how far outside it stays."""
+    return max(ferrule / 2 + _ROOM, lead)
+
+
+def pulled(between: float, loose: float, pocket: float, ferrule: float, lead: float) -> float:
+    """By how much of its length a cord is stretched then, of which so many mm lie `between` its
+    ferrules in the device and are as long when `loose`; the end's `pocket`, 0 for none, in mm."""
+    inside = pocket - ferrule / 2 if pocket else -lead
+    return (between + inside + reach(ferrule, lead)) / loose - 1
+
 
 _STEP = 0.5  # mm, between the places that are asked
 _BESIDE = (0.3, 0.9, 1.8)  # mm beyond the channel's wall, where parts are looked for

@@ -1,1 +1,0 @@
-"""Files of triangles and tetrahedra: told apart, and read."""

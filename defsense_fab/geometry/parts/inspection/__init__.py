@@ -1,1 +1,0 @@
-"""What finished parts are measured for before anything is written."""
