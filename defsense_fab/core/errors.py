@@ -42,7 +42,10 @@ class DefsenseError(Exception):
 
     def __str__(self) -> str:
         text = f"{self.where}: {self.problem}" if self.where else self.problem
-        return f"{text.rstrip('.')}. {self.action.rstrip('.')}." if self.action else text
+        if not self.action:
+            return text
+        end = "" if self.action.endswith("?") else "."
+        return f"{text.rstrip('.')}. {self.action.rstrip('.')}{end}"
 
 
 def _rebuild(kind: type[DefsenseError], problem: str, state: dict[str, object]) -> DefsenseError:

@@ -1,98 +1,236 @@
-"""The table [cord] of a device file: a cord of the catalogue, or one by its data sheet."""
+"""The table `[cord]` of `device.toml`: a cord of the catalogue, or one with its data sheet."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Annotated
 
-from ..errors import CalibrationError
 from ..response import MeasuredResponse, ResponseSpec, read_measured, read_response
-from ..storage.toml_table import Table
-from .catalogue import read_rows
+from ..schema.declare import NonNegative, Positive, Problem, Table, key, missing, unknown_choice
+from ..storage.package_data import read_rows
 from .device import COMPRESSION, CordSpec
 
-#: What a data sheet has to say of a cord that is no row of the catalogue.
+#: Keys that replace a row of the catalogue, all from the data sheet of a cord.
 SHEET = ("diameter", "ohm_per_mm", "gauge_factor", "max_strain")
-_ROW = ("name", "source", "compression")
+#: Further keys with a number in each row.
+_ASSUMED = (
+    "min_bend_radius", "ferrule_diameter", "ferrule_length", "modulus", "noise", "contact",
+    "min_stretch",
+)  # fmt: skip
+_ROWS = "cords.csv"
+_SHEET_DEFAULT = "the row's; required without a row"
 
 
-def read_cord(t: Table, lead: float, folder: Path) -> CordSpec:
-    """The cord, with free ends of `lead` mm. Raises DeviceError for what is unknown, missing or out
-    of range."""
-    rows = read_rows("cords.csv")
-    own = any([t.has(k) for k in SHEET])
-    name = t.string("name", "custom" if own else None)
-    if not own:
-        t.choice("name", name, list(rows), "cord")
-    figures = _figures(t, rows.get(name, {}))
-    if figures["ferrule_diameter"] <= figures["diameter"]:
-        t.fail("ferrule_diameter", f"must be more than the cord's {figures['diameter']:g} mm")
-    compression = t.string("compression", rows.get(name, {}).get("compression", "same"))
-    t.choice("compression", compression, list(COMPRESSION), "behaviour under compression")
-    response = _from_data_sheet(figures.pop("gauge_factor"), compression)
-    measured = None
-    if t.has("response"):
-        if t.has("compression"):
-            t.fail("compression", "the response tells it; remove this key or 'response'")
-        compression = "measured"
-        response, measured = _measured(t, folder)
-    lengths = _lengths(t, lead)
-    t.done()
-    return CordSpec(
-        name=name,
-        response=response,
-        lengths=lengths,
-        compression=compression,
-        measured=measured,
-        **figures,
-    )
+class CordTable(Table):
+    """The conductive cord that senses the deformation."""
 
+    name: Annotated[
+        str | None,
+        key(
+            "Row of `data/cords.csv`, or any name together with the next four keys.",
+            default='required; `"custom"` with the next four keys',
+        ),
+    ] = None
+    diameter: Annotated[
+        Positive | None, key("Diameter of the cord.", unit="mm", default=_SHEET_DEFAULT)
+    ] = None
+    ohm_per_mm: Annotated[
+        Positive | None,
+        key(
+            "Resistance at rest: a tenth of the ohm/cm that sellers give.",
+            unit="Ω/mm",
+            default=_SHEET_DEFAULT,
+        ),
+    ] = None
+    gauge_factor: Annotated[
+        Positive | None,
+        key(
+            "(R - R0)/R0 divided by the strain: 2 if the resistance doubles at 50 %.",
+            default=_SHEET_DEFAULT,
+        ),
+    ] = None
+    max_strain: Annotated[
+        Positive | None,
+        key("Largest strain that the cord withstands, 0.5 for 50 %.", default=_SHEET_DEFAULT),
+    ] = None
+    min_bend_radius: Annotated[
+        Positive | None,
+        key(
+            "Smallest radius of the channel's centre line.",
+            unit="mm",
+            default="the row's, or 2.5 diameters",
+        ),
+    ] = None
+    ferrule_diameter: Annotated[
+        Positive | None,
+        key(
+            "Outer diameter of the ferrule that joins cord and wire.",
+            unit="mm",
+            default="the row's, or the diameter and 0.6",
+        ),
+    ] = None
+    ferrule_length: Annotated[
+        Positive | None, key("Length of that ferrule.", unit="mm", default="the row's, or 7")
+    ] = None
+    modulus: Annotated[
+        Positive | None,
+        key("Young's modulus of the cord's rubber.", unit="MPa", default="the row's, or 3"),
+    ] = None
+    noise: Annotated[
+        Positive | None,
+        key(
+            "Standard deviation of a reading of (R - R0)/R0, whatever the cord's length.",
+            default="the row's, or 0.002",
+        ),
+    ] = None
+    contact: Annotated[
+        NonNegative | None,
+        key(
+            "Standard deviation of the resistance of each joint of cord and wire, which affects"
+            " short cords most.",
+            unit="Ω",
+            default="the row's, or 1",
+        ),
+    ] = None
+    min_stretch: Annotated[
+        NonNegative | None,
+        key(
+            "Smallest stretched length between a cord's ends; shorter cords are not proposed, and"
+            " drawn ones are refused.",
+            unit="mm",
+            default="the row's, or 10 diameters",
+        ),
+    ] = None
+    compression: Annotated[
+        str | None,
+        key(
+            "Behaviour of bonded cords below zero strain, which data sheets omit: `same` slope as"
+            " in tension, `half` of it, `none`, or `rising` resistance both ways; not together"
+            " with `response`.",
+            default="the row's, or `same`",
+            choices=COMPRESSION,
+        ),
+    ] = None
+    response: Annotated[
+        str | None,
+        key(
+            "File `response.json` of `defsense calibrate fit`, in place of the gauge factor and"
+            " `compression`: signals follow it, strains outside its range are reported, and built"
+            " devices scatter by the spread of the measured pieces.",
+            default="none",
+        ),
+    ] = None
+    length: Annotated[
+        tuple[float, float] | None,
+        key(
+            "Smallest and largest length, `[min, max]`, of the pieces that you have, free ends"
+            " included; layouts keep to it, and drawn cords that do not are refused.",
+            unit="mm",
+            default="any",
+        ),
+    ] = None
 
-def _figures(t: Table, row: Mapping[str, str]) -> dict[str, float]:
-    """Numbers of the row, and those of this table in their place. Of a cord without a row only the
-    data sheet's are needed: the others follow the rules by which the catalogue's were assumed."""
-    numbers = {k: float(v) for k, v in row.items() if k not in _ROW}
-    found = {key: t.number(key, numbers.get(key), low=0) for key in SHEET}
-    diameter = found["diameter"]
-    assumed = {
-        "min_bend_radius": 2.5 * diameter,
-        "ferrule_diameter": diameter + 0.6,
-        "ferrule_length": 7.0,
-        "modulus": 3.0,
-        "noise": 0.002,
-    }
-    for key, value in assumed.items():
-        found[key] = t.number(key, numbers.get(key, value), low=0)
-    for key, value in (("contact", 1.0), ("min_stretch", 10 * diameter)):
-        found[key] = t.size(key, numbers.get(key, value))
-    return found
+    @property
+    def _row(self) -> Mapping[str, str]:
+        return read_rows(_ROWS).get(self.name or "", {})
 
+    def _number(self, name: str) -> float | None:
+        """Return the number of a key, or that of the row."""
+        value: float | None = getattr(self, name)
+        if value is None and name in self._row:
+            return float(self._row[name])
+        return value
 
-def _measured(t: Table, folder: Path) -> tuple[ResponseSpec, MeasuredResponse | None]:
-    path = folder / t.string("response")
-    try:
-        return read_response(path), read_measured(path)
-    except CalibrationError as error:
-        t.fail("response", str(error))
+    def check(self) -> Iterator[Problem]:
+        """Yield problems of values that are missing, or that exclude each other."""
+        has_sheet = any(getattr(self, name) is not None for name in SHEET)
+        rows = read_rows(_ROWS)
+        if not has_sheet and self.name not in rows:
+            if self.name is None:
+                yield missing("name")
+            else:
+                yield unknown_choice(("name",), self.name, rows, "cord", "unknown-cord")
+            return
+        absent = [name for name in SHEET if self._number(name) is None]
+        yield from map(missing, absent)
+        if not absent:
+            numbers = self._numbers()
+            if numbers["ferrule_diameter"] <= numbers["diameter"]:
+                yield Problem(
+                    ("ferrule_diameter",),
+                    f"must be more than the cord's {numbers['diameter']:g} mm",
+                    "ferrule-too-thin",
+                )
+        if self.response is not None and self.compression is not None:
+            text = "the measured response includes it"
+            yield Problem(("compression",), text, "keys-exclusive", "Remove it, or 'response'")
+        if self.length is not None and not 0 <= self.length[0] <= self.length[1] - 1:
+            yield Problem(
+                ("length",),
+                "needs a smallest length, and a largest one that is at least 1 mm more",
+                "out-of-range",
+                "Write it as in [100, 400]",
+            )
 
+    def check_length(self, lead: float) -> Iterator[Problem]:
+        """Yield a problem if two free ends of `lead` mm use up the longest piece."""
+        if self.length is not None and self.length[1] < 2 * lead + 1:
+            yield Problem(
+                ("length",),
+                f"a piece of {self.length[1]:g} mm is used up by its two free ends of {lead:g} mm"
+                " ([fabrication] lead)",
+                "cord-too-short",
+                "Give longer pieces, or a shorter lead",
+            )
 
-def _lengths(t: Table, lead: float) -> tuple[float, float]:
-    if not t.has("length"):
-        return 0.0, float("inf")
-    shortest, longest = t.vector("length", 2).tolist()
-    if not 0 <= shortest <= longest - 1:
-        t.fail("length", "give the least and the greatest length of a piece, as in [100, 400]")
-    if longest < 2 * lead + 1:
-        t.fail(
-            "length",
-            f"a piece of {longest:g} mm is used up by its two free ends of {lead:g} mm"
-            " ([fabrication] lead)",
+    def _numbers(self) -> dict[str, float]:
+        """Return all numbers of the cord.
+
+        Those that no data sheet gives follow the rules by which the catalogue's were assumed.
+        """
+        numbers = {name: self._number(name) for name in (*SHEET, *_ASSUMED)}
+        diameter = numbers["diameter"] or 0.0
+        assumed = {
+            "min_bend_radius": 2.5 * diameter,
+            "ferrule_diameter": diameter + 0.6,
+            "ferrule_length": 7.0,
+            "modulus": 3.0,
+            "noise": 0.002,
+            "contact": 1.0,
+            "min_stretch": 10 * diameter,
+        }
+        return {name: assumed[name] if v is None else v for name, v in numbers.items()}
+
+    def record(self, folder: Path) -> CordSpec:
+        """Return the cord, completed from its row.
+
+        Args:
+            folder: Folder of `device.toml`, where the measured response is.
+
+        Raises:
+            CalibrationError: if the measured response cannot be read.
+        """
+        numbers = self._numbers()
+        compression = self.compression or self._row.get("compression", "same")
+        response = _data_sheet_response(numbers.pop("gauge_factor"), compression)
+        measured: MeasuredResponse | None = None
+        if self.response is not None:
+            compression = "measured"
+            response = read_response(folder / self.response)
+            measured = read_measured(folder / self.response)
+        return CordSpec(
+            name=self.name or "custom",
+            response=response,
+            lengths=self.length or (0.0, float("inf")),
+            compression=compression,
+            measured=measured,
+            **numbers,
         )
-    return shortest, longest
 
 
-def _from_data_sheet(gauge_factor: float, compression: str) -> ResponseSpec:
-    """The response of a cord of which only its behaviour in tension is known."""
+def _data_sheet_response(gauge_factor: float, compression: str) -> ResponseSpec:
+    """Return the response of a cord of which only the behaviour in tension is known."""
     if COMPRESSION[compression] == 1:
         return ResponseSpec.line(gauge_factor)
     slopes = {"tension": gauge_factor, "compression": gauge_factor * COMPRESSION[compression]}

@@ -1,350 +1,267 @@
-"""`device.toml` to a Device, with every key checked."""
+"""Read `device.toml` into a Device."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-import numpy as np
+import msgspec
 
-from ..curves.curve import Hermite, Plane, catmull_rom
-from ..errors import DeviceError
-from ..storage.toml_table import Table, is_number, load_toml, parse_toml
-from .catalogue import read_rows
-from .cord_table import read_cord
-from .device import (
-    ASSEMBLIES,
-    CONVERTERS,
-    DECODERS,
-    FREEDOMS,
-    PREFERENCES,
-    BaySpec,
-    BodyKind,
-    BodySpec,
-    CordSpec,
-    Device,
-    FabricationSpec,
-    MeshSpec,
-    OutputsSpec,
-    Sensor,
+from ..errors import CalibrationError, DeviceError
+from ..schema.declare import Problem, Table, key, unknown_choice
+from ..schema.document import Document, load_document, parse_document
+from ..schema.types import is_number
+from ..storage.package_data import read_rows
+from .cord_table import CordTable
+from .device import CordSpec, Device, FabricationSpec
+from .device_tables import (
+    BodyTable,
+    DesignTable,
+    MeshTable,
+    OutputsTable,
+    ReadoutTable,
+    RegionTable,
+    SensorTable,
 )
-from .material_table import read_material
-from .pose_file import read_poses, read_states
-from .regions import Box, Cylinder, HalfSpace, Shape, Sphere, flaw
-from .silicone import silicone
+from .fabrication_table import FabricationTable
+from .material_table import MaterialTable
+from .materials import silicone
+from .pose_tables import PoseTable, StatesTable, check_pose_names, repeated_states
 
-SCHEMA = 1
 DEVICE = "device.toml"
-MOST_COPIES = 100
-MOST_SHRINKAGE = 0.1
-#: Least and greatest relative accuracy of signals that a mesh may be asked for.
-ACCURACIES = (0.0001, 0.2)
-#: Least and greatest edge of what a printer makes, mm.
-BEDS = (30.0, 5000.0)
-#: Width, height and depth of a connector bay, mm: a row of header pins or a JST-XH of 4 ways.
-BAY = (14.0, 7.0, 8.0)
+
+
+class DeviceFile(Table, kw_only=True):
+    """All keys of `device.toml`."""
+
+    schema: Annotated[Literal[1], key("Version of this format.")] = 1
+    name: Annotated[str, key("Name of the device in its report and files.")]
+    body: Annotated[BodyTable, key("The body.")]
+    material: Annotated[MaterialTable, key("The material of the body.")]
+    mesh: Annotated[MeshTable, key("The tetrahedra of the body.")]
+    regions: Annotated[
+        dict[str, RegionTable],
+        key("Named parts of the body in mm, by which poses hold and move it."),
+    ] = msgspec.field(default_factory=dict)
+    poses: Annotated[
+        tuple[PoseTable, ...], key("Poses that the device senses.", default="needed by a build")
+    ] = ()
+    states: Annotated[StatesTable, key("Fractions and mixtures of the poses.")] = msgspec.field(
+        default_factory=StatesTable
+    )
+    outputs: Annotated[OutputsTable, key("What is decoded from the cords.")] = msgspec.field(
+        default_factory=OutputsTable
+    )
+    cord: Annotated[CordTable, key("The conductive cord, whose resistance indicates its stretch.")]
+    readout: Annotated[ReadoutTable, key("What measures the cords.")] = msgspec.field(
+        default_factory=ReadoutTable
+    )
+    fabrication: Annotated[FabricationTable, key("Printer, parts and joints.")] = msgspec.field(
+        default_factory=FabricationTable
+    )
+    design: Annotated[DesignTable, key("What is found automatically.")] = msgspec.field(
+        default_factory=DesignTable
+    )
+    sensors: Annotated[
+        tuple[SensorTable, ...],
+        key("Cords that are drawn: points in a plane, in mm; none if all are to be found."),
+    ] = ()
+
+    def check(self) -> Iterator[Problem]:
+        """Yield problems of names: of the device, poses, cords and regions."""
+        if not self.name.isprintable():
+            text = f"must be one line of letters, not {self.name!r}"
+            yield Problem(("name",), text, "name-invalid")
+        yield from (p.below("poses") for p in check_pose_names(self.poses))
+        for number, pose in enumerate(self.poses):
+            for path, region in pose.regions():
+                if region not in self.regions:
+                    yield self._unknown_region(("poses", number, *path), region)
+        if self.outputs.anchor is not None and self.outputs.anchor not in self.regions:
+            yield self._unknown_region(("outputs", "anchor"), self.outputs.anchor)
+        names = [pose.name for pose in self.poses]
+        yield from (p.below("states") for p in self.states.check_poses(names))
+        cords = [sensor.name for sensor in self.sensors]
+        for number, name in enumerate(cords):
+            if name in cords[:number]:
+                path = ("sensors", number, "name")
+                text = f"{name!r} is used already"
+                yield Problem(path, text, "duplicate-names", "Choose another name")
+        if self.design.sensors is not None and self.design.sensors < len(cords):
+            text = f"counts all cords, and {len(cords)} are drawn"
+            yield Problem(("design", "sensors"), text, "too-few-sensors", "Increase or remove it")
+
+    def _unknown_region(self, path: tuple[str | int, ...], name: str) -> Problem:
+        return unknown_choice(path, name, self.regions, "region", "unknown-region")
 
 
 def load_device(
     folder: Path, overrides: Mapping[str, Any] | None = None, complete: bool = True
 ) -> Device:
-    """Read `folder/device.toml`; `overrides` replace parameters of the body's script.
+    """Read the `device.toml` of a folder.
 
-    Without `complete` there need not be poses or sensors yet.
+    Args:
+        folder: Folder of the file, and of the files that it names.
+        overrides: Parameters of the body's script that replace those of the file.
+        complete: Whether there must be poses and sensors.
 
-    Raises DeviceError with file, line and key for anything unknown, missing or out of range.
+    Raises:
+        DeviceError: with file, line and key, for everything unknown, missing or out of range.
     """
-    return read_device(load_toml(folder / DEVICE), folder, overrides or {}, complete)
+    return read_device(load_document(folder / DEVICE), folder, overrides or {}, complete)
 
 
 def parse_device(text: str, folder: Path, complete: bool = True) -> Device:
-    """The same of the text that the device's file has, or would have, in its `folder`."""
-    return read_device(parse_toml(text, folder / DEVICE), folder, {}, complete)
+    """Read the text that a device's file has, or would have, in its `folder`; see `load_device`."""
+    return read_device(parse_document(text, folder / DEVICE), folder, {}, complete)
 
 
 def read_device(
-    top: Table, folder: Path, overrides: Mapping[str, Any], complete: bool = True
+    document: Document, folder: Path, overrides: Mapping[str, Any], complete: bool = True
 ) -> Device:
-    """The same of the table that the file holds, whose values may have been replaced."""
-    if top.raw("schema", 1) is not SCHEMA:
-        top.fail("schema", f"this version reads schema {SCHEMA}, not {top.data['schema']!r}")
-    regions = _regions(top.table("regions", required=False))
-    poses = read_poses(top, list(regions), complete)
-    fabrication = _fabrication(top.table("fabrication", required=False))
-    hanging = 0.0 if fabrication.pockets else fabrication.lead
-    cord = read_cord(top.table("cord"), hanging, folder)
-    sensors = _sensors(top)
-    body = _body(top.table("body"), folder, overrides)
-    _agree(top, body, cord, fabrication)
-    _stretching(top, cord, fabrication)
-    readout = top.table("readout", required=False)
-    converter = readout.string("converter", next(iter(CONVERTERS)))
-    readout.choice("converter", converter, list(CONVERTERS), "converter")
-    readout.done()
-    design = top.table("design", required=False)
-    wanted = design.count("sensors")
-    planes = design.count("planes")
-    decoder = design.string("decoder", "auto")
-    design.choice("decoder", decoder, (*DECODERS, "auto"), "decoder")
-    prefer = design.string("prefer", PREFERENCES[0])
-    design.choice("prefer", prefer, PREFERENCES, "preference")
-    seed, searches = design.count("seed", Device.seed), design.count("searches")
-    design.done()
-    if complete and not sensors and not wanted:
-        top.fail("sensors", "draw [[sensors]] with planes and paths, or give [design] sensors = 3")
-    if wanted is not None and wanted < len(sensors):
-        design.fail("sensors", f"counts all cords, and {len(sensors)} are drawn")
-    name = top.string("name")
-    if not name.isprintable():
-        top.fail("name", f"must be one line of letters, not {name!r}")
-    device = Device(
-        name=name,
+    """Read a file whose values may have been replaced; see `load_device`."""
+    declared = document.read(DeviceFile)
+    problems = [
+        *_missing_tables(declared, complete),
+        *_check_body(declared, folder, overrides),
+        *_check_agreement(declared),
+    ]
+    poses = tuple(pose.record() for pose in declared.poses)
+    states = declared.states.record(poses)
+    repeated = repeated_states(states, [pose.name for pose in poses])
+    problems += [problem.below("states") for problem in repeated]
+    fabrication = declared.fabrication.record()
+    cord: CordSpec | None = None
+    try:
+        cord = declared.cord.record(folder)
+    except CalibrationError as error:
+        text = f"{error.where}: {error.problem}" if error.where else error.problem
+        problems.append(Problem(("cord", "response"), text, error.code, error.action))
+    else:
+        problems += _check_cord(declared, cord, fabrication)
+    if problems or cord is None:
+        document.refuse(problems)
+    body = msgspec.structs.replace(
+        declared.body, parameters={**declared.body.parameters, **overrides}
+    )
+    design, drawn = declared.design, len(declared.sensors)
+    return Device(
+        name=declared.name,
         source=folder,
-        body=body,
-        material=read_material(top.table("material")),
-        mesh=_mesh(top.table("mesh")),
-        regions=regions,
+        body=body.record(folder),
+        material=declared.material.record(),
+        mesh=declared.mesh.record(),
+        regions={name: region.shape() for name, region in declared.regions.items()},
         poses=poses,
-        states=read_states(top.table("states", required=False), poses),
-        outputs=_outputs(top.table("outputs", required=False), list(regions)),
+        states=states,
+        outputs=declared.outputs.record(),
         cord=cord,
         fabrication=fabrication,
-        sensors=sensors,
-        propose=(wanted or len(sensors)) - len(sensors),
-        planes=planes,
-        decoder=decoder,
-        prefer=prefer,
-        converter=converter,
-        seed=seed,
-        searches=searches,
+        sensors=tuple(sensor.record() for sensor in declared.sensors),
+        propose=(design.sensors or drawn) - drawn,
+        planes=design.planes,
+        decoder=design.decoder,
+        prefer=design.prefer,
+        converter=declared.readout.converter,
+        seed=design.seed,
+        searches=design.searches,
     )
-    top.done()
-    return device
 
 
-def _agree(top: Table, body: BodySpec, cord: CordSpec, f: FabricationSpec) -> None:
-    """What one table asks of another."""
-    material = top.table("material")
-    name = material.data.get("name")
-    printed = isinstance(name, str) and name in read_rows("materials.csv") and not silicone(name)
-    if f.kind == "cast" and printed:
-        material.fail(
-            "name",
-            f"[fabrication] process {f.process!r} casts silicone, and {name!r} is none; there is:"
-            f" {', '.join(read_rows('silicones.csv'))}",
+def _missing_tables(declared: DeviceFile, complete: bool) -> Iterator[Problem]:
+    if complete and not declared.poses:
+        yield Problem(
+            ("poses",),
+            "there are no poses that the device must sense",
+            "poses-missing",
+            "Add [[poses]]; `defsense modes` proposes some",
         )
-    if body.bay and not f.pockets:
-        top.table("fabrication").fail("pockets", "wires to the connector bay begin in pockets")
-    if f.pockets and f.wire_diameter >= cord.ferrule_diameter:
-        top.table("fabrication").fail(
-            "wire_diameter" if top.table("fabrication").has("wire_diameter") else "pockets",
-            f"a wire of {f.wire_diameter:g} mm is not thinner than the ferrule of"
-            f" {cord.ferrule_diameter:g} mm, which would follow it out of its pocket",
+    if complete and not declared.sensors and declared.design.sensors is None:
+        yield Problem(
+            ("sensors",),
+            "there are no cords",
+            "sensors-missing",
+            "Draw [[sensors]] with planes and paths, or give [design] sensors = 3",
         )
 
 
-def _stretching(top: Table, cord: CordSpec, f: FabricationSpec) -> None:
-    """What pre-stretch asks of the cord and the assembly."""
-    if not f.prestretch:
-        return
-    t = top.table("fabrication")
-    if f.assembly == "bonded":
-        t.fail("prestretch", 'a bonded cord is glued as it lies; assembly = "held" stretches it')
-    if f.prestretch >= cord.max_strain:
-        t.fail("prestretch", f"the cord {cord.name!r} takes strains up to {cord.max_strain:g}")
-
-
-def _body(t: Table, folder: Path, overrides: Mapping[str, Any]) -> BodySpec:
-    kinds: tuple[BodyKind, ...] = ("script", "step", "mesh")
-    given = [k for k in kinds if t.has(k)]
-    if len(given) != 1:
-        t.fail(None, f"needs exactly one of script, step, mesh; it has {len(given)}")
-    kind = given[0]
-    path = folder / t.string(kind)
+def _check_body(
+    declared: DeviceFile, folder: Path, overrides: Mapping[str, Any]
+) -> Iterator[Problem]:
+    body = declared.body
+    path = folder / getattr(body, body.kind)
     if not path.is_file():
-        t.fail(kind, f"no such file: {path}")
-    parameters = dict(t.table("parameters", required=False).data) if kind == "script" else {}
-    if overrides and kind != "script":
-        t.fail(kind, "--set changes parameters of a script; this body has none")
+        yield Problem(("body", body.kind), f"no such file: {path}", "file-not-found")
+    if overrides and body.kind != "script":
+        yield Problem(
+            ("body", body.kind),
+            f"this body has no parameters, and {', '.join(overrides)} is to be replaced",
+            "parameters-without-script",
+            "Replace parameters of scripts only",
+        )
     for name, value in overrides.items():
-        known = parameters.get(name)
-        if is_number(known) and not is_number(value):
+        before = body.parameters.get(name)
+        if is_number(before) and not is_number(value):
             raise DeviceError(
-                f"--set {name}={value}: {DEVICE} has the number {known} there; give a number, as in"
-                f" {name}={known}"
+                f"{value!r} is not a number, and {DEVICE} has the number {before}",
+                code="not-a-number",
+                where=f"parameter {name}",
+                action=f"Give a number, as in {name}={before}",
+                parameter=name,
             )
-    parameters.update(overrides)
-    for name, value in parameters.items():
         if isinstance(value, int | float) and not isinstance(value, bool) and not is_number(value):
-            t.fail("parameters", f"{name} must be a finite number, not {value!r}")
-    scale = t.number("scale", 1.0, low=0) if kind == "mesh" else 1.0
-    limit = t.number("time_limit", BodySpec.time_limit, low=0)
-    fill = t.boolean("fill_cavities", False)
-    bay = _bay(t.table("bay")) if t.has("bay") else None
-    t.done()
-    return BodySpec(kind, path, parameters, scale, bay, limit, fill)
+            text = f"{name} must be a finite number, not {value!r}"
+            yield Problem(("body", "parameters"), text, "not-finite", data={"parameter": name})
 
 
-def _bay(t: Table) -> BaySpec:
-    at = t.vector("at")
-    width, height, depth = t.vector("size", default=BAY).tolist()
-    least = "is width, height and depth, each at least 2 mm"
-    t.within("size", min(width, height, depth), 2, np.inf, least)
-    t.done()
-    return BaySpec(at, (width, height, depth))
-
-
-def _mesh(t: Table) -> MeshSpec:
-    edge = t.number("edge_length", low=0) if t.has("edge_length") else None
-    accuracy = t.number("accuracy", low=0) if t.has("accuracy") else None
-    if edge is None and accuracy is None:
-        t.number("edge_length")  # says what is missing or misspelt
-    if edge is not None and accuracy is not None:
-        t.fail("edge_length", "give either edge_length = 6.0 (mm) or accuracy = 0.01 (of signals)")
-    if accuracy is not None:
-        low, high = ACCURACIES
-        t.within(
-            "accuracy", accuracy, low, high, f"must lie between {low} and {high}, not {accuracy:g}"
+def _check_agreement(declared: DeviceFile) -> Iterator[Problem]:
+    """Yield problems of keys in one table that exclude those in another."""
+    row, name = declared.fabrication.row, declared.material.name
+    if row["kind"] == "cast" and name in read_rows("materials.csv") and not silicone(name):
+        yield Problem(
+            ("material", "name"),
+            f"{name!r} is not a silicone, which [fabrication] process {row['name']!r} casts",
+            "material-not-castable",
+            f"Use one of: {', '.join(read_rows('silicones.csv'))}",
         )
-    limit = t.number("time_limit", MeshSpec.time_limit, low=0)
-    t.done()
-    return MeshSpec(edge, accuracy, limit)
-
-
-def _regions(t: Table) -> dict[str, Shape]:
-    return {name: _region(t.table(name)) for name in t.data}
-
-
-def _region(t: Table) -> Shape:
-    shapes = ("box", "sphere", "half_space", "cylinder")
-    given = [s for s in shapes if t.has(s)]
-    if len(given) != 1:
-        t.done()
-        t.fail(None, f"needs exactly one of {', '.join(shapes)}")
-    shape: Shape
-    if given[0] == "box":
-        inner = t
-        shape = Box(*t.array("box", (2, 3)))
-    else:
-        inner = t.table(given[0])
-        if given[0] == "sphere":
-            shape = Sphere(inner.vector("center"), inner.number("radius", low=0))
-        elif given[0] == "half_space":
-            shape = HalfSpace(inner.vector("origin"), inner.vector("normal"))
-        else:
-            start, end = inner.vector("start"), inner.vector("end")
-            shape = Cylinder(start, end, inner.number("radius", low=0))
-        inner.done()
-    if wrong := flaw(shape):
-        inner.fail(*wrong)
-    t.done()
-    return shape
-
-
-def _outputs(t: Table, regions: Sequence[str]) -> OutputsSpec:
-    value = t.raw("markers", 40)
-    anchor = t.string("anchor") if t.has("anchor") else None
-    if anchor is not None:
-        t.choice("anchor", anchor, regions, "region")
-    t.done()
-    if value == "surface":
-        return OutputsSpec("surface", anchor)
-    if isinstance(value, list):
-        points = t.array("markers", (None, 3))
-        if len(points) == 0:
-            t.fail("markers", "give at least one point")
-        return OutputsSpec(points, anchor)
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        t.fail("markers", 'must be a number of markers, a list of points, or "surface"')
-    return OutputsSpec(value, anchor)
-
-
-def _fabrication(t: Table) -> FabricationSpec:
-    rows = read_rows("printers.csv")
-    name = t.string("process", next(iter(rows)))
-    t.choice("process", name, list(rows), "process")
-    row = rows[name]
-    spec = FabricationSpec(
-        process=name,
-        clearance=t.number("clearance", float(row["clearance"]), low=-1e-9),
-        wall=t.number("wall", float(row["wall"]), low=0),
-        lead=t.number("lead", 20.0, low=-1e-9),
-        bed=_bed(t, row),
-        pockets=t.boolean("pockets", True),
-        limit_cuts=t.boolean("limit_cuts", False),
-        strain_relief=t.boolean("strain_relief") if t.has("strain_relief") else None,
-        wire_diameter=t.number("wire_diameter", 1.1, low=0),
-        marker_seats=t.count("marker_seats") or 0,
-        marker_size=t.number("marker_size", 10.0, low=0),
-        assembly=t.string("assembly", ASSEMBLIES[0]),
-        prestretch=t.size("prestretch") if t.has("prestretch") else None,
-        kind=row["kind"],
-        line=t.number("line", float(row["line"]), low=0),
-        layer=t.number("layer", float(row["layer"]), low=0),
-        hole=t.size("hole", float(row["hole"])),
-        spacing=float(row["spacing"]),
-        supports=row["supports"],
-        copies=t.count("copies", FabricationSpec.copies),
-        mould_wall=t.number("mould_wall", FabricationSpec.mould_wall, low=2),
-        shrinkage=t.size("shrinkage") if t.has("shrinkage") else None,
-    )
-    if t.has("copies"):
-        most = f"must be at most {MOST_COPIES}, not {spec.copies}"
-        t.within("copies", spec.copies, 1, MOST_COPIES, most)
-    if spec.shrinkage is not None:
-        share = f"is a share of the length, as in 0.002, not {spec.shrinkage:g}"
-        t.within("shrinkage", spec.shrinkage, 0, MOST_SHRINKAGE, share)
-    if spec.kind == "cast" and spec.limit_cuts:
-        t.fail("limit_cuts", "parts that wrap round the end of a cut cannot be cast; remove it")
-    for key in ("mould_wall", "shrinkage"):
-        if t.has(key) and spec.kind != "cast":
-            t.fail(key, f"is for moulds, and process {spec.process!r} prints the parts themselves")
-    t.choice("assembly", spec.assembly, ASSEMBLIES, "assembly")
-    if max(spec.lead, spec.clearance, spec.wall) > 1000:
-        t.fail(None, "clearance, wall and lead are in mm; one is more than 1000")
-    t.done()
-    return spec
-
-
-def _bed(t: Table, row: Mapping[str, str]) -> tuple[float, float, float]:
-    """The bed that is stated, or that of the process, mm."""
-    of_process = [float(row[f"bed_{axis}"]) for axis in "xyz"]
-    bed, (low, high) = t.vector("bed", default=of_process), BEDS
-    what = "is width, depth and height of what the printer makes"
-    t.within("bed", bed, low, high, f"{what}, {low:g} to {high:g} mm each")
-    x, y, z = bed.tolist()
-    return x, y, z
-
-
-def _sensors(top: Table) -> tuple[Sensor, ...]:
-    sensors: list[Sensor] = []
-    for t in top.tables("sensors"):
-        name = t.string("name")
-        if name in [s.name for s in sensors]:
-            t.fail("name", f"{name!r} is used already; choose another name")
-        p = t.table("plane")
-        origin, normal, x_axis = p.vector("origin"), p.vector("normal"), p.vector("x_axis")
-        p.done()
-        points = t.array("control_points", (None, 2))
-        if len(points) < 4:
-            t.fail("control_points", "needs at least 4: the first and last two are the ends")
-        if (np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-6).any():
-            t.fail("control_points", "two neighbours coincide; move or remove one")
-        tangents = (
-            t.array("tangents", (len(points), 2)) if t.has("tangents") else catmull_rom(points)
+    if declared.body.bay is not None and not declared.fabrication.pockets:
+        yield Problem(
+            ("fabrication", "pockets"),
+            "wires to the connector bay start in pockets",
+            "bay-without-pockets",
+            "Remove this key, or the bay",
         )
-        if (np.linalg.norm(tangents, axis=1) < 1e-6).any():
-            t.fail("tangents", "a tangent is zero; give it a direction")
-        free = t.strings("free", [])
-        for word in free:
-            t.choice("free", word, FREEDOMS, "freedom")
-        if {"plane", "offset"} <= set(free):
-            t.fail("free", "a plane that is free may shift, too; leave out either plane or offset")
-        t.done()
-        try:
-            plane = Plane.from_normal(origin, normal, x_axis)
-        except ValueError as error:
-            p.fail(None, str(error))
-        sensors.append(Sensor(name, plane, Hermite(points, tangents), frozenset(free)))
-    return tuple(sensors)
+
+
+def _check_cord(
+    declared: DeviceFile, cord: CordSpec, fabrication: FabricationSpec
+) -> Iterator[Problem]:
+    """Yield problems of a cord that cannot be built in as [fabrication] states."""
+    lead = 0.0 if fabrication.pockets else fabrication.lead
+    yield from (problem.below("cord") for problem in declared.cord.check_length(lead))
+    wire = fabrication.wire_diameter
+    if fabrication.pockets and wire >= cord.ferrule_diameter:
+        yield Problem(
+            ("fabrication", "wire_diameter"),
+            f"a wire of {wire:g} mm is not thinner than the ferrule of"
+            f" {cord.ferrule_diameter:g} mm, which would follow it out of its pocket",
+            "wire-too-thick",
+            "Use a thinner wire or a wider ferrule",
+        )
+    if not fabrication.prestretch:
+        return
+    if fabrication.assembly == "bonded":
+        yield Problem(
+            ("fabrication", "prestretch"),
+            "a bonded cord is glued without stretching it",
+            "prestretch-bonded",
+            'Remove it, or use assembly = "held"',
+        )
+    if fabrication.prestretch >= cord.max_strain:
+        yield Problem(
+            ("fabrication", "prestretch"),
+            f"the cord {cord.name!r} withstands strains up to {cord.max_strain:g}",
+            "prestretch-too-large",
+            "Reduce it",
+        )

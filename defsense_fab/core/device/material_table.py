@@ -1,23 +1,28 @@
-"""The table [material] of a device file, and what is strange about a material."""
+"""The table `[material]` of `device.toml`, and questions about unusual materials."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Annotated
 
-from ..storage.toml_table import Table
-from .catalogue import read_rows
+from msgspec import Meta
+
+from ..schema.declare import Positive, Problem, Table, key, missing, unknown_choice
+from ..storage.package_data import read_rows
 from .device import MaterialSpec
-from .shore import from_shore
+from .materials import from_shore
 
-#: Of soft bodies: from the softest gels to thermoplastic polyurethane at Shore 60D, MPa.
-_SOFT = (0.002, 500.0)
-#: Solid rubbers and polyurethanes do not lie below; foams do.
-_RUBBER = 0.4
-#: From foams to filled rubbers, g/cm3.
-_DENSITY = (0.05, 3.0)
+#: Young's modulus of soft bodies: from the softest gels to thermoplastic polyurethane, Shore 60D.
+SOFT_YOUNG_MODULUS_MPA = (0.002, 500.0)
+#: Smallest Poisson's ratio of solid rubbers and polyurethanes; that of foams is smaller.
+MIN_RUBBER_POISSON_RATIO = 0.4
+#: From foams to filled rubbers.
+SOFT_DENSITY_G_CM3 = (0.05, 3.0)
 
-#: The constants (MPa) that a model may be given by, in place of young_modulus.
-_CONSTANTS: dict[str, tuple[str, ...]] = {
+_DEFAULT_DENSITY_G_CM3 = 1.1
+_ROWS = "materials.csv"
+#: The constants (MPa) that replace young_modulus, by model.
+_CONSTANTS: Mapping[str, tuple[str, ...]] = {
     "neo-hookean": (),
     "stable-neo-hookean": (),
     "mooney-rivlin": ("c10", "c01"),
@@ -25,69 +30,141 @@ _CONSTANTS: dict[str, tuple[str, ...]] = {
 }
 
 
-def read_material(t: Table) -> MaterialSpec:
-    """The material. Raises DeviceError for what is unknown, missing or out of range."""
-    name = t.string("name", "custom")
-    rows = read_rows("materials.csv")
-    row = rows.get(name, {})
-    model = t.string("model", "neo-hookean")
-    t.choice("model", model, list(_CONSTANTS), "material model")
-    wanted = _CONSTANTS[model]
-    own = any(t.has(k) for k in ("young_modulus", "shore", *wanted))
-    if not own and not (t.has("poisson_ratio") and row):
-        t.choice("name", name, list(rows), "material")
-    poisson = t.number("poisson_ratio", row.get("poisson_ratio") and float(row["poisson_ratio"]))
-    if not -1 < poisson < 0.5:
-        t.fail("poisson_ratio", f"must lie between -1 and 0.5 (below it), not {poisson:g}")
-    density = t.number("density", float(row.get("density", 1.1)), low=0)
-    if wanted:
-        constants = {k: t.number(k) for k in wanted}
-        young = 4 * (constants["c10"] + constants.get("c01", 0.0)) * (1 + poisson)
-        if young <= 0:
-            t.fail("c10", "the shear modulus 2 (c10 + c01) must be positive")
-        for key in ("young_modulus", "shore"):
-            if t.has(key):
-                t.fail(key, f"follows from the constants of {model}; remove it")
-    else:
-        constants = {}
-        young = _young_modulus(t, row)
-    t.done()
-    return MaterialSpec(name, young, poisson, model, density, constants)
+class MaterialTable(Table):
+    """What the body is made of."""
+
+    name: Annotated[
+        str,
+        key(
+            "Row of `data/materials.csv`, whose columns give the source of each modulus and what"
+            " it was compared with; any name if you give your own values.",
+        ),
+    ] = "custom"
+    model: Annotated[str, key("Hyperelastic model.", choices=_CONSTANTS)] = "neo-hookean"
+    young_modulus: Annotated[
+        Positive | None,
+        key(
+            "Young's modulus at small strain, in place of the row's; not together with `shore`.",
+            unit="MPa",
+            rows=_ROWS,
+        ),
+    ] = None
+    shore: Annotated[
+        str | None,
+        key('Hardness, as `"30A"`, in place of `young_modulus`.', default="none"),
+    ] = None
+    poisson_ratio: Annotated[
+        Annotated[float, Meta(gt=-1, lt=0.5)] | None,
+        key("Poisson's ratio.", rows=_ROWS),
+    ] = None
+    density: Annotated[
+        Positive | None,
+        key("Density, for gravity and vibration modes.", unit="g/cm³", default="the row's, or 1.1"),
+    ] = None
+    c10: Annotated[
+        float | None,
+        key(
+            "Constant of Mooney-Rivlin and Yeoh, in place of `young_modulus`.",
+            unit="MPa",
+            default="required by these models",
+        ),
+    ] = None
+    c01: Annotated[
+        float | None,
+        key("Constant of Mooney-Rivlin.", unit="MPa", default="required by this model"),
+    ] = None
+    c20: Annotated[
+        float | None, key("Constant of Yeoh.", unit="MPa", default="required by this model")
+    ] = None
+    c30: Annotated[
+        float | None, key("Constant of Yeoh.", unit="MPa", default="required by this model")
+    ] = None
+
+    @property
+    def _row(self) -> Mapping[str, str]:
+        return read_rows(_ROWS).get(self.name, {})
+
+    def check(self) -> Iterator[Problem]:
+        """Yield problems of values that are missing, or that exclude each other."""
+        constants, rows = _CONSTANTS[self.model], read_rows(_ROWS)
+        row = rows.get(self.name, {})
+        alternatives = ("young_modulus", "shore", *constants)
+        has_modulus = any(getattr(self, name) is not None for name in alternatives)
+        if not row and not has_modulus:
+            yield unknown_choice(("name",), self.name, rows, "material", "unknown-material")
+            return
+        if self.poisson_ratio is None and not row:
+            yield missing("poisson_ratio")
+        yield from self._check_constants(constants)
+        if self.shore is None:
+            return
+        if self.young_modulus is not None:
+            text = "young_modulus is given too"
+            yield Problem(("shore",), text, "keys-exclusive", "Give only one of the two")
+        try:
+            from_shore(self.shore)
+        except ValueError as error:
+            yield Problem(("shore",), str(error), "hardness-invalid")
+
+    def _check_constants(self, constants: tuple[str, ...]) -> Iterator[Problem]:
+        for name in ("c10", "c01", "c20", "c30"):
+            is_given = getattr(self, name) is not None
+            if name in constants and not is_given:
+                yield missing(name)
+            elif is_given and name not in constants:
+                text = f"is not a constant of the model {self.model!r}"
+                yield Problem((name,), text, "key-not-applicable", "Remove it")
+        if not constants:
+            return
+        if self.c10 is not None and self.c10 + (self.c01 or 0.0) <= 0:
+            text = "the shear modulus 2 (c10 + c01) must be positive"
+            yield Problem(("c10",), text, "out-of-range", "Increase c10")
+        for name in ("young_modulus", "shore"):
+            if getattr(self, name) is not None:
+                text = f"follows from the constants of {self.model}"
+                yield Problem((name,), text, "keys-exclusive", "Remove it")
+
+    def record(self) -> MaterialSpec:
+        """Return the material, completed from its row."""
+        row, constants = self._row, _CONSTANTS[self.model]
+        poisson = self.poisson_ratio
+        poisson = float(row["poisson_ratio"]) if poisson is None else poisson
+        density = self.density
+        if density is None:
+            density = float(row.get("density", _DEFAULT_DENSITY_G_CM3))
+        given = {name: float(getattr(self, name)) for name in constants}
+        if given:
+            young = 4 * (given["c10"] + given.get("c01", 0.0)) * (1 + poisson)
+        elif self.shore is not None:
+            young = from_shore(self.shore).value
+        else:
+            young = self.young_modulus or float(row["young_modulus"])
+        return MaterialSpec(self.name, young, poisson, self.model, density, given)
 
 
-def _young_modulus(t: Table, row: Mapping[str, str]) -> float:
-    if t.has("shore") and t.has("young_modulus"):
-        t.fail("shore", "give either shore or young_modulus")
-    if not t.has("shore"):
-        return t.number(
-            "young_modulus", row.get("young_modulus") and float(row["young_modulus"]), low=0
-        )
-    try:
-        return from_shore(t.string("shore")).value
-    except ValueError as error:
-        t.fail("shore", str(error))
-
-
-def strange(material: MaterialSpec) -> tuple[str, ...]:
-    """What no soft solid has, as sentences that ask for it: often another unit was meant."""
-    found = []
+def unusual_properties(material: MaterialSpec) -> tuple[str, ...]:
+    """Return a question for each property that no soft solid has; often another unit was meant."""
+    questions = []
     young, poisson, density = material.young_modulus, material.poisson_ratio, material.density
-    if not _SOFT[0] <= young <= _SOFT[1]:
-        kind = "softer than any gel" if young < _SOFT[0] else "stiffer than any rubber"
-        meant = f"; {young:g} Pa are {young / 1e6:g} MPa" if 0.01 <= young / 1e6 <= 200 else ""
-        found.append(
-            f"material: Young's modulus is {young:g} MPa, {kind} ({_SOFT[0]:g} to {_SOFT[1]:g}):"
-            f" is it given in MPa?{meant}"
+    low, high = SOFT_YOUNG_MODULUS_MPA
+    if not low <= young <= high:
+        kind = "softer than any gel" if young < low else "stiffer than any rubber"
+        in_mpa = f" {young:g} Pa are {young / 1e6:g} MPa." if 0.01 <= young / 1e6 <= 200 else ""
+        questions.append(
+            f"material: Young's modulus is {young:g} MPa, {kind} ({low:g} to {high:g})."
+            f" Is it given in MPa?{in_mpa}"
         )
-    if poisson < _RUBBER:
-        found.append(
-            f"material: a Poisson ratio of {poisson:g} is that of a foam or of a hard solid; solid"
-            " rubbers and polyurethanes have 0.45 to 0.4999: is it meant?"
+    if poisson < MIN_RUBBER_POISSON_RATIO:
+        questions.append(
+            f"material: a Poisson's ratio of {poisson:g} is that of a foam or of a hard solid;"
+            f" solid"
+            " rubbers and polyurethanes have 0.45 to 0.4999. Is it intended?"
         )
-    if not _DENSITY[0] <= density <= _DENSITY[1]:
-        meant = f"; {density:g} kg/m3 are {density / 1000:g} g/cm3" if density > 50 else ""
-        found.append(
-            f"material: the density is {density:g} g/cm3, which no soft solid has: is it given in"
-            f" g/cm3?{meant}"
+    low, high = SOFT_DENSITY_G_CM3
+    if not low <= density <= high:
+        in_g_cm3 = f" {density:g} kg/m3 are {density / 1000:g} g/cm3." if density > 50 else ""
+        questions.append(
+            f"material: the density is {density:g} g/cm3, which no soft solid has ({low:g} to"
+            f" {high:g}). Is it given in g/cm3?{in_g_cm3}"
         )
-    return tuple(found)
+    return tuple(questions)

@@ -1,4 +1,4 @@
-"""`live.toml` and the flags that say the same: outputs and controls, strictly read.
+"""Read `live.toml`, and flags that hold the same: outputs and controls of the live loop.
 
 [outputs.osc]                  # --output osc,port=9000
 port = 9000
@@ -12,116 +12,176 @@ minimum = -1
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Annotated, Any
 
-from ...core.errors import ControlError, DeviceError, OutputError
+import msgspec
+
+from ...core.errors import ControlError, OutputError
 from ...core.machine.optional_libraries import optional
-from ...core.storage.toml_table import Table, is_number, load_toml
-from ..controls.control_spec import ControlSpec
-from ..controls.shaping import Shaping
-from .newest_wins import NewestWins
-from .output import Output
-from .settings import KINDS, GamepadMapping, MidiMapping, Settings
+from ...core.schema.declare import Problem, Table, key, unknown_choice
+from ...core.schema.document import Document, load_document
+from ...core.schema.fields import table_fields
+from ..controls.control_spec import ControlSpec, Shaping
+from .output import NewestWins, Output
+from .settings import (
+    KINDS,
+    GamepadSettings,
+    LslSettings,
+    MidiSettings,
+    OscSettings,
+    Settings,
+    WebSocketSettings,
+)
 
-_RECORDS = (MidiMapping, GamepadMapping)
 _CLASSES = {
     "osc": ("osc_output", "OscOutput"),
-    "websocket": ("websocket.websocket_output", "WebSocketOutput"),
-    "midi": ("midi.midi_output", "MidiOutput"),
+    "websocket": ("websocket_output", "WebSocketOutput"),
+    "midi": ("midi_output", "MidiOutput"),
     "lsl": ("lsl_output", "LslOutput"),
     "gamepad": ("gamepad_output", "GamepadOutput"),
 }
 
 
+class ControlTable(Shaping):
+    """A control: its formula, and how its value is shaped."""
+
+    formula: Annotated[
+        str | None,
+        key(
+            "Formula of the device's poses, and of the controls above it.",
+            default="the control's name",
+        ),
+    ] = None
+
+
+class OutputsTable(Table):
+    """The outputs: a table for each, or a list of tables for several of a kind."""
+
+    osc: Annotated[OscSettings | list[OscSettings] | None, key("Open Sound Control.")] = None
+    websocket: Annotated[
+        WebSocketSettings | list[WebSocketSettings] | None, key("WebSocket server.")
+    ] = None
+    midi: Annotated[MidiSettings | list[MidiSettings] | None, key("MIDI.")] = None
+    lsl: Annotated[LslSettings | list[LslSettings] | None, key("Lab Streaming Layer.")] = None
+    gamepad: Annotated[GamepadSettings | list[GamepadSettings] | None, key("Virtual gamepad.")] = (
+        None
+    )
+
+
+class LiveFile(Table):
+    """All keys of `live.toml`."""
+
+    outputs: Annotated[OutputsTable, key("Where frames go.")] = msgspec.field(
+        default_factory=OutputsTable
+    )
+    controls: Annotated[
+        dict[str, ControlTable | str],
+        key(
+            "Controls by name: a formula alone, or a table.",
+            default="one for each pose",
+        ),
+    ] = msgspec.field(default_factory=dict)
+
+
 @dataclass(frozen=True)
 class LiveSettings:
-    """What a `live.toml` asks for; no controls are one for each pose."""
+    """The content of a `live.toml`.
+
+    Attributes:
+        outputs: Settings of the outputs, in the order of the file.
+        controls: The controls; none stand for one of each pose.
+    """
 
     outputs: tuple[Settings, ...] = ()
     controls: tuple[ControlSpec, ...] = ()
 
 
 def read_live_file(path: Path) -> LiveSettings:
-    """Raises OutputError with file, line, key and what is allowed there."""
+    """Read a `live.toml`.
+
+    Raises:
+        OutputError: with file, line and key, for everything that is wrong in it.
+    """
     if not path.is_file():
-        raise OutputError(f"{path}: no such file; give a live.toml (docs/live-outputs.md)")
-    try:
-        top = load_toml(path)
-        outputs = read_outputs(top.table("outputs", required=False))
-        controls = read_controls(top.table("controls", required=False))
-        top.done()
-    except DeviceError as error:
-        raise OutputError(str(error)) from None
-    return LiveSettings(outputs, controls)
-
-
-def read_outputs(table: Table) -> tuple[Settings, ...]:
-    """Of the table [outputs]: a table for each output, or a list of tables for several of a kind.
-    Raises DeviceError, as `Table` does."""
-    found: list[Settings] = []
-    for kind in table.data:
-        table.choice(kind, kind, list(KINDS), "output")
-        several = isinstance(table.data[kind], list)
-        tables = table.tables(kind) if several else [table.table(kind)]
-        found += [_record(one, KINDS[kind]) for one in tables]
-    return tuple(found)
-
-
-def read_controls(table: Table) -> tuple[ControlSpec, ...]:
-    """Of the table [controls]: a formula, or a table with `formula` and how it is shaped. Raises
-    DeviceError, as `Table` does."""
-    found = []
-    for name, value in table.data.items():
+        raise OutputError(
+            "no such file",
+            code="file-not-found",
+            where=path,
+            action="Give a live.toml (docs/live-outputs.md)",
+        )
+    document = load_document(path, OutputError)
+    declared = document.read(LiveFile)
+    outputs: list[Settings] = []
+    for kind in document.values.get("outputs", {}):  # in the order of the file
+        settings = getattr(declared.outputs, kind)
+        outputs += settings if isinstance(settings, list) else [settings]
+    controls, problems = [], []
+    for name, table in declared.controls.items():
         try:
-            if isinstance(value, str):
-                found.append(ControlSpec(name, table.string(name)))
-                continue
-            one = table.table(name)
-            formula = one.string("formula", name)
-            found.append(ControlSpec(name, formula, _record(one, Shaping)))
+            controls.append(_control(name, table))
         except ControlError as error:
-            table.fail(name, str(error))
-    return tuple(found)
+            problem = Problem((), error.problem, error.code, error.action, error.data)
+            problems.append(problem.below("controls", name))
+    if problems:
+        document.refuse(problems)
+    return LiveSettings(tuple(outputs), tuple(controls))
+
+
+def _control(name: str, table: ControlTable | str) -> ControlSpec:
+    if isinstance(table, str):
+        return ControlSpec(name, table)
+    shaping = {f: getattr(table, f) for f in Shaping.__struct_fields__}
+    return ControlSpec(name, table.formula or name, Shaping(**shaping))
 
 
 def parse_output(text: str) -> Settings:
-    """Of a flag such as "osc,port=9000": the output's kind, and what its table would say. Values
-    are TOML's; a word that is no TOML is a text. Raises OutputError."""
+    """Read an output from one line, such as `osc,port=9000`.
+
+    Args:
+        text: The kind of output, and the keys of its table as key=value, separated by commas.
+            Values are TOML; a word that is not TOML is a text.
+
+    Raises:
+        OutputError: for everything that is wrong in it.
+    """
+    where = f"output {text!r}"
     kind, *rest = _split(text)
     if kind not in KINDS:
-        near = difflib.get_close_matches(kind, list(KINDS), n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
+        problem = unknown_choice((), kind, KINDS, "output", "unknown-output")
         raise OutputError(
-            f"--output {text}: no output {kind!r}; {hint}there is: {', '.join(KINDS)}"
+            problem.text, code=problem.code, where=where, action=problem.action, **problem.data
         )
-    data: dict[str, Any] = {}
-    hints = get_type_hints(KINDS[kind])
+    lists = {f.name for f in table_fields(KINDS[kind]) if f.type_words == "list of texts"}
+    values: dict[str, Any] = {}
     for part in rest:
-        key, equals, value = map(str.strip, part.partition("="))
-        if not equals or not key:
-            raise OutputError(f"--output {text}: {part!r} is no key=value")
-        if key in data:
-            raise OutputError(f"--output {text}: {key} is given twice")
-        data[key] = _value(value)
-        if hints.get(key) == tuple[str, ...] and isinstance(data[key], str):
-            data[key] = [data[key]]
-    try:
-        settings: Settings = _record(Table(data, Path("--output"), "", (kind,)), KINDS[kind])
-    except DeviceError as error:
-        raise OutputError(str(error)) from None
+        name, equals, value = map(str.strip, part.partition("="))
+        if not equals or not name:
+            raise OutputError(f"{part!r} is not key=value", code="not-key-value", where=where)
+        if name in values:
+            raise OutputError(
+                f"{name} is given twice", code="key-repeated", where=where, action="Give it once"
+            )
+        values[name] = _value(value)
+        if name in lists and isinstance(values[name], str):
+            values[name] = [values[name]]
+    document = Document({kind: values}, Path("output"), "", OutputError)
+    settings, problems = document.try_reading(KINDS[kind], values, (kind,))
+    if settings is None:
+        document.refuse(problems)
     return settings
 
 
 def open_outputs(settings: Iterable[Settings]) -> list[NewestWins]:
-    """Each on a thread of its own. One that cannot be opened says why as its `trouble`, and is
-    tried again."""
+    """Open outputs, each on its own thread.
+
+    An output that cannot be opened gives the reason as its `trouble`, and is tried again.
+    """
     opened: list[NewestWins] = []
     kinds = {kind: name for name, kind in KINDS.items()}
     for one in settings:
@@ -141,41 +201,8 @@ def _open(kind: str, settings: Settings) -> Output:
     return opener(settings)
 
 
-def _record(t: Table, kind: type[Any]) -> Any:
-    """The dataclass `kind` of a table, every key and type checked."""
-    hints, given = get_type_hints(kind), {}
-    for field in fields(kind):
-        if t.has(field.name):
-            given[field.name] = _read(t, field.name, hints[field.name])
-        elif field.default is MISSING:
-            t.string(field.name)  # says that it is missing
-    t.done()
-    try:
-        return kind(**given)
-    except (OutputError, ControlError) as error:
-        t.fail(next((k for k in given if str(error).startswith(k)), None), str(error))
-
-
-def _read(t: Table, key: str, hint: Any) -> Any:
-    if hint is bool:
-        return t.boolean(key, False)
-    if hint is str:
-        return t.string(key)
-    if hint is float:
-        return t.number(key)
-    if hint is int or hint == int | None:
-        value = t.raw(key)
-        if not is_number(value) or not isinstance(value, int):
-            t.fail(key, f"must be a whole number, not {value!r}")
-        return value
-    (inner, _) = get_args(hint)
-    if inner in _RECORDS:
-        return tuple(_record(one, inner) for one in t.tables(key))
-    return tuple(t.strings(key))
-
-
 def _split(text: str) -> list[str]:
-    """At commas that stand in no bracket and no quotes."""
+    """Split a text at the commas outside of brackets and quotes."""
     parts, depth, quote = [""], 0, ""
     for c in text:
         if quote:
@@ -198,5 +225,5 @@ def _value(text: str) -> Any:
         parsed: Mapping[str, Any] = tomllib.loads(f"x = {text}")
     except tomllib.TOMLDecodeError:
         return text
-    # A text with a line's end could bring more keys than the one that was asked for.
+    # A text with a line break could hold more keys than x.
     return parsed["x"] if len(parsed) == 1 else text

@@ -1,177 +1,240 @@
-"""What each output can be told; nothing here needs another library."""
+"""Settings of each output of the live loop: the keys of `[outputs]` in `live.toml`.
+
+Nothing here needs the library of an output.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
 
 from ...core.errors import OutputError
+from ...core.schema.declare import NonNegative, Problem, Table, key
+from ...core.schema.reader import validate
 
-_FEWEST = 16  # characters of a token
-_LONGEST_NAME = 79  # bytes, of a gamepad in Linux
+_MIN_TOKEN_LENGTH = 16  # characters
+_MAX_NAME_BYTES = 79  # of a gamepad in Linux
 
-
-@dataclass(frozen=True)
-class OscSettings:
-    """UDP to `host`: what `send` names, in bundles to `port`; "wekinator" alone goes to
-    `wekinator_port`, as that program expects it. "touchosc" is of the faders on that `page`. `rate`
-    (Hz) is the most, 0 no limit."""
-
-    host: str = "127.0.0.1"
-    port: int = 9000
-    wekinator_port: int = 6448
-    page: int = 1
-    send: tuple[str, ...] = ("controls", "markers", "quality", "wekinator")
-    rate: float = 0.0
-
-    SENDS = ("controls", "confidence", "markers", "quality", "wekinator", "touchosc")
-
-    def __post_init__(self) -> None:
-        _port("port", self.port)
-        _port("wekinator_port", self.wekinator_port)
-        if not 1 <= self.page <= 999:
-            raise OutputError(f"page must lie between 1 and 999, not {self.page}")
-        _words("send", self.send, self.SENDS)
-        _rate(self.rate)
+_Port = Annotated[int, Meta(ge=1, le=65535)]
+_PortOrAny = Annotated[int, Meta(ge=0, le=65535)]
+_Channel = Annotated[int, Meta(ge=1, le=16)]
+_MidiNumber = Annotated[int, Meta(ge=0, le=127)]
+_Rate = Annotated[float, Meta(ge=0, le=10_000)]
+_RATE = key("Largest rate of messages; 0 is no limit.", unit="Hz")
 
 
-@dataclass(frozen=True)
-class WebSocketSettings:
-    """Listens on `host` and `port` (0: any that is free) for at most `max_clients`. A host other
-    than this machine needs a `token`, which is made where none is given."""
+class OutputSettings(Table):
+    """Base class of the settings of outputs.
 
-    host: str = "127.0.0.1"
-    port: int = 8765
-    token: str = ""
-    max_clients: int = 32
-    markers: bool = True
-    rate: float = 60.0
+    Raises:
+        OutputError: if a value is not accepted; `data["key"]` names it.
+    """
 
     def __post_init__(self) -> None:
-        if self.port:
-            _port("port", self.port)
-        if self.token and (len(self.token) < _FEWEST or not self.token.isascii()):
-            raise OutputError(f"token needs at least {_FEWEST} plain characters")
-        if not 1 <= self.max_clients <= 1000:
-            raise OutputError(f"max_clients must lie between 1 and 1000, not {self.max_clients}")
-        _rate(self.rate)
+        validate(self, OutputError)
 
 
-@dataclass(frozen=True)
-class MidiMapping:
-    """`control` becomes the control change `cc`, or plays `note` when it rises above `threshold`
-    until it falls below by `hysteresis`, on a `channel` 1..16. `low` and `high` are the control's
-    values for 0 and 127; a note is the louder the quicker they were crossed."""
+class OscSettings(OutputSettings):
+    """OSC messages over UDP: bundles with what `send` names go to `port`."""
 
-    control: str
-    cc: int | None = None
-    note: int | None = None
-    channel: int = 1
-    low: float = 0.0
-    high: float = 1.0
-    threshold: float = 0.5
-    hysteresis: float = 0.1
+    SENDS: ClassVar = ("controls", "confidence", "markers", "quality", "wekinator", "touchosc")
 
-    def __post_init__(self) -> None:
-        number = self.cc if self.cc is not None else self.note
-        if (self.cc is None) == (self.note is None) or number is None:
-            raise OutputError(f"control {self.control!r} needs either cc or note")
-        if not 0 <= number <= (119 if self.cc is not None else 127):
-            # 120 to 127 are mode messages: all sound off, reset and the like.
-            raise OutputError("cc must lie between 0 and 119, note between 0 and 127")
-        _channel(self.channel)
+    host: Annotated[str, key("Address to send to: of a machine, or a broadcast address.")] = (
+        "127.0.0.1"
+    )
+    port: Annotated[_Port, key("Port to send to.")] = 9000
+    wekinator_port: Annotated[
+        _Port, key("Port for `wekinator`, whose messages are in no bundle, as it expects.")
+    ] = 6448
+    page: Annotated[
+        Annotated[int, Meta(ge=1, le=999)], key("Page of TouchOSC with the faders of `touchosc`.")
+    ] = 1
+    send: Annotated[tuple[str, ...], key("What is sent, each at most once.", choices=SENDS)] = (
+        "controls",
+        "markers",
+        "quality",
+        "wekinator",
+    )
+    rate: Annotated[_Rate, _RATE] = 0.0
+
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem of `send`."""
+        yield from _check_send(self.send, self.SENDS)
+
+
+class WebSocketSettings(OutputSettings):
+    """A WebSocket server for browsers and programs."""
+
+    host: Annotated[
+        str, key("Address to listen on; other machines reach it only with a `token`.")
+    ] = "127.0.0.1"
+    port: Annotated[_PortOrAny, key("Port to listen on; 0 is any that is free.")] = 8765
+    token: Annotated[
+        str,
+        key(
+            "Secret of at least 16 plain characters that clients must give.",
+            default="a new one, where other machines can connect",
+        ),
+    ] = ""
+    max_clients: Annotated[
+        Annotated[int, Meta(ge=1, le=1000)], key("Largest number of clients at a time.")
+    ] = 32
+    markers: Annotated[bool, key("Whether the positions of the markers are sent.")] = True
+    rate: Annotated[_Rate, _RATE] = 60.0
+
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem of a token that is too weak."""
+        if self.token and (len(self.token) < _MIN_TOKEN_LENGTH or not self.token.isascii()):
+            text = f"needs at least {_MIN_TOKEN_LENGTH} plain characters"
+            yield Problem(("token",), text, "token-too-weak", "Use a longer one")
+
+
+class MidiMapping(OutputSettings):
+    """What a control becomes in MIDI: a control change, or a note."""
+
+    control: Annotated[str, key("Name of the control.")]
+    cc: Annotated[
+        # 120 to 127 are mode messages: all sound off, reset and the like.
+        Annotated[int, Meta(ge=0, le=119)] | None,
+        key("Number of the control change.", default="this or `note`"),
+    ] = None
+    note: Annotated[
+        _MidiNumber | None,
+        key(
+            "Number of the note, which sounds from the moment the control rises above `threshold`;"
+            " the faster it rises, the louder.",
+            default="this or `cc`",
+        ),
+    ] = None
+    channel: Annotated[_Channel, key("Channel.")] = 1
+    low: Annotated[float, key("Value of the control for 0.")] = 0.0
+    high: Annotated[float, key("Value of the control for 127.")] = 1.0
+    threshold: Annotated[float, key("Value of the control at which the note starts.")] = 0.5
+    hysteresis: Annotated[
+        NonNegative, key("How far the control must fall below `threshold` for the note to end.")
+    ] = 0.1
+
+    def check(self) -> Iterator[Problem]:
+        """Yield problems of keys that exclude each other."""
+        if (self.cc is None) == (self.note is None):
+            text = f"control {self.control!r} needs either cc or note"
+            yield Problem((), text, "keys-exclusive", "Give one of them")
         if self.low == self.high:
-            raise OutputError("low and high must differ")
-        if self.hysteresis < 0:
-            raise OutputError("hysteresis must not be negative")
+            yield Problem(("low",), "must differ from high", "out-of-range", "Change one of them")
 
     @property
     def place(self) -> str:
-        """In words."""
+        """What is played, in words."""
         what = f"control change {self.cc}" if self.cc is not None else f"note {self.note}"
         return f"{what} of channel {self.channel}"
 
 
-@dataclass(frozen=True)
-class MidiSettings:
-    """To the first port whose name contains `device` ("": the first), to a `virtual` port of this
-    name that others connect to, or into a Standard MIDI `file`. Without `mapping` the controls
-    become the control changes from 20 on, of the `channel`. `learn` is part of an input's name,
-    from whose knobs and keys mappings are learned; they are written to the file `learned`.
-    `program` is the instrument of the channels in use, as General MIDI counts from 0 (19: church
-    organ)."""
+class MidiSettings(OutputSettings):
+    """MIDI to a port or into a file."""
 
-    device: str = ""
-    virtual: str = ""
-    file: str = ""
-    learn: str = ""
-    learned: str = "midi-learned.toml"
-    mapping: tuple[MidiMapping, ...] = ()
-    channel: int = 1
-    program: int | None = None
-    rate: float = 200.0
+    device: Annotated[
+        str,
+        key("Part of the name of the port to send to; not with `virtual` or `file`.",
+            default="the first port"),
+    ] = ""  # fmt: skip
+    virtual: Annotated[
+        str, key("Name of a new port, to which other programs connect.", default="none")
+    ] = ""
+    file: Annotated[str, key("Standard MIDI file to write.", default="none")] = ""
+    learn: Annotated[
+        str,
+        key("Part of the name of an input, whose knobs and keys are learned.", default="none"),
+    ] = ""
+    learned: Annotated[str, key("File for the mappings that were learned.")] = "midi-learned.toml"
+    mapping: Annotated[
+        tuple[MidiMapping, ...],
+        key(
+            "What each control becomes.",
+            default="the controls in their order become the control changes from 20 on",
+        ),
+    ] = ()
+    channel: Annotated[_Channel, key("Channel, without `mapping`.")] = 1
+    program: Annotated[
+        _MidiNumber | None,
+        key(
+            "Instrument of the channels in use, as General MIDI counts from 0 (19: church organ).",
+            default="as the receiver has it",
+        ),
+    ] = None
+    rate: Annotated[_Rate, _RATE] = 200.0
 
-    def __post_init__(self) -> None:
-        if self.program is not None and not 0 <= self.program <= 127:
-            raise OutputError(f"program must lie between 0 and 127, not {self.program}")
-        if sum(map(bool, (self.device, self.virtual, self.file))) > 1:
-            raise OutputError("give one of device, virtual and file")
-        _channel(self.channel)
-        _rate(self.rate)
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem of destinations that exclude each other."""
+        given = [name for name in ("device", "virtual", "file") if getattr(self, name)]
+        if len(given) > 1:
+            text = f"{' and '.join(given)} exclude each other"
+            yield Problem((), text, "keys-exclusive", "Give one of device, virtual and file")
 
 
-@dataclass(frozen=True)
-class LslSettings:
-    """A stream by this `stream` name ("": the device's), with what `send` names as channels."""
+class LslSettings(OutputSettings):
+    """A stream of the Lab Streaming Layer."""
 
-    stream: str = ""
-    send: tuple[str, ...] = ("controls", "quality")
-    rate: float = 0.0
+    SENDS: ClassVar = ("controls", "confidence", "markers", "signals", "quality")
 
-    SENDS = ("controls", "confidence", "markers", "signals", "quality")
+    stream: Annotated[str, key("Name of the stream.", default="the device's name")] = ""
+    send: Annotated[
+        tuple[str, ...], key("What becomes channels, each at most once.", choices=SENDS)
+    ] = ("controls", "quality")
+    rate: Annotated[_Rate, _RATE] = 0.0
 
-    def __post_init__(self) -> None:
-        _words("send", self.send, self.SENDS)
-        _rate(self.rate)
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem of `send`."""
+        yield from _check_send(self.send, self.SENDS)
 
 
-@dataclass(frozen=True)
-class GamepadMapping:
-    """`control` moves `axis`, or holds `button` while it is above `threshold`."""
+class GamepadMapping(OutputSettings):
+    """What a control moves on a gamepad: an axis, or a button."""
 
-    control: str
-    axis: str = ""
-    button: str = ""
-    threshold: float = 0.5
+    AXES: ClassVar = ("x", "y", "z", "rx", "ry", "rz")
+    BUTTONS: ClassVar = ("south", "east", "north", "west", "tl", "tr", "select", "start")
 
-    AXES = ("x", "y", "z", "rx", "ry", "rz")
-    BUTTONS = ("south", "east", "north", "west", "tl", "tr", "select", "start")
+    control: Annotated[str, key("Name of the control.")]
+    axis: Annotated[str, key("Axis that it moves.", choices=AXES, default="this or `button`")] = ""
+    button: Annotated[
+        str,
+        key("Button that it holds while above `threshold`.", choices=BUTTONS,
+            default="this or `axis`"),
+    ] = ""  # fmt: skip
+    threshold: Annotated[float, key("Value of the control at which a button is pressed.")] = 0.5
 
-    def __post_init__(self) -> None:
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem unless exactly one of axis and button is given."""
         if bool(self.axis) == bool(self.button):
-            raise OutputError(f"control {self.control!r} needs either axis or button")
-        if self.axis:
-            _words("axis", (self.axis,), self.AXES)
-        else:
-            _words("button", (self.button,), self.BUTTONS)
+            text = f"control {self.control!r} needs either axis or button"
+            yield Problem((), text, "keys-exclusive", "Give one of them")
 
 
-@dataclass(frozen=True)
-class GamepadSettings:
-    """Without `mapping` the controls become the axes x, y, rx, ry, z, rz in their order. Games see
-    it by its `name`."""
+class GamepadSettings(OutputSettings):
+    """A virtual gamepad (Linux)."""
 
-    mapping: tuple[GamepadMapping, ...] = ()
-    name: str = "DefSense gamepad"
-    rate: float = 0.0
+    mapping: Annotated[
+        tuple[GamepadMapping, ...],
+        key(
+            "What each control moves.",
+            default="the controls in their order move x, y, rx, ry, z, rz",
+        ),
+    ] = ()
+    name: Annotated[str, key("Name by which games see it, of at most 79 bytes.")] = (
+        "DefSense gamepad"
+    )
+    rate: Annotated[_Rate, _RATE] = 0.0
 
-    def __post_init__(self) -> None:
-        if not 1 <= len(self.name.encode()) <= _LONGEST_NAME:
-            raise OutputError(f"name must have from 1 to {_LONGEST_NAME} bytes")
-        _rate(self.rate)
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem of a name that Linux does not take."""
+        if not 1 <= len(self.name.encode()) <= _MAX_NAME_BYTES:
+            text = f"must have from 1 to {_MAX_NAME_BYTES} bytes"
+            yield Problem(("name",), text, "name-too-long", "Shorten it")
 
 
-#: By the name of the table in [outputs].
 Settings = OscSettings | WebSocketSettings | MidiSettings | LslSettings | GamepadSettings
+#: By the name of the table in [outputs].
 KINDS: dict[str, type[Settings]] = {
     "osc": OscSettings,
     "websocket": WebSocketSettings,
@@ -181,24 +244,7 @@ KINDS: dict[str, type[Settings]] = {
 }
 
 
-def _port(key: str, port: int) -> None:
-    if not 1 <= port <= 65535:
-        raise OutputError(f"{key} must lie between 1 and 65535, not {port}")
-
-
-def _channel(channel: int) -> None:
-    if not 1 <= channel <= 16:
-        raise OutputError(f"channel must lie between 1 and 16, not {channel}")
-
-
-def _rate(rate: float) -> None:
-    if not 0 <= rate <= 10_000:
-        raise OutputError(f"rate must lie between 0 (no limit) and 10000 Hz, not {rate:g}")
-
-
-def _words(key: str, given: tuple[str, ...], allowed: tuple[str, ...]) -> None:
-    for word in given:
-        if word not in allowed:
-            raise OutputError(f"{key} has {word!r}; there is: {', '.join(allowed)}")
-    if not given or len(set(given)) != len(given):
-        raise OutputError(f"{key} must name at least one of {', '.join(allowed)}, each once")
+def _check_send(send: Sequence[str], choices: Sequence[str]) -> Iterator[Problem]:
+    if not send or len(set(send)) != len(send):
+        text = f"must name at least one of {', '.join(choices)}, each once"
+        yield Problem(("send",), text, "names-not-unique")

@@ -1,0 +1,432 @@
+"""Tables of `device.toml` for the body, mesh, regions, outputs, design and drawn cords."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from ..curve import Hermite, Plane, catmull_rom
+from ..schema.declare import Count, Positive, Problem, Table, Vector, key, missing
+from ..schema.types import is_number
+from .device import (
+    CONVERTERS,
+    DECODERS,
+    FREEDOMS,
+    PREFERENCES,
+    BaySpec,
+    BodyKind,
+    BodySpec,
+    MeshSpec,
+    OutputsSpec,
+    Sensor,
+)
+from .regions import Box, Cylinder, HalfSpace, Shape, Sphere, flaw
+
+_BODY_KINDS: tuple[BodyKind, ...] = ("script", "step", "mesh")
+_MIN_POINT_DISTANCE_MM = 1e-6
+_BayEdge = Annotated[float, Meta(ge=2)]
+_Accuracy = Annotated[float, Meta(ge=0.0001, le=0.2)]
+_Points = list[tuple[float, float]]
+
+
+class BayTable(Table):
+    """A recess for a connector, into which wires lead."""
+
+    at: Annotated[
+        Vector,
+        key(
+            "Point of the skin around which the bay opens; meshes, poses and cords keep to the"
+            " body with it, and wires end in it (`docs/fabrication.md`).",
+            unit="mm",
+        ),
+    ]
+    size: Annotated[
+        tuple[_BayEdge, _BayEdge, _BayEdge],
+        key("Width, height and depth: by default of pin headers or a 4-way JST-XH.", unit="mm"),
+    ] = (14.0, 7.0, 8.0)
+
+
+class BodyTable(Table):
+    """Where the body comes from: exactly one of a script, a STEP file and a mesh."""
+
+    script: Annotated[
+        str | None,
+        key(
+            "Python file next to `device.toml` whose function `body(**parameters)` returns one"
+            " build123d or CadQuery solid, in mm; it runs in its own process (`docs/studio.md`"
+            " explains how it declares bounds for sliders).",
+            default="this, `step` or `mesh`",
+        ),
+    ] = None
+    step: Annotated[str | None, key("STEP file.", default="this, `script` or `mesh`")] = None
+    mesh: Annotated[
+        str | None,
+        key(
+            "Mesh file: STL, OBJ, PLY, OFF, 3MF, GLB, or tetrahedra in `.msh`, `.vtu` or `.mesh`"
+            " (`docs/bodies.md` lists what is repaired).",
+            default="this, `script` or `step`",
+        ),
+    ] = None
+    parameters: Annotated[
+        dict[str, Any],
+        key(
+            "Arguments of the script's function `body`; `--set name=value` replaces one for one"
+            " command.",
+        ),
+    ] = msgspec.field(default_factory=dict)
+    scale: Annotated[
+        Positive | None,
+        key("Factor that turns the unit of a mesh into mm.", default="`1`"),
+    ] = None
+    time_limit: Annotated[
+        Positive,
+        key(
+            "Longest time for the script, or for reading and repairing a file; Ctrl-C also stops"
+            " it.",
+            unit="s",
+        ),
+    ] = BodySpec.time_limit
+    fill_cavities: Annotated[
+        bool,
+        key(
+            "Whether closed cavities, which cannot be made, become solid; otherwise a body with"
+            " one is refused, with its volume and place.",
+        ),
+    ] = False
+    bay: Annotated[BayTable | None, key("Recess for a connector.", default="no bay")] = None
+
+    def check(self) -> Iterator[Problem]:
+        """Yield problems of the kind of body and of keys that do not apply to it."""
+        kinds = [kind for kind in _BODY_KINDS if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            yield Problem(
+                (),
+                f"needs exactly one of script, step and mesh; it has {len(kinds)}",
+                "body-kind",
+                "Give one of them",
+            )
+            return
+        for name, kind in (("parameters", "script"), ("scale", "mesh")):
+            if getattr(self, name) and kinds != [kind]:
+                text = f"is for a body with the key {kind!r}, and this one has {kinds[0]!r}"
+                yield Problem((name,), text, "key-not-applicable", "Remove it")
+        for name, value in self.parameters.items():
+            if isinstance(value, int | float) and not (isinstance(value, bool) or is_number(value)):
+                yield Problem(
+                    ("parameters",),
+                    f"{name} must be a finite number, not {value!r}",
+                    "not-finite",
+                    data={"parameter": name},
+                )
+
+    @property
+    def kind(self) -> BodyKind:
+        """The one kind of body that is given."""
+        return next(kind for kind in _BODY_KINDS if getattr(self, kind) is not None)
+
+    def record(self, folder: Path) -> BodySpec:
+        """Return the body, whose file is in `folder`."""
+        return BodySpec(
+            self.kind,
+            folder / getattr(self, self.kind),
+            dict(self.parameters),
+            1.0 if self.scale is None else self.scale,
+            None if self.bay is None else BaySpec(np.array(self.bay.at), self.bay.size),
+            self.time_limit,
+            self.fill_cavities,
+        )
+
+
+class MeshTable(Table):
+    """The tetrahedra: give either their edge length or an accuracy."""
+
+    edge_length: Annotated[
+        Positive | None,
+        key(
+            "Edge length of the elements, shorter where the surface is curved: about a fifth of"
+            " the body's thickness is enough, and smaller is more accurate and slower.",
+            unit="mm",
+            default="this or `accuracy`",
+        ),
+    ] = None
+    accuracy: Annotated[
+        _Accuracy | None,
+        key(
+            "Relative accuracy of the signals, as 0.01, in place of `edge_length`: poses are"
+            " solved on finer and finer meshes until lines through the body change less, and"
+            " `mesh.json` reports the accuracy that was reached.",
+            default="this or `edge_length`",
+        ),
+    ] = None
+    time_limit: Annotated[
+        Positive, key("Longest time for meshing, over all methods that are tried.", unit="s")
+    ] = MeshSpec.time_limit
+
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem unless exactly one of edge length and accuracy is given."""
+        if self.edge_length is None and self.accuracy is None:
+            yield missing("edge_length")
+        if self.edge_length is not None and self.accuracy is not None:
+            yield Problem(
+                ("edge_length",),
+                "accuracy is given too",
+                "keys-exclusive",
+                "Give either edge_length = 6.0 (mm) or accuracy = 0.01 (of signals)",
+            )
+
+    def record(self) -> MeshSpec:
+        """Return the settings of the mesh."""
+        return MeshSpec(self.edge_length, self.accuracy, self.time_limit)
+
+
+class SphereTable(Table):
+    """A ball."""
+
+    center: Annotated[Vector, key("Center.", unit="mm")]
+    radius: Annotated[Positive, key("Radius.", unit="mm")]
+
+
+class HalfSpaceTable(Table):
+    """All points on one side of a plane."""
+
+    origin: Annotated[Vector, key("Point of the plane.", unit="mm")]
+    normal: Annotated[
+        Vector, key("Direction, of any length but zero, to the side that is the region.")
+    ]
+
+
+class CylinderTable(Table):
+    """A solid cylinder."""
+
+    start: Annotated[Vector, key("One end of the axis.", unit="mm")]
+    end: Annotated[Vector, key("Other end of the axis.", unit="mm")]
+    radius: Annotated[Positive, key("Radius.", unit="mm")]
+
+
+class RegionTable(Table):
+    """A named part of the body, by exactly one shape."""
+
+    box: Annotated[
+        tuple[Vector, Vector] | None,
+        key("Two corners of a box, `[[low], [high]]`.", unit="mm", default="one of these shapes"),
+    ] = None
+    sphere: Annotated[SphereTable | None, key("A ball.", default="one of these shapes")] = None
+    half_space: Annotated[
+        HalfSpaceTable | None,
+        key(
+            "All that lies beyond `origin` in the direction of `normal`.",
+            default="one of these shapes",
+        ),
+    ] = None
+    cylinder: Annotated[
+        CylinderTable | None, key("A solid cylinder.", default="one of these shapes")
+    ] = None
+
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem unless there is exactly one shape, and it holds some space."""
+        kinds = ("box", "sphere", "half_space", "cylinder")
+        given = [kind for kind in kinds if getattr(self, kind) is not None]
+        if len(given) != 1:
+            text = f"needs exactly one of {', '.join(kinds)}; it has {len(given)}"
+            yield Problem((), text, "region-shape", "Give one of them")
+        elif wrong := flaw(self.shape()):
+            name, text = wrong
+            path = (name,) if name == given[0] else (given[0], name)
+            yield Problem(path, text, "region-empty")
+
+    def shape(self) -> Shape:
+        """Return the shape."""
+        if self.box is not None:
+            return Box(*np.array(self.box))
+        if (s := self.sphere) is not None:
+            return Sphere(np.array(s.center), s.radius)
+        if (h := self.half_space) is not None:
+            return HalfSpace(np.array(h.origin), np.array(h.normal))
+        assert self.cylinder is not None
+        c = self.cylinder
+        return Cylinder(np.array(c.start), np.array(c.end), c.radius)
+
+
+class OutputsTable(Table):
+    """What is decoded from the cords."""
+
+    markers: Annotated[
+        Count | Annotated[list[Vector], Meta(min_length=1)] | Literal["surface"],
+        key(
+            "Number of points that are spread evenly on the surface, the points (mm), or"
+            ' `"surface"`'
+            " for all of it.",
+            form='a number of markers, a list of points [x, y, z], or "surface"',
+        ),
+    ] = 40
+    anchor: Annotated[
+        str | None,
+        key(
+            "Region that stays in place while the device is recorded, to which recorded markers"
+            " are aligned; builds do without.",
+            default="none",
+        ),
+    ] = None
+
+    def record(self) -> OutputsSpec:
+        """Return the outputs."""
+        markers = np.array(self.markers) if isinstance(self.markers, list) else self.markers
+        return OutputsSpec(markers, self.anchor)
+
+
+class ReadoutTable(Table):
+    """What measures the cords."""
+
+    converter: Annotated[
+        str,
+        key(
+            "Analog-to-digital converter: `arduino` has 10 bits and 16 conversions a sample,"
+            " `ads1115` 16 bits and one; its steps are part of the noise.",
+            choices=CONVERTERS,
+        ),
+    ] = next(iter(CONVERTERS))
+
+
+class DesignTable(Table):
+    """What is found automatically."""
+
+    sensors: Annotated[
+        Count | None,
+        key(
+            "Number of cords in all; those that are not drawn are found. More cords distinguish"
+            " more movements, and make more parts.",
+            default="those drawn",
+        ),
+    ] = None
+    planes: Annotated[
+        Count | None,
+        key(
+            "Largest number of planes for cords that are found: fewer planes make fewer parts.",
+            default="any",
+        ),
+    ] = None
+    decoder: Annotated[
+        str,
+        key(
+            "Map from signals to positions: `affine` in the signals; `quadratic`, also in their"
+            " squares and products; `kernel`, any smooth function, better with many states and"
+            " little noise; `auto` designs for each and takes the best on unseen states, or"
+            " `affine` without any.",
+            choices=(*DECODERS, "auto"),
+        ),
+    ] = "auto"
+    prefer: Annotated[
+        str,
+        key(
+            "Which layout to take: `simple`, of those within 5 % of the best as built the one"
+            " without notes, with the fewest parts and planes parallel to flat faces; or"
+            " `accuracy`, the best that can be made.",
+            choices=PREFERENCES,
+        ),
+    ] = PREFERENCES[0]
+    seed: Annotated[Count, key("Seed of the random choices in the search for cords.")] = 1
+    searches: Annotated[
+        Count | None,
+        key(
+            "Largest number of searches that a layout is chosen from: fewer are quicker, and find"
+            " less.",
+            default="15 divided by the cords, at least 5, and some in fewer planes",
+        ),
+    ] = None
+
+
+class PlaneTable(Table):
+    """The plane of a cord, along which the body is cut."""
+
+    origin: Annotated[
+        Vector, key("Point of the plane at which its coordinates are zero.", unit="mm")
+    ]
+    normal: Annotated[Vector, key("Normal of the plane, of any length but zero.")]
+    x_axis: Annotated[Vector, key("Direction of the first coordinate, across the normal.")]
+
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem if the directions do not make a plane."""
+        try:
+            self.record()
+        except ValueError as error:
+            yield Problem((), str(error), "plane-invalid")
+
+    def record(self) -> Plane:
+        """Return the plane."""
+        return Plane.from_normal(*map(np.array, (self.origin, self.normal, self.x_axis)))
+
+
+class SensorTable(Table):
+    """A cord that is drawn: points in a plane."""
+
+    name: Annotated[str, key("Name of the cord, which no other has.")]
+    plane: Annotated[
+        PlaneTable, key("Plane in which the cord lies, and along which the body is cut.")
+    ]
+    control_points: Annotated[
+        Annotated[_Points, Meta(min_length=4)],
+        key(
+            "Points of the cord in its plane; the first and last two are the ends and stay in"
+            " place.",
+            unit="mm",
+            form="a list of at least 4 points [x, y]",
+        ),
+    ]
+    tangents: Annotated[
+        _Points | None,
+        key(
+            "Tangents in the plane, one for each control point.",
+            unit="mm",
+            form="a list of [x, y], one for each control point",
+            default="Catmull-Rom",
+        ),
+    ] = None
+    free: Annotated[
+        tuple[str, ...],
+        key(
+            "What the optimiser may change: the `path`, with it the `plane`, or its `offset` only,"
+            " which keeps the direction; `[]` keeps the cord as drawn.",
+            choices=FREEDOMS,
+        ),
+    ] = ()
+
+    def check(self) -> Iterator[Problem]:
+        """Yield problems of points and tangents that make no curve, and of freedoms."""
+        steps = np.diff(self.control_points, axis=0)
+        if (np.linalg.norm(steps, axis=1) < _MIN_POINT_DISTANCE_MM).any():
+            text = "two neighbours coincide"
+            yield Problem(("control_points",), text, "points-coincide", "Move or remove one")
+        elif self.tangents is not None and len(self.tangents) != len(self.control_points):
+            expected = (len(self.control_points), 2)
+            text = f"must be one [x, y] for each control point, not {len(self.tangents)}"
+            yield Problem(("tangents",), text, "wrong-shape", data={"expected": expected})
+        elif (np.linalg.norm(self._tangents, axis=1) < _MIN_POINT_DISTANCE_MM).any():
+            yield Problem(("tangents",), "a tangent is zero", "zero-vector", "Give it a direction")
+        else:
+            try:
+                Hermite(np.array(self.control_points), self._tangents)
+            except ValueError as error:
+                yield Problem(("control_points",), str(error), "not-finite")
+        if {"plane", "offset"} <= set(self.free):
+            yield Problem(
+                ("free",),
+                "a free plane may also shift",
+                "keys-exclusive",
+                "Leave out either 'plane' or 'offset'",
+            )
+
+    @property
+    def _tangents(self) -> Any:
+        if self.tangents is None:
+            return catmull_rom(np.array(self.control_points))
+        return np.array(self.tangents)
+
+    def record(self) -> Sensor:
+        """Return the cord."""
+        curve = Hermite(np.array(self.control_points), self._tangents)
+        return Sensor(self.name, self.plane.record(), curve, frozenset(self.free))

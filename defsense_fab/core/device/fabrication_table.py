@@ -1,0 +1,168 @@
+"""The table `[fabrication]` of `device.toml`: printer, parts and joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated
+
+from msgspec import Meta
+
+from ..schema.declare import Count, NonNegative, Positive, Problem, Table, key
+from ..storage.package_data import read_rows
+from .device import ASSEMBLIES, FabricationSpec
+
+#: Largest number of devices on the plates.
+MAX_COPIES = 100
+_ROWS = "printers.csv"
+_Edge = Annotated[float, Meta(ge=30, le=5000)]
+_WallLength = Annotated[float, Meta(gt=0, le=1000)]
+_Length = Annotated[float, Meta(ge=0, le=1000)]
+
+
+class FabricationTable(Table):
+    """How the device is made."""
+
+    process: Annotated[
+        str | None,
+        key(
+            "Row of `data/printers.csv`, which has its walls, clearances and bed.",
+            choices=_ROWS,
+        ),
+    ] = None
+    clearance: Annotated[
+        _Length | None,
+        key(
+            "Clearance of a cord in its channel, on the diameter; print the fit coupon to measure"
+            " it.",
+            unit="mm",
+            rows=_ROWS,
+        ),
+    ] = None
+    wall: Annotated[
+        _WallLength | None,
+        key("Thinnest wall between a channel and the surface.", unit="mm", rows=_ROWS),
+    ] = None
+    lead: Annotated[
+        _Length, key("Free cord at each end, where there are no pockets.", unit="mm")
+    ] = 20.0
+    line: Annotated[
+        Positive | None, key("Width of a line from the nozzle.", unit="mm", rows=_ROWS)
+    ] = None
+    layer: Annotated[Positive | None, key("Height of a layer.", unit="mm", rows=_ROWS)] = None
+    hole: Annotated[
+        NonNegative | None, key("Smallest hole that stays open.", unit="mm", rows=_ROWS)
+    ] = None
+    bed: Annotated[
+        tuple[_Edge, _Edge, _Edge] | None,
+        key("Width, depth and height that your printer can make.", unit="mm", default="the row's"),
+    ] = None
+    copies: Annotated[
+        Annotated[int, Meta(ge=1, le=MAX_COPIES)],
+        key("Number of devices on the plates (`docs/fabrication.md`)."),
+    ] = 1
+    assembly: Annotated[
+        str,
+        key(
+            "How cords are built in: `held` at their ends, so that they slide between them, or"
+            " `bonded` into their grooves along their whole length (`docs/fabrication.md`).",
+            choices=ASSEMBLIES,
+        ),
+    ] = ASSEMBLIES[0]
+    prestretch: Annotated[
+        NonNegative | None,
+        key(
+            "Share of its length by which a held cord is stretched when it is inserted, below the"
+            " strain that it withstands.",
+            default="as much as it needs",
+        ),
+    ] = None
+    pockets: Annotated[
+        bool, key("Whether the body has pockets for the joints of cord and wire.")
+    ] = True
+    limit_cuts: Annotated[bool, key("Whether planes cut no further than their cords need.")] = False
+    strain_relief: Annotated[
+        bool | None,
+        key(
+            "Whether wires leave their pockets by a bend.",
+            default="unless that raises the predicted error by more than 5 %",
+        ),
+    ] = None
+    wire_diameter: Annotated[
+        Positive, key("Outer diameter of a wire, less than that of the cord's ferrule.", unit="mm")
+    ] = 1.1
+    marker_seats: Annotated[
+        Count | None, key("Number of flats for camera tags.", default="none")
+    ] = None
+    marker_size: Annotated[Positive, key("Side of a tag.", unit="mm")] = 10.0
+    mould_wall: Annotated[
+        Annotated[float, Meta(gt=2)] | None,
+        key("Thickness of the moulds' walls, with a process that casts.", unit="mm", default="`5`"),
+    ] = None
+    shrinkage: Annotated[
+        Annotated[float, Meta(ge=0, le=0.1)] | None,
+        key(
+            "Linear shrinkage of the silicone, as a share of the length, with a process that"
+            " casts.",
+            default="the one in `data/silicones.csv`",
+        ),
+    ] = None
+
+    @property
+    def row(self) -> Mapping[str, str]:
+        """The row of the process."""
+        rows = read_rows(_ROWS)
+        return rows[self.process or next(iter(rows))]
+
+    def check(self) -> Iterator[Problem]:
+        """Yield problems of keys that do not apply to the process."""
+        if self.row["kind"] == "cast":
+            if self.limit_cuts:
+                yield Problem(
+                    ("limit_cuts",),
+                    "parts that wrap round the end of a cut cannot be cast",
+                    "key-not-applicable",
+                    "Remove it",
+                )
+            return
+        for name in ("mould_wall", "shrinkage"):
+            if getattr(self, name) is not None:
+                yield Problem(
+                    (name,),
+                    f"is for moulds, and process {self.row['name']!r} prints the parts themselves",
+                    "key-not-applicable",
+                    "Remove it",
+                )
+
+    def record(self) -> FabricationSpec:
+        """Return the settings, completed from the row of the process."""
+        row = self.row
+
+        def number(name: str) -> float:
+            value: float | None = getattr(self, name)
+            return float(row[name]) if value is None else value
+
+        x, y, z = self.bed or (float(row[f"bed_{axis}"]) for axis in "xyz")
+        return FabricationSpec(
+            process=row["name"],
+            clearance=number("clearance"),
+            wall=number("wall"),
+            lead=self.lead,
+            bed=(x, y, z),
+            pockets=self.pockets,
+            limit_cuts=self.limit_cuts,
+            strain_relief=self.strain_relief,
+            wire_diameter=self.wire_diameter,
+            marker_seats=self.marker_seats or 0,
+            marker_size=self.marker_size,
+            assembly=self.assembly,
+            prestretch=self.prestretch,
+            kind=row["kind"],
+            line=number("line"),
+            layer=number("layer"),
+            hole=number("hole"),
+            spacing=float(row["spacing"]),
+            supports=row["supports"],
+            copies=self.copies,
+            mould_wall=FabricationSpec.mould_wall if self.mould_wall is None else self.mould_wall,
+            shrinkage=self.shrinkage,
+        )
