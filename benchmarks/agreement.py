@@ -26,12 +26,11 @@ from benchmarks.robustness import BODIES, body, clamp, material
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.mechanics.elements.threads import cores
+from defsense_fab.mechanics.elements.threads import count_cores
 from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions
 from defsense_fab.mechanics.solver.load_stepping import solve_ramp
-from defsense_fab.pipeline.build.mesh_density import probing_lines
-from defsense_fab.sensing.response import Response
-from defsense_fab.sensing.signal import signals
+from defsense_fab.sensing.response import Response, signals
+from defsense_fab.workflow.build.mesh_density import probing_lines
 
 ROOT = Path(__file__).parents[1]
 #: Load fractions at which the handle's path is handed over.
@@ -104,10 +103,10 @@ def ask(
 def solve(mesh: QuadraticMesh, law: Material, conditions: BoundaryConditions) -> tuple:
     """Our displacements (n, 3), and the handle's path (PATH + 1, 3) mm."""
     fractions = [(i + 1) / PATH for i in range(PATH)]
-    results = solve_ramp(mesh, law, conditions, fractions, threads=cores())
+    results = solve_ramp(mesh, law, conditions, fractions, threads=count_cores())
     if not results[-1].converged:
         raise RuntimeError(f"not reached: {results[-1]}")
-    shifts = np.array([np.zeros(3), *(r.state.shifts[0] for r in results)])
+    shifts = np.array([np.zeros(3), *(r.state.translations[0] for r in results)])
     return results[-1].u, shifts
 
 

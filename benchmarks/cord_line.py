@@ -29,21 +29,21 @@ from defsense_fab.core.arrays import Float, Int
 from defsense_fab.core.device.device import ASSEMBLIES, Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.decoding.decoders import Trained, fit_decoder
+from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.point_location import PointLocator
-from defsense_fab.mechanics.elements.tet10 import QuadraticMesh, shape_by_bary
-from defsense_fab.mechanics.elements.threads import cores
-from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, rest
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh, shape_derivatives
+from defsense_fab.mechanics.elements.threads import count_cores
+from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, rest_state
 from defsense_fab.mechanics.loading.loads import Loads
 from defsense_fab.mechanics.solver.batch import Job
 from defsense_fab.mechanics.solver.load_stepping import follow
 from defsense_fab.mechanics.solver.newton import System
-from defsense_fab.pipeline.artifacts.layout import load_layout, load_prediction
-from defsense_fab.pipeline.artifacts.mesh import load_mesh
-from defsense_fab.pipeline.build.build import build
-from defsense_fab.pipeline.build.load_cases import Loading, jobs, loadings
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading, needed_prestretch
-from defsense_fab.sensing.signal import mean_strain
+from defsense_fab.sensing.layout import load_layout, load_prediction
+from defsense_fab.sensing.response import mean_strain
+from defsense_fab.workflow.build.build import build
+from defsense_fab.workflow.build.load_cases import Loading, jobs, loadings
 
 _PIECE = 0.5  # longest piece of a line, mm
 
@@ -72,7 +72,7 @@ class Line:
         length = np.linalg.norm(step, axis=1)
         direction = step / length[:, None]
         at = locator.find((fine[1:] + fine[:-1]) / 2)
-        gradient = shape_by_bary(at.bary) @ locator.mesh.bary_gradient[at.cell]
+        gradient = shape_derivatives(at.bary) @ locator.mesh.bary_gradient[at.cell]
         along = np.einsum("pna,pa->pn", gradient, direction)
         nodes = locator.mesh.cells[at.cell]
         return cls(nodes, along, direction, length, stiffness, cord.prestretch)
@@ -152,9 +152,9 @@ def solved(
     unloaded, out = np.zeros_like(mesh.nodes), {}
     for loading, job in zip(plan, todo, strict=True):
         loads = LineLoads(mesh, job.conditions, lines)
-        system = System(mesh, material, job.conditions, cores(), loads)
+        system = System(mesh, material, job.conditions, count_cores(), loads)
         try:
-            begun = system.equilibrium(rest(job.conditions, len(mesh.nodes)))
+            begun = system.equilibrium(rest_state(job.conditions, len(mesh.nodes)))
             if begun.state is None:
                 continue
             unloaded = begun.state.u

@@ -27,7 +27,7 @@ from defsense_fab.mechanics.elements.material import (
     stable_neo_hookean,
 )
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.mechanics.elements.threads import cores
+from defsense_fab.mechanics.elements.threads import count_cores
 from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle
 from defsense_fab.mechanics.solver.load_stepping import Equilibrium, Status, solve_ramp
 
@@ -87,7 +87,7 @@ def verdict(mesh, conditions, law, result: Equilibrium) -> str:
 
 def elsewhere(mesh, law, goal, result: Equilibrium) -> float:
     """Largest distance (mm) to the equilibrium that ten equal steps lead to."""
-    slow = solve_ramp(mesh, law, goal, np.arange(1, 11) / 10, threads=cores())[-1]
+    slow = solve_ramp(mesh, law, goal, np.arange(1, 11) / 10, threads=count_cores())[-1]
     return np.inf if slow.u is None else float(np.abs(slow.u - result.u).max())
 
 
@@ -136,7 +136,7 @@ def main() -> None:
         for title, (moved, rotation, translation) in extremes(name, regions, mesh).items():
             goal = clamp(mesh, regions, BODIES[name][0], moved, rotation, translation)
             start = time.perf_counter()
-            result = solve_ramp(mesh, law, goal, [1.0], threads=cores())[-1]
+            result = solve_ramp(mesh, law, goal, [1.0], threads=count_cores())[-1]
             seconds = time.perf_counter() - start
             print(f"  {title}, nu 0.49: {verdict(mesh, goal, law, result)} ({seconds:.1f} s)")
     rng = np.random.default_rng(options.seed)
@@ -149,7 +149,7 @@ def main() -> None:
         nu, model = float(rng.choice([0.45, 0.49])), str(rng.choice(models))
         law = material(nu, model)
         goal = clamp(mesh, regions, BODIES[name][0], moved, rotation, translation)
-        result = solve_ramp(mesh, law, goal, [1.0], threads=cores())[-1]
+        result = solve_ramp(mesh, law, goal, [1.0], threads=count_cores())[-1]
         said = verdict(mesh, goal, law, result)
         kind = "WRONG" if said.startswith("WRONG") else Status(result.status).name
         if options.slowly and kind == "OK":

@@ -26,18 +26,18 @@ from pathlib import Path
 import numpy as np
 
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.geometry.bodies.meshing.mesh_file import load_mesh
+from defsense_fab.geometry.parts.manifest import load_manifest
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.material import Material
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.mechanics.loading.boundary_conditions import rest
+from defsense_fab.mechanics.loading.boundary_conditions import rest_state
 from defsense_fab.mechanics.solver.linear_solver import Pardiso, Rslab, SuperLU
 from defsense_fab.mechanics.solver.load_stepping import follow
 from defsense_fab.mechanics.solver.newton import System
-from defsense_fab.pipeline.artifacts.layout import load_layout
-from defsense_fab.pipeline.artifacts.manifest import load_manifest
-from defsense_fab.pipeline.artifacts.mesh import load_mesh
-from defsense_fab.pipeline.build.build import build
-from defsense_fab.pipeline.build.load_cases import jobs, loadings
+from defsense_fab.sensing.layout import load_layout
+from defsense_fab.workflow.build.build import build
+from defsense_fab.workflow.build.load_cases import jobs, loadings
 
 SWITCH = "DEFSENSE_SOLVER"
 SOLVERS = {kind.name: {SWITCH: kind.__name__.lower()} for kind in (Pardiso, Rslab, SuperLU)}
@@ -77,7 +77,7 @@ def equations(device: Path, repeat: int) -> None:
         system = System(mesh, law, goal)
         if system.solver.name != name:
             sys.exit(f"{name} is not to be had here, but {system.solver.name}")
-        start = rest(goal, len(mesh.nodes))
+        start = rest_state(goal, len(mesh.nodes))
         matrix = system.reduction.matrix(
             start, law, tet10.deformation_gradient(mesh, start.u, 1), 1.0,
             system.loads.blocks(goal, start.u), None, 1,
@@ -92,7 +92,7 @@ def equations(device: Path, repeat: int) -> None:
         def pose() -> object:
             one = System(mesh, law, goal)
             try:
-                return follow(one, rest(goal, len(mesh.nodes)), goal, check=False)[-1]
+                return follow(one, rest_state(goal, len(mesh.nodes)), goal, check=False)[-1]
             finally:
                 one.close()
 

@@ -26,14 +26,13 @@ from benchmarks.robustness import material
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
-from defsense_fab.mechanics.elements.threads import cores
-from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle, rest
-from defsense_fab.mechanics.solver.interactive import Interactive
+from defsense_fab.mechanics.elements.threads import count_cores
+from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle, rest_state
+from defsense_fab.mechanics.solver.interactive import InteractiveSolver
 from defsense_fab.mechanics.solver.load_stepping import follow
 from defsense_fab.mechanics.solver.newton import System
-from defsense_fab.pipeline.build.mesh_density import probing_lines
-from defsense_fab.sensing.response import Response
-from defsense_fab.sensing.signal import signals
+from defsense_fab.sensing.response import Response, signals
+from defsense_fab.workflow.build.mesh_density import probing_lines
 
 LOW, HIGH = np.array([0, -15, -7.5]), np.array([150, 15, 7.5])
 FREE = np.full(3, np.nan)
@@ -73,8 +72,8 @@ POSES = {"bend 90": [0, -np.pi / 2, 0], "twist 90": [np.pi / 2, 0, 0]}
 def from_rest(mesh, law, goal):
     """Displacements and seconds, set-up and analysis included."""
     start = time.perf_counter()
-    system = System(mesh, law, goal, cores())
-    result = follow(system, rest(goal, len(mesh.nodes)), goal, check=False)[-1]
+    system = System(mesh, law, goal, count_cores())
+    result = follow(system, rest_state(goal, len(mesh.nodes)), goal, check=False)[-1]
     seconds = time.perf_counter() - start
     system.close()
     return result, seconds
@@ -90,7 +89,7 @@ def peers(repeat: int) -> None:
     """Rest to 90 degrees against every peer that is installed."""
     mesh, fine = bar(TETS), bar(8 * TETS)
     lines = probing_lines(PointLocator(fine), np.random.default_rng(0))
-    print(f"from rest to 90 degrees, {len(mesh.cells)} quadratic tets, {cores()} cores")
+    print(f"from rest to 90 degrees, {len(mesh.cells)} quadratic tets, {count_cores()} cores")
     print(f"{'':<24}{'increments':>11}{'solves':>8}{'s':>8}{'ratio':>7}  signal against the finer")
     for nu in (0.45, 0.49):
         law = material(nu)
@@ -139,9 +138,9 @@ def _one_peer(peer, mesh, law, goal, shifts, own, seconds, repeat, error) -> Non
 def parts_of_an_iteration() -> None:
     mesh, law = bar(TETS), material(0.45)
     goal = pose(mesh, POSES["bend 90"])
-    system = System(mesh, law, goal, cores())
-    state = rest(goal, len(mesh.nodes))
-    F = tet10.deformation_gradient(system.reduction.active, state.u, cores())
+    system = System(mesh, law, goal, count_cores())
+    state = rest_state(goal, len(mesh.nodes))
+    F = tet10.deformation_gradient(system.reduction.active, state.u, count_cores())
     table: dict[str, list[float]] = {}
 
     def clock(name, work):
@@ -154,16 +153,16 @@ def parts_of_an_iteration() -> None:
     for _ in range(9):
         matrix = clock(
             "assembly, true Hessian",
-            lambda: system.reduction.matrix(state, law, F, False, [], None, cores()),
+            lambda: system.reduction.matrix(state, law, F, False, [], None, count_cores()),
         )
         clock(
             "assembly, projected",
-            lambda: system.reduction.matrix(state, law, F, True, [], None, cores()),
+            lambda: system.reduction.matrix(state, law, F, True, [], None, count_cores()),
         )
         clock("factorisation", lambda: system.solver.factor(matrix))  # noqa: B023
         clock("solve", lambda: system.solver.solve(right))
-        clock("energy", lambda: tet10.energy(system.reduction.active, law, F, cores()))
-        clock("forces", lambda: tet10.forces(system.reduction.active, law, F, cores()))
+        clock("energy", lambda: tet10.energy(system.reduction.active, law, F, count_cores()))
+        clock("forces", lambda: tet10.forces(system.reduction.active, law, F, count_cores()))
     print(f"an iteration, {len(mesh.cells)} tets, {system.reduction.size} unknowns")
     for name, seconds in table.items():
         print(f"  {name:<24}{1e3 * np.median(seconds):7.1f} ms")
@@ -175,7 +174,7 @@ def edits(repeat: int) -> None:
     print(f"edits, {len(fine.cells)} tets (coarse: {len(coarse.cells)})")
     for nu in (0.45, 0.49):
         for title, rotation in POSES.items():
-            session = Interactive(coarse, fine, material(nu), cores())
+            session = InteractiveSolver(coarse, fine, material(nu), count_cores())
             for step in (5, 10):
                 first, both = [], []
                 for k in range(2 * repeat + 1):

@@ -12,8 +12,8 @@ from ..options import within
 from ..output import console, progress_bars, results, say, silent_stdout
 
 if TYPE_CHECKING:
-    from ...pipeline.study.parameter_study import StudyResult
-    from ...pipeline.study.runs.run_log import RunRecord
+    from ...workflow.study.parameter_study import StudyResult
+    from ...workflow.study.runs.run_log import RunRecord
 
 _SHOWN = 10  # best runs
 _MEASURES = 5
@@ -22,10 +22,10 @@ _MOST_WORKERS = 512
 
 def run_parameter_study(options: argparse.Namespace) -> int:
     """Make the study of the folder, and show it. Raises a DefsenseError."""
-    from ...mechanics.elements.threads import cores
-    from ...pipeline.study.parameter_study import run_study
+    from ...mechanics.elements.threads import count_cores
+    from ...workflow.study.parameter_study import run_study
 
-    workers = options.workers if options.workers is not None else cores()
+    workers = options.workers if options.workers is not None else count_cores()
     within("--workers", workers, 1, _MOST_WORKERS)
     fixed = {f"body.parameters.{k}": v for k, v in overrides(options.set).items()}
     with silent_stdout(), progress_bars(options) as progress:
@@ -58,7 +58,7 @@ def _as_json(found: StudyResult) -> dict[str, Any]:
 
 
 def _show(found: StudyResult, options: argparse.Namespace) -> None:
-    from ...pipeline.study.results.study_page import failures
+    from ...workflow.study.results.study_page import failures
 
     table = found.table
     told = f"{len(table.done)} runs of {table.points} points, {found.made} of them made now"
@@ -84,7 +84,7 @@ def _show(found: StudyResult, options: argparse.Namespace) -> None:
 def _best(found: StudyResult) -> Any:
     from rich.table import Table
 
-    from ...pipeline.study.results.study_page import text
+    from ...workflow.study.results.study_page import text
 
     study, rows = found.table.study, found.table.done[:_SHOWN]
     title = f"runs with the least {study.minimise}" if study.minimise else "runs"

@@ -98,7 +98,7 @@ def stable_neo_hookean(mu: float, kappa: float) -> Material:
 
 
 @compiled(error_model="numpy")
-def law(kind, p, i1, i2, J, d):  # type: ignore[no-untyped-def]
+def evaluate_law(kind, p, i1, i2, J, d):  # type: ignore[no-untyped-def]
     """Fill d (10,): W, W_1, W_2, W_J, W_11, W_12, W_1J, W_22, W_2J, W_JJ; W inf: undefined."""
     d[:] = 0.0
     if kind == STABLE:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
-from .tet10 import EDGES, QuadraticMesh, shape
-from .threads import cores, over_chunks
+from .tet10 import EDGES, QuadraticMesh, shape_functions
+from .threads import count_cores, run_in_chunks
 
 CHUNK = 2000  # points; fewer are not worth a thread
 
@@ -51,27 +51,30 @@ class PointLocator:
         )  # fmt: skip
 
     @cached_property
-    def across(self) -> Int:
+    def opposite_tets(self) -> Int:
         """The tet (m, 4) behind the face opposite each corner, -1 at the surface."""
-        return neighbours(self.mesh.cells[:, :4])
+        return face_neighbors(self.mesh.cells[:, :4])
 
     def find(self, points: Float) -> LocatedPoints:
         """Tet and weights of each point (p, 3) mm; the nearest tet for points outside."""
         points = np.ascontiguousarray(points, float)
         cell, bary = np.zeros(len(points), np.int64), np.empty((len(points), 4))
-        over_chunks(
-            lambda a, b: _find(points, self.grid, a, b, cell, bary), len(points), cores(), CHUNK
+        run_in_chunks(
+            lambda a, b: _find(points, self.grid, a, b, cell, bary),
+            len(points),
+            count_cores(),
+            CHUNK,
         )
         return LocatedPoints(cell, bary)
 
     def displacement(self, at: LocatedPoints, fields: Float) -> Float:
         """Displacements (s, p, 3) of the fields (s, n, 3) at the points."""
-        nodes, weights = self.mesh.cells[at.cell], shape(at.bary)
+        nodes, weights = self.mesh.cells[at.cell], shape_functions(at.bary)
         out = np.zeros((len(fields), len(nodes), 3))
-        over_chunks(
+        run_in_chunks(
             lambda a, b: _displacement(nodes, weights, fields, a, b, out),
             len(nodes),
-            cores(),
+            count_cores(),
             CHUNK,
         )
         return out
@@ -80,12 +83,12 @@ class PointLocator:
         """Displacement gradients (s, p, 3, 3): [a, j] is the derivative of u_a by X_j."""
         mesh, count = self.mesh, len(at.cell)
         out = np.zeros((len(fields), count, 3, 3))
-        over_chunks(
+        run_in_chunks(
             lambda a, b: _gradient(
                 mesh.cells, mesh.bary_gradient, at.cell, at.bary, fields, a, b, out
             ),
             count,
-            cores(),
+            count_cores(),
             CHUNK,
         )
         return out
@@ -157,7 +160,7 @@ def _weights(point, e, origin, gradient, bary):  # type: ignore[no-untyped-def]
     return min(bary[0], bary[1], bary[2], bary[3])
 
 
-def neighbours(tets: Int) -> Int:
+def face_neighbors(tets: Int) -> Int:
     """For tets (m, 4): the tet (m, 4) that shares the face opposite each corner, or -1."""
     faces = np.sort(tets[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
     order = np.lexsort(faces.T)
@@ -169,7 +172,7 @@ def neighbours(tets: Int) -> Int:
 
 
 @compiled(error_model="numpy")
-def walk(points, grid, across, cells, bary):  # type: ignore[no-untyped-def]
+def locate_along_path(points, grid, across, cells, bary):  # type: ignore[no-untyped-def]
     """Like `find_point` for points (p, 3) of a path: from face to face to the tet (p,) of the next
     one. Fills `cells` (p,) and the weights `bary` (p, 4)."""
     origin, gradient = grid[5], grid[6]

@@ -31,7 +31,7 @@ class Section:
         a, b, c = (self.points[self.triangles[:, k]] for k in range(3))
         return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
-    def finer(self, edge: float) -> Section:
+    def subdivide(self, edge: float) -> Section:
         """The same cut in triangles whose edges are at most `edge` mm at rest."""
         corners = self.points[self.triangles]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

@@ -14,24 +14,23 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
 from ...core.mesh import TetMesh
-from .energy_density import energy_density, stress, tangent
+from .energy_density import cofactor, energy_density, stress, tangent
 from .material import Material
-from .matrix3 import cofactor
-from .threads import over_chunks
+from .threads import run_in_chunks
 
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 _A, _B = 0.585410196624968454, 0.138196601125010515
 QUADRATURE = np.array([[_A, _B, _B, _B], [_B, _A, _B, _B], [_B, _B, _A, _B], [_B, _B, _B, _A]])
 
 
-def shape(bary: Float) -> Float:
+def shape_functions(bary: Float) -> Float:
     """Shape functions (..., 10) at barycentric coordinates (..., 4)."""
     corner = bary * (2 * bary - 1)
     edge = 4 * bary[..., EDGES[:, 0]] * bary[..., EDGES[:, 1]]
     return np.concatenate([corner, edge], axis=-1)
 
 
-def shape_by_bary(bary: Float) -> Float:
+def shape_derivatives(bary: Float) -> Float:
     """Derivatives of the shape functions by the barycentric coordinates, (..., 10, 4)."""
     out = np.zeros((*bary.shape[:-1], 10, 4))
     for i in range(4):
@@ -66,7 +65,7 @@ class QuadraticMesh:
         x = mesh.nodes[mesh.tets]
         inner = np.linalg.inv(x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
         bary = np.concatenate([-inner.sum(1, keepdims=True), inner], axis=1)
-        gradient = np.einsum("qnb,mbj->mqnj", shape_by_bary(QUADRATURE), bary)
+        gradient = np.einsum("qnb,mbj->mqnj", shape_derivatives(QUADRATURE), bary)
         return cls(nodes, cells, bary, np.ascontiguousarray(gradient), mesh.volumes / 4)
 
     @property
@@ -108,14 +107,16 @@ def deformation_gradient(mesh: QuadraticMesh, u: Float, threads: int = 1) -> Flo
     """F (m, 4, 3, 3) at the quadrature points for displacements u (n, 3)."""
     out = np.empty((len(mesh.cells), 4, 3, 3))
     x = mesh.nodes + u
-    over_chunks(lambda a, b: _gradients(x, mesh.cells, mesh.gradient, a, b, out), len(out), threads)
+    run_in_chunks(
+        lambda a, b: _gradients(x, mesh.cells, mesh.gradient, a, b, out), len(out), threads
+    )
     return out
 
 
-def volume(G: Float, F: Float, threads: int = 1) -> Float:
+def volume_ratios(G: Float, F: Float, threads: int = 1) -> Float:
     """Volume ratios (m, 4) at F, linearised about G, both (m, 4, 3, 3): det F where G is F."""
     out = np.empty(F.shape[:2])
-    over_chunks(lambda a, b: _volume(G, F, a, b, out), len(out), threads)
+    run_in_chunks(lambda a, b: _volume(G, F, a, b, out), len(out), threads)
     return out
 
 
@@ -123,7 +124,7 @@ def energy(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) 
     """Stored energy (N mm) of F (m, 4, 3, 3); inf where the material is not defined."""
     sums = np.zeros(len(mesh.cells))
     kind, p = material.kind, material.parameters
-    over_chunks(lambda a, b: _energy(F, mesh.weight, kind, p, a, b, sums), len(sums), threads)
+    run_in_chunks(lambda a, b: _energy(F, mesh.weight, kind, p, a, b, sums), len(sums), threads)
     return float(sums.sum())
 
 
@@ -131,7 +132,7 @@ def forces(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) 
     """Internal nodal forces (n, 3) N: the gradient of the energy, where F comes from u."""
     local = np.empty((len(mesh.cells), 10, 3))
     kind, p = material.kind, material.parameters
-    over_chunks(
+    run_in_chunks(
         lambda a, b: _forces(F, mesh.gradient, mesh.weight, kind, p, a, b, local),
         len(local),
         threads,
@@ -162,7 +163,7 @@ def stiffness(
     """
     out = np.empty((len(mesh.cells), 30, 30))
     kind, p = material.kind, material.parameters
-    over_chunks(
+    run_in_chunks(
         lambda a, b: _stiffness(F, mesh.gradient, mesh.weight, kind, p, float(share), a, b, out),
         len(out),
         threads,
@@ -264,7 +265,7 @@ def element_tangent(F, gradient, weight, kind, p, lag, share, K, H, T):  # type:
             K[r, c] = K[c, r]
 
 
-def linearised_forces(
+def linearized_forces(
     mesh: QuadraticMesh, material: Material, G: Float, F: Float, threads: int = 1
 ) -> Float:
     """Nodal forces (n, 3) N at F of the energy linearised about G, both (m, 4, 3, 3).
@@ -273,7 +274,7 @@ def linearised_forces(
     """
     local = np.empty((len(mesh.cells), 10, 3))
     kind, p = material.kind, material.parameters
-    over_chunks(
+    run_in_chunks(
         lambda a, b: _linearised(G, F - G, mesh.gradient, mesh.weight, kind, p, a, b, local),
         len(local),
         threads,

@@ -10,17 +10,17 @@ from functools import cache
 SMALLEST_CHUNK = 100  # elements; below, starting a thread costs more than it saves
 
 
-def cores() -> int:
+def count_cores() -> int:
     """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(max_workers=4 * cores(), thread_name_prefix="elements")
+    return ThreadPoolExecutor(max_workers=4 * count_cores(), thread_name_prefix="elements")
 
 
-def over_chunks(
+def run_in_chunks(
     kernel: Callable[[int, int], None], count: int, threads: int, smallest: int = SMALLEST_CHUNK
 ) -> None:
     """Call kernel(start, stop) so that every item in 0 .. count is in one call."""

@@ -15,7 +15,7 @@ class RigidHandle:
     """Nodes (k,) that move as one rigid piece, about `center` (3,) mm of the rest frame.
 
     `rotation` (3,) rad is the prescribed rotation vector, whose length may exceed a turn;
-    `free_axes` (f, 3) are the axes about which the solver turns it instead: none, one (a hinge) or
+    `free_axes` (f, 3) are the axes about which the solver rotations it instead: none, one (a hinge) or
     all three. `translation` (3,) mm of the centre, NaN for each coordinate that the solver finds;
     once it has, the handle is moved on from there by `further` (3,) mm, NaN where it stays free.
     """
@@ -26,7 +26,7 @@ class RigidHandle:
     translation: Float
     free_axes: Float = field(default_factory=lambda: np.zeros((0, 3)))
     name: str = ""
-    further: Float = field(default_factory=lambda: np.full(3, np.nan))
+    further_translation: Float = field(default_factory=lambda: np.full(3, np.nan))
 
 
 @dataclass(frozen=True)
@@ -75,10 +75,10 @@ class BoundaryConditions:
 
     def at_rest(self) -> BoundaryConditions:
         """The same structure without any motion or load."""
-        return between(self, self, 0.0, scale=True)
+        return interpolate_conditions(self, self, 0.0, scale=True)
 
 
-def between(
+def interpolate_conditions(
     a: BoundaryConditions, b: BoundaryConditions, s: float, scale: bool = False
 ) -> BoundaryConditions:
     """Linear from a (s = 0) to b (s = 1) in rotation vectors, translations and loads.
@@ -99,7 +99,7 @@ def between(
                 q,
                 rotation=mix(p.rotation, q.rotation),
                 translation=mix(p.translation, q.translation),
-                further=mix(p.further, q.further),
+                further_translation=mix(p.further_translation, q.further_translation),
             )
             for p, q in zip(a.handles, b.handles, strict=True)
         ),
@@ -115,30 +115,30 @@ def between(
 @dataclass(frozen=True)
 class State:
     """A configuration of the body: displacements `u` (n, 3) mm, and of each handle its rotation
-    `turns` (h, 3, 3) and its centre's translation `shifts` (h, 3) mm, under `conditions`."""
+    `rotations` (h, 3, 3) and its centre's translation `translations` (h, 3) mm, under `conditions`."""
 
     u: Float
-    turns: Float
-    shifts: Float
+    rotations: Float
+    translations: Float
     conditions: BoundaryConditions
 
 
-def moved_on(state: State) -> tuple[State, BoundaryConditions] | None:
+def continue_handles(state: State) -> tuple[State, BoundaryConditions] | None:
     """An equilibrium whose handles are to be moved on from where they came to lie: the same with
     them prescribed there, and the conditions to go on to; None where none is."""
     handles = state.conditions.handles
-    if not any(np.nan_to_num(h.further).any() for h in handles):
+    if not any(np.nan_to_num(h.further_translation).any() for h in handles):
         return None
     held = [
         replace(
             h,
-            translation=np.where(np.isnan(h.further), h.translation, shift),
-            further=np.full(3, np.nan),
+            translation=np.where(np.isnan(h.further_translation), h.translation, shift),
+            further_translation=np.full(3, np.nan),
         )
-        for h, shift in zip(handles, state.shifts, strict=True)
+        for h, shift in zip(handles, state.translations, strict=True)
     ]
     further = [
-        replace(h, translation=h.translation + np.nan_to_num(f.further))
+        replace(h, translation=h.translation + np.nan_to_num(f.further_translation))
         for h, f in zip(held, handles, strict=True)
     ]
     return (
@@ -147,7 +147,7 @@ def moved_on(state: State) -> tuple[State, BoundaryConditions] | None:
     )
 
 
-def rest(conditions: BoundaryConditions, nodes: int) -> State:
+def rest_state(conditions: BoundaryConditions, nodes: int) -> State:
     """The undeformed state of a mesh of `nodes` nodes."""
     count = len(conditions.handles)
     return State(

@@ -13,7 +13,7 @@ from ..elements.tet10 import QuadraticMesh
 from .boundary_conditions import BoundaryConditions
 
 #: A region narrower than this many edges is torn rather than held.
-SMALL = 1.5
+MIN_REGION_WIDTH_EDGES = 1.5
 
 
 def check_constraints(mesh: QuadraticMesh, conditions: BoundaryConditions, label: str) -> list[str]:
@@ -48,16 +48,16 @@ def check_constraints(mesh: QuadraticMesh, conditions: BoundaryConditions, label
             motion=motion.split()[0],
             axis=axis,
         )
-    return [w for h in conditions.handles for w in narrow(mesh, h.nodes, h.name)]
+    return [w for h in conditions.handles for w in warn_small_region(mesh, h.nodes, h.name)]
 
 
-def narrow(mesh: QuadraticMesh, nodes: Int, name: str) -> list[str]:
+def warn_small_region(mesh: QuadraticMesh, nodes: Int, name: str) -> list[str]:
     """A warning about a region of `nodes` (k,) that is too small to hold the body by."""
     size = float(np.sort(np.ptp(mesh.nodes[nodes], axis=0))[1])
-    if size >= SMALL * mesh.edge_length:
+    if size >= MIN_REGION_WIDTH_EDGES * mesh.edge_length:
         return []
     return [
-        f"region {name!r} is {size:.2g} mm wide, less than {SMALL:g} edges of the mesh: the strain"
+        f"region {name!r} is {size:.2g} mm wide, less than {MIN_REGION_WIDTH_EDGES:g} edges of the mesh: the strain"
         " beside it is as large as the mesh lets it be; enlarge it"
     ]
 

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from ...core.arrays import Float, Int
 from ..elements.point_location import LocatedPoints, PointLocator
-from ..elements.tet10 import QuadraticMesh, scatter_nodes, shape
+from ..elements.tet10 import QuadraticMesh, scatter_nodes, shape_functions
 from .boundary_conditions import BoundaryConditions, Pressure
 
 #: Weights of the nodal forces of a constant body force on a straight-sided quadratic tet.
@@ -26,7 +26,7 @@ class Loads:
             points = np.array([d.at for d in conditions.drags])
             at: LocatedPoints = PointLocator(mesh).find(points)
             self._drag_nodes: Int = mesh.cells[at.cell]
-            self._drag_weights: Float = shape(at.bary)
+            self._drag_weights: Float = shape_functions(at.bary)
 
     def _stretches(self, conditions: BoundaryConditions, u: Float) -> Float:
         """How far each drag's point is from where it is pulled, (d, 3) mm."""

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.device.states import shared_point
 from ...core.device.device import Handle, PointDrag, Pose
 from ...core.device.regions import Shape
+from ...core.device.states import shared_point
 from ...core.errors import DeviceError
 from ..elements.tet10 import QuadraticMesh, boundary_faces
 from .boundary_conditions import BoundaryConditions, Pressure, RigidHandle, Slide
@@ -19,7 +19,7 @@ from .boundary_conditions import BoundaryConditions, Pressure, RigidHandle, Slid
 _GRAVITY, _DENSITY = 9806.65, 1e-9
 
 
-def mix(
+def mix_poses(
     poses: Sequence[Pose],
     weights: Mapping[str, float],
     regions: Mapping[str, Shape],
@@ -97,7 +97,7 @@ def _add(a: Handle, b: Handle, label: str) -> Handle:
     about = shared_point(a, b)
     if about is False:
         raise DeviceError(
-            f"the mixture {label!r} turns region {a.region!r} about different points",
+            f"the mixture {label!r} rotations region {a.region!r} about different points",
             code="rotation-centers-differ",
             where="device.toml: states",
             action="Mix poses that agree, or give the same 'about' in both",
@@ -109,7 +109,7 @@ def _add(a: Handle, b: Handle, label: str) -> Handle:
         np.abs(np.einsum("fa,fa->f", a.free_axes, b.free_axes)), 1.0
     ):
         raise DeviceError(
-            f"the mixture {label!r} turns region {a.region!r} both freely and by a rotation",
+            f"the mixture {label!r} rotations region {a.region!r} both freely and by a rotation",
             code="region-free-and-rotated",
             where="device.toml: states",
             action="Mix poses that agree",
@@ -225,7 +225,7 @@ def _agree_with_symmetry(conditions: BoundaryConditions, label: str) -> None:
                 leaves
                 or (np.abs(n[free]) > 1e-9).any()
                 or abs(n[~free] @ h.translation[~free]) > 1e-9
-                or abs(n @ np.nan_to_num(h.further)) > 1e-9
+                or abs(n @ np.nan_to_num(h.further_translation)) > 1e-9
             ):
                 raise DeviceError(
                     f"in {label!r} the region {h.name!r} touches a plane of symmetry but may leave"

@@ -17,7 +17,7 @@ from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
 from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh, element_tangent
-from ..elements.threads import over_chunks
+from ..elements.threads import run_in_chunks
 from .boundary_conditions import BoundaryConditions, State, rotation_matrix
 
 
@@ -77,7 +77,7 @@ class Reduction:
         return self._active
 
     @property
-    def own(self) -> Float:
+    def is_free(self) -> Float:
         """(n,) bool: nodes with three unknowns of their own."""
         return np.asarray((self._group >= 0) & ~self._special)
 
@@ -103,39 +103,43 @@ class Reduction:
 
     def place(self, state: State, goal: BoundaryConditions) -> State:
         """The prescribed parts moved to their values in `goal`; unknowns stay where they are."""
-        turns, shifts, u = state.turns.copy(), state.shifts.copy(), state.u.copy()
+        rotations, translations, u = (
+            state.rotations.copy(),
+            state.translations.copy(),
+            state.u.copy(),
+        )
         for i, h in enumerate(goal.handles):
             if len(h.free_axes) == 0:
-                turns[i] = rotation_matrix(h.rotation)
+                rotations[i] = rotation_matrix(h.rotation)
             known = ~np.isnan(h.translation)
-            shifts[i][known] = h.translation[known]
-            self._carry(u, h.nodes, h.center, turns[i], shifts[i])
-        return State(u, turns, shifts, goal)
+            translations[i][known] = h.translation[known]
+            self._carry(u, h.nodes, h.center, rotations[i], translations[i])
+        return State(u, rotations, translations, goal)
 
     def move(self, state: State, q: Float) -> State:
         """The state moved along unknowns q (size,); handles turn by the exponential map."""
-        u = state.u + self.linear(state, q)
-        turns, shifts = state.turns.copy(), state.shifts.copy()
+        u = state.u + self.displacement_increment(state, q)
+        rotations, translations = state.rotations.copy(), state.translations.copy()
         for i, h in enumerate(state.conditions.handles):
             dof = self.dof[h.nodes[0]]
             for a in np.flatnonzero(dof[:3] >= 0):
-                shifts[i, a] += q[dof[a]]
+                translations[i, a] += q[dof[a]]
             axes = len(h.free_axes)
             if axes:
                 turn = q[dof[3 : 3 + axes]] @ h.free_axes
-                turns[i] = rotation_matrix(turn) @ turns[i]
-            self._carry(u, h.nodes, h.center, turns[i], shifts[i])
-        return replace(state, u=u, turns=turns, shifts=shifts)
+                rotations[i] = rotation_matrix(turn) @ rotations[i]
+            self._carry(u, h.nodes, h.center, rotations[i], translations[i])
+        return replace(state, u=u, rotations=rotations, translations=translations)
 
-    def nudge(self, placed: State, u: Float) -> State:
+    def apply_guess(self, placed: State, u: Float) -> State:
         """The placed state with free nodes at u (n, 3) mm, and handles moved after them where
         their translation is free; sliding nodes stay."""
-        out, shifts = np.where(self.own[:, None], u, placed.u), placed.shifts.copy()
+        out, translations = np.where(self.is_free[:, None], u, placed.u), placed.translations.copy()
         for i, h in enumerate(placed.conditions.handles):
             loose = np.isnan(h.translation)
-            shifts[i][loose] += (u - placed.u)[h.nodes].mean(0)[loose]
-            self._carry(out, h.nodes, h.center, placed.turns[i], shifts[i])
-        return replace(placed, u=out, shifts=shifts)
+            translations[i][loose] += (u - placed.u)[h.nodes].mean(0)[loose]
+            self._carry(out, h.nodes, h.center, placed.rotations[i], translations[i])
+        return replace(placed, u=out, translations=translations)
 
     def _carry(self, u: Float, nodes: Int, center: Float, turn: Float, shift: Float) -> None:
         arm = self.mesh.nodes[nodes] - center
@@ -143,14 +147,14 @@ class Reduction:
 
     def basis(self, state: State) -> Float:
         """(n, 3, 6): how the unknowns move each node at this state."""
-        for h, turn in zip(state.conditions.handles, state.turns, strict=True):
+        for h, turn in zip(state.conditions.handles, state.rotations, strict=True):
             if len(h.free_axes):
                 arm = (self.mesh.nodes[h.nodes] - h.center) @ turn.T
                 for k, axis in enumerate(h.free_axes):
                     self._basis[h.nodes, :, 3 + k] = np.cross(axis, arm)
         return self._basis
 
-    def linear(self, state: State, q: Float) -> Float:
+    def displacement_increment(self, state: State, q: Float) -> Float:
         """First-order displacements (n, 3) of unknowns q (size,)."""
         values = (
             np.where(self.dof >= 0, q[self.dof], 0.0) if self.size else np.zeros(self.dof.shape)
@@ -198,7 +202,7 @@ class Reduction:
                     i * step, min((i + 1) * step, len(mesh.cells)), data[i],
                 )  # fmt: skip
 
-        over_chunks(assemble, chunks, threads, smallest=1)
+        run_in_chunks(assemble, chunks, threads, smallest=1)
         values = data[0] if chunks == 1 else data.sum(axis=0)
         for nodes, block in extra:
             self._add_block(values, basis, nodes, block)
@@ -237,7 +241,7 @@ class Reduction:
         return transfer.T @ full @ transfer
 
     def _add_rotations(self, values: Float, state: State, force: Float) -> None:
-        for h, turn in zip(state.conditions.handles, state.turns, strict=True):
+        for h, turn in zip(state.conditions.handles, state.rotations, strict=True):
             axes = h.free_axes
             if not len(axes):
                 continue

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh
-from ..elements.threads import cores
-from ..loading.boundary_conditions import BoundaryConditions, rest
-from .load_stepping import Equilibrium, confirmed, follow, move_on
+from ..elements.threads import count_cores
+from ..loading.boundary_conditions import BoundaryConditions, rest_state
+from .load_stepping import Equilibrium, confirm_equilibria, follow, continue_from_free
 from .newton import System
 
 
@@ -38,7 +38,7 @@ def solve_all(
     `on_step(job, fraction)` is called from the threads. When the caller is interrupted or one job
     raises, the others are cancelled before the exception goes on.
     """
-    total = threads or cores()
+    total = threads or count_cores()
     workers = max(1, min(total, len(jobs)))
     waiting = sorted(range(len(jobs)), key=lambda i: jobs[i].conditions.structure.__repr__())
     lock, ended = threading.Lock(), threading.Event()
@@ -63,13 +63,15 @@ def solve_all(
                     if system:
                         system.close()
                     system = System(mesh, material, job.conditions, max(1, total // workers))
-                system.forget()  # or fields would hang by the number of threads
-                start = rest(job.conditions, len(mesh.nodes))
+                system.reset()  # or fields would hang by the number of threads
+                start = rest_state(job.conditions, len(mesh.nodes))
                 tell = (lambda at, i=i: on_step(i, at)) if on_step else None
                 found = follow(system, start, job.conditions, job.fractions, tell, ended.is_set)
-                found = confirmed(system, start, job.conditions, found, job.fractions, ended.is_set)
+                found = confirm_equilibria(
+                    system, start, job.conditions, found, job.fractions, ended.is_set
+                )
                 share = max(1, total // workers)
-                results[i] = move_on(mesh, material, found, share, ended.is_set)
+                results[i] = continue_from_free(mesh, material, found, share, ended.is_set)
         except BaseException:
             ended.set()
             raise

@@ -8,17 +8,17 @@ from ...core.arrays import Float
 from ..elements.material import Material
 from ..elements.point_location import PointLocator
 from ..elements.tet10 import QuadraticMesh
-from ..loading.boundary_conditions import BoundaryConditions, State, rest
+from ..loading.boundary_conditions import BoundaryConditions, State, rest_state
 from .load_stepping import Equilibrium, Status, follow
 from .newton import TOLERANCE, System
 
 #: Tolerance that is enough for the eye: hundredths of a micrometre on bodies of a hand's size, for
 #: about half the work.
-QUICK = 1e-4
+VISUAL_TOLERANCE = 1e-4
 Stop = Callable[[], bool]
 
 
-class Interactive:
+class InteractiveSolver:
     """Two meshes of one body, each with its last equilibrium and its factorisation.
 
     `conditions(mesh)` gives the boundary conditions of a pose on either mesh; poses of the same
@@ -87,7 +87,7 @@ class Interactive:
     def _restart(self) -> None:
         goals = [state.conditions for state in self._states]
         sizes = [len(mesh.nodes) for mesh in self._meshes]
-        self._states = [rest(g, n) for g, n in zip(goals, sizes, strict=True)]
+        self._states = [rest_state(g, n) for g, n in zip(goals, sizes, strict=True)]
         self._near = self._states[0] if len(self._states) > 1 else None
 
     def _follow(
@@ -102,7 +102,12 @@ class Interactive:
         ahead, guess = None, None
         if self._near is not None:
             coarse = follow(
-                self._systems[0], self._near, goals[0], stop=stop, check=False, tolerance=QUICK
+                self._systems[0],
+                self._near,
+                goals[0],
+                stop=stop,
+                check=False,
+                tolerance=VISUAL_TOLERANCE,
             )[-1]
             if coarse.status is Status.CANCELLED:
                 return coarse
@@ -133,5 +138,7 @@ class Interactive:
             System(m, self._material, g, self._threads)
             for m, g in zip(self._meshes, goals, strict=True)
         ]
-        self._states = [rest(g, len(m.nodes)) for m, g in zip(self._meshes, goals, strict=True)]
+        self._states = [
+            rest_state(g, len(m.nodes)) for m, g in zip(self._meshes, goals, strict=True)
+        ]
         self._near = self._states[0] if len(goals) > 1 else None

@@ -13,15 +13,21 @@ import numpy as np
 from ...core.arrays import Float
 from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh
-from ..loading.boundary_conditions import BoundaryConditions, State, between, moved_on, rest
-from .field_validity import inspect
-from .newton import LOOSE, TOLERANCE, Cancelled, System
+from ..loading.boundary_conditions import (
+    BoundaryConditions,
+    State,
+    interpolate_conditions,
+    continue_handles,
+    rest_state,
+)
+from .fields import check_field
+from .newton import INTERMEDIATE_TOLERANCE, TOLERANCE, Cancelled, System
 
-SMALLEST_STEP = 1 / 16
+MIN_STEP = 1 / 16
 #: Matrices of a step after which the next one is larger.
-EASY = 5
-#: No step turns a handle further (rad), or the solver could land in another equilibrium.
-LARGEST_TURN = np.deg2rad(100)
+EASY_STEP_MATRICES = 5
+#: No step rotations a handle further (rad), or the solver could land in another equilibrium.
+MAX_STEP_TURN_RAD = np.deg2rad(100)
 #: Of the body's size: displacements that differ by less are one equilibrium.
 _SAME = 0.01
 
@@ -61,7 +67,7 @@ class Equilibrium:
     state: State | None
     amplitude: float
     statistics: SolveStatistics
-    largest: State | None = field(default=None, repr=False)
+    last_state: State | None = field(default=None, repr=False)
     problem: str | None = None
 
     @property
@@ -86,7 +92,7 @@ def solve_ramp(
     """Equilibria at increasing load `fractions`, from rest; stops at the first not reached."""
     system = System(mesh, material, conditions, threads)
     try:
-        start = rest(conditions, len(mesh.nodes))
+        start = rest_state(conditions, len(mesh.nodes))
         return follow(system, start, conditions, fractions, on_step, stop)
     finally:
         system.close()
@@ -101,7 +107,7 @@ def follow(
     stop: Callable[[], bool] | None = None,
     check: bool = True,
     guess: Float | None = None,
-    largest_turn: float = LARGEST_TURN,
+    largest_turn: float = MAX_STEP_TURN_RAD,
     tolerance: float = TOLERANCE,
 ) -> list[Equilibrium]:
     """Equilibria at the `fractions` of the way from `start` (an equilibrium) to `goal`.
@@ -110,7 +116,7 @@ def follow(
     that was not reached or a `stop` the list ends with a record without a state. `check` looks for
     inverted tets and for a surface that passes through itself, and whether the state is a minimum
     of the energy. `guess` (n, 3) mm is how far the body is expected to move to the goal, as a
-    coarser mesh tells. No step turns a handle by more than `largest_turn`, rad. `tolerance` is that
+    coarser mesh tells. No step rotations a handle by more than `largest_turn`, rad. `tolerance` is that
     of the residual at the fractions, relative to the largest nodal force.
     """
     if goal.structure != system.structure:
@@ -123,7 +129,7 @@ def follow(
     results: list[Equilibrium] = []
     for target in fractions:
         began = time.perf_counter()
-        smallest = min(SMALLEST_STEP, (target - at) / 4)
+        smallest = min(MIN_STEP, (target - at) / 4)
         iterations = factors = steps = 0
         residual = energy = np.inf
         stable = True
@@ -139,10 +145,10 @@ def follow(
             try:
                 attempt = system.step(
                     state,
-                    between(home, goal, there),
+                    interpolate_conditions(home, goal, there),
                     stop,
                     guess,
-                    tolerance if there == target else LOOSE,
+                    tolerance if there == target else INTERMEDIATE_TOLERANCE,
                 )
                 guess = None  # holds for one step to the goal
             except Cancelled:
@@ -159,11 +165,11 @@ def follow(
             state, at = attempt.state, there
             residual, energy, stable = attempt.residual, attempt.energy, attempt.stable
             steps += 1
-            if attempt.factors <= EASY:
+            if attempt.factors <= EASY_STEP_MATRICES:
                 step = min(2 * step, largest)
             if on_step:
                 on_step(at)
-        problem = inspect(system.mesh, state.u).problem() if check else None
+        problem = check_field(system.mesh, state.u).problem() if check else None
         status = Status.OK
         if problem:
             status = Status.UNSOUND
@@ -173,7 +179,7 @@ def follow(
     return results
 
 
-def move_on(
+def continue_from_free(
     mesh: QuadraticMesh,
     material: Material,
     found: Sequence[Equilibrium],
@@ -185,7 +191,7 @@ def move_on(
     out, system = [], None
     try:
         for one in found:
-            further = moved_on(one.state) if one.state is not None else None
+            further = continue_handles(one.state) if one.state is not None else None
             if further is None:
                 out.append(one)
                 continue
@@ -202,7 +208,7 @@ def move_on(
     return out
 
 
-def confirmed(
+def confirm_equilibria(
     system: System,
     start: State,
     goal: BoundaryConditions,
@@ -213,10 +219,10 @@ def confirmed(
     """What `follow` found at the fractions, those of large rotations compared with what half the
     steps come to: where that is elsewhere, or nowhere, there is more than one equilibrium, and the
     one that was found is UNSOUND."""
-    if _turn(start.conditions, goal) <= LARGEST_TURN:
+    if _turn(start.conditions, goal) <= MAX_STEP_TURN_RAD:
         return list(found)
     fewer = follow(
-        system, start, goal, fractions, None, stop, check=False, largest_turn=LARGEST_TURN / 2
+        system, start, goal, fractions, None, stop, check=False, largest_turn=MAX_STEP_TURN_RAD / 2
     )
     size = float(np.linalg.norm(np.ptp(system.mesh.nodes, axis=0)))
     out = list(found)

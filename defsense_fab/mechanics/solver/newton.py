@@ -27,30 +27,29 @@ from ..elements.tet10 import QuadraticMesh
 from ..loading.boundary_conditions import BoundaryConditions, State
 from ..loading.loads import Loads
 from ..loading.reduction import Reduction
+from .convergence_aids import HandleRotation, find_stuck_patch
 from .linear_solver import NotPositiveDefinite, make_solver
-from .predictor import Turning
-from .stuck_patch import stuck_patch
 
 TOLERANCE = 1e-7  # of the residual, relative to the largest nodal force
-LOOSE = 1e-2  # on the way to a load step that matters
+INTERMEDIATE_TOLERANCE = 1e-2  # on the way to a load step that matters
 #: Forces below those of such a strain count as none: at rest the largest would be rounding.
-LEAST_STRAIN = 1e-4
+MIN_STRAIN = 1e-4
 MAX_MATRICES = 30
 #: After so many matrices a step that is not `FAR` from equilibrium any more goes on; another is
 #: given up, since smaller steps are cheaper.
-PATIENCE, FAR = 12, 0.3
+PATIENCE, FAR_RESIDUAL = 12, 0.3
 GUESS_PATIENCE = 2  # with a guess that does not lead near at once
 #: Shares of the tangent's pointwise negative parts to remove until it is positive definite: all of
 #: it is safe, but too stiff where the body is about to crease.
-SHARES = (0.0, 1 / 8, 1.0)
+PROJECTION_SHARES = (0.0, 1 / 8, 1.0)
 #: So many matrices in a row with all of it removed, none of which halves a residual that is not
 #: `FAR`: the step leads to a saddle.
-CRAWL = 8
+MAX_SLOW_MATRICES = 8
 #: A factor is used again as long as each step with it reduces the residual by this factor.
-REUSE = 8.0
+REUSE_REDUCTION = 8.0
 #: From so many matrices on, and down to so small a relative residual, patches are solved first,
 #: given up when far from equilibrium after so many matrices.
-PATCH_AFTER, PATCH_FAR, PATCH_PATIENCE = 1, 0.05, 20
+PATCH_AFTER, MIN_PATCH_RESIDUAL, PATCH_PATIENCE = 1, 0.05, 20
 
 
 class Cancelled(Exception):
@@ -88,7 +87,7 @@ class _Iterate:
     gradient: Float
     residual: float
 
-    def balanced(self, tolerance: float) -> bool:
+    def is_balanced(self, tolerance: float) -> bool:
         return bool(np.isfinite(self.energy) and self.residual < tolerance)
 
 
@@ -112,11 +111,11 @@ class System:
         self.solver = make_solver(threads)
         self._conditions = conditions
         self._hinged = any(len(h.free_axes) for h in conditions.handles)
-        self._least = LEAST_STRAIN * material.shear * mesh.edge_length**2
+        self._least = MIN_STRAIN * material.shear * mesh.edge_length**2
         self._whole: Any = None
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """What earlier solves found out, so that the next takes the way that it takes alone."""
         self._share = 0  # of SHARES, where the last tangent was positive definite
         self._missed = False  # whether a lower one was tried in vain
@@ -127,9 +126,9 @@ class System:
         return self._conditions.structure
 
     @cached_property
-    def turning(self) -> Turning:
+    def handle_rotation(self) -> HandleRotation:
         """The predictor's weights."""
-        return Turning(self.reduction.active, self._conditions)
+        return HandleRotation(self.reduction.active, self._conditions)
 
     def close(self) -> None:
         self.solver.close()
@@ -152,17 +151,17 @@ class System:
         F = tet10.deformation_gradient(active, state.u, self.threads)
         spent = 0
         if guess is not None:
-            near = self.reduction.nudge(placed, state.u + guess)
-            before = tet10.volume(F, F, self.threads)
+            near = self.reduction.apply_guess(placed, state.u + guess)
+            before = tet10.volume_ratios(F, F, self.threads)
             attempt = self.equilibrium(near, stop, tolerance, GUESS_PATIENCE, before)
             if attempt.state is not None:
                 return attempt
             spent = attempt.factors
         if not self.reduction.size:
             return self.equilibrium(placed)
-        G = self.turning.rotate(F, state, placed)
+        G = self.handle_rotation.rotate(F, state, placed)
         now = tet10.deformation_gradient(active, placed.u, self.threads)
-        force = tet10.linearised_forces(active, material, G, now, self.threads)
+        force = tet10.linearized_forces(active, material, G, now, self.threads)
         force -= self.loads.forces(goal, placed.u, self.loads.pressure(goal, state.u))
         gradient = self.reduction.gradient(placed, force)
         try:
@@ -173,8 +172,8 @@ class System:
         except NotPositiveDefinite:
             return Attempt(None, 0, spent + 1, np.inf, np.inf, False, state)
         by = self.solver.solve(-gradient)
-        linear = placed.u + self.reduction.linear(placed, by)
-        volume = tet10.volume(
+        linear = placed.u + self.reduction.displacement_increment(placed, by)
+        volume = tet10.volume_ratios(
             G, tet10.deformation_gradient(active, linear, self.threads), self.threads
         )
         placed = self.reduction.move(placed, by)
@@ -195,19 +194,19 @@ class System:
         `volume` (m, 4) is the volume ratio at the quadrature points that their pressures start
         from; that of the state unless given. `ease` solves patches that hold the method up.
         """
-        now = self._look(state, None, volume)
+        now = self._evaluate(state, None, volume)
         solves = factors = matrices = crawling = 0
         stable = False
-        while not now.balanced(tolerance):
+        while not now.is_balanced(tolerance):
             if stop and stop():
                 raise Cancelled
-            tired = matrices >= patience and now.residual > FAR
-            spent = tired or crawling >= CRAWL or matrices >= MAX_MATRICES
+            tired = matrices >= patience and now.residual > FAR_RESIDUAL
+            spent = tired or crawling >= MAX_SLOW_MATRICES or matrices >= MAX_MATRICES
             if spent or not np.isfinite(now.energy):
                 return Attempt(None, solves, factors, now.residual, now.energy, False, now.state)
-            if ease and matrices >= PATCH_AFTER and now.residual > PATCH_FAR:
-                eased = self._ease(now, stop)
-                now = self._look(eased) if eased else now
+            if ease and matrices >= PATCH_AFTER and now.residual > MIN_PATCH_RESIDUAL:
+                eased = self._solve_patch(now, stop)
+                now = self._evaluate(eased) if eased else now
             matrices += 1
             tried, definite = self._factor(now)
             factors += tried
@@ -216,24 +215,24 @@ class System:
             stable = self._share == 0
             before, again = now.residual, False
             while True:
-                new = self._move(now, again)
+                new = self._take_step(now, again)
                 solves += 1
                 if new is None or (again and not new.residual < now.residual):
                     break
-                quick = new.residual < now.residual / REUSE
+                quick = new.residual < now.residual / REUSE_REDUCTION
                 now, again = new, True
-                if now.balanced(tolerance) or not quick:
+                if now.is_balanced(tolerance) or not quick:
                     break
             if not again:
                 return Attempt(None, solves, factors, now.residual, now.energy, False, now.state)
-            slow = SHARES[self._share] == 1 and before / 2 < now.residual < FAR
+            slow = PROJECTION_SHARES[self._share] == 1 and before / 2 < now.residual < FAR_RESIDUAL
             crawling = crawling + 1 if slow else 0
         stable = stable or not self.reduction.size
         return Attempt(now.state, solves, factors, now.residual, now.energy, stable, now.state)
 
-    def _ease(self, now: _Iterate, stop: Callable[[], bool] | None) -> State | None:
+    def _solve_patch(self, now: _Iterate, stop: Callable[[], bool] | None) -> State | None:
         """The state with the patch that holds it up, if any, in equilibrium with the rest held."""
-        found = stuck_patch(self.reduction, now.gradient)
+        found = find_stuck_patch(self.reduction, now.gradient)
         if found is None:
             return None
         nodes, cells = found
@@ -246,9 +245,11 @@ class System:
         patch = System(
             self.reduction.active.subset(cells), self.material, held, self.threads, self.loads
         )
-        before = State(now.state.u, now.state.turns[:0], now.state.shifts[:0], held)
+        before = State(now.state.u, now.state.rotations[:0], now.state.translations[:0], held)
         try:
-            attempt = patch.equilibrium(before, stop, LOOSE, PATCH_PATIENCE, ease=False)
+            attempt = patch.equilibrium(
+                before, stop, INTERMEDIATE_TOLERANCE, PATCH_PATIENCE, ease=False
+            )
             if attempt.solves == 0:
                 return None
             if attempt.state is None:
@@ -263,7 +264,7 @@ class System:
         """Whether the true Hessian is positive definite there: a minimum, not a saddle."""
         if self.reduction.size == 0:
             return True
-        now = self._look(state)
+        now = self._evaluate(state)
         blocks = self.loads.blocks(state.conditions, state.u)
         true = self.reduction.matrix(
             state, self.material, now.F, 0.0, blocks, now.force, self.threads
@@ -284,13 +285,15 @@ class System:
         how many were tried, and whether one was."""
         state = now.state
         blocks = self.loads.blocks(state.conditions, state.u)
-        lag = self.material.volumetric * (now.volume - tet10.volume(now.F, now.F, self.threads))
+        lag = self.material.volumetric * (
+            now.volume - tet10.volume_ratios(now.F, now.F, self.threads)
+        )
         tried, first = 0, self._share
         if not self._missed:
             self._share = max(first - 1, 0)
         self._missed = False
         while True:
-            share, second = SHARES[self._share], None
+            share, second = PROJECTION_SHARES[self._share], None
             if not share:
                 second = now.force
                 if self._hinged:
@@ -330,12 +333,14 @@ class System:
         stored = tet10.energy(self.reduction.active, self.material, F, self.threads)
         return stored + self.loads.energy(state.conditions, state.u, pressure)
 
-    def _look(self, state: State, F: Float | None = None, volume: Float | None = None) -> _Iterate:
+    def _evaluate(
+        self, state: State, F: Float | None = None, volume: Float | None = None
+    ) -> _Iterate:
         active = self.reduction.active
         if F is None:
             F = tet10.deformation_gradient(active, state.u, self.threads)
         if volume is None:
-            volume = tet10.volume(F, F, self.threads)
+            volume = tet10.volume_ratios(F, F, self.threads)
         pressure = self.loads.pressure(state.conditions, state.u)
         energy = tet10.energy(active, self.material, F, self.threads)
         energy += self.loads.energy(state.conditions, state.u, pressure)
@@ -349,7 +354,7 @@ class System:
             residual = np.inf
         return _Iterate(state, F, volume, energy, force, gradient, residual)
 
-    def _move(self, now: _Iterate, whole: bool) -> _Iterate | None:
+    def _take_step(self, now: _Iterate, whole: bool) -> _Iterate | None:
         """A step with the last factor, or the largest 1/2^k of it that the material is defined
         at; with `whole` all of it or nothing."""
         active = self.reduction.active
@@ -360,9 +365,11 @@ class System:
             if np.isfinite(tet10.energy(active, self.material, F, self.threads)):
                 linear = F
                 if self._hinged:  # handles turn by the exponential map
-                    u = now.state.u + self.reduction.linear(now.state, length * direction)
+                    u = now.state.u + self.reduction.displacement_increment(
+                        now.state, length * direction
+                    )
                     linear = tet10.deformation_gradient(active, u, self.threads)
-                return self._look(trial, F, tet10.volume(now.F, linear, self.threads))
+                return self._evaluate(trial, F, tet10.volume_ratios(now.F, linear, self.threads))
             if whole:
                 return None
             length /= 2

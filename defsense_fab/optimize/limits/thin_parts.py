@@ -9,14 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curve import coincident
-from ...core.curve import sample_path
+from ...core.curve import coincident, sample_path
 from ...core.device.device import Sensor
 from ...geometry.parts.cut_orders import cut_orders
 from ..problem.cord_kinematics import cord_at
 from ..problem.cord_parameters import CordParameters
-from ..problem.problem import Problem
-from .interior_points import evenly
+from ..problem.problem import Problem, evenly
 
 #: Points that stand for the body's volume, and for its surface, where the thinnest wedges end.
 _VOLUME, _SURFACE = 3000, 1500

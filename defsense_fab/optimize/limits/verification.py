@@ -14,13 +14,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float, xyz
-from ...core.curve import bend_radius
-from ...core.curve import arc_lengths, per_span_for_spacing, sample_path
+from ...core.curve import arc_lengths, bend_radius, per_span_for_spacing, sample_path
 from ...core.device.device import Sensor
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import INLET_SLOPE
-from ...geometry.kernels import ray_casting
-from ...geometry.kernels.signed_distance import SignedDistance, distances_of
+from ...geometry.kernels import surface_queries
+from ...geometry.kernels.surface_queries import SignedDistance, distances_of
 from ..problem.problem import Limits
 from .constraints import LONGEST_INLET
 
@@ -203,7 +202,7 @@ def _cord(
 
 def _inlet(end: Float, before: Float, surface: Surface) -> float:
     """How far a channel runs on straight from its path's end to the surface, mm."""
-    found = ray_casting.hits(end, end - before, surface)
+    found = surface_queries.hits(end, end - before, surface)
     return float(found[0]) if len(found) else float("inf")
 
 

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.curve import Hermite, hermite_basis, Plane
-from ...core.curve import per_span_for_signal
+from ...core.curve import Hermite, Plane, hermite_basis, per_span_for_signal
 from ...core.device.device import PLANE_FREEDOMS, Sensor
 
 FRAME = 5  #: Parameters of a free plane: two moves, three turns, the last within itself.

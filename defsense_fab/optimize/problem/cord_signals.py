@@ -19,9 +19,9 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.machine.compiled import compiled
 from ...core.machine.copying import copy_row
-from ...mechanics.elements.point_location import PointLocator, walk
+from ...mechanics.elements.point_location import PointLocator, locate_along_path
 from ...mechanics.elements.tet10 import EDGES
-from ...mechanics.elements.threads import cores, over_chunks
+from ...mechanics.elements.threads import count_cores, run_in_chunks
 from ...sensing.response import Response, respond
 
 _CHUNK = 50  # paths; fewer are not worth a thread
@@ -64,7 +64,7 @@ class CordCarrier:
         table = (response.breaks, response.origins, response.pieces)
         self.answer = (self._local, model.hidden, model.series, model.contact**2, *table)
         self.cells, self.by_bary = locator.mesh.cells, locator.mesh.bary_gradient
-        self._where = (locator.grid, locator.across)
+        self._where = (locator.grid, locator.opposite_tets)
         placed = (locator.mesh.nodes + fields).transpose(1, 2, 0)
         self.nodal = np.ascontiguousarray(placed).reshape(len(placed), -1)
 
@@ -76,7 +76,7 @@ class CordCarrier:
         def work(a: int, b: int) -> None:
             _signals(paths[a:b], *self._where, self.cells, self.nodal, self.answer, out[a:b])
 
-        over_chunks(work, len(paths), cores(), _CHUNK)
+        run_in_chunks(work, len(paths), count_cores(), _CHUNK)
         return np.ascontiguousarray(out.T)
 
     def move(self, points: Float) -> Float:
@@ -86,10 +86,10 @@ class CordCarrier:
 
         def work(a: int, b: int) -> None:
             cell, bary = np.empty(b - a, np.int64), np.empty((b - a, 4))
-            walk(points[a:b], *self._where, cell, bary)
+            locate_along_path(points[a:b], *self._where, cell, bary)
             _move(cell, bary, self.cells, self.nodal, out[a:b])
 
-        over_chunks(work, len(points), cores(), 40 * _CHUNK)
+        run_in_chunks(work, len(points), count_cores(), 40 * _CHUNK)
         return np.ascontiguousarray(out.reshape(len(points), 3, -1).transpose(2, 0, 1))
 
     def carry(self, points: Float, ends: Int) -> Carried:
@@ -260,7 +260,7 @@ def _signals(paths, grid, across, cells, nodal, answer, out):  # type: ignore[no
     lengths, shares, unused = np.empty(states), np.empty(count), np.empty((2, 0, states))
     found, first = np.empty((3, states)), np.int64(0)  # not 0: as in `point_location.walk`
     for c in range(len(paths)):
-        walk(paths[c], grid, across, cell, bary)
+        locate_along_path(paths[c], grid, across, cell, bary)
         _move(cell, bary, cells, nodal, moved)
         _signal(paths[c], moved, first, count, answer, steps, shares, lengths, found, unused)
         copy_row(found[0], out[c])
@@ -270,7 +270,7 @@ def _signals(paths, grid, across, cells, nodal, answer, out):  # type: ignore[no
 def _carry(  # type: ignore[no-untyped-def]
     points, ends, grid, across, cells, nodal, answer, cell, bary, moved, steps, signals, bent
 ):
-    walk(points, grid, across, cell, bary)
+    locate_along_path(points, grid, across, cell, bary)
     _move(cell, bary, cells, nodal, moved)
     lengths, shares = np.empty(steps.shape[1]), np.empty(len(points))
     for c in range(len(ends) - 1):

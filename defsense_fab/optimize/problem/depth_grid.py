@@ -11,7 +11,7 @@ from scipy import ndimage
 from ...core.arrays import Float
 from ...core.machine.compiled import compiled
 from ...core.mesh import Surface
-from ...geometry.kernels.signed_distance import distances_of
+from ...geometry.kernels.surface_queries import distances_of
 
 #: Nodes of the grid, and its finest spacing, mm.
 _NODES, _FINEST = 60_000, 1.0

@@ -8,9 +8,8 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.curve import Plane
 from ...core.mesh import Surface
-from ..limits.interior_points import evenly, strain
 from ..limits.polyline_distance import gaps
-from ..problem.problem import Problem
+from ..problem.problem import Problem, evenly, strain
 from .candidate_families import straight
 from .candidates import Pool, build_pool
 from .starting_layouts import Layout, no_room

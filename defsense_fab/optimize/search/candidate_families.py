@@ -7,12 +7,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...core.arrays import Float
-from ...core.curve import catmull_rom, curvature, Hermite, Plane
+from ...core.curve import Hermite, Plane, catmull_rom, curvature
 from ...core.device.device import PLANE_FREEDOMS, Sensor
-from ..limits.interior_points import evenly, lively
 from ..problem.cord_parameters import CordParameters
-from ..problem.problem import Problem
-from .candidate_batch import Batch
+from ..problem.problem import Problem, evenly, lively
+from .candidates import Batch
 
 _WAVES = 4  # sine waves over a path
 _INSIDE = 2.0  # a path begins so far below the surface, mm; its channel runs on straight

@@ -7,12 +7,136 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Bool, Float, Int
+from ...core.curve import Hermite, Plane, arc_lengths, catmull_rom, curvature, hermite_basis
 from ...core.device.device import Sensor
-from ...mechanics.elements.threads import cores, over_chunks
-from ..problem.problem import Problem
-from .candidate_batch import COARSE, Batch
-from .screening import feasible
+from ...geometry.kernels.surface_queries import SignedDistance
+from ...mechanics.elements.threads import count_cores, run_in_chunks
+from ..limits.constraints import (
+    LONGEST_INLET,
+    MARGIN,
+    RUN,
+    depth_before_exit,
+    run_lengths,
+    separation,
+)
+from ..limits.polyline_distance import self_gaps
+from ..problem.depth_grid import DepthGrid
+from ..problem.problem import Limits, Problem
+
+# Which of many candidates keep wall, radius and distance from themselves, on coarse samples.
+
+# Candidate cords as arrays, many of one kind at once.
+
+COARSE = 40  #: Points of a candidate's path.
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Candidates as arrays: plane `origins` (c, 3) and `axes` (c, 3, 3), control `points` and
+    `tangents` (c, k, 2); name and freedom are those of `like`."""
+
+    like: Sensor
+    origins: Float
+    axes: Float
+    points: Float
+    tangents: Float
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def paths(self, count: int) -> Float:
+        """`count` points of each path, evenly spread over the parameter, (c, count, 3) mm."""
+        few = hermite_basis(self.points.shape[1], 24)[0][self.at(count)]
+        local = few @ np.concatenate([self.points, self.tangents], axis=1)
+        return np.asarray(self.origins[:, None] + local @ self.axes[:, :, :2].swapaxes(1, 2))
+
+    def at(self, count: int) -> Int:
+        """Which of a path's samples, 24 a span, `paths` takes."""
+        last = 24 * (self.points.shape[1] - 1)
+        return np.asarray(np.round(np.linspace(0, last, count)).astype(int))
+
+    def out(self) -> Float:
+        """Unit directions (c, 2, 3) in which the straight runs leave the paths' ends."""
+        ends = self.tangents[:, [0, -1]] @ self.axes[:, :, :2].swapaxes(1, 2)
+        size = np.maximum(np.linalg.norm(ends, axis=2, keepdims=True), 1e-12)
+        return np.asarray(ends / size * np.array([[-1.0], [1.0]]))
+
+    def waved(self, waves: Float, size: Float) -> Batch:
+        """With waves (c, k) of `size` (c,) mm across their chords; paths of size 0 stay as they
+        are, and so do the first and last two control points and the end tangents."""
+        chord = self.points[:, -1] - self.points[:, 0]
+        length = np.linalg.norm(chord, axis=1, keepdims=True)
+        side = np.stack([-chord[:, 1], chord[:, 0]], axis=1) / np.maximum(length, 1e-6)
+        side = np.where(length > 1e-6, side, [0.0, 1.0])
+        points, tangents = self.points.copy(), self.tangents.copy()
+        points[:, 2:-2] += (waves * size[:, None])[:, 2:-2, None] * side[:, None]
+        moved = size > 0
+        tangents[moved, 1:-1] = catmull_rom(points[moved])[:, 1:-1]
+        return replace(self, points=points, tangents=tangents)
+
+    def take(self, which: Int) -> Batch:
+        arrays = (self.origins, self.axes, self.points, self.tangents)
+        return Batch(self.like, *(a[which] for a in arrays))
+
+    def sensor(self, i: int) -> Sensor:
+        return replace(
+            self.like,
+            plane=Plane(self.origins[i], self.axes[i]),
+            curve=Hermite(self.points[i], self.tangents[i]),
+        )
+
+
+def feasible(batch: Batch, depth: SignedDistance, grid: DepthGrid, limits: Limits) -> Int:
+    """Indices of the candidates that keep the limits."""
+    kept = np.arange(len(batch))
+
+    def narrow(good: Bool) -> None:
+        nonlocal batch, kept
+        batch, kept = batch.take(np.flatnonzero(good)), kept[good]
+
+    bend = np.abs(curvature(batch.points, batch.tangents, 6)).max(axis=1)
+    narrow(np.asarray(bend * limits.min_radius < 0.98))
+    for count in (8, COARSE):  # most fail at a few points already
+        narrow(np.asarray(grid(batch.paths(count)).min(axis=1) > 0))
+    paths, out = batch.paths(COARSE), batch.out()
+    ends = np.stack(
+        [
+            grid.exits(paths[:, 0], out[:, 0], LONGEST_INLET - 1),
+            grid.exits(paths[:, -1], out[:, 1], LONGEST_INLET - 1),
+        ],
+        axis=1,
+    )
+    leaves = np.asarray(np.isfinite(ends).all(axis=1))
+    narrow(leaves)
+    if not len(kept):
+        return kept
+    ends = ends[leaves]
+    whole = _with_runs(paths[leaves], out[leaves], run_lengths(ends))
+    along = arc_lengths(whole)
+    rest = ends - run_lengths(ends)
+    to_exit = np.minimum(along + rest[:, :1], along[:, -1:] - along + rest[:, 1:])
+    need, _ = depth_before_exit(to_exit, limits)
+    found = grid(whole)
+    good = np.asarray((found - need).min(axis=1) >= -grid.error)
+    length = along[:, -1] + rest.sum(axis=1)
+    good &= (length > limits.shortest + MARGIN) & (length < limits.longest - MARGIN)
+    close = good[:, None] & (found - need < grid.error)
+    found[close] = depth(whole[close])
+    good &= (found >= need).all(axis=1)
+    good[good] = self_gaps(whole[good], separation(limits)) >= (
+        limits.clearance + np.diff(along[good]).max(axis=1) / 4
+    )
+    return np.asarray(kept[good])
+
+
+def _with_runs(paths: Float, out: Float, runs: Float) -> Float:
+    """Paths (c, p, 3) with samples of their straight runs of `runs` (c, 2) mm along `out`
+    (c, 2, 3)."""
+    s = (np.arange(RUN) + 1)[:, None] / RUN
+    start = paths[:, :1] + (runs[:, 0, None, None] * s) * out[:, None, 0]
+    end = paths[:, -1:] + (runs[:, 1, None, None] * s) * out[:, None, 1]
+    return np.concatenate([start[:, ::-1], paths, end], axis=1)
 
 
 @dataclass(frozen=True)
@@ -73,6 +197,6 @@ def build_pool(
                 which = np.union1d([0], which)
             kept[n] = batch.take(which)
 
-    over_chunks(work, len(makers), cores(), 1)
+    run_in_chunks(work, len(makers), count_cores(), 1)
     paths = np.concatenate([np.zeros((0, COARSE, 3)), *(b.paths(COARSE) for b in kept)])
     return Pool(tuple(kept), paths, problem.signals(paths))

@@ -9,8 +9,7 @@ import numpy as np
 
 from ...core.curve import sample_path
 from ...core.device.device import Sensor
-from ...decoding.expected_errors import Prediction
-from ...decoding.expected_errors import NONE
+from ...decoding.expected_errors import NONE, Prediction
 from ..problem.problem import Problem
 
 #: Signals that change less than this tell nothing, (R - R0)/R0.

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float
-from ...core.curves.curve import Plane
+from ...core.curve import Plane
 from ...mechanics.elements.point_location import LocatedPoints
 from ...mechanics.elements.section import Section
-from ...pipeline.design.body_section import BodySection, Kind, Quantity, directions_along
-from ...pipeline.design.next_cord import NextCord
+from ...optimize.prediction.body_section import BodySection, Kind, Quantity, directions_along
+from ...optimize.prediction.next_cord import NextCord
 from .color_bar import color_bar
 from .color_maps import Scale
 from .looks import Look, reach_words
@@ -86,7 +86,7 @@ class Pictures:
 
     def fine(self, wanted: Wanted) -> Picture:
         """Raises LayoutError where the plane misses the body."""
-        section = self.body.cut(wanted.plane).finer(self.body.size / _FINE)
+        section = self.body.cut(wanted.plane).subdivide(self.body.size / _FINE)
         numbers = self._numbers(wanted, section.points, section.at)
         scale = self._scale(wanted)
         note = reach_words(wanted.look, numbers)

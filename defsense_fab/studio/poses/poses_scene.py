@@ -10,10 +10,10 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.errors import DefsenseError
 from ...core.mesh import Surface
-from ...mechanics.elements.threads import cores
-from ...pipeline.artifacts.build_folder import build_folder
-from ...pipeline.design.pose_preview import load_preview
-from ...pipeline.design.region_points import held_points
+from ...core.storage.build_folder import build_folder
+from ...mechanics.elements.threads import count_cores
+from ...optimize.prediction.pose_preview import load_preview
+from ...optimize.prediction.region_points import held_points
 from ..workbench.workbench import Workbench
 from .gizmos import Gizmos, Grip, Moved
 from .posed_body import PosedBody
@@ -52,7 +52,7 @@ class PosesScene:
         self.clear()
         try:
             # One core is left to the page: with as many threads as cores the solver waits for it.
-            preview = load_preview(self.bench.project.device, max(cores() - 1, 1))
+            preview = load_preview(self.bench.project.device, max(count_cores() - 1, 1))
         except (DefsenseError, OSError):
             self.work.begin(None)
             return

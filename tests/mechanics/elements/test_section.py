@@ -43,7 +43,7 @@ def box():
 def test_the_area_of_a_cut_through_a_box_is_the_box_s(box, origin, normal, area):
     found = cut(box, np.array(origin, float), np.array(normal, float))
     assert found.area == pytest.approx(area, abs=1e-9)
-    finer = found.finer(0.21)
+    finer = found.subdivide(0.21)
     assert finer.area == pytest.approx(area, abs=1e-9)
     corners = finer.points[finer.triangles]
     assert np.linalg.norm(corners - np.roll(corners, 1, 1), axis=2).max() <= 0.21 + 1e-9
@@ -58,4 +58,4 @@ def test_the_area_of_a_cut_through_a_box_is_the_box_s(box, origin, normal, area)
 
 def test_a_plane_that_misses_cuts_nothing(box):
     found = cut(box, np.array([9.0, 0, 0]), np.array([1.0, 0, 0]))
-    assert (found.area, len(found.triangles), len(found.finer(1.0).points)) == (0.0, 0, 0)
+    assert (found.area, len(found.triangles), len(found.subdivide(1.0).points)) == (0.0, 0, 0)

@@ -22,11 +22,11 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     BoundaryConditions,
     RigidHandle,
     State,
-    moved_on,
+    continue_handles,
     rotation_matrix,
 )
 from defsense_fab.mechanics.loading.constraint_check import check_constraints
-from defsense_fab.mechanics.loading.pose import mix
+from defsense_fab.mechanics.loading.pose import mix_poses
 from defsense_fab.mechanics.solver.batch import Job, solve_all
 from defsense_fab.mechanics.solver.load_stepping import solve_ramp
 from tests.conftest import structured_bar
@@ -59,7 +59,7 @@ def test_a_mixture_adds_motions_and_loads(bar):
     drag = PointDrag(np.array([75.0, 0, 0]), np.array([0, 0, 8.0]), 0.2)
     press = (RegionPressure("side", 0.01),)
     b = pose([0.8, 0, 0], name="b", drags=(drag,), pressures=press)
-    made = mix([a, b], {"a": 0.5, "b": 0.25}, REGIONS, bar, density=1.2)
+    made = mix_poses([a, b], {"a": 0.5, "b": 0.25}, REGIONS, bar, density=1.2)
     (handle,) = made.handles
     assert handle.rotation == pytest.approx([0.2, -0.25, 0])
     assert np.isnan(handle.translation).all()
@@ -77,7 +77,7 @@ def test_a_mixture_adds_motions_and_loads(bar):
 
 
 def test_partly_free_translations_are_kept(bar):
-    made = mix([pose(translation=[5, np.nan, 2])], {"p": 0.5}, REGIONS, bar)
+    made = mix_poses([pose(translation=[5, np.nan, 2])], {"p": 0.5}, REGIONS, bar)
     assert made.handles[0].translation == pytest.approx([2.5, np.nan, 1], nan_ok=True)
 
 
@@ -86,25 +86,27 @@ def test_a_region_that_is_free_in_one_pose_is_moved_on_by_another(bar):
     as if that had been prescribed."""
     material = Material.from_spec(MaterialSpec("soft", 0.6, 0.45))
     bend, pull = pose([0, -0.4, 0], name="bend"), pose(translation=[12, 0, 3], name="pull")
-    made = mix([bend, pull], {"bend": 1.0, "pull": 0.5}, REGIONS, bar)
+    made = mix_poses([bend, pull], {"bend": 1.0, "pull": 0.5}, REGIONS, bar)
     assert np.isnan(made.handles[0].translation).all()
-    assert made.handles[0].further == pytest.approx([6, 0, 1.5])
+    assert made.handles[0].further_translation == pytest.approx([6, 0, 1.5])
     along = pose(translation=[12, np.nan, np.nan], name="along")
-    free = mix([bend, along], {"bend": 1.0, "along": 0.5}, REGIONS, bar)
-    assert free.handles[0].further == pytest.approx([6, np.nan, np.nan], nan_ok=True)
+    free = mix_poses([bend, along], {"bend": 1.0, "along": 0.5}, REGIONS, bar)
+    assert free.handles[0].further_translation == pytest.approx([6, np.nan, np.nan], nan_ok=True)
     ((pulled,),) = solve_all(bar, material, [Job(free, (1.0,))])
     (handle,) = pulled.state.conditions.handles
     assert np.isnan(handle.translation).tolist() == [False, True, True]
-    still = mix([bend, pose(translation=NONE, name="still")], {"bend": 1, "still": 1}, REGIONS, bar)
-    assert moved_on(State(np.zeros(0), np.zeros(0), np.zeros((1, 3)), still)) is None
+    still = mix_poses(
+        [bend, pose(translation=NONE, name="still")], {"bend": 1, "still": 1}, REGIONS, bar
+    )
+    assert continue_handles(State(np.zeros(0), np.zeros(0), np.zeros((1, 3)), still)) is None
     ((half, whole),) = solve_all(bar, material, [Job(made, (0.5, 1.0))])
     for state, share in ((half, 0.5), (whole, 1.0)):
-        alone = mix([bend], {"bend": share}, REGIONS, bar)
+        alone = mix_poses([bend], {"bend": share}, REGIONS, bar)
         (found,) = solve_ramp(bar, material, alone, [1.0])
-        place = found.state.shifts[0] + share * np.array([6, 0, 1.5])
-        direct = mix([pose([0, -0.4 * share, 0], place)], {"p": 1.0}, REGIONS, bar)
+        place = found.state.translations[0] + share * np.array([6, 0, 1.5])
+        direct = mix_poses([pose([0, -0.4 * share, 0], place)], {"p": 1.0}, REGIONS, bar)
         (expected,) = solve_ramp(bar, material, direct, [1.0])
-        assert state.state.shifts[0] == pytest.approx(place, abs=1e-6)
+        assert state.state.translations[0] == pytest.approx(place, abs=1e-6)
         assert np.abs(state.u - expected.u).max() < 1e-5
 
 
@@ -113,11 +115,11 @@ def test_a_rotation_about_a_point(bar):
     translation that takes this to its place."""
     about, turn = np.array([75.0, 0, 0]), np.array([0, 0.5, 0])
     handle = Handle("tip", turn, NONE, about=about)
-    made = mix([Pose("p", ("base",), (handle,))], {"p": 1.0}, REGIONS, bar)
+    made = mix_poses([Pose("p", ("base",), (handle,))], {"p": 1.0}, REGIONS, bar)
     assert made.handles[0].center == pytest.approx(about)
     middle = np.array([145.0, 0, 0])
     shift = (rotation_matrix(turn) - np.eye(3)) @ (middle - about)
-    same = mix([pose(turn, shift)], {"p": 1.0}, REGIONS, bar)
+    same = mix_poses([pose(turn, shift)], {"p": 1.0}, REGIONS, bar)
     material = Material.from_spec(MaterialSpec("soft", 0.6, 0.45))
     (one,), (two,) = (solve_ramp(bar, material, c, [1.0]) for c in (made, same))
     assert np.abs(one.u - two.u).max() < 1e-5
@@ -134,7 +136,7 @@ def test_a_rotation_about_a_point(bar):
 def test_impossible_regions_are_refused(bar, tip, base, code, data):
     regions = {"tip": REGIONS[tip], "base": REGIONS[base]}
     with raises(DeviceError, code, **data):
-        mix([pose([0, 0.1, 0])], {"p": 1.0}, regions, bar)
+        mix_poses([pose([0, 0.1, 0])], {"p": 1.0}, regions, bar)
 
 
 def test_mixtures_that_contradict_themselves_are_refused(bar):
@@ -147,29 +149,29 @@ def test_mixtures_that_contradict_themselves_are_refused(bar):
         free, name="hinge", handles=(Handle("tip", NONE, FREE, np.array([[0, 1.0, 0]])),)
     )
     with raises(DeviceError, "region-fixed-and-moved", region="base"):
-        mix([free, swap], {"free": 0.5, "swap": 0.5}, REGIONS, bar)
+        mix_poses([free, swap], {"free": 0.5, "swap": 0.5}, REGIONS, bar)
     with raises(DeviceError, "rotation-centers-differ", region="tip"):
-        mix([free, aside], {"free": 0.5, "aside": 0.5}, REGIONS, bar)
+        mix_poses([free, aside], {"free": 0.5, "aside": 0.5}, REGIONS, bar)
     with raises(DeviceError, "region-free-and-rotated", region="tip"):
-        mix([free, hinge], {"free": 0.5, "hinge": 0.5}, REGIONS, bar)
+        mix_poses([free, hinge], {"free": 0.5, "hinge": 0.5}, REGIONS, bar)
 
 
 def test_symmetry_needs_a_plane_that_handles_keep(bar):
     plane = (SymmetryPlane("side", np.array([0, 1.0, 0])),)
     good = pose([0, 0.3, 0], [np.nan, 0, np.nan], symmetry=plane)
-    assert len(mix([good], {"p": 1.0}, REGIONS, bar).slides) == 1
+    assert len(mix_poses([good], {"p": 1.0}, REGIONS, bar).slides) == 1
     for bad in (pose([0.3, 0, 0], [0, 0, 0], symmetry=plane), pose([0, 0.3, 0], symmetry=plane)):
         with raises(DeviceError, "region-leaves-symmetry", region="tip"):
-            mix([bad], {"p": 1.0}, REGIONS, bar)
+            mix_poses([bad], {"p": 1.0}, REGIONS, bar)
     thick = (SymmetryPlane("half", np.array([0, 1.0, 0])),)
     with raises(DeviceError, "region-not-planar", region="half"):
-        mix([pose([0, 0.3, 0], symmetry=thick)], {"p": 1.0}, REGIONS, bar)
+        mix_poses([pose([0, 0.3, 0], symmetry=thick)], {"p": 1.0}, REGIONS, bar)
 
 
 def test_a_pressure_needs_a_surface(bar):
     inside = {**REGIONS, "core": Box(np.array([40, -6, -6]), np.array([90, 6, 6]))}
     with raises(DeviceError, "region-without-faces", region="core"):
-        mix([pose(pressures=(RegionPressure("core", 0.1),))], {"p": 1.0}, inside, bar)
+        mix_poses([pose(pressures=(RegionPressure("core", 0.1),))], {"p": 1.0}, inside, bar)
 
 
 def handle_on(mesh, low, translation, free_axes=None):

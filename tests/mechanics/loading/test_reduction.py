@@ -9,8 +9,8 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     BoundaryConditions,
     Pressure,
     Slide,
-    between,
-    rest,
+    interpolate_conditions,
+    rest_state,
     rotation_matrix,
 )
 from defsense_fab.mechanics.loading.loads import Loads
@@ -44,7 +44,7 @@ def test_gradient_and_hessian_by_finite_differences(mesh, clamp, case):
     )
     reduction, loads = Reduction(mesh, conditions), Loads(mesh, conditions)
     rng = np.random.default_rng(0)
-    start = reduction.place(rest(conditions, len(mesh.nodes)), conditions)
+    start = reduction.place(rest_state(conditions, len(mesh.nodes)), conditions)
     state = reduction.move(start, rng.normal(0, 0.05, reduction.size))
     none = np.zeros_like(state.u)
 
@@ -83,7 +83,7 @@ def test_gradient_and_hessian_by_finite_differences(mesh, clamp, case):
 def test_threads_do_not_change_the_matrix(mesh, clamp):
     conditions = clamp(mesh)
     reduction = Reduction(mesh, conditions)
-    state = rest(conditions, len(mesh.nodes))
+    state = rest_state(conditions, len(mesh.nodes))
     F = tet10.deformation_gradient(reduction.active, state.u)
     one, two = (reduction.matrix(state, MATERIAL, F, True, [], None, threads) for threads in (1, 2))
     assert two.data == pytest.approx(one.data, rel=1e-12, abs=1e-12)
@@ -100,7 +100,7 @@ def test_sliding_nodes_stay_in_their_planes(mesh):
     conditions = BoundaryConditions(np.arange(300, 310), (), slides)
     reduction = Reduction(mesh, conditions)
     q = np.random.default_rng(0).normal(size=reduction.size)
-    u = reduction.move(rest(conditions, len(x)), q).u
+    u = reduction.move(rest_state(conditions, len(x)), q).u
     assert np.abs(u[:200] @ n).max() < 1e-12
     assert np.abs(u[100:200, 0]).max() < 1e-12
     assert np.abs(u[150:200]).max() < 1e-12  # three planes: a fixed point
@@ -141,7 +141,7 @@ def test_gravity_carries_the_weight(mesh, clamp):
 
 def test_rotation_vectors_do_not_wrap(mesh, clamp):
     goal = clamp(mesh, [1.5 * np.pi, 0, 0])
-    half = between(goal.at_rest(), goal, 0.5).handles[0].rotation
+    half = interpolate_conditions(goal.at_rest(), goal, 0.5).handles[0].rotation
     assert half == pytest.approx([0.75 * np.pi, 0, 0])
     vector = np.array([0.3, -2.0, 1.0])
     turn = rotation_matrix(vector)

@@ -14,11 +14,10 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     State,
 )
 from defsense_fab.mechanics.solver.fields import deformation_gradient_at_nodes, principal_stretches
+from defsense_fab.mechanics.solver.linear_response import small_load_displacement, line_forces
 from defsense_fab.mechanics.solver.load_stepping import solve_ramp
 from defsense_fab.mechanics.solver.newton import System
-from defsense_fab.mechanics.solver.small_loads import displaced, line_forces
-from defsense_fab.sensing.response import Response
-from defsense_fab.sensing.response import signals
+from defsense_fab.sensing.response import Response, signals
 from tests.conftest import structured_bar
 from tests.mechanics.elements.test_material import stress_of
 
@@ -78,7 +77,7 @@ def test_a_taut_line_bends_and_shortens_a_bar_as_beams_do(slender):
     forces = line_forces(PointLocator(slender), path, tension)
     assert np.abs(forces.sum(axis=0)).max() < 1e-12
     assert np.abs(np.cross(x, forces).sum(axis=0)).max() < 1e-9
-    u = displaced(slender, MATERIAL, np.flatnonzero(x[:, 0] <= 5), forces)
+    u = small_load_displacement(slender, MATERIAL, np.flatnonzero(x[:, 0] <= 5), forces)
     bent = tension * off / (YOUNG * 10**4 / 12)
     tip = np.abs(x[:, 0] - 150) < 1e-3
     assert u[tip, 2].mean() == pytest.approx(bent * 110 * (150 - 75), rel=0.05)
@@ -98,7 +97,7 @@ def moment(mesh, conditions, state):
     """Of the forces on the tip, about its centre (3,), N mm."""
     h = conditions.handles[0]
     force = tet10.forces(mesh, MATERIAL, deformation_gradient(mesh, state.u))[h.nodes]
-    arm = mesh.nodes[h.nodes] + state.u[h.nodes] - h.center - state.shifts[0]
+    arm = mesh.nodes[h.nodes] + state.u[h.nodes] - h.center - state.translations[0]
     return np.cross(arm, force).sum(0)
 
 

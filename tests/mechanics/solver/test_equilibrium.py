@@ -15,12 +15,13 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     BoundaryConditions,
     Pressure,
     RigidHandle,
-    rest,
+    rest_state,
 )
 from defsense_fab.mechanics.loading.loads import Loads
 from defsense_fab.mechanics.solver import load_stepping, newton
 from defsense_fab.mechanics.solver.batch import Job, solve_all
-from defsense_fab.mechanics.solver.field_validity import inspect
+from defsense_fab.mechanics.solver.convergence_aids import find_stuck_patch
+from defsense_fab.mechanics.solver.fields import check_field
 from defsense_fab.mechanics.solver.linear_solver import (
     NotPositiveDefinite,
     Pardiso,
@@ -31,12 +32,11 @@ from defsense_fab.mechanics.solver.linear_solver import (
 from defsense_fab.mechanics.solver.load_stepping import (
     Equilibrium,
     Status,
-    confirmed,
+    confirm_equilibria,
     follow,
     solve_ramp,
 )
 from defsense_fab.mechanics.solver.newton import Cancelled, System
-from defsense_fab.mechanics.solver.stuck_patch import stuck_patch
 from tests.conftest import structured_bar
 from tests.errors import raises
 from tests.mechanics.conftest import MODELS
@@ -87,11 +87,11 @@ def test_free_rotation_leaves_no_moment(mesh, clamp):
     assert result.status == Status.OK
     tip = conditions.handles[0].nodes
     force = internal(mesh, MATERIAL, result.u)[tip]
-    turn = result.state.turns[0]
+    turn = result.state.rotations[0]
     arm = (mesh.nodes[tip] - conditions.handles[0].center) @ turn.T
     moment = np.cross(arm, force).sum(0)
     assert np.abs(moment).max() < 1e-5 * np.abs(np.cross(arm, force)).sum()
-    assert result.state.shifts[0] == pytest.approx([-10, 0, 40])
+    assert result.state.translations[0] == pytest.approx([-10, 0, 40])
     assert turn[2, 0] > 0.3  # pushed up, the tip tilts up
     assert turn @ turn.T == pytest.approx(np.eye(3), abs=1e-9)
 
@@ -101,7 +101,7 @@ def test_a_hinge_turns_about_its_axis_only(mesh, clamp):
     result = solve_ramp(mesh, MATERIAL, conditions, [1.0])[-1]
     tip = conditions.handles[0].nodes
     force = internal(mesh, MATERIAL, result.u)[tip]
-    turn = result.state.turns[0]
+    turn = result.state.rotations[0]
     assert turn @ [0, 1, 0] == pytest.approx([0, 1, 0], abs=1e-12)
     arm = (mesh.nodes[tip] - conditions.handles[0].center) @ turn.T
     moment = np.cross(arm, force).sum(0)
@@ -141,25 +141,25 @@ def test_large_rotations_are_compared_with_half_the_steps(
     mesh, clamp, monkeypatch, moved, status, says
 ):
     conditions = clamp(mesh, [0.6 * np.pi, 0, 0])
-    start = rest(conditions, len(mesh.nodes))
+    start = rest_state(conditions, len(mesh.nodes))
     found = Equilibrium(Status.OK, replace(start, u=start.u), 1.0, None)
-    turns = []
+    rotations = []
 
     def again(*_, largest_turn, **__):
-        turns.append(largest_turn)
+        rotations.append(largest_turn)
         if moved is None:
             return [Equilibrium(Status.NOT_REACHED, None, 0.8, None)]
         return [replace(found, state=replace(start, u=start.u + np.array([0, moved, 0])))]
 
     monkeypatch.setattr(load_stepping, "follow", again)
     system = SimpleNamespace(mesh=mesh)
-    (got,) = confirmed(system, start, conditions, [found], (1.0,))
+    (got,) = confirm_equilibria(system, start, conditions, [found], (1.0,))
     assert got.status == status
     assert says is None or says in got.problem
-    assert turns == [load_stepping.LARGEST_TURN / 2]
+    assert rotations == [load_stepping.MAX_STEP_TURN_RAD / 2]
     small = clamp(mesh, [0.5 * np.pi, 0, 0])
-    assert confirmed(system, start, small, [found], (1.0,)) == [found]
-    assert len(turns) == 1  # what takes one step is not compared
+    assert confirm_equilibria(system, start, small, [found], (1.0,)) == [found]
+    assert len(rotations) == 1  # what takes one step is not compared
 
 
 def test_impossible_pose_is_a_status_without_a_field(mesh):
@@ -173,8 +173,8 @@ def test_impossible_pose_is_a_status_without_a_field(mesh):
     assert result.u is None
     assert not result.converged
     assert 0 <= result.amplitude < 1
-    assert result.largest is not None
-    F = deformation_gradient(mesh, result.largest.u)
+    assert result.last_state is not None
+    F = deformation_gradient(mesh, result.last_state.u)
     assert np.linalg.det(F).min() > 0
 
 
@@ -195,14 +195,14 @@ def test_cancelling_returns_a_status_and_what_was_reached(mesh, clamp):
     assert [r.status for r in results] == [Status.OK, Status.CANCELLED]
     assert results[-1].u is None
     assert results[-1].amplitude == pytest.approx(0.5)
-    assert results[-1].largest is results[0].state
+    assert results[-1].last_state is results[0].state
 
 
 def test_a_neighbouring_pose_is_a_start(mesh, clamp):
     """From 50 degrees of bend to 60 degrees of twist: what rest leads to, on another way."""
     bend, twist = clamp(mesh, [0, -0.87, 0]), clamp(mesh, [1.05, 0, 0])
     system = System(mesh, MATERIAL, bend)
-    near = follow(system, rest(bend, len(mesh.nodes)), bend)[-1]
+    near = follow(system, rest_state(bend, len(mesh.nodes)), bend)[-1]
     there = follow(system, near.state, twist)[-1]
     direct = solve_ramp(mesh, MATERIAL, twist, [1.0])[-1]
     assert there.status == direct.status == Status.OK
@@ -234,7 +234,7 @@ def test_a_hinge_near_incompressibility(clamp):
 def test_the_way_back_to_rest_is_reached(mesh, clamp):
     bent, straight = clamp(mesh, [0, -0.6, 0]), clamp(mesh)
     system = System(mesh, MATERIAL, bent)
-    there = follow(system, rest(bent, len(mesh.nodes)), bent)[-1]
+    there = follow(system, rest_state(bent, len(mesh.nodes)), bent)[-1]
     back = follow(system, there.state, straight)[-1]
     assert back.status == Status.OK
     assert np.abs(back.u).max() < 1e-6
@@ -245,7 +245,7 @@ def test_an_unstable_pose_asked_for_again_stays_unstable(clamp):
     mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [10, 2, 2]))
     goal = clamp(mesh, translation=[-22.0, 0, 0])
     system = System(mesh, rubber(0.45), goal)
-    first = follow(system, rest(goal, len(mesh.nodes)), goal)[-1]
+    first = follow(system, rest_state(goal, len(mesh.nodes)), goal)[-1]
     assert first.status == Status.UNSTABLE
     again = follow(system, first.state, goal, guess=np.zeros_like(mesh.nodes))[-1]
     assert again.status == Status.UNSTABLE
@@ -258,7 +258,7 @@ def knotted(clamp):
     mesh = QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], [90, 3, 3]))
     goal = clamp(mesh, [0, -0.8, 0])
     system = System(mesh, MATERIAL, goal)
-    solved = follow(system, rest(goal, len(mesh.nodes)), goal)[-1].state
+    solved = follow(system, rest_state(goal, len(mesh.nodes)), goal)[-1].state
     u = solved.u.copy()
     u[np.argmin(np.linalg.norm(mesh.nodes - [75, 0, 0], axis=1))] += [0.2, 0.3, 0.3]
     assert np.linalg.det(deformation_gradient(system.reduction.active, u)).min() > 0
@@ -271,14 +271,14 @@ def test_a_knot_in_a_pose_is_untied_by_itself(knotted, monkeypatch):
     system, solved, start = knotted
     mesh = system.mesh
     gradient = system.reduction.gradient(solved, internal(mesh, MATERIAL, start.u))
-    nodes, cells = stuck_patch(system.reduction, gradient)
+    nodes, cells = find_stuck_patch(system.reduction, gradient)
     moved = np.abs(start.u - solved.u).max(axis=1) > 0
     assert nodes[moved].all()
     assert cells.sum() < 0.2 * len(mesh.cells)
-    assert stuck_patch(system.reduction, np.ones(system.reduction.size)) is None
+    assert find_stuck_patch(system.reduction, np.ones(system.reduction.size)) is None
     monkeypatch.setattr(newton, "PATCH_AFTER", 0)
     eased = system.equilibrium(start)
-    monkeypatch.setattr(System, "_ease", lambda *_: None)
+    monkeypatch.setattr(System, "_solve_patch", lambda *_: None)
     plain = system.equilibrium(start)
     assert eased.factors < plain.factors
     for attempt in (eased, plain):
@@ -325,7 +325,7 @@ def test_a_pose_is_the_same_after_another_as_alone(clamp):
     material = neo_hookean(0.3, 15.0)
     hard = clamp(small, [np.deg2rad(170), 0, 0], [-15, 0, 0])
     system = System(small, material, hard)
-    follow(system, rest(hard, len(small.nodes)), hard, (0.5, 1.0))
+    follow(system, rest_state(hard, len(small.nodes)), hard, (0.5, 1.0))
     assert system.has_modified_tangent  # it ends where the tangent is not positive definite
     system.close()
     goals = [clamp(small, [0, a, 0], [-10, 0, 0]) for a in (0.5, -0.5)]
@@ -365,13 +365,13 @@ def test_a_body_through_itself_is_reported(mesh, clamp):
     ring = np.stack(
         [(radius - x[:, 2]) * np.sin(turn), x[:, 1], radius - (radius - x[:, 2]) * np.cos(turn)], 1
     )
-    found = inspect(mesh, ring - x)
-    assert len(found.inside)
+    found = check_field(mesh, ring - x)
+    assert len(found.penetrations)
     assert not len(found.inverted)
     assert found.problem()
-    assert np.linalg.norm(found.inside.mean(0) - [0, 0, 0]) < 25
-    straight = inspect(mesh, 0 * x)
-    assert straight.sound
+    assert np.linalg.norm(found.penetrations.mean(0) - [0, 0, 0]) < 25
+    straight = check_field(mesh, 0 * x)
+    assert straight.is_sound
     assert straight.problem() is None
     half = solve_ramp(mesh, MATERIAL, clamp(mesh, [0, -np.pi / 2, 0]), [1.0])[-1]
     assert half.status == Status.OK
@@ -381,10 +381,10 @@ def test_a_folded_tet_is_reported(mesh):
     u = np.zeros_like(mesh.nodes)
     inner = np.setdiff1d(np.arange(len(u)), np.unique(tet10.boundary_faces(mesh)))[0]
     u[inner] = [20.0, 0, 0]
-    found = inspect(mesh, u)
+    found = check_field(mesh, u)
     assert len(found.inverted)
-    assert found.least_jacobian < 0
-    assert not found.sound
+    assert found.min_jacobian < 0
+    assert not found.is_sound
 
 
 def random_spd(seed):

@@ -15,9 +15,14 @@ from defsense_fab.mechanics.solver.fields import (
     principal_stretches,
     stretch_along,
 )
-from defsense_fab.mechanics.solver.interactive import QUICK, Interactive
+from defsense_fab.mechanics.solver.interactive import VISUAL_TOLERANCE, InteractiveSolver
+from defsense_fab.mechanics.solver.linear_response import (
+    _snap_to_mirror,
+    _mirror_axes,
+    vibration_modes,
+    propose_poses,
+)
 from defsense_fab.mechanics.solver.load_stepping import Status, solve_ramp
-from defsense_fab.mechanics.solver.modes import _mirrored, _mirrors, modes, propose
 from defsense_fab.mechanics.solver.newton import TOLERANCE
 from tests.conftest import structured_bar
 
@@ -63,7 +68,7 @@ def test_an_edit_gives_the_coarse_answer_first_then_that_of_rest(clamp):
         QuadraticMesh.from_linear(structured_bar([0, -15, -15], [150, 15, 15], n))
         for n in ((8, 2, 2), (15, 3, 3))
     )
-    session = Interactive(coarse, fine, MATERIAL)
+    session = InteractiveSolver(coarse, fine, MATERIAL)
     for degrees in (30, 40, 35):
         seen = []
         goal = [0, -np.deg2rad(degrees), 0]
@@ -94,12 +99,12 @@ def test_what_is_quick_is_near_enough_for_the_eye(clamp):
         return lambda mesh: clamp(mesh, [0, -np.deg2rad(degrees), 0])
 
     made = {}
-    for tolerance in (TOLERANCE, QUICK):
-        session = Interactive(coarse, fine, MATERIAL)
+    for tolerance in (TOLERANCE, VISUAL_TOLERANCE):
+        session = InteractiveSolver(coarse, fine, MATERIAL)
         session.edit(bent(30))
         made[tolerance] = session.edit(bent(33), check=False, tolerance=tolerance)
         session.close()
-    exact, quick = made[TOLERANCE], made[QUICK]
+    exact, quick = made[TOLERANCE], made[VISUAL_TOLERANCE]
     assert quick.statistics.iterations < exact.statistics.iterations
     assert np.abs(quick.u - exact.u).max() < 1e-3
 
@@ -114,7 +119,7 @@ def test_an_edit_that_is_not_reached_says_how_much_of_the_pose_was(clamp):
     def pushed(x):
         return lambda mesh: clamp(mesh, translation=[x, 0, 0])
 
-    session = Interactive(coarse, fine, MATERIAL)
+    session = InteractiveSolver(coarse, fine, MATERIAL)
     before = session.edit(pushed(-15.0)).u
     failed = session.edit(pushed(-400.0))
     assert failed.status == Status.NOT_REACHED
@@ -133,7 +138,7 @@ def shaken():
     fixed = np.flatnonzero(mesh.nodes[:, 0] < 1e-3)
     young, nu = 0.6, 0.45
     law = neo_hookean(young / (2 * (1 + nu)), young / (3 * (1 - 2 * nu)))
-    return mesh, fixed, modes(mesh, law, fixed, 1.1, 6)
+    return mesh, fixed, vibration_modes(mesh, law, fixed, 1.1, 6)
 
 
 def test_modes_of_a_bar_have_the_frequencies_of_beam_theory(shaken):
@@ -154,7 +159,7 @@ def test_modes_of_a_bar_have_the_frequencies_of_beam_theory(shaken):
 
 def test_modes_become_poses(shaken):
     mesh, fixed, found = shaken
-    poses = propose(mesh, fixed, found)
+    poses = propose_poses(mesh, fixed, found)
     assert [p.name for p in poses] == ["bend", "bend_2", "twist", "stretch"]
     first, second, twist, stretch = poses
     assert abs(first.rotation @ second.rotation) < 1e-9  # about different axes
@@ -175,15 +180,15 @@ def test_modes_become_poses(shaken):
 def test_poses_follow_the_symmetry_of_the_body_not_of_its_mesh(bar_mesh):
     """A square bar of unordered tets bends about its own axes; one with a wedge cut off leans."""
     mesh = QuadraticMesh.from_linear(bar_mesh)
-    assert [axis.tolist() for axis in _mirrors(mesh)] == np.eye(3).tolist()
+    assert [axis.tolist() for axis in _mirror_axes(mesh)] == np.eye(3).tolist()
     fixed = np.flatnonzero(mesh.nodes[:, 0] < 8)
-    found = propose(mesh, fixed, modes(mesh, MATERIAL, fixed, 1.2, 3))
+    found = propose_poses(mesh, fixed, vibration_modes(mesh, MATERIAL, fixed, 1.2, 3))
     bends = [p.rotation / np.linalg.norm(p.rotation) for p in found if p.mode.kind == "bend"]
     assert len(bends) == 2
     assert {tuple(np.abs(axis)) for axis in bends} == {(0, 1, 0), (0, 0, 1)}
     skewed = replace(bar_mesh, nodes=bar_mesh.nodes @ [[1, 0, 0], [0, 1, 0], [0, 0.4, 1]])
-    assert [a.tolist() for a in _mirrors(QuadraticMesh.from_linear(skewed))] == [[1, 0, 0]]
-    assert _mirrored(np.array([0, np.cos(0.3), np.sin(0.3)]), list(np.eye(3)))[2] > 0.2
+    assert [a.tolist() for a in _mirror_axes(QuadraticMesh.from_linear(skewed))] == [[1, 0, 0]]
+    assert _snap_to_mirror(np.array([0, np.cos(0.3), np.sin(0.3)]), list(np.eye(3)))[2] > 0.2
 
 
 def _handle(mesh, inside, pose):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.mesh import Surface
-from defsense_fab.geometry.kernels.signed_distance import SignedDistance
+from defsense_fab.geometry.kernels.surface_queries import SignedDistance
 from defsense_fab.optimize.problem.depth_grid import DepthGrid
 from tests.conftest import box_surface
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from defsense_fab.core.curve import catmull_rom, distinct, Hermite, Plane
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom, distinct
 from defsense_fab.core.device.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.mesh import Surface, TetMesh

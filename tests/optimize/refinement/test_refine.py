@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.core.curve import catmull_rom, Hermite, Plane
-from defsense_fab.core.curve import sample_path
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom, sample_path
 from defsense_fab.core.device.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.response import ResponseSpec
@@ -23,10 +22,9 @@ from defsense_fab.optimize.problem.objective import Objective
 from defsense_fab.optimize.refinement.refine import layout_error, optimise
 from defsense_fab.optimize.search.candidate_families import vary
 from defsense_fab.optimize.search.candidates import Pool
-from defsense_fab.optimize.search.selection import select
+from defsense_fab.optimize.search.starting_layouts import select
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading
-from defsense_fab.sensing.response import response_of
-from defsense_fab.sensing.response import mean_strain, signals
+from defsense_fab.sensing.response import mean_strain, response_of, signals
 from tests.errors import raises
 from tests.optimize.conftest import LIMITS
 from tests.sensing.reference import signal_gradient

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import catmull_rom, Hermite, Plane
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.optimize.limits.verification import verify
 from defsense_fab.optimize.refinement.refine import optimise

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from sklearn.linear_model import Ridge
 
-from defsense_fab.core.curve import catmull_rom
-from defsense_fab.core.curve import sample_path
+from defsense_fab.core.curve import catmull_rom, sample_path
 from defsense_fab.decoding.expected_errors import HELD_OUT, NONE, UnseenStates
 from defsense_fab.optimize.refinement.refine import layout_error
 from defsense_fab.optimize.studies.tolerance_monte_carlo import Tolerances, tolerance_band

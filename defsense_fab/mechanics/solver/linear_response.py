@@ -3,7 +3,7 @@
 The paper (DefSense, sec. "Future work") asks for deformations that a user need not invent. The
 lowest modes of a body with a region fixed are those that cost the least energy: what a hand will
 do to it. A mode is read as bend, twist or stretch of the body along the line from the held region
-to the far end, and becomes a pose that turns or pulls that end.
+to the far end, and becomes a pose that rotations or pulls that end.
 """
 
 from __future__ import annotations
@@ -21,19 +21,56 @@ from scipy.special import roots_jacobi
 from ...core.arrays import Float, Int
 from ..elements import tet10
 from ..elements.material import Material
-from ..elements.tet10 import QuadraticMesh, boundary_faces, shape
-from ..loading.boundary_conditions import BoundaryConditions, State, rest
+from ..elements.point_location import PointLocator
+from ..elements.tet10 import QuadraticMesh, boundary_faces, shape_functions
+from ..loading.boundary_conditions import BoundaryConditions, State, rest_state
 from ..loading.reduction import Reduction
 from .linear_solver import make_solver
 
+# What small forces do to a body at rest, by its tangent there.
+
+
+def small_load_displacement(
+    mesh: QuadraticMesh, material: Material, fixed: Int, forces: Float
+) -> Float:
+    """Displacements (n, 3) mm under nodal `forces` (n, 3) N with the nodes `fixed` (k,) held, to
+    first order: they are too large where the body stiffens as it is bent or drawn."""
+    conditions = BoundaryConditions(fixed)
+    reduction = Reduction(mesh, conditions)
+    state = rest_state(conditions, len(mesh.nodes))
+    F = tet10.deformation_gradient(reduction.active, state.u)
+    solver = make_solver()
+    try:
+        solver.factor(reduction.matrix(state, material, F, 0.0, []))
+        return reduction.displacement_increment(
+            state, solver.solve(reduction.gradient(state, forces))
+        )
+    finally:
+        solver.close()
+
+
+def line_forces(locator: PointLocator, path: Float, tension: float) -> Float:
+    """Nodal forces (n, 3) N of a line along a `path` (p, 3) mm that slides and is under `tension`
+    N: it pulls at its ends, and presses where it bends."""
+    piece = np.diff(path, axis=0)
+    pull = tension * piece / np.linalg.norm(piece, axis=1)[:, None]
+    at = locator.find(path)
+    spread = (
+        shape_functions(at.bary)[:, :, None] * np.diff(pull, axis=0, prepend=0, append=0)[:, None]
+    )
+    out = np.zeros_like(locator.mesh.nodes)
+    np.add.at(out, locator.mesh.cells[at.cell], spread)
+    return out
+
+
 #: The part of the body's length that a proposed pose takes hold of.
-END = 0.08
+END_FRACTION = 0.08
 SLICES = 12
-TURN = np.deg2rad(30)
-PULL = 0.15  # of the length
+POSE_TURN_RAD = np.deg2rad(30)
+POSE_PULL_FRACTION = 0.15  # of the length
 #: A body is its own mirror image where that lies within so many edges of it; bends of such a one
 #: lean by less than this, rad, if only for its mesh.
-_MIRRORED, _LEANS = 0.75, np.deg2rad(10)
+_MIRROR_TOLERANCE_EDGES, _MAX_LEAN_RAD = 0.75, np.deg2rad(10)
 
 Kind = Literal["bend", "twist", "stretch"]
 
@@ -64,7 +101,7 @@ class ProposedPose:
     translation: Float
 
 
-def modes(
+def vibration_modes(
     mesh: QuadraticMesh, material: Material, fixed: Int, density: float, count: int = 8
 ) -> list[Mode]:
     """The lowest `count` modes with the nodes `fixed` (k,) held; density in g/cm^3.
@@ -74,10 +111,10 @@ def modes(
     """
     conditions = BoundaryConditions(fixed)
     reduction = Reduction(mesh, conditions)
-    state = rest(conditions, len(mesh.nodes))
+    state = rest_state(conditions, len(mesh.nodes))
     F = tet10.deformation_gradient(reduction.active, state.u)
     upper = reduction.matrix(state, material, F, False, [])
-    mass = _mass(mesh, reduction, density * 1e-9)
+    mass = _mass_matrix(mesh, reduction, density * 1e-9)
     solver = make_solver()
     try:
         solver.factor(upper)
@@ -96,22 +133,22 @@ def modes(
         solver.close()
     out = []
     order = np.argsort(values)
-    vectors = _aligned(values[order], vectors[:, order], reduction, state)
+    vectors = _align_pairs(values[order], vectors[:, order], reduction, state)
     for value, q in zip(values[order], vectors.T, strict=True):
-        u = reduction.linear(state, q)
+        u = reduction.displacement_increment(state, q)
         u = u / u.ravel()[np.abs(u).argmax()]
-        kind, turns = _read(mesh, fixed, u)
-        out.append(Mode(float(np.sqrt(value) / (2 * np.pi)), u, kind, turns))
+        kind, rotations = _classify(mesh, fixed, u)
+        out.append(Mode(float(np.sqrt(value) / (2 * np.pi)), u, kind, rotations))
     return out
 
 
-def _aligned(values: Float, vectors: Float, reduction: Reduction, state: State) -> Float:
+def _align_pairs(values: Float, vectors: Float, reduction: Reduction, state: State) -> Float:
     """Pairs of equal frequency turned to the body's own axes: any mixture is a mode as well."""
     out = vectors.copy()
     k = 0
     while k + 1 < len(values):
         if values[k + 1] < 1.02 * values[k]:
-            u = np.stack([reduction.linear(state, out[:, k + i]) for i in range(2)])
+            u = np.stack([reduction.displacement_increment(state, out[:, k + i]) for i in range(2)])
             net = np.einsum("kna,n->ka", u, np.linalg.norm(u, axis=2).sum(0))
             main = int(np.abs(net).sum(0).argmax())
             angle = np.arctan2(net[1, main], net[0, main])
@@ -123,31 +160,33 @@ def _aligned(values: Float, vectors: Float, reduction: Reduction, state: State) 
     return out
 
 
-def propose(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[ProposedPose]:
+def propose_poses(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[ProposedPose]:
     """A pose for each mode that an end can be led through: first-order ones."""
-    axis, start, length = _axis(mesh, fixed)
+    axis, start, length = _body_axis(mesh, fixed)
     x = mesh.nodes
     along = (x - start) @ axis
-    end = along > along.max() - max(END * length, 1.5 * mesh.edge_length)
+    end = along > along.max() - max(END_FRACTION * length, 1.5 * mesh.edge_length)
     origin = start + axis * (along[end].min())
     center = (x[end].min(0) + x[end].max(0)) / 2
-    mirrors = _mirrors(mesh)
+    mirrors = _mirror_axes(mesh)
     out: list[ProposedPose] = []
     names: dict[str, int] = {}
     free = np.full(3, np.nan)
     for mode in found:
         if mode.order > 1:
             continue
-        move, turn = _rigid(x[end] - center, mode.shape[end])
+        move, turn = _fit_rigid_motion(x[end] - center, mode.shape[end])
         rotation, translation = np.zeros(3), free
         if mode.kind == "stretch":
-            translation = PULL * length * axis * np.sign(move @ axis or 1.0)
+            translation = POSE_PULL_FRACTION * length * axis * np.sign(move @ axis or 1.0)
         elif mode.kind == "twist":
-            rotation = TURN * axis * np.sign(turn @ axis or 1.0)
+            rotation = POSE_TURN_RAD * axis * np.sign(turn @ axis or 1.0)
         else:
             across = turn - (turn @ axis) * axis
-            rotation = TURN * _mirrored(_upright(across / np.linalg.norm(across)), mirrors)
-        if any(_same(rotation, translation, other) for other in out):
+            rotation = POSE_TURN_RAD * _snap_to_mirror(
+                _snap_to_axis(across / np.linalg.norm(across)), mirrors
+            )
+        if any(_is_same_motion(rotation, translation, other) for other in out):
             continue
         names[mode.kind] = names.get(mode.kind, 0) + 1
         name = mode.kind if names[mode.kind] == 1 else f"{mode.kind}_{names[mode.kind]}"
@@ -155,17 +194,17 @@ def propose(mesh: QuadraticMesh, fixed: Int, found: list[Mode]) -> list[Proposed
     return out
 
 
-def _same(rotation: Float, translation: Float, other: ProposedPose) -> bool:
+def _is_same_motion(rotation: Float, translation: Float, other: ProposedPose) -> bool:
     """Whether a handle moved so is moved as in another pose, or backwards: what differs between
     their modes is not led by the end."""
     turned, pulled = rotation.any(), not np.isnan(translation).any()
     if turned != other.rotation.any() or pulled == np.isnan(other.translation).any():
         return False
     a, b = (rotation, other.rotation) if turned else (translation, other.translation)
-    return bool(abs(a @ b) > np.cos(_LEANS) * np.linalg.norm(a) * np.linalg.norm(b))
+    return bool(abs(a @ b) > np.cos(_MAX_LEAN_RAD) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def _axis(mesh: QuadraticMesh, fixed: Int) -> tuple[Float, Float, float]:
+def _body_axis(mesh: QuadraticMesh, fixed: Int) -> tuple[Float, Float, float]:
     """From the held region to the farthest part: unit direction, start and length (mm)."""
     start = mesh.nodes[fixed].mean(0)
     away = np.linalg.norm(mesh.nodes - start, axis=1)
@@ -174,10 +213,10 @@ def _axis(mesh: QuadraticMesh, fixed: Int) -> tuple[Float, Float, float]:
     far = mesh.nodes[near & (away > 0.9 * away.max())].mean(0)
     direction = far - start
     length = float(np.linalg.norm(direction))
-    return _upright(direction / length), start, length
+    return _snap_to_axis(direction / length), start, length
 
 
-def _upright(direction: Float) -> Float:
+def _snap_to_axis(direction: Float) -> Float:
     """A unit direction within two degrees of a coordinate axis as that axis."""
     main = int(np.abs(direction).argmax())
     if abs(direction[main]) < np.cos(np.deg2rad(2)):
@@ -185,12 +224,12 @@ def _upright(direction: Float) -> Float:
     return np.asarray(np.sign(direction[main]) * np.eye(3)[main])
 
 
-def _mirrors(mesh: QuadraticMesh) -> list[Float]:
+def _mirror_axes(mesh: QuadraticMesh) -> list[Float]:
     """Coordinate axes across which the body is its own mirror image, as far as its mesh shows."""
     boundary = np.unique(boundary_faces(mesh)[:, :3])
     points = mesh.nodes[boundary]
     tree, middle = cKDTree(points), (points.min(0) + points.max(0)) / 2
-    near = _MIRRORED * mesh.edge_length
+    near = _MIRROR_TOLERANCE_EDGES * mesh.edge_length
     return [
         axis
         for axis in np.eye(3)
@@ -198,16 +237,16 @@ def _mirrors(mesh: QuadraticMesh) -> list[Float]:
     ]
 
 
-def _mirrored(direction: Float, mirrors: list[Float]) -> Float:
+def _snap_to_mirror(direction: Float, mirrors: list[Float]) -> Float:
     """The axis of a bend (3,) as a symmetric body has it: across its mirror planes, however its
     mesh lies. What lies between two stays."""
     for axis in mirrors:
-        if abs(direction @ axis) > np.cos(_LEANS):
+        if abs(direction @ axis) > np.cos(_MAX_LEAN_RAD):
             return np.asarray(np.sign(direction @ axis) * axis)
     return direction
 
 
-def _rigid(arm: Float, u: Float) -> tuple[Float, Float]:
+def _fit_rigid_motion(arm: Float, u: Float) -> tuple[Float, Float]:
     """The small rigid motion (velocity, rotation vector) nearest to u (k, 3) at arms (k, 3)."""
     zero = np.zeros(len(arm))
     x, y, z = arm.T
@@ -226,9 +265,9 @@ def _rigid(arm: Float, u: Float) -> tuple[Float, Float]:
     return solved[:3], solved[3:]
 
 
-def _read(mesh: QuadraticMesh, fixed: Int, u: Float) -> tuple[Kind, int]:
+def _classify(mesh: QuadraticMesh, fixed: Int, u: Float) -> tuple[Kind, int]:
     """What a mode does to slices across the axis, by their share of the movement."""
-    axis, start, _ = _axis(mesh, fixed)
+    axis, start, _ = _body_axis(mesh, fixed)
     along = (mesh.nodes - start) @ axis
     edges = np.linspace(along.min(), along.max() + 1e-9, SLICES + 1)
     slices = []
@@ -238,7 +277,7 @@ def _read(mesh: QuadraticMesh, fixed: Int, u: Float) -> tuple[Kind, int]:
             continue
         center = mesh.nodes[own].mean(0)
         arm = mesh.nodes[own] - center
-        move, turn = _rigid(arm, u[own])
+        move, turn = _fit_rigid_motion(arm, u[own])
         gyration = np.sqrt((np.linalg.norm(np.cross(arm, axis), axis=1) ** 2).mean())
         slices.append([*(move - (move @ axis) * axis), turn @ axis * gyration, move @ axis])
     table = np.array(slices)
@@ -254,7 +293,7 @@ def _read(mesh: QuadraticMesh, fixed: Int, u: Float) -> tuple[Kind, int]:
     return kind, 1 + int((np.diff(np.sign(strong)) != 0).sum())
 
 
-def _mass(mesh: QuadraticMesh, reduction: Reduction, density: float) -> sp.csr_matrix:
+def _mass_matrix(mesh: QuadraticMesh, reduction: Reduction, density: float) -> sp.csr_matrix:
     """Consistent mass (t) of the unknowns of free nodes; exact on straight-sided tets."""
     keep = reduction.dof[:, 0] >= 0
     block = _reference_mass()
@@ -281,6 +320,6 @@ def _reference_mass() -> Float:
     w = np.einsum("i,j,k->ijk", *(p[1] for p in points))
     x, y, z = a, b * (1 - a), c * (1 - b) * (1 - a)
     bary = np.stack([1 - x - y - z, x, y, z], axis=-1).reshape(-1, 4)
-    n = shape(bary)
+    n = shape_functions(bary)
     w = w.ravel() / w.sum()
     return np.asarray(np.einsum("q,qa,qb->ab", w, n, n))

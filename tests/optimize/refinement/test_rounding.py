@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from defsense_fab.core.curve import catmull_rom, Hermite, Plane
-from defsense_fab.core.curve import sample_path
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom, sample_path
 from defsense_fab.core.device.device import Sensor
-from defsense_fab.optimize.refinement.refine import optimise
-from defsense_fab.optimize.refinement.told_digits import as_told
+from defsense_fab.optimize.refinement.refine import as_told, optimise
 
 
 @pytest.fixture

@@ -17,9 +17,41 @@ from scipy.spatial.transform import Rotation
 from ...core.arrays import Float
 from ..elements.tet10 import QUADRATURE, QuadraticMesh
 from ..loading.boundary_conditions import BoundaryConditions, State, rotation_matrix
+from ..loading.reduction import Reduction
+
+# Where a body is about to crease or snap: the few nodes that hold Newton's method up.
+#
+# Solved alone, with the rest of the body held, they cost next to nothing, and the whole goes on from
+# there. This is nonlinear elimination (Lanzkron, Rose & Wilkes 1996, "An Analysis of Approximate
+# Nonlinear Elimination"; Cai & Li 2011, "Inexact Newton Methods with Restricted Additive Schwarz
+# Based Nonlinear Elimination").
+
+#: Part of the largest residual that counts as large.
+LARGE_RESIDUAL_FRACTION = 0.1
+#: Largest part of the unknowns with a large residual, and of the free nodes in a patch.
+MAX_LARGE_FRACTION, MAX_PATCH_FRACTION = 0.01, 0.1
+RINGS = 2  # of tets about the nodes with a large residual
 
 
-class Turning:
+def find_stuck_patch(reduction: Reduction, gradient: Float) -> tuple[Float, Float] | None:
+    """Nodes (n,) bool to solve for and active cells (m,) bool about them, for the reduced gradient
+    (size,); None where the residual is spread over the body."""
+    own = reduction.is_free  # moments of handles are no forces
+    at = np.zeros((len(own), 3))
+    at[own] = np.abs(gradient[reduction.dof[own, :3]])
+    large = at > LARGE_RESIDUAL_FRACTION * at.max()
+    if large.sum() > MAX_LARGE_FRACTION * reduction.size:
+        return None
+    chosen = large.any(axis=1)
+    for _ in range(RINGS):
+        chosen[reduction.active.cells[chosen[reduction.active.cells].any(axis=1)]] = True
+    chosen &= own
+    if not 0 < chosen.sum() < MAX_PATCH_FRACTION * own.sum():
+        return None
+    return chosen, chosen[reduction.active.cells].any(axis=1)
+
+
+class HandleRotation:
     """Harmonic weights of the handles with a prescribed rotation, (h, m, 4) at the points."""
 
     def __init__(self, mesh: QuadraticMesh, conditions: BoundaryConditions) -> None:
@@ -49,6 +81,6 @@ class Turning:
         """G (m, 4, 3, 3): F turned by each point's share of the handles' rotations."""
         vector = np.zeros((*F.shape[:2], 3))
         for k, i in enumerate(self._handles):
-            turn = Rotation.from_matrix(after.turns[i] @ before.turns[i].T).as_rotvec()
+            turn = Rotation.from_matrix(after.rotations[i] @ before.rotations[i].T).as_rotvec()
             vector += self._weights[k][..., None] * turn
         return np.asarray(rotation_matrix(vector) @ F)

@@ -1,0 +1,72 @@
+"""Layouts side by side, of what a build has left."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from defsense_fab.sensing.layout import (
+    CordPath,
+    load_layout,
+    load_prediction,
+    save_layout,
+    WeighedRecord,
+)
+from defsense_fab.sensing.weighed_layouts import load_weighed, save_weighed, WeighedCords
+from defsense_fab.optimize.prediction.compare_layouts import FULL, SIMPLE, weighed_layouts
+from defsense_fab.optimize.prediction.preference import preferred
+
+from defsense_fab.core.errors import StorageError
+from tests.twin.devices.conftest import small_bar as small_bar_fixture
+
+small_bar = small_bar_fixture
+
+
+def trial(built, parts, *, warnings=(), problem=None, chosen=False, slanted=0):
+    return WeighedRecord(built or 0.4, built, 2, slanted, parts, 9.0, 0, warnings, problem, chosen)
+
+
+TRIALS = (
+    trial(0.50, 5),
+    trial(None, None, problem="too short"),
+    trial(0.52, 4, chosen=True),
+    trial(0.51, 4, warnings=("glue",)),
+    trial(0.60, 2),
+)
+
+
+def test_the_simplest_of_those_as_good_is_preferred_or_the_best():
+    assert preferred(TRIALS, "simple") is TRIALS[2]
+    assert preferred(TRIALS, "accuracy") is TRIALS[0]
+    assert preferred(TRIALS[1:2], "simple") is None
+
+
+@pytest.fixture
+def built(small_bar, tmp_path):
+    """A build's folder with what was weighed in it; the order of cords tells them apart."""
+    layout = replace(load_layout(small_bar / "build"), weighed=TRIALS)
+    save_layout(tmp_path, layout, load_prediction(small_bar / "build"))
+    cords = tuple(CordPath.of(s.sensor()) for s in layout.sensors)
+    save_weighed(tmp_path, WeighedCords((cords, cords, cords[::-1], cords, cords)))
+    return tmp_path
+
+
+def test_all_layouts_that_were_weighed_are_there(built):
+    found = weighed_layouts(built)
+    assert [one.name for one in found] == [FULL, "other 2", SIMPLE, "other 4", "other 5"]
+    assert [one.error for one in found] == [0.50, 0.4, 0.52, 0.51, 0.60]
+    assert found[1].problem == "too short"
+    assert [one.taken for one in found] == [False, False, True, False, False]
+    band = load_layout(built).band
+    assert [one.band for one in found] == [None, None, (band.low, band.high), None, None]
+    assert [s.name for s in found[2].sensors] == ["cord_2", "cord_1"]
+    assert found[0].planes == 2
+
+
+def test_of_builds_before_the_chosen_one_is_there(built):
+    (built / "layouts.json").unlink()
+    (one,) = weighed_layouts(built)
+    assert (one.name, one.error, one.parts) == ("optimised", 0.52, 4)
+    assert [s.name for s in one.sensors] == ["cord_1", "cord_2"]
+    with pytest.raises(StorageError, match="build the device again"):
+        load_weighed(built)
